@@ -1,0 +1,177 @@
+//! Errors and warnings: what is wrong, where, and what would mend it. Nothing here prints.
+
+use std::fmt;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+/// What an [`Error`] is about; the command line derives its exit code from it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum ErrorKind {
+    /// The arguments or options make no sense together.
+    Usage,
+    /// A file that should be read is missing, broken or not supported.
+    Input,
+    /// A file could not be written.
+    Output,
+    /// The user asked to stop.
+    Interrupted,
+}
+
+/// One thing that is wrong in an input.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Problem {
+    /// Where: a JSON pointer (`/accessors/3/count`), `line 12`, or empty for the whole file.
+    pub place: String,
+    /// What is wrong, in plain words, with the offending value.
+    pub message: String,
+    /// What would mend it, if known.
+    pub help: Option<String>,
+    /// The byte range in [`Error::source_text`] that the problem is about.
+    pub span: Option<Range<usize>>,
+}
+
+impl Problem {
+    /// A problem at a place (JSON pointer or line; empty for the whole file).
+    pub fn new(place: impl Into<String>, message: impl Into<String>) -> Problem {
+        Problem { place: place.into(), message: message.into(), help: None, span: None }
+    }
+
+    /// Adds what would mend it.
+    pub fn with_help(mut self, help: impl Into<String>) -> Problem {
+        self.help = Some(help.into());
+        self
+    }
+
+    /// Adds the byte range in the source text.
+    pub fn with_span(mut self, span: Range<usize>) -> Problem {
+        self.span = Some(span);
+        self
+    }
+}
+
+impl fmt::Display for Problem {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if !self.place.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.message)?;
+        if let Some(help) = &self.help {
+            write!(f, " ({help})")?;
+        }
+        Ok(())
+    }
+}
+
+/// Why something could not be done: the file and all the problems found in it.
+#[derive(Clone, Debug)]
+pub struct Error {
+    /// What the error is about.
+    pub kind: ErrorKind,
+    /// The file in question, if any.
+    pub file: Option<PathBuf>,
+    /// All problems found, in file order; never empty.
+    pub problems: Vec<Problem>,
+    /// The text of the file, where showing a line of it helps (scene files).
+    pub source_text: Option<String>,
+}
+
+/// The result of everything that can fail.
+pub type Result<T> = std::result::Result<T, Error>;
+
+impl Error {
+    /// An input file with one problem that concerns the file as a whole.
+    pub fn input(file: &Path, message: impl Into<String>) -> Error {
+        Error::input_problems(file, vec![Problem::new("", message)])
+    }
+
+    /// An input file with all its problems.
+    pub fn input_problems(file: &Path, problems: Vec<Problem>) -> Error {
+        Error { kind: ErrorKind::Input, file: Some(file.to_path_buf()), problems, source_text: None }
+    }
+
+    /// A file that could not be written.
+    pub fn output(file: &Path, message: impl Into<String>) -> Error {
+        Error {
+            kind: ErrorKind::Output,
+            file: Some(file.to_path_buf()),
+            problems: vec![Problem::new("", message)],
+            source_text: None,
+        }
+    }
+
+    /// Arguments that make no sense.
+    pub fn usage(message: impl Into<String>) -> Error {
+        Error {
+            kind: ErrorKind::Usage,
+            file: None,
+            problems: vec![Problem::new("", message)],
+            source_text: None,
+        }
+    }
+
+    /// Adds a remedy to the last problem.
+    pub fn with_help(mut self, help: impl Into<String>) -> Error {
+        if let Some(problem) = self.problems.last_mut() {
+            problem.help = Some(help.into());
+        }
+        self
+    }
+
+    /// Attaches the text of the file, so that problems with a span can show their line.
+    pub fn with_source(mut self, text: impl Into<String>) -> Error {
+        self.source_text = Some(text.into());
+        self
+    }
+}
+
+impl fmt::Display for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.file {
+            write!(f, "{}: ", file.display())?;
+        }
+        for (i, problem) in self.problems.iter().enumerate() {
+            if i > 0 {
+                f.write_str("\n  ")?;
+            }
+            write!(f, "{problem}")?;
+        }
+        Ok(())
+    }
+}
+
+impl std::error::Error for Error {}
+
+/// Something that was ignored, approximated or repaired; collected, reported and stored in the picture's metadata.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Warning {
+    /// The file it is about, if any.
+    pub file: Option<PathBuf>,
+    /// Where in the file: JSON pointer or line; empty for the whole file.
+    pub place: String,
+    /// What happened, with counts.
+    pub message: String,
+}
+
+impl Warning {
+    /// A warning about a place in a file.
+    pub fn new(file: &Path, place: impl Into<String>, message: impl Into<String>) -> Warning {
+        Warning { file: Some(file.to_path_buf()), place: place.into(), message: message.into() }
+    }
+
+    /// A warning that belongs to no file.
+    pub fn general(message: impl Into<String>) -> Warning {
+        Warning { file: None, place: String::new(), message: message.into() }
+    }
+}
+
+impl fmt::Display for Warning {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if let Some(file) = &self.file {
+            write!(f, "{}: ", file.display())?;
+        }
+        if !self.place.is_empty() {
+            write!(f, "{}: ", self.place)?;
+        }
+        f.write_str(&self.message)
+    }
+}

@@ -1,0 +1,45 @@
+//! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
+//! with its warnings comes out, or one error with all the problems of the file.
+
+pub mod gltf;
+pub mod image;
+pub mod obj;
+pub mod ply;
+pub mod scene_file;
+
+use crate::error::{Error, Result, Warning};
+use crate::scene::Scene;
+use std::path::Path;
+
+/// What the user may choose about loading.
+#[derive(Clone, Debug, Default)]
+pub struct LoadOptions {}
+
+/// A scene and what happened on the way to it.
+#[derive(Debug, Default)]
+pub struct Loaded {
+    /// The scene, validated.
+    pub scene: Scene,
+    /// What was ignored, approximated or repaired.
+    pub warnings: Vec<Warning>,
+    /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
+    pub left_out: Vec<String>,
+}
+
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file (told apart by content where the name doesn't
+/// say).
+pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let loaded = match extension.as_str() {
+        "gltf" | "glb" => gltf::load(path, options)?,
+        "obj" => obj::load(path, options)?,
+        "ply" => ply::load(path, options)?,
+        "toml" => scene_file::load(path, options)?,
+        _ => {
+            return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
+                .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
+        }
+    };
+    let problems = loaded.scene.validate();
+    if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }
+}

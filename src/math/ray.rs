@@ -1,0 +1,70 @@
+//! Rays and what they hit: the data that all traversal kernels exchange.
+
+use super::Vec3;
+use bytemuck::{Pod, Zeroable};
+
+/// `origin + t * direction` for `t_min < t < t_max`. The direction need not have unit length.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+pub struct Ray {
+    /// Where the ray starts.
+    pub origin: Vec3,
+    /// Hits at or before this parameter don't count; at least 0.
+    pub t_min: f32,
+    /// Where it goes.
+    pub direction: Vec3,
+    /// Hits at or after this parameter don't count; may be infinite.
+    pub t_max: f32,
+}
+
+const _: () = assert!(size_of::<Ray>() == 32);
+
+impl Ray {
+    /// A ray without an end.
+    #[inline(always)]
+    pub fn new(origin: Vec3, direction: Vec3) -> Ray {
+        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+    }
+
+    /// A ray that counts hits strictly before the point `origin + direction`.
+    #[inline(always)]
+    pub fn segment(origin: Vec3, direction: Vec3) -> Ray {
+        Ray { origin, t_min: 0.0, direction, t_max: 1.0 }
+    }
+
+    /// The point at parameter `t`.
+    #[inline(always)]
+    pub fn at(&self, t: f32) -> Vec3 {
+        self.origin + self.direction * t
+    }
+}
+
+/// Primitive id of a [`Hit`] that hit nothing.
+pub const NO_HIT: u32 = u32::MAX;
+
+/// The nearest intersection of a ray.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+pub struct Hit {
+    /// Ray parameter; infinite when nothing was hit.
+    pub t: f32,
+    /// First parameter on the primitive: weight of vertex 1 of a triangle, along edge 1 of a quad; 0 on spheres.
+    pub u: f32,
+    /// Second parameter: weight of vertex 2 of a triangle, along edge 2 of a quad; 0 on spheres.
+    pub v: f32,
+    /// Primitive id in its kind's order (see `accel`), or [`NO_HIT`].
+    pub prim: u32,
+    /// Instance id; 0 for geometry that is not instanced.
+    pub instance: u32,
+}
+
+impl Hit {
+    /// A ray that hit nothing.
+    pub const MISS: Hit = Hit { t: f32::INFINITY, u: 0.0, v: 0.0, prim: NO_HIT, instance: 0 };
+
+    /// Did the ray hit anything?
+    #[inline(always)]
+    pub fn is_hit(&self) -> bool {
+        self.prim != NO_HIT
+    }
+}

@@ -1,0 +1,43 @@
+//! Cameras.
+
+use crate::math::DAffine3;
+
+/// How points in front of the camera map to the picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Projection {
+    /// Pinhole with a vertical field of view.
+    Perspective {
+        /// Full vertical angle of view, radians, above 0 and below pi.
+        vfov_rad: f64,
+    },
+    /// Parallel rays.
+    Orthographic {
+        /// Half the visible height, metres.
+        half_height: f64,
+    },
+}
+
+/// Depth of field by a thin lens.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ThinLens {
+    /// Full angle of the cone from a point on the focus plane to the lens's edge, radians. The lens's radius is
+    /// `focus_distance * tan(defocus_angle_rad / 2)`.
+    pub defocus_angle_rad: f64,
+    /// Distance from the lens to the plane of perfect focus, metres.
+    pub focus_distance: f64,
+}
+
+/// A camera; it looks down its own -z with y up.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// For choosing and reports.
+    pub name: String,
+    /// Placement: rotation and translation (scale is removed by loaders).
+    pub world_from_camera: DAffine3,
+    /// Its projection.
+    pub projection: Projection,
+    /// Width over height, if the file says so; used when the picture's size isn't given in full.
+    pub aspect_ratio: Option<f64>,
+    /// Depth of field; `None` is a pinhole.
+    pub lens: Option<ThinLens>,
+}

@@ -1,0 +1,31 @@
+//! What is seen where nothing is hit.
+
+use super::ImageId;
+
+/// The surroundings, infinitely far away.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Environment {
+    /// Nothing: black.
+    #[default]
+    Black,
+    /// The same radiance from everywhere.
+    Constant([f32; 3]),
+    /// A vertical blend: `nadir` straight down to `zenith` straight up, linear in the unit direction's y
+    /// (the sky of "Ray Tracing in One Weekend").
+    Gradient {
+        /// Radiance straight down.
+        nadir: [f32; 3],
+        /// Radiance straight up.
+        zenith: [f32; 3],
+    },
+    /// An equirectangular image: direction d maps to u = 0.5 + atan2(d.z, d.x) / 2 pi, v = acos(d.y) / pi from the top
+    /// row, texel centres at (i + 0.5) / width.
+    Image {
+        /// Which image.
+        image: ImageId,
+        /// Factor on its values.
+        strength: f32,
+        /// Turns the surroundings about the y axis, counter-clockwise seen from above.
+        rotation_rad: f64,
+    },
+}

@@ -1,0 +1,79 @@
+//! Meshes, their placements, spheres and parallelograms.
+
+use super::{MaterialId, MeshId};
+use crate::math::{DAffine3, DVec3};
+
+/// Triangles with one set of vertices. Front faces are counter-clockwise.
+#[derive(Clone, Debug, Default)]
+pub struct Mesh {
+    /// For reports.
+    pub name: String,
+    /// Vertex positions in object space.
+    pub positions: Vec<[f32; 3]>,
+    /// Vertex indices of each triangle, all below `positions.len()`.
+    pub triangles: Vec<[u32; 3]>,
+    /// Unit shading normals, one a vertex; empty means flat shading.
+    pub normals: Vec<[f32; 3]>,
+    /// Texture coordinate sets, each empty or one a vertex; v grows downwards (glTF).
+    pub uv_sets: Vec<Vec<[f32; 2]>>,
+    /// Unit tangents with handedness, one a vertex; empty when there are none.
+    pub tangents: Vec<[f32; 4]>,
+    /// Linear RGBA vertex colours, one a vertex; empty when there are none.
+    pub colors: Vec<[f32; 4]>,
+    /// Runs of triangles with their materials, in order and covering all triangles.
+    pub parts: Vec<MeshPart>,
+}
+
+/// A run of triangles with one material.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MeshPart {
+    /// First triangle.
+    pub first_triangle: u32,
+    /// Number of triangles.
+    pub triangle_count: u32,
+    /// Their material.
+    pub material: MaterialId,
+}
+
+/// A mesh placed in the world.
+#[derive(Clone, Debug)]
+pub struct Instance {
+    /// For reports: the node's path.
+    pub name: String,
+    /// Which mesh.
+    pub mesh: MeshId,
+    /// Placement; may mirror, shear and scale. A mirroring one keeps front faces in front.
+    pub world_from_object: DAffine3,
+    /// Replaces all materials of the mesh.
+    pub material: Option<MaterialId>,
+}
+
+/// A sphere in world space.
+#[derive(Clone, Debug)]
+pub struct Sphere {
+    /// For reports.
+    pub name: String,
+    /// Centre.
+    pub center: DVec3,
+    /// Radius, above 0.
+    pub radius: f64,
+    /// Turns the sphere's texture coordinates and object-space textures; the identity for most.
+    pub rotation: crate::math::DQuat,
+    /// Its material.
+    pub material: MaterialId,
+}
+
+/// A parallelogram in world space; its front is on the side of `edge_u x edge_v`.
+#[derive(Clone, Debug)]
+pub struct Quad {
+    /// For reports.
+    pub name: String,
+    /// One corner.
+    pub corner: DVec3,
+    /// From the corner along u.
+    pub edge_u: DVec3,
+    /// From the corner along v.
+    pub edge_v: DVec3,
+    /// Its material.
+    pub material: MaterialId,
+}

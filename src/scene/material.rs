@@ -1,0 +1,205 @@
+//! Materials as the user described them; `compile` turns each into the cheapest equivalent BSDF.
+
+use super::TextureId;
+
+/// A colour: a constant, or a texture times the constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ColorSlot {
+    /// Constant factor, linear RGB.
+    pub factor: [f32; 3],
+    /// Texture whose RGB is multiplied by it.
+    pub texture: Option<TextureId>,
+}
+
+impl ColorSlot {
+    /// A constant.
+    pub const fn constant(rgb: [f32; 3]) -> ColorSlot {
+        ColorSlot { factor: rgb, texture: None }
+    }
+
+    /// A texture as it is.
+    pub const fn texture(id: TextureId) -> ColorSlot {
+        ColorSlot { factor: [1.0; 3], texture: Some(id) }
+    }
+}
+
+/// A number: a constant, or one channel of a texture times the constant.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FloatSlot {
+    /// Constant factor.
+    pub factor: f32,
+    /// Texture and which of its channels (0 red .. 3 alpha).
+    pub texture: Option<(TextureId, u8)>,
+}
+
+impl FloatSlot {
+    /// A constant.
+    pub const fn constant(value: f32) -> FloatSlot {
+        FloatSlot { factor: value, texture: None }
+    }
+}
+
+/// Which Fresnel term a plain dielectric uses.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FresnelModel {
+    /// The Fresnel equations.
+    #[default]
+    Exact,
+    /// Schlick's approximation, as in the thesis.
+    Schlick,
+}
+
+/// How a surface scatters light.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Model {
+    /// Absorbs everything (pure emitters).
+    Black,
+    /// Ideal diffuse reflection.
+    Lambert {
+        /// Share of light reflected, 0..1.
+        albedo: ColorSlot,
+    },
+    /// A metal: GGX microfacets with Schlick's Fresnel term.
+    Metal {
+        /// Reflectance at normal incidence.
+        color: ColorSlot,
+        /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz f maps to roughness sqrt(f / 2)
+        /// (see the scene-file loader).
+        roughness: FloatSlot,
+    },
+    /// A smooth solid dielectric: reflects and refracts.
+    Dielectric {
+        /// Index of refraction relative to the outside, at least 1.
+        ior: f32,
+        /// Factor on transmitted light at each crossing; white for clear glass.
+        tint: ColorSlot,
+        /// Fresnel term.
+        fresnel: FresnelModel,
+    },
+    /// The glTF 2.0 material.
+    Pbr(Box<PbrMaterial>),
+}
+
+/// The glTF 2.0 material with its extensions, as the file says.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PbrMaterial {
+    /// Base colour.
+    pub base_color: ColorSlot,
+    /// Metalness 0..1.
+    pub metallic: FloatSlot,
+    /// Perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+    /// Index of refraction (KHR_materials_ior); 1.5 by default, 0 means total reflection.
+    pub ior: f32,
+    /// Strength of the dielectric reflection (KHR_materials_specular).
+    pub specular: FloatSlot,
+    /// Its colour at normal incidence.
+    pub specular_color: ColorSlot,
+    /// Share of light that passes instead of scattering diffusely (KHR_materials_transmission).
+    pub transmission: FloatSlot,
+    /// Is there a volume behind the surface (KHR_materials_volume with thickness above 0)? Otherwise it is thin-walled.
+    pub has_volume: bool,
+    /// Colour of white light after `attenuation_distance` in the volume.
+    pub attenuation_color: [f32; 3],
+    /// Metres; infinite means no absorption.
+    pub attenuation_distance: f32,
+}
+
+impl Default for PbrMaterial {
+    fn default() -> PbrMaterial {
+        PbrMaterial {
+            base_color: ColorSlot::constant([1.0; 3]),
+            metallic: FloatSlot::constant(1.0),
+            roughness: FloatSlot::constant(1.0),
+            ior: 1.5,
+            specular: FloatSlot::constant(1.0),
+            specular_color: ColorSlot::constant([1.0; 3]),
+            transmission: FloatSlot::constant(0.0),
+            has_volume: false,
+            attenuation_color: [1.0; 3],
+            attenuation_distance: f32::INFINITY,
+        }
+    }
+}
+
+/// Emitted radiance.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Emission {
+    /// Radiance: factor and optional texture.
+    pub radiance: ColorSlot,
+    /// Emits from the back as well.
+    pub two_sided: bool,
+}
+
+/// A tangent-space normal map.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct NormalMap {
+    /// RGB holds the normal as (n + 1) / 2, linear.
+    pub texture: TextureId,
+    /// Factor on its x and y.
+    pub scale: f32,
+}
+
+/// What happens where alpha is below 1.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum AlphaMode {
+    /// Alpha is ignored.
+    #[default]
+    Opaque,
+    /// Present where alpha is at least the cutoff, absent elsewhere.
+    Mask {
+        /// The cutoff.
+        cutoff: f32,
+    },
+    /// Present with probability alpha.
+    Blend,
+}
+
+/// A material.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Material {
+    /// For reports and overrides.
+    pub name: String,
+    /// How it scatters.
+    pub model: Model,
+    /// What it emits.
+    pub emission: Option<Emission>,
+    /// False: the back can't be seen at all (glTF `doubleSided: false` on an emitter concerns its emission only: the
+    /// back of a one-sided surface is black but still stops light).
+    pub double_sided: bool,
+    /// What alpha does.
+    pub alpha_mode: AlphaMode,
+    /// Opacity, used unless the mode is opaque.
+    pub alpha: FloatSlot,
+    /// Normal map.
+    pub normal_map: Option<NormalMap>,
+    /// Vertex colours multiply the base colour.
+    pub use_vertex_colors: bool,
+}
+
+impl Material {
+    /// A double-sided material without emission.
+    pub fn new(name: impl Into<String>, model: Model) -> Material {
+        Material {
+            name: name.into(),
+            model,
+            emission: None,
+            double_sided: true,
+            alpha_mode: AlphaMode::Opaque,
+            alpha: FloatSlot::constant(1.0),
+            normal_map: None,
+            use_vertex_colors: false,
+        }
+    }
+
+    /// Ideal diffuse reflection of a constant albedo.
+    pub fn lambert(name: impl Into<String>, albedo: [f32; 3]) -> Material {
+        Material::new(name, Model::Lambert { albedo: ColorSlot::constant(albedo) })
+    }
+
+    /// A black emitter of constant radiance.
+    pub fn emitter(name: impl Into<String>, radiance: [f32; 3], two_sided: bool) -> Material {
+        let emission = Some(Emission { radiance: ColorSlot::constant(radiance), two_sided });
+        Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
+    }
+}

@@ -1,0 +1,53 @@
+//! What the user described, as plain data: no behaviour, no files. Loaders fill it, `compile` reads it.
+
+mod camera;
+mod environment;
+mod geometry;
+mod ids;
+mod light;
+mod material;
+mod settings;
+mod texture;
+mod validate;
+
+pub use camera::{Camera, Projection, ThinLens};
+pub use environment::Environment;
+pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};
+pub use ids::{ImageId, MaterialId, MeshId, TextureId};
+pub use light::{Light, LightKind};
+pub use material::{
+    AlphaMode, ColorSlot, Emission, FloatSlot, FresnelModel, Material, Model, NormalMap, PbrMaterial,
+};
+pub use settings::{Filter, Microfacet, Settings};
+pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+
+use crate::image::Image;
+
+/// Everything that a picture is made of.
+#[derive(Clone, Debug, Default)]
+pub struct Scene {
+    /// Where it came from, for reports.
+    pub name: String,
+    /// Triangle meshes in their own space; placed by `instances`.
+    pub meshes: Vec<Mesh>,
+    /// Placed meshes.
+    pub instances: Vec<Instance>,
+    /// Analytic spheres.
+    pub spheres: Vec<Sphere>,
+    /// Analytic parallelograms.
+    pub quads: Vec<Quad>,
+    /// Materials, by [`MaterialId`].
+    pub materials: Vec<Material>,
+    /// Textures, by [`TextureId`].
+    pub textures: Vec<Texture>,
+    /// Images, by [`ImageId`].
+    pub images: Vec<Image>,
+    /// Point, spot and directional lights.
+    pub lights: Vec<Light>,
+    /// What is seen where nothing is hit.
+    pub environment: Environment,
+    /// Cameras found; the first is used unless the user chooses another.
+    pub cameras: Vec<Camera>,
+    /// What the scene says about rendering; the command line may override each.
+    pub settings: Settings,
+}

@@ -1,0 +1,122 @@
+//! Textures: images and procedural patterns, and how they map to surfaces.
+
+use super::{ImageId, TextureId};
+use crate::math::Vec2;
+
+/// What happens outside 0..1.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Wrap {
+    /// Starts over.
+    #[default]
+    Repeat,
+    /// Starts over, every second time mirrored.
+    Mirror,
+    /// The border goes on.
+    Clamp,
+}
+
+/// How values between texel centres come about.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Interpolation {
+    /// Linear between the four nearest texels.
+    #[default]
+    Bilinear,
+    /// The nearest texel.
+    Nearest,
+}
+
+/// An affine map of texture coordinates: `uv' = offset + rotation * (scale * uv)` (KHR_texture_transform).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct TextureTransform {
+    /// Added last.
+    pub offset: Vec2,
+    /// Counter-clockwise rotation, radians.
+    pub rotation_rad: f32,
+    /// Applied first.
+    pub scale: Vec2,
+}
+
+impl Default for TextureTransform {
+    fn default() -> TextureTransform {
+        TextureTransform { offset: Vec2::ZERO, rotation_rad: 0.0, scale: Vec2::ONE }
+    }
+}
+
+/// Where a texture takes its coordinates from.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Mapping {
+    /// Texture coordinates of the surface: the mesh's set of that number; a sphere's longitude and latitude; a quad's
+    /// edge parameters.
+    Uv {
+        /// Which set.
+        set: u32,
+        /// Applied to the coordinates.
+        transform: TextureTransform,
+    },
+    /// The point in world space (procedural textures).
+    World,
+}
+
+impl Default for Mapping {
+    fn default() -> Mapping {
+        Mapping::Uv { set: 0, transform: TextureTransform::default() }
+    }
+}
+
+/// Kinds of noise.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum NoiseKind {
+    /// Gradient noise, mapped to 0..1.
+    #[default]
+    Perlin,
+    /// Sum of |noise| over octaves.
+    Turbulence,
+    /// A sine wave along z whose phase turbulence shifts.
+    Marble,
+}
+
+/// A texture.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Texture {
+    /// One colour.
+    Solid([f32; 3]),
+    /// An image.
+    Image {
+        /// Which image.
+        image: ImageId,
+        /// Outside 0..1 along u.
+        wrap_u: Wrap,
+        /// Outside 0..1 along v.
+        wrap_v: Wrap,
+        /// Between texels.
+        interpolation: Interpolation,
+        /// Coordinates.
+        mapping: Mapping,
+    },
+    /// Alternating cells of two textures: cubes of world space, or rectangles of texture coordinates.
+    Checker {
+        /// Cells whose indices add up to an even number.
+        even: TextureId,
+        /// The others.
+        odd: TextureId,
+        /// Edge of a cell: metres, or a share of the texture's width.
+        cell_size: f32,
+        /// Coordinates.
+        mapping: Mapping,
+    },
+    /// Noise in world space.
+    Noise {
+        /// Which noise.
+        kind: NoiseKind,
+        /// Lattice cells a metre.
+        frequency: f32,
+        /// Octaves of turbulence, 1 to 16.
+        octaves: u32,
+        /// Colour where the noise is 0.
+        low: [f32; 3],
+        /// Colour where it is 1.
+        high: [f32; 3],
+        /// Chooses another lattice.
+        seed: u32,
+    },
+}

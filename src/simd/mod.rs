@@ -1,0 +1,113 @@
+//! CPU levels and the way into code compiled for them: the only home of `unsafe`.
+//!
+//! A loop written once runs compiled for the best level that the CPU has: put it in a [`Kernel`] whose `run` is
+//! `#[inline(always)]` (and calls only `#[inline(always)]` functions) and hand it to [`dispatch`]. The compiler
+//! vectorises it for each level. Results are the same bit for bit on all levels, since no level contracts or reorders
+//! floating-point operations.
+
+#![allow(unsafe_code)]
+
+use std::sync::OnceLock;
+
+/// What the CPU can do, as far as the kernels care.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Level {
+    /// The baseline of the target; on other architectures the only one.
+    Scalar,
+    /// AVX2 and FMA (x86-64-v3).
+    Avx2,
+    /// AVX-512 F, VL, DQ, BW, CD (x86-64-v4).
+    Avx512,
+}
+
+impl Level {
+    /// All levels, slowest first.
+    pub const ALL: [Level; 3] = [Level::Scalar, Level::Avx2, Level::Avx512];
+
+    /// The name used in reports and options.
+    pub fn name(self) -> &'static str {
+        match self {
+            Level::Scalar => "scalar",
+            Level::Avx2 => "avx2",
+            Level::Avx512 => "avx512",
+        }
+    }
+
+    /// Can this CPU run it?
+    pub fn is_available(self) -> bool {
+        self <= best_level()
+    }
+}
+
+/// The best level that this CPU has.
+pub fn best_level() -> Level {
+    static BEST: OnceLock<Level> = OnceLock::new();
+    *BEST.get_or_init(detect)
+}
+
+#[cfg(target_arch = "x86_64")]
+fn detect() -> Level {
+    let v3 = is_x86_feature_detected!("avx2")
+        && is_x86_feature_detected!("fma")
+        && is_x86_feature_detected!("bmi1")
+        && is_x86_feature_detected!("bmi2")
+        && is_x86_feature_detected!("lzcnt")
+        && is_x86_feature_detected!("popcnt");
+    let v4 = v3
+        && is_x86_feature_detected!("avx512f")
+        && is_x86_feature_detected!("avx512vl")
+        && is_x86_feature_detected!("avx512dq")
+        && is_x86_feature_detected!("avx512bw")
+        && is_x86_feature_detected!("avx512cd");
+    match (v3, v4) {
+        (_, true) => Level::Avx512,
+        (true, _) => Level::Avx2,
+        _ => Level::Scalar,
+    }
+}
+
+#[cfg(not(target_arch = "x86_64"))]
+fn detect() -> Level {
+    Level::Scalar
+}
+
+/// Work that is compiled once per CPU level.
+pub trait Kernel {
+    /// What it returns.
+    type Output;
+    /// The work. Mark the implementation, and all that it calls in its loops, `#[inline(always)]`.
+    fn run(self) -> Self::Output;
+}
+
+/// Runs a kernel compiled for the best level of this CPU.
+#[inline]
+pub fn dispatch<K: Kernel>(kernel: K) -> K::Output {
+    dispatch_at(best_level(), kernel)
+}
+
+/// Runs a kernel compiled for a level, or for the best available one below it.
+#[inline]
+pub fn dispatch_at<K: Kernel>(level: Level, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    match level.min(best_level()) {
+        // SAFETY: `best_level` saw that the CPU has every feature that `run_avx512` is compiled with.
+        Level::Avx512 => return unsafe { run_avx512(kernel) },
+        // SAFETY: as above, for `run_avx2`.
+        Level::Avx2 => return unsafe { run_avx2(kernel) },
+        Level::Scalar => {}
+    }
+    let _ = level;
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
+    kernel.run()
+}
