@@ -31,7 +31,10 @@ pub mod math;
 pub mod simd;
 
 pub mod image;
+pub mod sampling;
 
 pub mod scene;
+
+pub mod camera;
 
 pub mod load;

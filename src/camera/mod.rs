@@ -1,0 +1,121 @@
+//! Cameras, compiled: a point on the film and a point on the lens give a ray.
+
+use crate::math::{DVec3, Ray, Vec3, poly};
+use crate::scene;
+
+/// A camera ready to shoot rays. The camera's position is the origin of the compiled world, or near it.
+#[derive(Clone, Copy, Debug)]
+pub struct Camera {
+    origin: Vec3,
+    /// Direction (perspective) or position offset (orthographic) at the film's top left corner.
+    corner: Vec3,
+    /// Change of it from one pixel to the next in a row.
+    step_x: Vec3,
+    /// Change of it from one row to the next.
+    step_y: Vec3,
+    forward: Vec3,
+    right: Vec3,
+    up: Vec3,
+    lens_radius: f32,
+    focus_distance: f32,
+    is_perspective: bool,
+}
+
+impl Camera {
+    /// Prepares a camera for a film of `width` x `height` pixels; the world's origin moves to `world_origin`. The
+    /// vertical field of view is kept whatever the film's shape; pixels are square.
+    pub fn new(camera: &scene::Camera, width: u32, height: u32, world_origin: DVec3) -> Camera {
+        let m = camera.world_from_camera.matrix3;
+        let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
+        let half_height = match camera.projection {
+            scene::Projection::Perspective { vfov_rad } => (vfov_rad * 0.5).tan(),
+            scene::Projection::Orthographic { half_height } => half_height,
+        };
+        let pixel = 2.0 * half_height / f64::from(height);
+        let to_corner = -right * (pixel * 0.5 * f64::from(width)) + up * half_height;
+        let is_perspective = matches!(camera.projection, scene::Projection::Perspective { .. });
+        let corner = if is_perspective { to_corner - back } else { to_corner };
+        let (lens_radius, focus_distance) = match camera.lens {
+            Some(lens) => ((lens.defocus_angle_rad * 0.5).tan() * lens.focus_distance, lens.focus_distance),
+            None => (0.0, 1.0),
+        };
+        Camera {
+            origin: (camera.world_from_camera.translation - world_origin).as_vec3(),
+            corner: corner.as_vec3(),
+            step_x: (right * pixel).as_vec3(),
+            step_y: (up * -pixel).as_vec3(),
+            forward: (-back).as_vec3(),
+            right: right.as_vec3(),
+            up: up.as_vec3(),
+            lens_radius: lens_radius as f32,
+            focus_distance: focus_distance as f32,
+            is_perspective,
+        }
+    }
+
+    /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.
+    /// Its direction has unit length.
+    #[inline(always)]
+    pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
+        let film = self.corner + self.step_x * x + self.step_y * y;
+        let (origin, direction) =
+            if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) };
+        if self.lens_radius > 0.0 {
+            // A point of the focus plane is `focus_distance` ahead along the axis, not along the ray.
+            let focus = origin + direction * (self.focus_distance / direction.dot(self.forward));
+            let radius = self.lens_radius * lens[0].sqrt();
+            let (sin, cos) = poly::sin_cos_turns(lens[1]);
+            let origin = origin + self.right * (radius * cos) + self.up * (radius * sin);
+            return Ray::new(origin, (focus - origin).normalize());
+        }
+        Ray::new(origin, direction.normalize())
+    }
+
+    /// Distance of a point from the camera's plane: the depth that compositing programs call Z.
+    #[inline(always)]
+    pub fn depth(&self, p: Vec3) -> f32 {
+        (p - self.origin).dot(self.forward)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DAffine3;
+
+    fn pinhole() -> scene::Camera {
+        scene::Camera {
+            name: String::new(),
+            world_from_camera: DAffine3::from_translation(DVec3::new(10.0, 0.0, 0.0)),
+            projection: scene::Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
+            aspect_ratio: None,
+            lens: None,
+        }
+    }
+
+    #[test]
+    fn frame_edges_are_where_the_field_of_view_says() {
+        let camera = Camera::new(&pinhole(), 200, 100, DVec3::new(10.0, 0.0, 0.0));
+        let top = camera.ray(100.0, 0.0, [0.0; 2]).direction;
+        assert!((top - Vec3::new(0.0, 1.0, -1.0).normalize()).length() < 1e-6);
+        let left = camera.ray(0.0, 50.0, [0.0; 2]).direction;
+        assert!((left - Vec3::new(-2.0, 0.0, -1.0).normalize()).length() < 1e-6);
+        assert_eq!(camera.ray(1.0, 2.0, [0.0; 2]).origin, Vec3::ZERO);
+    }
+
+    #[test]
+    fn lens_rays_meet_on_the_focus_plane() {
+        let lens = scene::ThinLens { defocus_angle_rad: 0.2, focus_distance: 5.0 };
+        let camera = Camera::new(&scene::Camera { lens: Some(lens), ..pinhole() }, 64, 64, DVec3::ZERO);
+        let at_focus = |u: [f32; 2]| {
+            let ray = camera.ray(10.0, 20.0, u);
+            ray.at((-5.0 - ray.origin.z) / ray.direction.z)
+        };
+        let reference = at_focus([0.0, 0.0]);
+        for u in [[0.9, 0.1], [0.5, 0.6], [1.0, 0.8]] {
+            assert!((at_focus(u) - reference).length() < 1e-5);
+        }
+        let rim = camera.ray(32.0, 32.0, [1.0, 0.25]).origin - Vec3::new(10.0, 0.0, 0.0);
+        assert!((rim.length() - 5.0 * 0.1f32.tan()).abs() < 1e-5);
+    }
+}
