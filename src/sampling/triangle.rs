@@ -31,7 +31,16 @@ impl Directions {
         // The distance to the plane times twice the area: no cancellation where the directions nearly coincide.
         let volume = (a.dot(normal) * ib * ic).abs();
         let (ab, bc, ca) = (a.dot(b), b.dot(c), c.dot(a));
-        let solid_angle = 2.0 * poly::atan2(volume, 1.0 + ab + bc + ca);
+        // 1 + ab + bc + ca as (x + y) . (x + z), where x is the vertex farthest from the others: exact for needles that
+        // reach around the reference point, where the terms cancel.
+        let (x, y, z) = if ab + ca <= bc + ab.min(ca) {
+            (a, b, c)
+        } else if ab < ca {
+            (b, c, a)
+        } else {
+            (c, a, b)
+        };
+        let solid_angle = 2.0 * poly::atan2(volume, (x + y).dot(x + z));
         Directions { a, b, c, volume, ab, bc, ca, solid_angle }
     }
 
