@@ -36,3 +36,5 @@ pub mod sampling;
 pub mod scene;
 
 pub mod load;
+
+pub mod bsdf;
