@@ -38,3 +38,5 @@ pub mod scene;
 pub mod load;
 
 pub mod bsdf;
+
+pub mod light;
