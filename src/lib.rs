@@ -38,5 +38,6 @@ pub mod scene;
 pub mod load;
 
 pub mod bsdf;
+pub mod texture;
 
 pub mod light;
