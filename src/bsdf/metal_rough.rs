@@ -19,7 +19,7 @@ pub enum Transmission {
 /// The glTF metallic-roughness material (glTF 2.0, appendix B; KHR_materials_specular, KHR_materials_transmission).
 ///
 /// Dielectric and metal share their microfacets, so both reflections are one lobe with f0 and f90 mixed by the
-/// metalness. Deviation from the appendix: the base gets what the dielectric layer's directional albedo leaves rather
+/// metalness, each part with its own compensation (Turquin 2019, eq. 16). Deviation from the appendix: the base gets what the dielectric layer's directional albedo leaves rather
 /// than 1 - F(v.h), which can exceed the light that arrives (albedo scaling, as the appendix allows).
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough {
@@ -27,14 +27,14 @@ pub struct MetalRough {
     pub diffuse: Vec3,
     /// Factor on transmitted light: base colour (1 - metallic) transmission.
     pub transmitted: Vec3,
-    /// Reflectance at normal incidence, dielectric and metal together.
-    pub f0: Vec3,
-    /// Reflectance at grazing incidence.
-    pub f90: f32,
-    /// The same of the dielectric layer alone, its largest channel.
-    pub layer_f0: f32,
+    /// Reflectance of the dielectric layer at normal incidence.
+    pub layer_f0: Vec3,
     /// The same at grazing incidence.
     pub layer_f90: f32,
+    /// Reflectance of the metal at normal incidence; it rises to 1.
+    pub metal_f0: Vec3,
+    /// Share of metal.
+    pub metallic: f32,
     /// GGX alpha; below [`MIN_ALPHA`] an exact mirror.
     pub alpha: f32,
     /// How light is transmitted.
@@ -48,7 +48,9 @@ pub struct MetalRough {
 struct View {
     diffuse: Vec3,
     transmitted: Vec3,
-    compensation: Vec3,
+    /// Reflectance of the microfacets at normal and at grazing incidence, compensation included.
+    f0: Vec3,
+    f90: Vec3,
     /// Chances of the lobes; they add up to 1 (or are all 0).
     p_specular: f32,
     p_diffuse: f32,
@@ -70,25 +72,28 @@ impl MetalRough {
     /// Diffuse colour and reflection at normal incidence, clamped.
     #[inline(always)]
     pub fn albedo(&self) -> Vec3 {
-        (self.diffuse + self.transmitted + self.f0).min(Vec3::ONE)
+        let reflected = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
+        (self.diffuse + self.transmitted + reflected).min(Vec3::ONE)
     }
 
     #[inline(always)]
     fn view(&self, cos_o: f32) -> View {
-        let (compensation, specular, layer) = if self.is_mirror() {
-            let w = fresnel::schlick_weight(cos_o);
-            let layer = self.layer_f0 + (self.layer_f90 - self.layer_f0) * w;
-            (Vec3::ONE, self.f0 + (Vec3::splat(self.f90) - self.f0) * w, layer)
+        // A mirror returns everything, its grazing share is Schlick's weight of the one cosine.
+        let table = if self.is_mirror() {
+            DirectionalAlbedo { full: 1.0, grazing: fresnel::schlick_weight(cos_o) }
         } else {
-            let table = DirectionalAlbedo::at(cos_o, self.alpha);
-            let (compensation, of_layer) = match self.microfacet {
-                Microfacet::Multi => (table.compensation(self.f0), Vec3::splat(self.layer_f0)),
-                Microfacet::Single => (Vec3::ONE, Vec3::ZERO),
-            };
-            let layer = table.reflectance(Vec3::splat(self.layer_f0), self.layer_f90).x
-                * table.compensation(of_layer).x;
-            (compensation, table.reflectance(self.f0, self.f90) * compensation, layer)
+            DirectionalAlbedo::at(cos_o, self.alpha)
         };
+        let compensation = |f0| match self.microfacet {
+            Microfacet::Multi => table.compensation(f0),
+            Microfacet::Single => Vec3::ONE,
+        };
+        let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
+        let layer = (table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
+        let (of_layer, of_metal) = (of_layer * (1.0 - self.metallic), of_metal * self.metallic);
+        let f0 = self.layer_f0 * of_layer + self.metal_f0 * of_metal;
+        let f90 = of_layer * self.layer_f90 + of_metal;
+        let specular = f0 * (table.full - table.grazing) + f90 * table.grazing;
         let rest = if layer < 1.0 { 1.0 - layer } else { 0.0 };
         let (diffuse, transmitted) = (self.diffuse * rest, self.transmitted * rest);
         let mean = |v: Vec3| (v.x + v.y + v.z) * (1.0 / 3.0);
@@ -98,7 +103,8 @@ impl MetalRough {
         View {
             diffuse,
             transmitted,
-            compensation,
+            f0,
+            f90,
             p_specular: s * scale,
             p_diffuse: d * scale,
             p_transmitted: t * scale,
@@ -115,7 +121,7 @@ impl MetalRough {
         }
         let choose_specular = u[2] - view.p_transmitted < view.p_specular;
         if choose_specular && self.is_mirror() {
-            let reflectance = fresnel::schlick(self.f0, Vec3::splat(self.f90), above.z);
+            let reflectance = fresnel::schlick(view.f0, view.f90, above.z);
             return BsdfSample::mirror(wo, reflectance / view.p_specular, view.p_specular);
         }
         let wi = if choose_specular {
@@ -185,7 +191,7 @@ impl MetalRough {
             return diffuse;
         }
         let r = ggx::reflection(wo, wi, self.alpha);
-        let factor = fresnel::schlick(self.f0, Vec3::splat(self.f90), r.cos_half) * view.compensation;
+        let factor = fresnel::schlick(view.f0, view.f90, r.cos_half);
         BsdfEval {
             f_cos: diffuse.f_cos + factor * r.f_cos,
             pdf_solid_angle: diffuse.pdf_solid_angle + view.p_specular * r.pdf_solid_angle,

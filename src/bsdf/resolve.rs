@@ -132,10 +132,10 @@ fn metal_rough(pbr: &PbrMaterial, base: Vec3, slots: &impl Slots, microfacet: Mi
     MetalRough {
         diffuse: below * (1.0 - transmission),
         transmitted: below * transmission,
-        f0: layer * (1.0 - metallic) + base * metallic,
-        f90: specular * (1.0 - metallic) + metallic,
-        layer_f0: layer.max_element(),
+        layer_f0: layer,
         layer_f90: specular,
+        metal_f0: base,
+        metallic,
         alpha: roughness * roughness,
         transmission: if pbr.has_volume && pbr.ior > 0.0 {
             Transmission::Solid(pbr.ior)
