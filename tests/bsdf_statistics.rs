@@ -182,9 +182,9 @@ fn nothing_returns_more_than_arrives() {
                     let bsdf = white(roughness, metallic, transmission, volume);
                     let a = albedo(&bsdf, direction(cosine, 1.0), 40_000);
                     let what = format!("{roughness} {metallic} {transmission} {volume} {cosine}: {a}");
-                    assert!(a.x < 1.01, "{what}");
+                    assert!(a.x < 1.005, "{what}");
                     // White and energy-keeping: hardly less, either.
-                    assert!(a.x > 0.97, "{what}");
+                    assert!(a.x > 0.99, "{what}");
                 }
             }
         }
