@@ -17,7 +17,7 @@ pub struct EnvironmentSample {
     pub direction: Vec3,
     /// Its radiance.
     pub radiance: Vec3,
-    /// Density per solid angle; above 0.
+    /// Density per solid angle; 0 (where rounding led just outside the density's support) counts as no contribution.
     pub pdf_solid_angle: f32,
 }
 
@@ -149,7 +149,7 @@ fn solid_angle_density(direction: Vec3) -> f32 {
 impl ImageMap {
     fn new(image: &Image, strength: f32, rotation_rad: f64, mis_compensation: bool) -> Option<ImageMap> {
         let (width, height) = (image.width as usize, image.height as usize);
-        let clean = |v: f32| if v.is_finite() && v > 0.0 { (v * strength).min(f32::MAX) } else { 0.0 };
+        let clean = |v: f32| if v.is_finite() { (v * strength).clamp(0.0, f32::MAX) } else { 0.0 };
         let texels: Vec<[f32; 3]> = (0..image.height)
             .flat_map(|y| (0..image.width).map(move |x| (x, y)))
             .map(|(x, y)| {
@@ -227,7 +227,7 @@ impl ImageMap {
         EnvironmentSample {
             direction,
             radiance: self.lookup(chosen.uv),
-            pdf_solid_angle: chosen.pdf_area.max(f32::MIN_POSITIVE) * solid_angle_density(direction),
+            pdf_solid_angle: chosen.pdf_area * solid_angle_density(direction),
         }
     }
 }
