@@ -38,3 +38,8 @@ pub mod scene;
 pub mod camera;
 
 pub mod load;
+
+pub mod bsdf;
+pub mod texture;
+
+pub mod light;

@@ -1,0 +1,147 @@
+//! How surfaces scatter light: one file a lobe, and the closed [`Bsdf`] over them.
+//!
+//! Directions are unit vectors in the local frame whose z is the shading normal; both leave the surface. z of `wo` may
+//! be negative: opaque lobes reflect on either side alike, dielectrics tell the inside (negative z) from the outside.
+//! Weights are for paths that start at the camera: radiance transmitted into a denser medium is scaled by
+//! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets a roulette undo it.
+
+mod albedo_data;
+pub mod albedo_table;
+mod conductor;
+mod dielectric;
+pub mod fresnel;
+pub mod ggx;
+mod lambert;
+mod metal_rough;
+mod resolve;
+
+pub use conductor::Conductor;
+pub use dielectric::{Dielectric, ThinDielectric};
+pub use lambert::Lambert;
+pub use metal_rough::{MetalRough, Transmission};
+pub use resolve::{BsdfClass, Factors, Slots, class_of, resolve};
+
+use crate::math::Vec3;
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfSample {
+    /// Where the light comes from.
+    pub wi: Vec3,
+    /// f |cos| / pdf; zero where the path ends.
+    pub weight: Vec3,
+    /// Density per solid angle; for specular samples the chance of having chosen this direction.
+    pub pdf_solid_angle: f32,
+    /// Index of refraction on the side of `wi` over that on the side of `wo`; 1 unless refracted.
+    pub eta: f32,
+    /// From a lobe that is a single direction, which [`Bsdf::eval`] does not see.
+    pub is_specular: bool,
+    /// To the other side of the surface.
+    pub is_transmission: bool,
+}
+
+impl BsdfSample {
+    /// The path ends.
+    pub const ABSORBED: BsdfSample = BsdfSample {
+        wi: Vec3::Z,
+        weight: Vec3::ZERO,
+        pdf_solid_angle: 0.0,
+        eta: 1.0,
+        is_specular: false,
+        is_transmission: false,
+    };
+
+    /// The mirror image of `wo`, chosen with a chance.
+    #[inline(always)]
+    fn mirror(wo: Vec3, weight: Vec3, chance: f32) -> BsdfSample {
+        BsdfSample {
+            wi: Vec3::new(-wo.x, -wo.y, wo.z),
+            weight,
+            pdf_solid_angle: chance,
+            eta: 1.0,
+            is_specular: true,
+            is_transmission: false,
+        }
+    }
+}
+
+/// The value of a BSDF for two directions.
+#[derive(Clone, Copy, Debug)]
+pub struct BsdfEval {
+    /// f times |cos| of `wi`; without specular lobes.
+    pub f_cos: Vec3,
+    /// Density per solid angle with which sampling finds `wi`.
+    pub pdf_solid_angle: f32,
+}
+
+impl BsdfEval {
+    /// No light that way.
+    pub const ZERO: BsdfEval = BsdfEval { f_cos: Vec3::ZERO, pdf_solid_angle: 0.0 };
+}
+
+/// Every way in which a surface may scatter.
+#[derive(Clone, Copy, Debug)]
+pub enum Bsdf {
+    /// Absorbs everything.
+    Black,
+    /// Ideal diffuse reflection.
+    Lambert(Lambert),
+    /// Metal.
+    Conductor(Conductor),
+    /// Smooth solid glass.
+    Dielectric(Dielectric),
+    /// A smooth thin sheet of glass.
+    ThinDielectric(ThinDielectric),
+    /// The glTF material.
+    MetalRough(MetalRough),
+}
+
+impl Bsdf {
+    /// Chooses a direction. `u[2]` chooses the lobe, the others the direction in it.
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        match self {
+            Bsdf::Black => BsdfSample::ABSORBED,
+            Bsdf::Lambert(b) => b.sample(wo, u),
+            Bsdf::Conductor(b) => b.sample(wo, u),
+            Bsdf::Dielectric(b) => b.sample(wo, u),
+            Bsdf::ThinDielectric(b) => b.sample(wo, u),
+            Bsdf::MetalRough(b) => b.sample(wo, u),
+        }
+    }
+
+    /// Value and density for two directions; specular lobes count as zero.
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        match self {
+            Bsdf::Lambert(b) => b.eval(wo, wi),
+            Bsdf::Conductor(b) => b.eval(wo, wi),
+            Bsdf::MetalRough(b) => b.eval(wo, wi),
+            Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => BsdfEval::ZERO,
+        }
+    }
+
+    /// Are all its samples specular, so that light sampling is in vain?
+    #[inline]
+    pub fn is_specular(&self) -> bool {
+        match self {
+            Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => true,
+            Bsdf::Lambert(_) => false,
+            Bsdf::Conductor(b) => b.is_mirror(),
+            Bsdf::MetalRough(b) => b.is_specular(),
+        }
+    }
+
+    /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
+    #[inline]
+    pub fn albedo(&self) -> Vec3 {
+        match self {
+            Bsdf::Black => Vec3::ZERO,
+            Bsdf::Lambert(b) => b.albedo,
+            Bsdf::Conductor(b) => b.f0,
+            Bsdf::Dielectric(b) => b.tint,
+            Bsdf::ThinDielectric(b) => b.tint,
+            Bsdf::MetalRough(b) => b.albedo(),
+        }
+    }
+}

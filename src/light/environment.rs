@@ -1,0 +1,368 @@
+//! Light from infinitely far: constant, gradient or image.
+
+use crate::color::luminance;
+use crate::image::Image;
+use crate::math::{Vec3, poly};
+use crate::sampling::{BilinearMap, warp};
+use crate::scene::Environment;
+use std::f32::consts::{FRAC_1_PI, PI};
+
+/// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
+const MIN_SIN: f32 = 1e-6;
+
+/// A sampled direction.
+#[derive(Clone, Copy, Debug)]
+pub struct EnvironmentSample {
+    /// Towards the light, unit length.
+    pub direction: Vec3,
+    /// Its radiance.
+    pub radiance: Vec3,
+    /// Density per solid angle; 0 (where rounding led just outside the density's support) counts as no contribution.
+    pub pdf_solid_angle: f32,
+}
+
+/// The surroundings, ready for rendering.
+#[derive(Clone, Debug)]
+pub struct EnvironmentLight {
+    kind: Kind,
+}
+
+#[derive(Clone, Debug)]
+enum Kind {
+    Constant(Vec3),
+    /// Radiance is `middle + slope * y`.
+    Gradient {
+        middle: Vec3,
+        slope: Vec3,
+    },
+    Image(Box<ImageMap>),
+}
+
+/// An equirectangular image and the density to sample it with.
+#[derive(Clone, Debug)]
+struct ImageMap {
+    width: usize,
+    height: usize,
+    /// Linear RGB times the strength, row by row from the top.
+    texels: Vec<[f32; 3]>,
+    map: BilinearMap,
+    /// Sine and cosine of the rotation.
+    sine: f32,
+    cosine: f32,
+}
+
+impl EnvironmentLight {
+    /// Nothing for a black environment (or one that is black throughout).
+    ///
+    /// `mis_compensation` leaves out of the sampling density what is darker than the average (Karlík, Šik, Vévoda,
+    /// Skřivan, Křivánek 2019, "MIS Compensation"): less noise where directions are also sampled by the BSDF and both
+    /// are combined by multiple importance sampling, wrong where they are not. It is ignored for images of one colour.
+    /// `images` are the scene's; an image that is missing there counts as black. Negative and non-finite texels do too.
+    pub fn new(
+        environment: &Environment,
+        images: &[Image],
+        mis_compensation: bool,
+    ) -> Option<EnvironmentLight> {
+        let kind = match *environment {
+            Environment::Black => return None,
+            Environment::Constant(c) => Kind::Constant(Vec3::from_array(c)),
+            Environment::Gradient { nadir, zenith } => {
+                let (nadir, zenith) = (Vec3::from_array(nadir), Vec3::from_array(zenith));
+                Kind::Gradient { middle: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
+            }
+            Environment::Image { image, strength, rotation_rad } => {
+                let image = images.get(image.index())?;
+                Kind::Image(Box::new(ImageMap::new(image, strength, rotation_rad, mis_compensation)?))
+            }
+        };
+        match &kind {
+            Kind::Constant(c) if *c == Vec3::ZERO => None,
+            Kind::Gradient { middle, slope } if *middle == Vec3::ZERO && *slope == Vec3::ZERO => None,
+            _ => Some(EnvironmentLight { kind }),
+        }
+    }
+
+    /// Radiance that arrives from a unit direction.
+    #[inline]
+    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+        match &self.kind {
+            Kind::Constant(c) => *c,
+            Kind::Gradient { middle, slope } => *middle + *slope * direction.y,
+            Kind::Image(map) => map.lookup(map.uv(direction)),
+        }
+    }
+
+    /// Chooses a direction: by the image's luminance, or uniformly.
+    #[inline]
+    pub fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
+        match &self.kind {
+            Kind::Image(map) => map.sample(u),
+            _ => {
+                let direction = warp::uniform_sphere(u);
+                EnvironmentSample {
+                    direction,
+                    radiance: self.radiance(direction),
+                    pdf_solid_angle: warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE,
+                }
+            }
+        }
+    }
+
+    /// Density per solid angle with which [`EnvironmentLight::sample`] chooses a direction.
+    #[inline]
+    pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
+        match &self.kind {
+            Kind::Image(map) => map.map.pdf_area(map.uv(direction)) * solid_angle_density(direction),
+            _ => warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE,
+        }
+    }
+
+    /// Radiance and density of one direction, with one look at the map's coordinates.
+    #[inline]
+    pub fn radiance_and_pdf(&self, direction: Vec3) -> (Vec3, f32) {
+        match &self.kind {
+            Kind::Image(map) => {
+                let uv = map.uv(direction);
+                (map.lookup(uv), map.map.pdf_area(uv) * solid_angle_density(direction))
+            }
+            _ => (self.radiance(direction), warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE),
+        }
+    }
+
+    /// Mean luminance over all directions; the power that reaches a scene is in proportion.
+    pub fn mean_luminance(&self) -> f32 {
+        match &self.kind {
+            Kind::Constant(c) => luminance(c.to_array()),
+            Kind::Gradient { middle, .. } => luminance(middle.to_array()),
+            Kind::Image(map) => mean_luminance(map.width, &map.texels) as f32,
+        }
+    }
+}
+
+/// Density per solid angle of a direction whose map coordinates have density 1 per area of the unit square.
+#[inline(always)]
+fn solid_angle_density(direction: Vec3) -> f32 {
+    let sine = (direction.x * direction.x + direction.z * direction.z).sqrt();
+    FRAC_1_PI * FRAC_1_PI * 0.5 / if sine > MIN_SIN { sine } else { MIN_SIN }
+}
+
+impl ImageMap {
+    fn new(image: &Image, strength: f32, rotation_rad: f64, mis_compensation: bool) -> Option<ImageMap> {
+        let (width, height) = (image.width as usize, image.height as usize);
+        let clean = |v: f32| if v.is_finite() { (v * strength).clamp(0.0, f32::MAX) } else { 0.0 };
+        let texels: Vec<[f32; 3]> = (0..image.height)
+            .flat_map(|y| (0..image.width).map(move |x| (x, y)))
+            .map(|(x, y)| {
+                let [r, g, b, _] = image.rgba(x, y);
+                [clean(r), clean(g), clean(b)]
+            })
+            .collect();
+        let mut light: Vec<f32> = texels.iter().map(|&t| luminance(t)).collect();
+        if !light.iter().any(|&l| l > 0.0) {
+            return None;
+        }
+        if mis_compensation {
+            let mean = mean_luminance(width, &texels) as f32;
+            // Rounding leaves specks of a constant image: only what is clearly brighter counts.
+            let brighter: Vec<f32> = light.iter().map(|l| (l - mean).max(0.0)).collect();
+            if brighter.iter().any(|&l| l > 1e-4 * mean) {
+                light = brighter;
+            }
+        }
+        for (y, row) in light.chunks_exact_mut(width).enumerate() {
+            let sine = ((y as f64 + 0.5) / height as f64 * std::f64::consts::PI).sin() as f32;
+            row.iter_mut().for_each(|l| *l *= sine);
+        }
+        let map = BilinearMap::new(width, height, &light);
+        Some(ImageMap {
+            width,
+            height,
+            texels,
+            map,
+            sine: rotation_rad.sin() as f32,
+            cosine: rotation_rad.cos() as f32,
+        })
+    }
+
+    /// Map coordinates of a direction, both in 0..1.
+    #[inline(always)]
+    fn uv(&self, d: Vec3) -> [f32; 2] {
+        // Turning the surroundings counter-clockwise seen from above turns the direction clockwise.
+        let x = d.x * self.cosine - d.z * self.sine;
+        let z = d.x * self.sine + d.z * self.cosine;
+        let sine = (d.x * d.x + d.z * d.z).sqrt();
+        let u = 0.5 + poly::atan2(z, x) * (0.5 * FRAC_1_PI);
+        // The arc tangent, since the arc cosine loses the digits near the poles.
+        [u, poly::atan2(sine, d.y) * FRAC_1_PI]
+    }
+
+    #[inline]
+    fn direction(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let (s, c) = poly::sin_cos_turns(u - 0.5);
+        let (sine, y) = poly::sin_cos_turns(0.5 * v);
+        let sine = if sine > MIN_SIN { sine } else { MIN_SIN };
+        let (x, z) = (sine * c, sine * s);
+        Vec3::new(x * self.cosine + z * self.sine, y, z * self.cosine - x * self.sine)
+    }
+
+    /// Bilinear; wraps along u, clamps along v.
+    #[inline]
+    fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
+        let x = u * self.width as f32 - 0.5;
+        let x = if x < 0.0 { x + self.width as f32 } else { x };
+        let y = (v * self.height as f32 - 0.5).max(0.0);
+        let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
+        let (s, t) = (x - i as f32, y - j as f32);
+        let (next_i, next_j) = (if i + 1 == self.width { 0 } else { i + 1 }, (j + 1).min(self.height - 1));
+        let texel = |i: usize, j: usize| Vec3::from_array(self.texels[j * self.width + i]);
+        let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
+        let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
+        top + (bottom - top) * t
+    }
+
+    #[inline]
+    fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
+        let chosen = self.map.sample(u);
+        let direction = self.direction(chosen.uv);
+        EnvironmentSample {
+            direction,
+            radiance: self.lookup(chosen.uv),
+            pdf_solid_angle: chosen.pdf_area * solid_angle_density(direction),
+        }
+    }
+}
+
+/// Mean luminance over solid angle of an equirectangular image.
+fn mean_luminance(width: usize, texels: &[[f32; 3]]) -> f64 {
+    let height = texels.len() / width;
+    let (mut sum, mut weights) = (0.0, 0.0);
+    for (y, row) in texels.chunks_exact(width).enumerate() {
+        let sine = f64::from(((y as f32 + 0.5) / height as f32 * PI).sin());
+        sum += sine * row.iter().map(|&t| f64::from(luminance(t))).sum::<f64>();
+        weights += sine * width as f64;
+    }
+    sum / weights
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::scene::ImageId;
+
+    /// A dim sky over a darker ground with a sun of one texel that outshines it.
+    fn sunny(width: u32, height: u32, rotation_rad: f64, mis_compensation: bool) -> EnvironmentLight {
+        let mut rgb = Vec::new();
+        for y in 0..height {
+            for x in 0..width {
+                let sky = if y < height / 2 { 0.4 } else { 0.1 } + 0.05 * ((x % 7) as f32);
+                let sun = (x, y) == (width / 3, height / 4);
+                rgb.extend(if sun { [5e4, 4e4, 3e4] } else { [sky * 0.8, sky, sky * 1.3] });
+            }
+        }
+        let image = Image::from_linear_rgb("sky", width, height, rgb);
+        let environment = Environment::Image { image: ImageId(0), strength: 2.0, rotation_rad };
+        EnvironmentLight::new(&environment, &[image], mis_compensation).unwrap()
+    }
+
+    /// In map coordinates, whose cells the density is smooth in.
+    fn check(name: &str, light: &EnvironmentLight, rotation: f64, cells: [usize; 2]) {
+        let unrotated = |d: Vec3| {
+            let (s, c) = rotation.sin_cos();
+            let d = d.as_dvec3();
+            let (x, z) = (d.x * c - d.z * s, d.x * s + d.z * c);
+            let v = d.x.hypot(d.z).atan2(d.y) / std::f64::consts::PI;
+            [(0.5 + z.atan2(x) / std::f64::consts::TAU).rem_euclid(1.0), v]
+        };
+        Chi2::new(name, 3).cells(cells[0], cells[1]).assert(
+            |u| Some(unrotated(light.sample([u[0], u[1]]).direction)),
+            |[u, v]| {
+                let (s, c) = ((u - 0.5) * std::f64::consts::TAU).sin_cos();
+                let (sine, y) = (v * std::f64::consts::PI).sin_cos();
+                let (x, z) = (sine * c, sine * s);
+                let (s, c) = rotation.sin_cos();
+                let d = Vec3::new((x * c + z * s) as f32, y as f32, (z * c - x * s) as f32);
+                f64::from(light.pdf_solid_angle(d)) * sine * 2.0 * std::f64::consts::PI.powi(2)
+            },
+        );
+        let mut random = Random::new(5);
+        for _ in 0..100_000 {
+            let s = light.sample([random.next(), random.next()]);
+            let (radiance, pdf) = light.radiance_and_pdf(s.direction);
+            // Beside the sun a texel's step is 1e5 times the sky: coordinates carry 1e-7 of the whole map.
+            let relative = (s.pdf_solid_angle / pdf - 1.0).abs();
+            let of_radiance = (s.radiance - radiance).length() / radiance.length();
+            assert!((s.direction.length() - 1.0).abs() < 1e-6);
+            assert!(relative < 0.02 || pdf < 1.0, "{name}: {s:?} {pdf}");
+            assert!(of_radiance < 0.02 || pdf < 1.0, "{name}: {s:?} {radiance}");
+        }
+    }
+
+    #[test]
+    fn sunny_skies_pass_chi_square() {
+        check("sunny", &sunny(64, 32, 0.0, false), 0.0, [64, 32]);
+        check("sunny, turned", &sunny(64, 32, 2.1, false), 2.1, [64, 32]);
+        check("sunny, compensated", &sunny(64, 32, -0.7, true), -0.7, [64, 32]);
+    }
+
+    #[test]
+    fn constant_and_gradient_pass_chi_square() {
+        let gradient = Environment::Gradient { nadir: [1.0; 3], zenith: [0.5, 0.7, 1.0] };
+        let light = EnvironmentLight::new(&gradient, &[], true).unwrap();
+        Chi2::new("gradient", 1).assert_directions(
+            &Square::sphere(),
+            |u| Some(light.sample([u[0], u[1]]).direction),
+            |d| light.pdf_solid_angle(d),
+        );
+        assert!((light.radiance(Vec3::Y) - Vec3::new(0.5, 0.7, 1.0)).length() < 1e-6);
+        assert!((light.radiance(-Vec3::Y) - Vec3::ONE).length() < 1e-6);
+        assert!(EnvironmentLight::new(&Environment::Black, &[], true).is_none());
+        assert!(EnvironmentLight::new(&Environment::Constant([0.0; 3]), &[], true).is_none());
+    }
+
+    /// Importance sampling of the sun's light: the estimate's spread shows that density and lookup match.
+    #[test]
+    fn luminance_over_density_hardly_varies() {
+        let light = sunny(1024, 512, 0.3, false);
+        let mut random = Random::new(9);
+        let (mut sum, mut squares) = (0.0, 0.0);
+        let n = 100_000;
+        for _ in 0..n {
+            let s = light.sample([random.next(), random.next()]);
+            let x = f64::from(luminance(s.radiance.to_array()) / s.pdf_solid_angle);
+            sum += x;
+            squares += x * x;
+        }
+        let mean = sum / f64::from(n);
+        let relative_variance = squares / f64::from(n) / (mean * mean) - 1.0;
+        assert!(relative_variance < 1e-3, "{relative_variance}");
+        let exact = f64::from(light.mean_luminance()) * 4.0 * std::f64::consts::PI;
+        assert!((mean / exact - 1.0).abs() < 2e-3, "{mean} {exact}");
+    }
+
+    #[test]
+    fn texel_centres_lie_where_the_convention_says() {
+        let mut rgb = vec![0.0; 8 * 4 * 3];
+        rgb[3 * (8 + 6)] = 1.0;
+        let image = Image::from_linear_rgb("one", 8, 4, rgb);
+        // u = 6.5 / 8 = 0.5 + atan2(z, x) / 2 pi, v = 1.5 / 4.
+        let phi = (6.5f32 / 8.0 - 0.5) * 2.0 * PI;
+        let theta = 1.5f32 / 4.0 * PI;
+        for turn in [0.0f64, 0.8] {
+            let e = Environment::Image { image: ImageId(0), strength: 3.0, rotation_rad: turn };
+            let light = EnvironmentLight::new(&e, std::slice::from_ref(&image), false).unwrap();
+            // Counter-clockwise seen from above (+y towards the viewer, z down the page): from x towards -z.
+            let phi = phi - turn as f32;
+            let d = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+            assert!((light.radiance(d).x - 3.0).abs() < 1e-5, "{turn}");
+        }
+    }
+
+    #[test]
+    fn one_colour_ignores_compensation() {
+        let image = Image::from_linear_rgb("grey", 16, 8, vec![0.5; 16 * 8 * 3]);
+        let e = Environment::Image { image: ImageId(0), strength: 1.0, rotation_rad: 0.0 };
+        let light = EnvironmentLight::new(&e, &[image], true).unwrap();
+        assert!(light.pdf_solid_angle(Vec3::X) > 0.05);
+    }
+}

@@ -1,0 +1,223 @@
+//! Triangles and parallelograms, uniformly over the solid angle that they subtend (Arvo 1995, "Stratified Sampling of
+//! Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", sec. 2).
+
+use super::{LightPoint, pdf_solid_angle_of_area};
+use crate::math::{Vec3, poly};
+
+/// Below this solid angle (sr) triangles and parallelograms are sampled by area.
+pub const MIN_TRIANGLE_SOLID_ANGLE: f32 = 1e-4;
+
+/// Three points on the unit sphere around the reference point with what sampling needs.
+#[derive(Clone, Copy, Debug)]
+struct Directions {
+    a: Vec3,
+    b: Vec3,
+    c: Vec3,
+    /// Triple product a . (b x c), not negative, and the dot products.
+    volume: f32,
+    ab: f32,
+    bc: f32,
+    ca: f32,
+    solid_angle: f32,
+}
+
+impl Directions {
+    /// `normal` is the cross product of the two edges at the first vertex; vectors lead from the reference point.
+    #[inline(always)]
+    fn new(pa: Vec3, pb: Vec3, pc: Vec3, normal: Vec3) -> Directions {
+        let inverse = |p: Vec3| 1.0 / (p.length_squared() + 1e-37).sqrt();
+        let (ia, ib, ic) = (inverse(pa), inverse(pb), inverse(pc));
+        let (a, b, c) = (pa * ia, pb * ib, pc * ic);
+        // The distance to the plane times twice the area: no cancellation where the directions nearly coincide.
+        let volume = (a.dot(normal) * ib * ic).abs();
+        let (ab, bc, ca) = (a.dot(b), b.dot(c), c.dot(a));
+        // 1 + ab + bc + ca as (x + y) . (x + z), where x is the vertex farthest from the others: exact for needles that
+        // reach around the reference point, where the terms cancel.
+        let (x, y, z) = if ab + ca <= bc + ab.min(ca) {
+            (a, b, c)
+        } else if ab < ca {
+            (b, c, a)
+        } else {
+            (c, a, b)
+        };
+        let solid_angle = 2.0 * poly::atan2(volume, (x + y).dot(x + z));
+        Directions { a, b, c, volume, ab, bc, ca, solid_angle }
+    }
+
+    /// A unit vector, uniform over the spherical triangle.
+    #[inline(always)]
+    fn sample(&self, u: [f32; 2]) -> Vec3 {
+        // The point x on the arc from a to c for which triangle (a, b, x) has u[0] of the solid angle. By the tangent
+        // formula x lies on a plane that also holds -a, so x is a's mirror image about `axis`.
+        let (s, c) = poly::sin_cos(0.5 * self.solid_angle * u[0]);
+        let axis = self.a * (c * self.volume - s * (self.ca + self.bc)) + self.c * (s * (1.0 + self.ab));
+        let axis_squared = axis.length_squared();
+        let scale = 2.0 * self.a.dot(axis) / if axis_squared > 1e-37 { axis_squared } else { 1e-37 };
+        let x = axis * scale - self.a;
+        // Between b and x: 1 - cos of the angle from b is uniform. h = 1 - b . x without cancellation.
+        let step = x - self.b;
+        let h = 0.5 * step.length_squared();
+        let vh = u[1] * h;
+        let rest = 2.0 - h;
+        let along = (u[1] * (2.0 - vh) / if rest > 1e-6 { rest } else { 1e-6 }).sqrt();
+        self.b * (1.0 - vh) + (step + self.b * h) * along
+    }
+}
+
+/// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` meets the
+/// plane of a triangle with corner `p0` (relative to the reference point) and edges `e1`, `e2`.
+#[inline(always)]
+fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
+    let h = w.cross(e2);
+    let determinant = e1.dot(h);
+    let inverse = 1.0 / if determinant == 0.0 { 1.0 } else { determinant };
+    let q = p0.cross(e1);
+    (-p0.dot(h) * inverse, -w.dot(q) * inverse)
+}
+
+#[inline(always)]
+fn clamp01(x: f32) -> f32 {
+    let x = if x < 1.0 { x } else { 1.0 };
+    if x > 0.0 { x } else { 0.0 }
+}
+
+/// Uniform weights of the second and third vertex (Heitz 2019, "A Low-Distortion Map Between Triangle and Square").
+#[inline(always)]
+pub fn uniform_triangle(u: [f32; 2]) -> [f32; 2] {
+    let below = u[0] < u[1];
+    let small = 0.5 * if below { u[0] } else { u[1] };
+    if below { [small, u[1] - small] } else { [u[0] - small, small] }
+}
+
+/// A triangle as seen from a reference point.
+#[derive(Clone, Copy, Debug)]
+pub struct SphericalTriangle {
+    vertex: Vec3,
+    edge_1: Vec3,
+    edge_2: Vec3,
+    reference: Vec3,
+    unit_normal: Vec3,
+    area: f32,
+    directions: Directions,
+}
+
+impl SphericalTriangle {
+    /// The triangle seen from `reference`; degenerate ones have solid angle 0 and pdf 0.
+    #[inline(always)]
+    pub fn new(p0: Vec3, p1: Vec3, p2: Vec3, reference: Vec3) -> SphericalTriangle {
+        let (edge_1, edge_2) = (p1 - p0, p2 - p0);
+        let normal = edge_1.cross(edge_2);
+        let length = normal.length();
+        SphericalTriangle {
+            vertex: p0,
+            edge_1,
+            edge_2,
+            reference,
+            unit_normal: normal / if length > 0.0 { length } else { 1.0 },
+            area: 0.5 * length,
+            directions: Directions::new(p0 - reference, p1 - reference, p2 - reference, normal),
+        }
+    }
+
+    /// The solid angle, steradians, 0 to 2 pi.
+    #[inline(always)]
+    pub fn solid_angle(&self) -> f32 {
+        self.directions.solid_angle
+    }
+
+    /// Weights of the second and third vertex of a point that is uniform in solid angle (by area below
+    /// [`MIN_TRIANGLE_SOLID_ANGLE`]).
+    #[inline(always)]
+    pub fn sample_weights(&self, u: [f32; 2]) -> [f32; 2] {
+        let w = self.directions.sample(u);
+        let (w1, w2) = plane_coordinates(self.vertex - self.reference, self.edge_1, self.edge_2, w);
+        let w1 = clamp01(w1);
+        let rest = 1.0 - w1;
+        let w2 = clamp01(if w2 < rest { w2 } else { rest });
+        let [a1, a2] = uniform_triangle(u);
+        let by_area = self.solid_angle() < MIN_TRIANGLE_SOLID_ANGLE;
+        [if by_area { a1 } else { w1 }, if by_area { a2 } else { w2 }]
+    }
+
+    /// A point on the triangle with its density.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> LightPoint {
+        let [w1, w2] = self.sample_weights(u);
+        let point = self.vertex + self.edge_1 * w1 + self.edge_2 * w2;
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
+    }
+
+    /// Density per solid angle with which [`SphericalTriangle::sample`] returns a point of the triangle.
+    #[inline(always)]
+    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
+        let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);
+        let solid_angle = self.solid_angle();
+        if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
+    }
+}
+
+/// A parallelogram as seen from a reference point: two spherical triangles that share a diagonal.
+#[derive(Clone, Copy, Debug)]
+pub struct SphericalParallelogram {
+    corner: Vec3,
+    edge_u: Vec3,
+    edge_v: Vec3,
+    reference: Vec3,
+    unit_normal: Vec3,
+    area: f32,
+    lower: Directions,
+    upper: Directions,
+}
+
+impl SphericalParallelogram {
+    /// `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`.
+    #[inline(always)]
+    pub fn new(corner: Vec3, edge_u: Vec3, edge_v: Vec3, reference: Vec3) -> SphericalParallelogram {
+        let normal = edge_u.cross(edge_v);
+        let area = normal.length();
+        let p = corner - reference;
+        let opposite = p + edge_u + edge_v;
+        SphericalParallelogram {
+            corner,
+            edge_u,
+            edge_v,
+            reference,
+            unit_normal: normal / if area > 0.0 { area } else { 1.0 },
+            area,
+            lower: Directions::new(p, p + edge_u, opposite, normal),
+            upper: Directions::new(p, opposite, p + edge_v, normal),
+        }
+    }
+
+    /// The solid angle, steradians, 0 to 2 pi.
+    #[inline(always)]
+    pub fn solid_angle(&self) -> f32 {
+        self.lower.solid_angle + self.upper.solid_angle
+    }
+
+    /// A point on the parallelogram, uniform in solid angle (by area below [`MIN_TRIANGLE_SOLID_ANGLE`]).
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> LightPoint {
+        let total = self.solid_angle();
+        let target = u[0] * total;
+        let in_lower = target < self.lower.solid_angle;
+        let chosen = if in_lower { self.lower } else { self.upper };
+        let offset = if in_lower { 0.0 } else { self.lower.solid_angle };
+        let share = if chosen.solid_angle > 0.0 { chosen.solid_angle } else { 1.0 };
+        let w = chosen.sample([clamp01((target - offset) / share), u[1]]);
+        let (a, b) = plane_coordinates(self.corner - self.reference, self.edge_u, self.edge_v, w);
+        let by_area = total < MIN_TRIANGLE_SOLID_ANGLE;
+        let a = if by_area { u[0] } else { clamp01(a) };
+        let b = if by_area { u[1] } else { clamp01(b) };
+        let point = self.corner + self.edge_u * a + self.edge_v * b;
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
+    }
+
+    /// Density per solid angle with which [`SphericalParallelogram::sample`] returns a point of the parallelogram.
+    #[inline(always)]
+    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
+        let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);
+        let solid_angle = self.solid_angle();
+        if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
+    }
+}

@@ -1,0 +1,305 @@
+//! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table.
+
+mod image;
+mod noise;
+
+pub use image::ImageLookup;
+pub use noise::{marble, perlin, turbulence};
+
+use crate::image::Image;
+use crate::math::{Vec2, Vec3};
+use crate::scene::{Mapping, NoiseKind, Texture, TextureId, TextureTransform};
+
+/// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
+const MAX_DEPTH: u32 = 8;
+
+/// What a point of a surface offers to textures.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct TexturePoint {
+    /// The first two sets of texture coordinates.
+    pub uv: [Vec2; 2],
+    /// The point in the scene's world space.
+    pub world: Vec3,
+}
+
+/// An affine map of texture coordinates with its set.
+#[derive(Clone, Copy, Debug)]
+struct UvMap {
+    set: usize,
+    x: Vec2,
+    y: Vec2,
+    offset: Vec2,
+}
+
+impl UvMap {
+    fn new(set: u32, t: &TextureTransform) -> UvMap {
+        // KHR_texture_transform: translation * rotation * scale, its rotation matrix being (cos sin; -sin cos), that
+        // is counter-clockwise in an image whose v points down.
+        let (s, c) = f64::from(t.rotation_rad).sin_cos();
+        let (s, c) = (s as f32, c as f32);
+        UvMap {
+            set: (set as usize).min(1),
+            x: Vec2::new(c * t.scale.x, s * t.scale.y),
+            y: Vec2::new(-s * t.scale.x, c * t.scale.y),
+            offset: t.offset,
+        }
+    }
+
+    #[inline(always)]
+    fn apply(&self, point: &TexturePoint) -> Vec2 {
+        let uv = point.uv[self.set];
+        self.offset + Vec2::new(self.x.dot(uv), self.y.dot(uv))
+    }
+}
+
+/// Where a pattern takes its coordinates from.
+#[derive(Clone, Copy, Debug)]
+enum Coordinates {
+    Uv(UvMap),
+    World,
+}
+
+impl Coordinates {
+    fn new(mapping: &Mapping) -> Coordinates {
+        match mapping {
+            Mapping::Uv { set, transform } => Coordinates::Uv(UvMap::new(*set, transform)),
+            Mapping::World => Coordinates::World,
+        }
+    }
+
+    #[inline(always)]
+    fn uv(&self, point: &TexturePoint) -> Vec2 {
+        match self {
+            Coordinates::Uv(map) => map.apply(point),
+            Coordinates::World => Vec2::new(point.world.x, point.world.z),
+        }
+    }
+}
+
+#[derive(Clone, Debug)]
+enum Compiled {
+    Constant([f32; 4]),
+    Image { lookup: ImageLookup, coordinates: Coordinates },
+    Checker { even: u32, odd: u32, inverse_size: f32, coordinates: Coordinates },
+    Noise { kind: NoiseKind, frequency: f32, octaves: u32, low: [f32; 3], high: [f32; 3], seed: u32 },
+}
+
+/// All textures of a scene, by [`TextureId`].
+#[derive(Clone, Debug, Default)]
+pub struct CompiledTextures {
+    textures: Vec<Compiled>,
+    /// Added to a world position before procedural lookups: the scene may have been moved near the camera.
+    world_offset: Vec3,
+}
+
+impl CompiledTextures {
+    /// Compiles textures with the images they refer to. `world_offset` is what `compile` subtracted from world
+    /// positions. References that lead nowhere count as black (`Scene::validate` reports them).
+    pub fn new(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
+        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images)).collect();
+        fold_constant_checkers(&mut compiled);
+        CompiledTextures { textures: compiled, world_offset }
+    }
+
+    /// The value everywhere, if it is the same everywhere.
+    pub fn constant(&self, id: TextureId) -> Option<[f32; 4]> {
+        match self.textures.get(id.index()) {
+            Some(Compiled::Constant(c)) => Some(*c),
+            Some(_) => None,
+            None => Some([0.0, 0.0, 0.0, 1.0]),
+        }
+    }
+
+    /// Linear RGBA of a texture with one set of texture coordinates.
+    #[inline]
+    pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
+        self.eval_at(id, &TexturePoint { uv: [uv, uv], world })
+    }
+
+    /// Linear RGBA of a texture.
+    #[inline]
+    pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
+        let moved = TexturePoint { world: point.world + self.world_offset, ..*point };
+        let mut at = id.index();
+        for _ in 0..MAX_DEPTH {
+            match self.textures.get(at) {
+                Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &moved);
+                    at = if is_odd { *odd } else { *even } as usize;
+                }
+                Some(Compiled::Constant(c)) => return *c,
+                Some(Compiled::Image { lookup, coordinates }) => return lookup.eval(coordinates.uv(&moved)),
+                Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
+                    let value = noise_value(*kind, moved.world * *frequency, *octaves, *seed);
+                    let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
+                    return [r, g, b, 1.0];
+                }
+                None => break,
+            }
+        }
+        [0.0, 0.0, 0.0, 1.0]
+    }
+}
+
+fn compile(texture: &Texture, images: &[Image]) -> Compiled {
+    match texture {
+        Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
+        Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
+            None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
+            Some(image) if image.width == 1 && image.height == 1 => Compiled::Constant(image.rgba(0, 0)),
+            Some(image) => Compiled::Image {
+                lookup: ImageLookup::new(image.clone(), *wrap_u, *wrap_v, *interpolation),
+                coordinates: Coordinates::new(mapping),
+            },
+        },
+        Texture::Checker { even, odd, cell_size, mapping } => Compiled::Checker {
+            even: even.0,
+            odd: odd.0,
+            inverse_size: 1.0 / cell_size,
+            coordinates: Coordinates::new(mapping),
+        },
+        Texture::Noise { kind, frequency, octaves, low, high, seed } => {
+            if low == high {
+                return Compiled::Constant([low[0], low[1], low[2], 1.0]);
+            }
+            let octaves = (*octaves).clamp(1, 16);
+            Compiled::Noise {
+                kind: *kind,
+                frequency: *frequency,
+                octaves,
+                low: *low,
+                high: *high,
+                seed: *seed,
+            }
+        }
+    }
+}
+
+/// A checker of two equal constants is a constant.
+fn fold_constant_checkers(textures: &mut [Compiled]) {
+    for _ in 0..MAX_DEPTH {
+        for i in 0..textures.len() {
+            let Compiled::Checker { even, odd, .. } = textures[i] else { continue };
+            let value = |at: u32| match textures.get(at as usize) {
+                Some(Compiled::Constant(c)) => Some(*c),
+                _ => None,
+            };
+            if let (Some(a), Some(b)) = (value(even), value(odd))
+                && a == b
+            {
+                textures[i] = Compiled::Constant(a);
+            }
+        }
+    }
+}
+
+#[inline(always)]
+fn checker_is_odd(coordinates: &Coordinates, inverse_size: f32, point: &TexturePoint) -> bool {
+    // Far from the origin f32 has no odd numbers any more; the sum in f64 stays exact.
+    let cell = |x: f32| f64::from((x * inverse_size).floor());
+    let sum = match coordinates {
+        Coordinates::Uv(map) => {
+            let uv = map.apply(point);
+            cell(uv.x) + cell(uv.y)
+        }
+        Coordinates::World => cell(point.world.x) + cell(point.world.y) + cell(point.world.z),
+    };
+    let half = sum * 0.5;
+    half != half.floor()
+}
+
+/// Noise in 0..1.
+#[inline]
+fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
+    let value = match kind {
+        NoiseKind::Perlin => 0.5 + 0.5 * perlin(p, seed),
+        NoiseKind::Turbulence => turbulence(p, octaves, seed),
+        NoiseKind::Marble => marble(p, octaves, seed),
+    };
+    value.clamp(0.0, 1.0)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::ImageId;
+
+    fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {
+        let textures = [
+            Texture::Checker { even: TextureId(1), odd: TextureId(2), cell_size: 0.5, mapping },
+            Texture::Solid([1.0; 3]),
+            Texture::Solid(odd),
+        ];
+        CompiledTextures::new(&textures, &[], Vec3::ZERO)
+    }
+
+    #[test]
+    fn checkers_alternate_across_zero() {
+        let uv = checker(Mapping::default(), [0.0; 3]);
+        let world = checker(Mapping::World, [0.0; 3]);
+        let at = |x: f32, y: f32| uv.eval(TextureId(0), Vec2::new(x, y), Vec3::ZERO)[0];
+        assert_eq!([at(0.1, 0.1), at(0.6, 0.1), at(-0.1, 0.1), at(-0.1, -0.1)], [1.0, 0.0, 0.0, 1.0]);
+        let at = |x, y, z| world.eval(TextureId(0), Vec2::ZERO, Vec3::new(x, y, z))[0];
+        assert_eq!([at(0.1, 0.1, 0.1), at(0.6, 0.1, 0.1), at(0.6, -0.1, 0.1)], [1.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn constants_fold_and_circles_are_black() {
+        assert_eq!(checker(Mapping::World, [1.0; 3]).constant(TextureId(0)), Some([1.0; 4]));
+        assert_eq!(checker(Mapping::World, [0.5; 3]).constant(TextureId(0)), None);
+        let circle = Texture::Checker {
+            even: TextureId(0),
+            odd: TextureId(9),
+            cell_size: 1.0,
+            mapping: Mapping::World,
+        };
+        let t = CompiledTextures::new(&[circle], &[], Vec3::ZERO);
+        assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn transforms_scale_then_rotate_then_move() {
+        let transform = TextureTransform {
+            offset: Vec2::new(0.25, 0.5),
+            rotation_rad: std::f32::consts::FRAC_PI_2,
+            scale: Vec2::new(2.0, 3.0),
+        };
+        let point = TexturePoint { uv: [Vec2::ZERO, Vec2::new(0.1, 0.2)], world: Vec3::ZERO };
+        // scale (0.2, 0.6); the extension's matrix for 90 degrees: (x, y) -> (y, -x); offset.
+        let found = UvMap::new(1, &transform).apply(&point);
+        assert!((found - Vec2::new(0.85, 0.3)).length() < 1e-6, "{found}");
+    }
+
+    #[test]
+    fn world_offset_moves_patterns_back() {
+        let noise = Texture::Noise {
+            kind: NoiseKind::Marble,
+            frequency: 2.0,
+            octaves: 4,
+            low: [0.0; 3],
+            high: [1.0, 2.0, 3.0],
+            seed: 5,
+        };
+        let here = CompiledTextures::new(std::slice::from_ref(&noise), &[], Vec3::ZERO);
+        let moved = CompiledTextures::new(&[noise], &[], Vec3::splat(8.0));
+        let p = Vec3::new(0.25, 0.5, 0.125);
+        let value = moved.eval(TextureId(0), Vec2::ZERO, p);
+        assert_eq!(value, here.eval(TextureId(0), Vec2::ZERO, p + 8.0));
+        assert!((value[1] - 2.0 * value[0]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn one_pixel_images_are_constants() {
+        let image = Image::from_linear_rgb("dot", 1, 1, vec![0.1, 0.2, 0.3]);
+        let texture = Texture::Image {
+            image: ImageId(0),
+            wrap_u: Default::default(),
+            wrap_v: Default::default(),
+            interpolation: Default::default(),
+            mapping: Mapping::default(),
+        };
+        let t = CompiledTextures::new(&[texture], &[image], Vec3::ZERO);
+        assert_eq!(t.constant(TextureId(0)), Some([0.1, 0.2, 0.3, 1.0]));
+    }
+}

@@ -1,0 +1,135 @@
+//! Gradient noise (Perlin 2002, "Improving Noise") on a lattice without a period: gradients come from an integer hash
+//! of the cell's coordinates instead of a table of 256.
+
+use crate::math::{Vec3, poly};
+
+/// Largest magnitude of the unscaled noise: with the twelve edge gradients it is just above 1.
+const SCALE: f32 = 0.96;
+
+/// Mixes lattice coordinates and a seed: each is folded in and spread by the finaliser of MurmurHash3 (Appleby), a
+/// bijection of 32 bits.
+#[inline(always)]
+fn hash(x: i32, y: i32, z: i32, seed: u32) -> u32 {
+    let mix = |h: u32| {
+        let h = (h ^ (h >> 16)).wrapping_mul(0x85eb_ca6b);
+        let h = (h ^ (h >> 13)).wrapping_mul(0xc2b2_ae35);
+        h ^ (h >> 16)
+    };
+    let step = |h: u32, v: i32| mix(h.wrapping_mul(0x9e37_79b1).wrapping_add(v as u32));
+    step(step(step(seed ^ 0x5bd1_e995, x), y), z)
+}
+
+/// Dot product of the offset with one of the twelve vectors to the edges of a cube, four of them twice.
+#[inline(always)]
+fn gradient(hash: u32, d: Vec3) -> f32 {
+    // The high bits choose one of twelve evenly.
+    let k = ((u64::from(hash) * 12) >> 32) as u32;
+    let (a, b) = match k >> 2 {
+        0 => (d.x, d.y),
+        1 => (d.y, d.z),
+        _ => (d.z, d.x),
+    };
+    let flip = |v: f32, on: u32| if on == 0 { v } else { -v };
+    flip(a, k & 1) + flip(b, k & 2)
+}
+
+/// The lattice cell of a coordinate and the place in it. Coordinates wrap around at 2^31 cells; f32 has no fractions
+/// that far out.
+#[inline(always)]
+fn cell(x: f32) -> (i32, f32) {
+    let floor = x.floor();
+    let inside = x - floor;
+    (floor as i64 as i32, if inside.is_finite() { inside } else { 0.0 })
+}
+
+/// Gradient noise, -1..1, 0 at lattice points, with continuous second derivatives.
+#[inline]
+pub fn perlin(p: Vec3, seed: u32) -> f32 {
+    let ((x, fx), (y, fy), (z, fz)) = (cell(p.x), cell(p.y), cell(p.z));
+    let fade = |t: f32| t * t * t * (t * (t * 6.0 - 15.0) + 10.0);
+    let corner = |i: i32, j: i32, k: i32| {
+        let h = hash(x.wrapping_add(i), y.wrapping_add(j), z.wrapping_add(k), seed);
+        gradient(h, Vec3::new(fx - i as f32, fy - j as f32, fz - k as f32))
+    };
+    let lerp = |a: f32, b: f32, t: f32| a + t * (b - a);
+    let (u, v, w) = (fade(fx), fade(fy), fade(fz));
+    let edge = |j, k| lerp(corner(0, j, k), corner(1, j, k), u);
+    let face = |k| lerp(edge(0, k), edge(1, k), v);
+    SCALE * lerp(face(0), face(1), w)
+}
+
+/// Sum of |noise| over octaves that halve in size and strength. Every octave has a lattice of its own, shifted, so that
+/// the zeros at lattice points don't add up.
+#[inline]
+pub fn turbulence(p: Vec3, octaves: u32, seed: u32) -> f32 {
+    let (mut sum, mut weight, mut scale) = (0.0, 1.0, 1.0);
+    for octave in 0..octaves {
+        let shift = Vec3::new(0.37, 0.61, 0.83) * octave as f32;
+        sum += weight * perlin(p * scale + shift, seed.wrapping_add(octave)).abs();
+        weight *= 0.5;
+        scale *= 2.0;
+    }
+    sum
+}
+
+/// A sine wave along z with a wavelength of 2 pi cells whose phase turbulence shifts by up to ten radians, 0..1
+/// (Perlin 1985, "An Image Synthesizer").
+#[inline]
+pub fn marble(p: Vec3, octaves: u32, seed: u32) -> f32 {
+    let turns = (p.z + 10.0 * turbulence(p, octaves, seed)) * std::f32::consts::FRAC_1_PI * 0.5;
+    let turns = turns - turns.floor();
+    0.5 + 0.5 * poly::sin_cos_turns(if turns.is_finite() { turns } else { 0.0 }).0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::chi2::Random;
+
+    fn points(n: usize) -> impl Iterator<Item = Vec3> {
+        let mut random = Random::new(21);
+        (0..n).map(move |_| Vec3::new(random.next(), random.next(), random.next()) * 200.0 - 100.0)
+    }
+
+    #[test]
+    fn noise_is_zero_on_the_lattice_and_stays_in_range() {
+        for i in -50..50 {
+            assert_eq!(perlin(Vec3::new(i as f32, (i * 7) as f32, -i as f32), 3), 0.0);
+        }
+        let (mut low, mut high, mut sum) = (0.0f32, 0.0f32, 0.0f64);
+        for p in points(300_000) {
+            let v = perlin(p, 1);
+            (low, high, sum) = (low.min(v), high.max(v), sum + f64::from(v));
+        }
+        assert!(low >= -1.0 && high <= 1.0 && low < -0.8 && high > 0.8, "{low} {high}");
+        assert!((sum / 3e5).abs() < 3e-3, "{sum}");
+    }
+
+    #[test]
+    fn noise_is_continuous_across_cells() {
+        for p in points(20_000) {
+            let on = Vec3::new(p.x.floor(), p.y, p.z);
+            let e = Vec3::X * 1e-4;
+            assert!((perlin(on + e, 2) - perlin(on - e, 2)).abs() < 1e-3, "{on}");
+        }
+    }
+
+    #[test]
+    fn neither_256_cells_nor_another_seed_repeat() {
+        let different =
+            |f: &dyn Fn(Vec3) -> f32| points(1000).filter(|&p| (perlin(p, 4) - f(p)).abs() > 1e-3).count();
+        assert!(different(&|p| perlin(p + Vec3::X * 256.0, 4)) > 950);
+        assert!(different(&|p| perlin(p, 5)) > 950);
+        for p in [Vec3::splat(1e9), Vec3::splat(-3e38), Vec3::new(1e5, -1e5, 0.5)] {
+            assert!(perlin(p, 0).abs() <= 1.0 && turbulence(p, 4, 0).is_finite() && marble(p, 4, 0) <= 1.0);
+        }
+    }
+
+    #[test]
+    fn one_octave_of_turbulence_is_the_magnitude_of_noise() {
+        for p in points(100) {
+            assert_eq!(turbulence(p, 1, 9), perlin(p, 9).abs());
+            assert!((0.0..=1.0).contains(&marble(p, 7, 9)));
+        }
+    }
+}
