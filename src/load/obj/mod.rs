@@ -26,13 +26,8 @@ pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
     let mut loaded = Loaded::default();
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let library = read_libraries(path, &libraries, &mut loaded.warnings);
-    let options = tobj::LoadOptions {
-        single_index: true,
-        triangulate: false,
-        ignore_points: true,
-        ignore_lines: true,
-        ..tobj::LoadOptions::default()
-    };
+    let options =
+        tobj::LoadOptions { single_index: true, triangulate: false, ignore_points: true, ignore_lines: true };
     let mut reader = Cursor::new(text.as_bytes());
     let parsed = tobj::load_obj_buf(&mut reader, &options, |_| tobj::load_mtl_buf(&mut library.as_bytes()));
     let (models, mtl) = parsed.map_err(|e| {

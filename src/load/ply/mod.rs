@@ -72,7 +72,7 @@ fn add_faces(mesh: &mut Mesh, faces: &[Face], strips: &[Face]) -> Vec<Problem> {
     let count = mesh.positions.len();
     let mut check = |kind: &str, i: usize, face: &Face, allow_restart: bool| -> bool {
         let wrong =
-            face.indices.iter().find(|&&v| !(0..count as i64).contains(&v) && !(allow_restart && v == -1));
+            face.indices.iter().find(|&&v| !((0..count as i64).contains(&v) || allow_restart && v == -1));
         if let Some(v) = wrong {
             bad += 1;
             if bad <= LISTED {
