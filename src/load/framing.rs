@@ -38,13 +38,8 @@ fn has_light(scene: &Scene) -> bool {
             .and_then(|m| m.emission)
             .is_some_and(|e| e.radiance.factor != [0.0; 3])
     };
-    let environment = match scene.environment {
-        Environment::Black => false,
-        Environment::Constant(c) => c != [0.0; 3],
-        Environment::Gradient { nadir, zenith } => nadir != [0.0; 3] || zenith != [0.0; 3],
-        Environment::Image { strength, .. } => strength > 0.0,
-    };
-    environment
+    // A black environment that a scene file asks for is a choice, and stays.
+    scene.environment != Environment::Black
         || !scene.lights.is_empty()
         || scene.spheres.iter().any(|s| shines(s.material))
         || scene.quads.iter().any(|q| shines(q.material))

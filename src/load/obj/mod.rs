@@ -1,4 +1,4 @@
-//! OBJ meshes with MTL materials, parsed by `tobj`; what it can't take is mended beforehand ([`text`]).
+//! OBJ meshes with MTL materials, parsed by `tobj`; what it can't take is mended beforehand (`text`).
 //!
 //! Polygons of any size, concave ones included; negative indices; normals; texture coordinates (turned so that v grows
 //! downwards); vertex colours (sRGB-encoded, as exporters write them). Without normals, shading is flat. Lines and

@@ -13,7 +13,7 @@
 //! between the result and the mirror direction is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in
 //! -1..1). GGX with `a = alpha^2` draws normals with `tan^2 = s` of density `a / (a + s)^2`, so that the mean of
 //! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
-//! fuzz is taken (fuzz 0.3 gives alpha 0.055, fuzz 1 gives 0.31), and roughness is its square root.
+//! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
 
 use super::Build;
 use super::fields::{Fields, nearest};

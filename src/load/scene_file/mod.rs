@@ -2,12 +2,12 @@
 //!
 //! | Part | Module |
 //! |---|---|
-//! | `[camera]` | [`camera`] |
-//! | `[environment]` | [`environment`] |
-//! | `[render]` | [`settings`] |
-//! | `[textures.NAME]` | [`textures`] |
-//! | `[materials.NAME]` | [`materials`] |
-//! | `[[objects]]` | [`objects`], [`transform`] |
+//! | `[camera]` | `camera` |
+//! | `[environment]` | `environment` |
+//! | `[render]` | `settings` |
+//! | `[textures.NAME]` | `textures` |
+//! | `[materials.NAME]` | `materials` |
+//! | `[[objects]]` | `objects`, `transform` |
 //!
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.

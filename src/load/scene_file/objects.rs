@@ -1,4 +1,4 @@
-//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a [`super::transform`].
+//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a `super::transform`.
 //!
 //! | Shape | Value |
 //! |---|---|
