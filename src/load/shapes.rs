@@ -45,7 +45,7 @@ pub(super) fn normalize_normals(mesh: &mut Mesh) {
     }
 }
 
-/// The polygon faces of a shape in object space, counter-clockwise from outside, each with the number of its material.
+/// The polygon faces of a shape in object space, counter-clockwise from outside.
 pub(super) struct Faces {
     /// Corners and texture coordinates of the corners.
     pub faces: Vec<Vec<(DVec3, [f32; 2])>>,

@@ -77,7 +77,7 @@ impl<'a> Materials<'a> {
     }
 
     /// Notes materials that nothing refers to. Their keys are not checked and their images not opened.
-    pub fn check_unused(&self, build: &mut Build, _textures: &mut Textures<'a>) {
+    pub fn check_unused(&self, build: &mut Build) {
         for (name, _) in self.fields.iter().flat_map(|f| f.entries()) {
             if !self.done.contains_key(name) {
                 build.loaded.left_out.push(format!("material '{name}': nothing refers to it"));
