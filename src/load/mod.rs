@@ -1,11 +1,15 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+mod decode;
+pub mod framing;
 pub mod gltf;
 pub mod image;
 pub mod obj;
 pub mod ply;
+mod polygon;
 pub mod scene_file;
+mod shapes;
 
 use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
@@ -30,7 +34,7 @@ pub struct Loaded {
 /// say).
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    let loaded = match extension.as_str() {
+    let mut loaded = match extension.as_str() {
         "gltf" | "glb" => gltf::load(path, options)?,
         "obj" => obj::load(path, options)?,
         "ply" => ply::load(path, options)?,
@@ -40,6 +44,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
         }
     };
+    framing::complete(&mut loaded);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }
 }

@@ -63,8 +63,8 @@ pub enum Model {
     Metal {
         /// Reflectance at normal incidence.
         color: ColorSlot,
-        /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz f maps to roughness sqrt(f / 2)
-        /// (see the scene-file loader).
+        /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz maps to the roughness of
+        /// the same mean deviation (see the scene-file loader).
         roughness: FloatSlot,
     },
     /// A smooth solid dielectric: reflects and refracts.

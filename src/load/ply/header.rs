@@ -1,0 +1,224 @@
+//! The header, checked before the parser sees it, and reading of one element list after another.
+//!
+//! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
+//! are checked here against the bytes that the file really holds, and lines are counted here.
+
+use crate::error::Problem;
+use ply_rs::parser::Parser;
+use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
+
+type Result<T> = std::result::Result<T, Problem>;
+
+/// Longest header that is looked for, in bytes.
+const LONGEST_HEADER: usize = 1 << 20;
+
+/// A file whose header has been read; element lists are read in file order.
+pub(super) struct Source<'a> {
+    header: Header,
+    /// What is left of the payload.
+    rest: &'a [u8],
+    /// Line of the next ascii element, from 1.
+    line: usize,
+}
+
+/// Which attributes the vertex element defines completely.
+pub(super) struct VertexLayout {
+    pub position: bool,
+    pub normal: bool,
+    pub uv: bool,
+    pub color: bool,
+}
+
+impl<'a> Source<'a> {
+    /// Checks and reads the header.
+    pub fn open(bytes: &'a [u8]) -> Result<Source<'a>> {
+        let (text, length, lines) = header_text(bytes)?;
+        let header = Parser::<super::Skipped>::new()
+            .read_header(&mut text.as_bytes())
+            .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
+        let source = Source { header, rest: &bytes[length..], line: lines + 1 };
+        source.check_counts()?;
+        source.check_types()?;
+        Ok(source)
+    }
+
+    /// The element lists in file order.
+    pub fn elements(&self) -> Vec<(String, ElementDef)> {
+        self.header.elements.iter().map(|(name, e)| (name.clone(), e.clone())).collect()
+    }
+
+    /// What the vertices carry.
+    pub fn vertex_layout(&self) -> VertexLayout {
+        let has =
+            |name: &str| self.header.elements.get("vertex").is_some_and(|v| v.properties.contains_key(name));
+        let all = |names: &[&str]| names.iter().all(|n| has(n));
+        VertexLayout {
+            position: all(&["x", "y", "z"]),
+            normal: all(&["nx", "ny", "nz"]),
+            uv: all(&["s", "t"]) || all(&["u", "v"]) || all(&["texture_u", "texture_v"]),
+            color: all(&["red", "green", "blue"]) || all(&["r", "g", "b"]),
+        }
+    }
+
+    /// Reads the next element list, which must be the next in file order.
+    pub fn read<E: PropertyAccess>(&mut self, definition: &ElementDef) -> Result<Vec<E>> {
+        if definition.properties.is_empty() {
+            return Ok(Vec::new());
+        }
+        let parser = Parser::<E>::new();
+        // Growth is bounded by the bytes that are left; `check_counts` has compared the count with them.
+        let mut out = Vec::with_capacity(definition.count);
+        for i in 0..definition.count {
+            let element = match self.header.encoding {
+                Encoding::Ascii => self.read_line(&parser, definition, i)?,
+                Encoding::BinaryLittleEndian => parser
+                    .read_little_endian_element(&mut self.rest, definition)
+                    .map_err(|_| cut(definition, i))?,
+                Encoding::BinaryBigEndian => parser
+                    .read_big_endian_element(&mut self.rest, definition)
+                    .map_err(|_| cut(definition, i))?,
+            };
+            out.push(element);
+        }
+        Ok(out)
+    }
+
+    fn read_line<E: PropertyAccess>(
+        &mut self,
+        parser: &Parser<E>,
+        definition: &ElementDef,
+        i: usize,
+    ) -> Result<E> {
+        loop {
+            if self.rest.is_empty() {
+                return Err(cut(definition, i));
+            }
+            let line = self.line;
+            let (content, next) = split_line(self.rest);
+            self.rest = &self.rest[next..];
+            self.line += 1;
+            let text = String::from_utf8_lossy(content);
+            let text = text.trim();
+            if text.is_empty() {
+                continue;
+            }
+            // The parser knows no capital exponents.
+            let text = text.replace('E', "e");
+            return parser.read_ascii_element(&text, definition).map_err(|_| {
+                let shown: String = text.chars().take(60).collect();
+                Problem::new(
+                    format!("line {line}"),
+                    format!("'{shown}' is not a '{}' as the header defines it", definition.name),
+                )
+            });
+        }
+    }
+
+    fn check_counts(&self) -> Result<()> {
+        let mut needed: u128 = 0;
+        for (_, e) in &self.header.elements {
+            let smallest: usize = match self.header.encoding {
+                // A digit and a separator for each property.
+                Encoding::Ascii => e.properties.len() * 2,
+                _ => e.properties.iter().map(|(_, p)| smallest_size(&p.data_type)).sum(),
+            };
+            needed += e.count as u128 * smallest as u128;
+        }
+        // The last ascii line may lack its line break.
+        let held = self.rest.len() as u128 + 1;
+        if needed > held {
+            let message = format!(
+                "the header promises at least {needed} bytes of data, but the file holds {}: it is cut short or its counts are wrong",
+                self.rest.len()
+            );
+            return Err(Problem::new("", message).with_help("export or download the file again"));
+        }
+        Ok(())
+    }
+
+    fn check_types(&self) -> Result<()> {
+        for (name, e) in &self.header.elements {
+            for (property, p) in &e.properties {
+                let is_index = property == "vertex_index" || property == "vertex_indices";
+                let ok = match (name.as_str(), &p.data_type) {
+                    ("face" | "tristrips", PropertyType::List(_, item)) if is_index => {
+                        !matches!(item, ScalarType::Float | ScalarType::Double)
+                    }
+                    ("face" | "tristrips", PropertyType::Scalar(_)) => !is_index,
+                    _ => true,
+                };
+                if !ok {
+                    let message = format!("property '{property}' of '{name}' must be a list of integers");
+                    return Err(Problem::new("header", message));
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+fn cut(definition: &ElementDef, i: usize) -> Problem {
+    let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
+    Problem::new("", message).with_help("export or download the file again")
+}
+
+fn first_line(text: &str) -> String {
+    text.replace("\n\t", "; ").lines().next().unwrap_or_default().trim().to_string()
+}
+
+/// The line's content and the offset of the next line; ends are LF, CR LF or CR.
+fn split_line(bytes: &[u8]) -> (&[u8], usize) {
+    match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
+        None => (bytes, bytes.len()),
+        Some(end) => {
+            let pair = bytes[end] == b'\r' && bytes.get(end + 1) == Some(&b'\n');
+            (&bytes[..end], end + if pair { 2 } else { 1 })
+        }
+    }
+}
+
+/// The header with plain line ends and ASCII only, its length in bytes, and its number of lines.
+fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
+    if !bytes.starts_with(b"ply") {
+        return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
+    }
+    let (mut text, mut at, mut lines) = (String::new(), 0, 0);
+    let limit = bytes.len().min(LONGEST_HEADER);
+    while at < limit {
+        let (content, next) = split_line(&bytes[at..]);
+        at += next;
+        lines += 1;
+        let line: String =
+            content.iter().map(|&b| if b.is_ascii() && b != 0 { char::from(b) } else { '?' }).collect();
+        let line = line.trim();
+        if line.is_empty() {
+            continue;
+        }
+        let mut words = line.split_ascii_whitespace();
+        let first = words.next().unwrap_or_default();
+        if !matches!(first, "comment" | "obj_info")
+            && words.any(|w| w.split('.').any(|n| n.len() > 18 && n.bytes().all(|b| b.is_ascii_digit())))
+        {
+            return Err(Problem::new(format!("line {lines}"), "holds a number that is too large"));
+        }
+        text.push_str(line);
+        text.push('\n');
+        if line == "end_header" {
+            return Ok((text, at, lines));
+        }
+    }
+    Err(Problem::new("header", "does not end: 'end_header' is missing"))
+}
+
+fn smallest_size(data: &PropertyType) -> usize {
+    let size = |s: &ScalarType| match s {
+        ScalarType::Char | ScalarType::UChar => 1,
+        ScalarType::Short | ScalarType::UShort => 2,
+        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
+        ScalarType::Double => 8,
+    };
+    match data {
+        PropertyType::Scalar(s) => size(s),
+        PropertyType::List(count, _) => size(count),
+    }
+}

@@ -1,0 +1,248 @@
+//! Typed access to the keys of a TOML table that notes every problem instead of stopping at the first.
+
+use crate::error::Problem;
+use crate::math::DVec3;
+use std::cell::RefCell;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::{DeTable, DeValue};
+
+/// The problems found so far.
+pub(super) struct Problems<'a> {
+    text: &'a str,
+    list: RefCell<Vec<Problem>>,
+}
+
+impl<'a> Problems<'a> {
+    /// No problems yet in `text`.
+    pub fn new(text: &'a str) -> Problems<'a> {
+        Problems { text, list: RefCell::new(Vec::new()) }
+    }
+
+    /// Notes a problem about a range of the text.
+    pub fn push(&self, span: Range<usize>, message: impl Into<String>) {
+        self.add(span, message.into(), None);
+    }
+
+    /// Notes a problem with its remedy.
+    pub fn push_help(&self, span: Range<usize>, message: impl Into<String>, help: impl Into<String>) {
+        self.add(span, message.into(), Some(help.into()));
+    }
+
+    fn add(&self, span: Range<usize>, message: String, help: Option<String>) {
+        let before = self.text.as_bytes().get(..span.start).unwrap_or_default();
+        let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
+        let mut problem = Problem::new(format!("line {line}"), message).with_span(span);
+        problem.help = help;
+        self.list.borrow_mut().push(problem);
+    }
+
+    /// All of them.
+    pub fn into_vec(self) -> Vec<Problem> {
+        self.list.into_inner()
+    }
+}
+
+/// One table. Reading a key marks it as known; [`Fields::finish`] complains about the rest.
+pub(super) struct Fields<'a> {
+    /// What the table describes, for messages.
+    what: String,
+    table: &'a DeTable<'a>,
+    span: Range<usize>,
+    known: RefCell<Vec<&'static str>>,
+    pub problems: &'a Problems<'a>,
+}
+
+/// A value with its place.
+#[derive(Clone)]
+pub(super) struct Placed<T> {
+    pub value: T,
+    pub span: Range<usize>,
+}
+
+impl<'a> Fields<'a> {
+    /// Access to a table that starts at `span`.
+    pub fn new(
+        what: impl Into<String>,
+        table: &'a DeTable<'a>,
+        span: Range<usize>,
+        problems: &'a Problems<'a>,
+    ) -> Fields<'a> {
+        Fields { what: what.into(), table, span, known: RefCell::new(Vec::new()), problems }
+    }
+
+    /// Where the table is.
+    pub fn span(&self) -> Range<usize> {
+        self.span.clone()
+    }
+
+    /// Is the key there? Marks it as known.
+    pub fn has(&self, key: &'static str) -> bool {
+        self.raw(key).is_some()
+    }
+
+    /// The value of a key as parsed.
+    pub fn raw(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
+        self.known.borrow_mut().push(key);
+        self.table.get(key)
+    }
+
+    /// Every key with its value, for tables whose keys are names.
+    pub fn entries(&self) -> impl Iterator<Item = (&'a str, &'a Spanned<DeValue<'a>>)> + use<'a> {
+        self.table.iter().map(|(k, v)| (k.get_ref().as_ref(), v))
+    }
+
+    fn typed<T>(
+        &self,
+        key: &'static str,
+        expected: &str,
+        read: impl Fn(&'a DeValue<'a>) -> Option<T>,
+    ) -> Option<Placed<T>> {
+        let value = self.raw(key)?;
+        let found = read(value.get_ref());
+        if found.is_none() {
+            self.problems.push(value.span(), format!("'{key}' of {} must be {expected}", self.what));
+        }
+        found.map(|v| Placed { value: v, span: value.span() })
+    }
+
+    /// A finite number.
+    pub fn number(&self, key: &'static str) -> Option<Placed<f64>> {
+        self.typed(key, "a finite number", number)
+    }
+
+    /// A number in a range, or a default.
+    pub fn number_in(&self, key: &'static str, range: Range<f64>, default: f64) -> f64 {
+        let Some(v) = self.number(key) else { return default };
+        if !(range.start <= v.value && v.value <= range.end) {
+            let limits = if range.end.is_infinite() {
+                format!("at least {}", range.start)
+            } else {
+                format!("from {} to {}", range.start, range.end)
+            };
+            self.problems
+                .push(v.span, format!("'{key}' of {} is {}, but must be {limits}", self.what, v.value));
+            return default;
+        }
+        v.value
+    }
+
+    /// A whole number from `least` to `most`.
+    pub fn integer(&self, key: &'static str, least: u32, most: u32) -> Option<u32> {
+        let expected = format!("a whole number from {least} to {most}");
+        let read = |v: &DeValue| {
+            number(v).filter(|x| x.fract() == 0.0 && *x >= f64::from(least) && *x <= f64::from(most))
+        };
+        self.typed(key, &expected, read).map(|v| v.value as u32)
+    }
+
+    /// True or false.
+    pub fn flag(&self, key: &'static str, default: bool) -> bool {
+        self.typed(key, "true or false", DeValue::as_bool).map_or(default, |v| v.value)
+    }
+
+    /// A string.
+    pub fn string(&self, key: &'static str) -> Option<Placed<&'a str>> {
+        self.typed(key, "a string", DeValue::as_str)
+    }
+
+    /// One of a few words.
+    pub fn choice<T: Copy>(&self, key: &'static str, options: &[(&str, T)]) -> Option<T> {
+        let word = self.string(key)?;
+        let found = options.iter().find(|(name, _)| *name == word.value);
+        if found.is_none() {
+            let names: Vec<&str> = options.iter().map(|o| o.0).collect();
+            let message = format!("'{key}' of {} can't be '{}'", self.what, word.value);
+            self.problems.push_help(word.span, message, format!("one of: {}", names.join(", ")));
+        }
+        found.map(|o| o.1)
+    }
+
+    /// Exactly `N` finite numbers.
+    pub fn numbers<const N: usize>(&self, key: &'static str) -> Option<Placed<[f64; N]>> {
+        self.typed(key, &format!("a list of {N} finite numbers"), numbers)
+    }
+
+    /// A point or vector.
+    pub fn vector(&self, key: &'static str) -> Option<Placed<DVec3>> {
+        self.numbers::<3>(key).map(|v| Placed { value: DVec3::from(v.value), span: v.span })
+    }
+
+    /// A colour or radiance: three numbers from 0 up, or one for grey.
+    pub fn color(&self, key: &'static str) -> Option<Placed<[f32; 3]>> {
+        self.typed(key, "a colour: three numbers, or one for grey, from 0 up", color)
+    }
+
+    /// A table.
+    pub fn table(&self, key: &'static str) -> Option<Fields<'a>> {
+        let v = self.typed(key, "a table", DeValue::as_table)?;
+        Some(Fields::new(format!("'{key}'"), v.value, v.span, self.problems))
+    }
+
+    /// A list.
+    pub fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {
+        self.typed(key, "a list", |v| v.as_array().map(|a| &a[..])).map(|v| v.value)
+    }
+
+    /// Says that a key is missing.
+    pub fn require<T>(&self, key: &str, value: Option<T>) -> Option<T> {
+        // A value of the wrong type has had its complaint.
+        if value.is_none() && !self.table.contains_key(key) {
+            self.problems.push(self.span(), format!("{} needs '{key}'", self.what));
+        }
+        value
+    }
+
+    /// Complains about every key that nothing has asked for.
+    pub fn finish(&self) {
+        let known = self.known.borrow();
+        for (key, _) in self.table.iter() {
+            let name: &str = key.get_ref().as_ref();
+            if known.contains(&name) {
+                continue;
+            }
+            let message = format!("{} has no key '{name}'", self.what);
+            match nearest(name, known.iter().copied()) {
+                Some(near) => self.problems.push_help(key.span(), message, format!("did you mean '{near}'?")),
+                None => {
+                    let mut names = known.clone();
+                    names.sort_unstable();
+                    names.dedup();
+                    self.problems.push_help(key.span(), message, format!("known keys: {}", names.join(", ")));
+                }
+            }
+        }
+    }
+}
+
+/// A finite number.
+pub(super) fn number(value: &DeValue) -> Option<f64> {
+    let read = match value {
+        DeValue::Integer(i) => i64::from_str_radix(i.as_str(), i.radix()).ok().map(|i| i as f64),
+        DeValue::Float(f) => f.as_str().parse().ok(),
+        _ => None,
+    };
+    read.filter(|x: &f64| x.is_finite())
+}
+
+/// Exactly `N` finite numbers.
+pub(super) fn numbers<const N: usize>(value: &DeValue) -> Option<[f64; N]> {
+    let list: Option<Vec<f64>> = value.as_array()?.iter().map(|v| number(v.get_ref())).collect();
+    list?.try_into().ok()
+}
+
+/// A colour: three numbers or one, finite as `f32` and not negative.
+pub(super) fn color(value: &DeValue) -> Option<[f32; 3]> {
+    let rgb = match number(value) {
+        Some(grey) => [grey; 3],
+        None => numbers::<3>(value)?,
+    };
+    let rgb = rgb.map(|x| x as f32);
+    rgb.iter().all(|x| x.is_finite() && *x >= 0.0).then_some(rgb)
+}
+
+/// The name most like `name`, if any is close enough to be what was meant.
+pub(super) fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
+    let limit = (name.chars().count() / 2).clamp(1, 4);
+    names.map(|n| (strsim::osa_distance(name, n), n)).filter(|(d, _)| *d <= limit).min().map(|(_, n)| n)
+}

@@ -1,0 +1,217 @@
+//! `[materials.NAME]`, each with a `type`; read when something refers to it. Colours are constants or names of textures.
+//!
+//! | `type` | Keys |
+//! |---|---|
+//! | `"lambert"` | `color` (0.8) |
+//! | `"metal"` | `color` (0.8), `fuzz` or `roughness`, both 0 to 1 (0) |
+//! | `"dielectric"` | `ior` (1.5), `fresnel` = `exact` or `schlick`, `tint` (1) |
+//! | `"emissive"` | `radiance` (required), `two_sided` (false) |
+//! | `"pbr"` | `base_color` (1), `metallic` (0), `roughness` (1), `ior` (1.5), `specular` (1), `specular_color` (1), `transmission` (0), `emission`, `two_sided` (true) |
+//!
+//! ## Fuzz
+//! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
+//! between the result and the mirror direction is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in
+//! -1..1). GGX with `a = alpha^2` draws normals with `tan^2 = s` of density `a / (a + s)^2`, so that the mean of
+//! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
+//! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
+
+use super::Build;
+use super::fields::{Fields, nearest};
+use super::textures::Textures;
+use crate::scene::{ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, PbrMaterial};
+use std::collections::HashMap;
+use std::ops::Range;
+
+/// The named materials and which of them have been read.
+pub(super) struct Materials<'a> {
+    fields: Option<Fields<'a>>,
+    done: HashMap<String, Option<MaterialId>>,
+}
+
+impl<'a> Materials<'a> {
+    pub fn new(fields: Option<Fields<'a>>) -> Materials<'a> {
+        Materials { fields, done: HashMap::new() }
+    }
+
+    /// Is there a material of that name?
+    pub fn contains(&self, name: &str) -> bool {
+        self.fields.iter().flat_map(|f| f.entries()).any(|(n, _)| n == name)
+    }
+
+    /// The material of a name, read now if it hasn't been.
+    pub fn get(
+        &mut self,
+        build: &mut Build,
+        textures: &mut Textures<'a>,
+        name: &str,
+        span: Range<usize>,
+    ) -> Option<MaterialId> {
+        if let Some(done) = self.done.get(name) {
+            return *done;
+        }
+        let found = self.fields.as_ref().and_then(|f| f.entries().find(|(n, _)| *n == name));
+        let Some((_, value)) = found else {
+            let known: Vec<&str> = self.fields.iter().flat_map(|f| f.entries().map(|e| e.0)).collect();
+            let help = match nearest(name, known.into_iter()) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => format!("add a table [materials.{name}]"),
+            };
+            build.problems.push_help(span, format!("there is no material '{name}'"), help);
+            return None;
+        };
+        let id = match (value.get_ref().as_table(), &self.fields) {
+            (Some(table), Some(all)) => {
+                let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
+                read(build, textures, &fields, name).map(|material| {
+                    build.loaded.scene.materials.push(material);
+                    MaterialId(build.loaded.scene.materials.len() as u32 - 1)
+                })
+            }
+            _ => {
+                build.problems.push(value.span(), format!("material '{name}' must be a table"));
+                None
+            }
+        };
+        self.done.insert(name.to_string(), id);
+        id
+    }
+
+    /// Notes materials that nothing refers to. Their keys are not checked and their images not opened.
+    pub fn check_unused(&self, build: &mut Build) {
+        for (name, _) in self.fields.iter().flat_map(|f| f.entries()) {
+            if !self.done.contains_key(name) {
+                build.loaded.left_out.push(format!("material '{name}': nothing refers to it"));
+            }
+        }
+    }
+}
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Lambert,
+    Metal,
+    Dielectric,
+    Emissive,
+    Pbr,
+}
+
+const KINDS: [(&str, Kind); 5] = [
+    ("lambert", Kind::Lambert),
+    ("metal", Kind::Metal),
+    ("dielectric", Kind::Dielectric),
+    ("emissive", Kind::Emissive),
+    ("pbr", Kind::Pbr),
+];
+
+fn read<'a>(
+    build: &mut Build,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    name: &str,
+) -> Option<Material> {
+    fields.require("type", fields.string("type"));
+    let kind = fields.choice("type", &KINDS)?;
+    let mut slot =
+        |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
+    let material = match kind {
+        Kind::Lambert => Material::new(name, Model::Lambert { albedo: slot("color", 0.8) }),
+        Kind::Metal => {
+            let color = slot("color", 0.8);
+            let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
+            if fuzz.is_some() && fields.has("roughness") {
+                fields.problems.push(fields.span(), "'fuzz' and 'roughness' say the same: leave one out");
+            }
+            let roughness = match fuzz {
+                Some(f) => roughness_of_fuzz(f) as f32,
+                None => fields.number_in("roughness", 0.0..1.0, 0.0) as f32,
+            };
+            Material::new(name, Model::Metal { color, roughness: FloatSlot::constant(roughness) })
+        }
+        Kind::Dielectric => {
+            let fresnel = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
+            let model = Model::Dielectric {
+                ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
+                tint: slot("tint", 1.0),
+                fresnel: fields.choice("fresnel", &fresnel).unwrap_or_default(),
+            };
+            Material::new(name, model)
+        }
+        Kind::Emissive => {
+            fields.require("radiance", fields.raw("radiance"));
+            let radiance = slot("radiance", 0.0);
+            let two_sided = fields.flag("two_sided", false);
+            let emission = Some(Emission { radiance, two_sided });
+            Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
+        }
+        Kind::Pbr => pbr(fields, name, slot),
+    };
+    fields.finish();
+    Some(material)
+}
+
+fn pbr(fields: &Fields, name: &str, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Material {
+    let share = |key, default| FloatSlot::constant(fields.number_in(key, 0.0..1.0, default) as f32);
+    let model = PbrMaterial {
+        base_color: slot("base_color", 1.0),
+        metallic: share("metallic", 0.0),
+        roughness: share("roughness", 1.0),
+        ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
+        specular: share("specular", 1.0),
+        specular_color: slot("specular_color", 1.0),
+        transmission: share("transmission", 0.0),
+        ..PbrMaterial::default()
+    };
+    let two_sided = fields.flag("two_sided", true);
+    let emission = fields.has("emission").then(|| Emission { radiance: slot("emission", 0.0), two_sided });
+    Material { emission, double_sided: two_sided, ..Material::new(name, Model::Pbr(Box::new(model))) }
+}
+
+/// The roughness (square root of the GGX alpha) whose lobe at normal incidence has the mean cosine of the thesis's fuzz.
+fn roughness_of_fuzz(fuzz: f64) -> f64 {
+    if fuzz <= 0.0 {
+        return 0.0;
+    }
+    let wanted = fuzz * fuzz / 3.0;
+    // 1 - mean cosine grows with a; 64 halvings exhaust the precision of f64.
+    let (mut low, mut high) = (0.0, 0.5);
+    for _ in 0..64 {
+        let a: f64 = 0.5 * (low + high);
+        let deviation = 2.0 - 2.0 / (1.0 - a) - 2.0 * a * a.ln() / (1.0 - a).powi(2);
+        if deviation < wanted { low = a } else { high = a }
+    }
+    (0.5f64 * (low + high)).sqrt().sqrt()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// One minus the mean cosine of the GGX lobe at normal incidence, by inversion of its distribution of normals; the
+    /// quantile is 1 - e^-x, which resolves the long tail.
+    fn ggx_deviation(alpha: f64) -> f64 {
+        let n = 200_000;
+        let width = 50.0 / f64::from(n);
+        let term = |i: i32| {
+            let x = (f64::from(i) + 0.5) * width;
+            let s = alpha * alpha * x.exp_m1();
+            2.0 * s / (1.0 + s) * (-x).exp() * width
+        };
+        (0..n).map(term).sum()
+    }
+
+    #[test]
+    fn fuzz_and_ggx_have_the_same_mean_cosine() {
+        for fuzz in [0.02, 0.1, 0.3, 0.7, 1.0] {
+            let n = 20_000;
+            let cosine = |i: i32| {
+                let m = (f64::from(i) + 0.5) / f64::from(n) * 2.0 - 1.0;
+                (1.0 + fuzz * m) / (1.0 + fuzz * fuzz + 2.0 * fuzz * m).sqrt()
+            };
+            let mean = (0..n).map(cosine).sum::<f64>() / f64::from(n);
+            let alpha = roughness_of_fuzz(fuzz).powi(2);
+            let deviation = 1.0 - mean;
+            assert!((ggx_deviation(alpha) - deviation).abs() < 2e-3 * deviation, "fuzz {fuzz}");
+        }
+        assert_eq!(roughness_of_fuzz(0.0), 0.0);
+    }
+}

@@ -1,0 +1,93 @@
+//! Scene files: TOML that places meshes and analytic shapes, with cameras, materials, textures and settings.
+//!
+//! | Part | Module |
+//! |---|---|
+//! | `[camera]` | `camera` |
+//! | `[environment]` | `environment` |
+//! | `[render]` | `settings` |
+//! | `[textures.NAME]` | `textures` |
+//! | `[materials.NAME]` | `materials` |
+//! | `[[objects]]` | `objects`, `transform` |
+//!
+//! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
+//! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
+//! What nothing refers to is not loaded.
+
+mod assets;
+mod camera;
+mod environment;
+mod fields;
+mod materials;
+mod objects;
+mod settings;
+mod textures;
+mod transform;
+
+use super::{LoadOptions, Loaded};
+use crate::error::{Error, Problem, Result};
+use assets::Assets;
+use fields::{Fields, Problems};
+use materials::Materials;
+use std::path::Path;
+use textures::Textures;
+use toml::de::DeTable;
+
+/// Everything that the parts of a scene file are built into.
+struct Build<'a> {
+    /// The scene file, for relative paths and messages.
+    file: &'a Path,
+    options: &'a LoadOptions,
+    problems: &'a Problems<'a>,
+    loaded: Loaded,
+}
+
+/// Reads a scene file and the files that it refers to.
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let text = String::from_utf8(bytes).map_err(|e| {
+        let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];
+        let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
+        let problem =
+            Problem::new(format!("line {line}"), "is not UTF-8 text").with_help("save the file as UTF-8");
+        Error::input_problems(path, vec![problem])
+    })?;
+    let problems = Problems::new(&text);
+    let loaded = build(path, &text, options, &problems);
+    let mut problems = problems.into_vec();
+    if problems.is_empty() {
+        return Ok(loaded);
+    }
+    problems.sort_by_key(|p| p.span.as_ref().map_or(0, |s| s.start));
+    Err(Error::input_problems(path, problems).with_source(text))
+}
+
+fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) -> Loaded {
+    let (root, errors) = DeTable::parse_recoverable(text);
+    if !errors.is_empty() {
+        for e in errors {
+            problems.push(e.span().unwrap_or(0..0), e.message());
+        }
+        return Loaded::default();
+    }
+    let mut build = Build { file: path, options, problems, loaded: Loaded::default() };
+    build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
+    let mut assets = Assets::default();
+    if let Some(fields) = root.table("render") {
+        build.loaded.scene.settings = settings::read(&fields);
+    }
+    let mut textures = Textures::new(root.table("textures"));
+    let mut materials = Materials::new(root.table("materials"));
+    if let Some(fields) = root.table("environment") {
+        environment::read(&mut build, &fields);
+    }
+    objects::read(&mut build, &root, &mut materials, &mut textures, &mut assets);
+    // The camera comes last: it may be taken from a mesh file that the objects have loaded already.
+    if let Some(fields) = root.table("camera") {
+        camera::read(&mut build, &fields, &mut assets);
+    }
+    root.finish();
+    materials.check_unused(&mut build);
+    textures.check_unused(&mut build);
+    build.loaded
+}

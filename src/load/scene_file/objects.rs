@@ -1,0 +1,260 @@
+//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a `super::transform`.
+//!
+//! | Shape | Value |
+//! |---|---|
+//! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and lights are ignored, `material` replaces all of its own |
+//! | `sphere` | `{ center, radius }` |
+//! | `quad` | `{ corner, u, v }`; the front is where u x v points |
+//! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
+//! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
+//! | `triangle` | three points |
+//!
+//! Shapes without a material take `[materials.default]`. Quads stay analytic under every transform; spheres under
+//! rotation, translation and even scaling, and become meshes of 81,920 triangles, with a warning, under any other.
+
+use super::Build;
+use super::assets::Assets;
+use super::fields::{Fields, numbers};
+use super::materials::Materials;
+use super::textures::Textures;
+use super::transform;
+use crate::error::Warning;
+use crate::load::shapes::{Faces, box_faces, icosphere, pyramid_faces, triangle_faces, uniform_scale};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use crate::scene::{Instance, MaterialId, Mesh, MeshId, MeshPart, Quad, Sphere};
+
+const SHAPES: [&str; 6] = ["mesh", "sphere", "quad", "box", "pyramid", "triangle"];
+
+/// Reads all objects.
+pub(super) fn read<'a>(
+    build: &mut Build,
+    root: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+    assets: &mut Assets,
+) {
+    let Some(list) = root.require("objects", root.list("objects")) else { return };
+    for (i, value) in list.iter().enumerate() {
+        let Some(table) = value.get_ref().as_table() else {
+            root.problems.push(value.span(), "an object must be a table");
+            continue;
+        };
+        let fields = Fields::new(format!("object {}", i + 1), table, value.span(), root.problems);
+        let object = Object {
+            name: fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string()),
+            world_from_object: transform::read(&fields),
+        };
+        read_object(build, &fields, &object, materials, textures, assets);
+        fields.finish();
+    }
+}
+
+struct Object {
+    name: String,
+    world_from_object: DAffine3,
+}
+
+fn read_object<'a>(
+    build: &mut Build,
+    fields: &Fields<'a>,
+    object: &Object,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+    assets: &mut Assets,
+) {
+    let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
+    let named = fields.string("material");
+    let material = named.clone().and_then(|m| materials.get(build, textures, m.value, m.span));
+    let [shape] = given[..] else {
+        let message = format!("{} needs exactly one of {}", object.name, SHAPES.join(", "));
+        fields.problems.push(fields.span(), message);
+        return;
+    };
+    if shape == "mesh" {
+        return add_mesh(build, fields, object, material, assets);
+    }
+    let faces = match shape {
+        "box" => fields.table("box").and_then(|f| read_box(&f)),
+        "pyramid" => fields.table("pyramid").and_then(|f| read_pyramid(&f)),
+        "triangle" => read_triangle(fields),
+        _ => None,
+    };
+    let per_face = faces.as_ref().filter(|f| f.faces.len() > 1 && fields.has("materials"));
+    if let Some(faces) = per_face {
+        let ids = face_materials(build, fields, faces.faces.len(), materials, textures);
+        if let Some(ids) = ids {
+            add_faces(build, object, faces, &ids);
+        }
+        return;
+    }
+    let material = match named {
+        Some(_) => material,
+        None if materials.contains("default") => materials.get(build, textures, "default", fields.span()),
+        None => {
+            let message = format!("{} needs 'material'", object.name);
+            fields.problems.push_help(fields.span(), message, "or a table [materials.default]");
+            None
+        }
+    };
+    // The shape's own problems are noted even where its material has one.
+    let id = material.unwrap_or(MaterialId(0));
+    match shape {
+        "sphere" => add_sphere(build, fields, object, id),
+        "quad" => add_quad(build, fields, object, id),
+        _ => {
+            if let Some(faces) = faces {
+                add_faces(build, object, &faces, &vec![id; faces.faces.len()]);
+            }
+        }
+    }
+}
+
+fn add_mesh(
+    build: &mut Build,
+    fields: &Fields,
+    object: &Object,
+    material: Option<MaterialId>,
+    assets: &mut Assets,
+) {
+    let Some(file) = fields.string("mesh") else { return };
+    let Some(instances) = assets.instances(build, file.value, file.span) else { return };
+    let placed = instances.iter().map(|i| Instance {
+        name: format!("{}/{}", object.name, i.name),
+        mesh: i.mesh,
+        world_from_object: object.world_from_object * i.world_from_object,
+        material: material.or(i.material),
+    });
+    build.loaded.scene.instances.extend(placed);
+}
+
+fn face_materials<'a>(
+    build: &mut Build,
+    fields: &Fields<'a>,
+    count: usize,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) -> Option<Vec<MaterialId>> {
+    let list = fields.list("materials")?;
+    if list.len() != count {
+        let message = format!("'materials' names {} materials, but the shape has {count} faces", list.len());
+        fields.problems.push(fields.span(), message);
+        return None;
+    }
+    let mut ids = Vec::new();
+    for value in list {
+        match value.get_ref().as_str() {
+            Some(name) => ids.extend(materials.get(build, textures, name, value.span())),
+            None => fields.problems.push(value.span(), "'materials' must hold names of materials"),
+        }
+    }
+    (ids.len() == count).then_some(ids)
+}
+
+fn read_box(fields: &Fields) -> Option<Faces> {
+    let min = fields.require("min", fields.vector("min"));
+    let max = fields.require("max", fields.vector("max"));
+    fields.finish();
+    let (min, max) = (min?, max?);
+    if !min.value.cmplt(max.value).all() {
+        fields.problems.push(max.span, "'max' of a box must exceed 'min' in every coordinate");
+        return None;
+    }
+    Some(box_faces(min.value, max.value))
+}
+
+fn read_pyramid(fields: &Fields) -> Option<Faces> {
+    let base = fields.vector("base").map_or(DVec3::ZERO, |b| b.value);
+    let size = fields.require("size", fields.numbers::<2>("size"));
+    let height = fields.require("height", fields.number("height"));
+    fields.finish();
+    let (size, height) = (size?, height?);
+    if size.value.iter().any(|s| *s <= 0.0) || height.value <= 0.0 {
+        fields.problems.push(fields.span(), "'size' and 'height' of a pyramid must be above 0");
+        return None;
+    }
+    Some(pyramid_faces(base, size.value, height.value))
+}
+
+fn read_triangle(fields: &Fields) -> Option<Faces> {
+    let list = fields.list("triangle")?;
+    let corners: Option<Vec<[f64; 3]>> = list.iter().map(|p| numbers::<3>(p.get_ref())).collect();
+    match corners.as_deref() {
+        Some([a, b, c]) => Some(triangle_faces([*a, *b, *c].map(DVec3::from))),
+        _ => {
+            let span = fields.raw("triangle").map_or(fields.span(), |t| t.span());
+            fields.problems.push(span, "'triangle' must be a list of three points");
+            None
+        }
+    }
+}
+
+/// Adds flat faces as one mesh with a part for each face.
+fn add_faces(build: &mut Build, object: &Object, faces: &Faces, ids: &[MaterialId]) {
+    let origin = faces.faces[0][0].0;
+    let (mut mesh, counts) = faces.to_mesh(&object.name, origin);
+    let mut first_triangle = 0;
+    for (&material, triangle_count) in ids.iter().zip(counts) {
+        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+        first_triangle += triangle_count;
+    }
+    add_placed(build, object, mesh, object.world_from_object * DAffine3::from_translation(origin));
+}
+
+fn add_placed(build: &mut Build, object: &Object, mesh: Mesh, world_from_object: DAffine3) {
+    let scene = &mut build.loaded.scene;
+    scene.meshes.push(mesh);
+    let mesh = MeshId(scene.meshes.len() as u32 - 1);
+    scene.instances.push(Instance { name: object.name.clone(), mesh, world_from_object, material: None });
+}
+
+fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
+    let Some(fields) = object_fields.table("quad") else { return };
+    let corner = fields.require("corner", fields.vector("corner"));
+    let u = fields.require("u", fields.vector("u"));
+    let v = fields.require("v", fields.vector("v"));
+    fields.finish();
+    let (Some(corner), Some(u), Some(v)) = (corner, u, v) else { return };
+    if u.value.cross(v.value).length() == 0.0 {
+        return fields.problems.push(fields.span(), "'u' and 'v' of a quad span no area");
+    }
+    let m = object.world_from_object;
+    let (mut corner, mut edge_u) = (m.transform_point3(corner.value), m.transform_vector3(u.value));
+    let edge_v = m.transform_vector3(v.value);
+    // A mirroring transform would turn the front to the back.
+    if m.matrix3.determinant() < 0.0 {
+        corner += edge_u;
+        edge_u = -edge_u;
+    }
+    build.loaded.scene.quads.push(Quad { name: object.name.clone(), corner, edge_u, edge_v, material });
+}
+
+fn add_sphere(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
+    let Some(fields) = object_fields.table("sphere") else { return };
+    let center = fields.require("center", fields.vector("center"));
+    let radius = fields.require("radius", fields.number("radius"));
+    fields.finish();
+    let (Some(center), Some(radius)) = (center, radius) else { return };
+    if radius.value <= 0.0 {
+        return fields.problems.push(radius.span, "'radius' of a sphere must be above 0");
+    }
+    let m = object.world_from_object;
+    let name = object.name.clone();
+    if let Some(scale) = uniform_scale(&m) {
+        let rotation = DQuat::from_mat3(&DMat3::from_cols(
+            m.matrix3.x_axis / scale,
+            m.matrix3.y_axis / scale,
+            m.matrix3.z_axis / scale,
+        ));
+        let center = m.transform_point3(center.value);
+        let radius = radius.value * scale;
+        build.loaded.scene.spheres.push(Sphere { name, center, radius, rotation, material });
+        return;
+    }
+    let mut mesh = icosphere(&name, 6);
+    mesh.parts.push(MeshPart { first_triangle: 0, triangle_count: mesh.triangles.len() as u32, material });
+    let message = format!("{name}: its transform bends the sphere, which becomes a mesh of 81,920 triangles");
+    build.loaded.warnings.push(Warning::new(build.file, "", message));
+    let unit =
+        DAffine3::from_scale_rotation_translation(DVec3::splat(radius.value), DQuat::IDENTITY, center.value);
+    add_placed(build, object, mesh, m * unit);
+}

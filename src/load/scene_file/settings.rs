@@ -1,0 +1,32 @@
+//! `[render]`: what the scene says about rendering; the command line overrides each.
+//!
+//! | Key | Meaning | Range |
+//! |---|---|---|
+//! | `width`, `height` | picture in pixels | 1 to 65,536 |
+//! | `samples` | samples a pixel | at least 1 |
+//! | `depth` | largest number of scattering events; 0 shows emission only | |
+//! | `seed` | seed of all randomness | |
+//! | `filter` | `box`, `gaussian`, `blackman-harris` | |
+//! | `microfacet` | `multi` or `single` scattering | |
+//! | `exposure` | exposure of the PNG in stops | -100 to 100 |
+
+use super::fields::Fields;
+use crate::scene::{Filter, Microfacet, Settings};
+
+pub(super) fn read(fields: &Fields) -> Settings {
+    let filters =
+        [("box", Filter::Box), ("gaussian", Filter::Gaussian), ("blackman-harris", Filter::BlackmanHarris)];
+    let settings = Settings {
+        width: fields.integer("width", 1, 65_536),
+        height: fields.integer("height", 1, 65_536),
+        samples: fields.integer("samples", 1, u32::MAX),
+        depth: fields.integer("depth", 0, u32::MAX),
+        seed: fields.integer("seed", 0, u32::MAX),
+        filter: fields.choice("filter", &filters),
+        microfacet: fields
+            .choice("microfacet", &[("multi", Microfacet::Multi), ("single", Microfacet::Single)]),
+        exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
+    };
+    fields.finish();
+    settings
+}

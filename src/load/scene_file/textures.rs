@@ -1,0 +1,171 @@
+//! `[textures.NAME]`, each with a `type`; read when something refers to it.
+//!
+//! | `type` | Keys |
+//! |---|---|
+//! | `"solid"` | `color` |
+//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `bilinear` or `nearest` |
+//! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
+//! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
+
+use super::Build;
+use super::fields::{Fields, color, nearest};
+use crate::load::decode::{self, Use};
+use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
+use std::collections::HashMap;
+use std::ops::Range;
+use toml::Spanned;
+use toml::de::DeValue;
+
+/// The named textures and which of them have been read.
+pub(super) struct Textures<'a> {
+    fields: Option<Fields<'a>>,
+    /// `None` while a texture is being read, and for one that has problems.
+    done: HashMap<String, Option<TextureId>>,
+}
+
+impl<'a> Textures<'a> {
+    pub fn new(fields: Option<Fields<'a>>) -> Textures<'a> {
+        Textures { fields, done: HashMap::new() }
+    }
+
+    /// A colour: constant, or the name of a texture.
+    pub fn slot(&mut self, build: &mut Build, fields: &Fields<'a>, key: &'static str) -> Option<ColorSlot> {
+        let value = fields.raw(key)?;
+        match value.get_ref().as_str() {
+            Some(name) => self.get(build, name, value.span()).map(ColorSlot::texture),
+            None => fields.color(key).map(|c| ColorSlot::constant(c.value)),
+        }
+    }
+
+    /// The texture of a name, read now if it hasn't been.
+    pub fn get(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<TextureId> {
+        if let Some(done) = self.done.get(name) {
+            return *done;
+        }
+        let found = self.fields.as_ref().and_then(|f| f.entries().find(|(n, _)| *n == name));
+        let Some((_, value)) = found else {
+            let known: Vec<&str> = self.fields.iter().flat_map(|f| f.entries().map(|e| e.0)).collect();
+            let help = match nearest(name, known.into_iter()) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => format!("add a table [textures.{name}]"),
+            };
+            build.problems.push_help(span, format!("there is no texture '{name}'"), help);
+            return None;
+        };
+        self.done.insert(name.to_string(), None);
+        let texture = self.read(build, name, value);
+        let id = texture.map(|t| push(build, t));
+        self.done.insert(name.to_string(), id);
+        id
+    }
+
+    fn read(&mut self, build: &mut Build, name: &str, value: &'a Spanned<DeValue<'a>>) -> Option<Texture> {
+        let Some(table) = value.get_ref().as_table() else {
+            build.problems.push(value.span(), format!("texture '{name}' must be a table"));
+            return None;
+        };
+        let problems = self.fields.as_ref()?.problems;
+        let fields = Fields::new(format!("texture '{name}'"), table, value.span(), problems);
+        let kinds =
+            [("solid", 0), ("image", 1), ("checker", 2), ("perlin", 3), ("turbulence", 4), ("marble", 5)];
+        fields.require("type", fields.string("type"));
+        let texture = match fields.choice("type", &kinds)? {
+            0 => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
+            1 => image_texture(build, &fields),
+            2 => self.checker(build, &fields, name),
+            3 => Some(noise(&fields, NoiseKind::Perlin)),
+            4 => Some(noise(&fields, NoiseKind::Turbulence)),
+            _ => Some(noise(&fields, NoiseKind::Marble)),
+        };
+        fields.finish();
+        texture
+    }
+
+    fn checker(&mut self, build: &mut Build, fields: &Fields<'a>, name: &str) -> Option<Texture> {
+        let even = self.cell(build, fields, "even", name);
+        let odd = self.cell(build, fields, "odd", name);
+        let cell_size = fields.number_in("size", 1e-9..1e9, 1.0) as f32;
+        let mappings = [("world", Mapping::World), ("uv", Mapping::default())];
+        let mapping = fields.choice("mapping", &mappings).unwrap_or(Mapping::World);
+        Some(Texture::Checker { even: even?, odd: odd?, cell_size, mapping })
+    }
+
+    fn cell(
+        &mut self,
+        build: &mut Build,
+        fields: &Fields<'a>,
+        key: &'static str,
+        own: &str,
+    ) -> Option<TextureId> {
+        let value = fields.require(key, fields.raw(key))?;
+        match value.get_ref().as_str() {
+            Some(other) if self.done.get(other) == Some(&None) => {
+                let message = format!("texture '{own}' contains itself, or '{other}' has a problem");
+                build.problems.push(value.span(), message);
+                None
+            }
+            Some(other) => self.get(build, other, value.span()),
+            None => match color(value.get_ref()) {
+                Some(c) => Some(push(build, Texture::Solid(c))),
+                None => fields.color(key).and(None),
+            },
+        }
+    }
+
+    /// Notes textures that nothing refers to.
+    pub fn check_unused(&self, build: &mut Build) {
+        for (name, _) in self.fields.iter().flat_map(|f| f.entries()) {
+            if !self.done.contains_key(name) {
+                build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
+            }
+        }
+    }
+}
+
+fn push(build: &mut Build, texture: Texture) -> TextureId {
+    let textures = &mut build.loaded.scene.textures;
+    textures.push(texture);
+    TextureId(textures.len() as u32 - 1)
+}
+
+fn image_texture(build: &mut Build, fields: &Fields) -> Option<Texture> {
+    let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
+    let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
+    let interpolations = [("bilinear", Interpolation::Bilinear), ("nearest", Interpolation::Nearest)];
+    let interpolation = fields.choice("interpolation", &interpolations).unwrap_or_default();
+    let file = fields.require("file", fields.string("file"))?;
+    let image = read_image(build, file.value, file.span, Use::Color)?;
+    Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping: Mapping::default() })
+}
+
+fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
+    Texture::Noise {
+        kind,
+        frequency: fields.number_in("frequency", 1e-6..1e6, 1.0) as f32,
+        octaves: fields.integer("octaves", 1, 16).unwrap_or(7),
+        low: fields.color("low").map_or([0.0; 3], |c| c.value),
+        high: fields.color("high").map_or([1.0; 3], |c| c.value),
+        seed: fields.integer("seed", 0, u32::MAX).unwrap_or(0),
+    }
+}
+
+/// Reads an image file, named relative to the scene file, into the scene.
+pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purpose: Use) -> Option<ImageId> {
+    let path = build.file.parent().unwrap_or(build.file).join(name);
+    let images = &mut build.loaded.scene.images;
+    // One file serves several textures.
+    let known = path.display().to_string();
+    if let Some(i) = images.iter().position(|i| i.name == known) {
+        return Some(ImageId(i as u32));
+    }
+    match decode::read(&path, purpose, &mut build.loaded.warnings) {
+        Ok(image) => {
+            images.push(image);
+            Some(ImageId(images.len() as u32 - 1))
+        }
+        Err(e) => {
+            build.problems.push(span, e.to_string());
+            None
+        }
+    }
+}

@@ -1,0 +1,185 @@
+//! Triangle meshes of simple shapes, and repair of meshes from files.
+
+use crate::math::{DAffine3, DVec3};
+use crate::scene::Mesh;
+
+/// Sets vertices that are not finite to the origin and removes the triangles that use them; returns how many.
+/// Normals that have no direction become those of a flat triangle: all of the mesh's normals go if none is usable.
+pub(super) fn drop_unusable_triangles(mesh: &mut Mesh) -> usize {
+    let bad: Vec<bool> = mesh.positions.iter().map(|p| !p.iter().all(|x| x.is_finite())).collect();
+    let before = mesh.triangles.len();
+    if bad.contains(&true) {
+        mesh.triangles.retain(|t| !t.iter().any(|&i| bad.get(i as usize).copied().unwrap_or(false)));
+        for (p, _) in mesh.positions.iter_mut().zip(&bad).filter(|(_, b)| **b) {
+            *p = [0.0; 3];
+        }
+    }
+    normalize_normals(mesh);
+    before - mesh.triangles.len()
+}
+
+/// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.
+pub(super) fn normalize_normals(mesh: &mut Mesh) {
+    let unit = |n: [f32; 3]| DVec3::from(n.map(f64::from)).try_normalize().map(|n| n.as_vec3().to_array());
+    if mesh.normals.iter().all(|&n| unit(n).is_none()) {
+        mesh.normals.clear();
+        return;
+    }
+    let mut missing = vec![false; mesh.normals.len()];
+    for (n, missing) in mesh.normals.iter_mut().zip(&mut missing) {
+        match unit(*n) {
+            Some(u) => *n = u,
+            None => {
+                *n = [0.0, 1.0, 0.0];
+                *missing = true;
+            }
+        }
+    }
+    for t in mesh.triangles.iter().filter(|t| t.iter().any(|&i| missing[i as usize])) {
+        let [a, b, c] = t.map(|i| DVec3::from(mesh.positions[i as usize].map(f64::from)));
+        if let Some(face) = (b - a).cross(c - a).try_normalize() {
+            for i in t.map(|i| i as usize).into_iter().filter(|&i| missing[i]) {
+                mesh.normals[i] = face.as_vec3().to_array();
+            }
+        }
+    }
+}
+
+/// The polygon faces of a shape in object space, counter-clockwise from outside.
+pub(super) struct Faces {
+    /// Corners and texture coordinates of the corners.
+    pub faces: Vec<Vec<(DVec3, [f32; 2])>>,
+}
+
+const SQUARE: [[f32; 2]; 4] = [[0.0, 1.0], [1.0, 1.0], [1.0, 0.0], [0.0, 0.0]];
+
+/// A box in the order -x, +x, -y, +y, -z, +z.
+pub(super) fn box_faces(min: DVec3, max: DVec3) -> Faces {
+    let corner = |bits: usize| {
+        DVec3::new(
+            if bits & 1 == 0 { min.x } else { max.x },
+            if bits & 2 == 0 { min.y } else { max.y },
+            if bits & 4 == 0 { min.z } else { max.z },
+        )
+    };
+    let faces = [[0, 4, 6, 2], [5, 1, 3, 7], [0, 1, 5, 4], [6, 7, 3, 2], [1, 0, 2, 3], [4, 5, 7, 6]];
+    let face = |f: [usize; 4]| f.into_iter().map(corner).zip(SQUARE).collect();
+    Faces { faces: faces.into_iter().map(face).collect() }
+}
+
+/// A pyramid over a rectangle in the x-z plane around `base`: the base first, then the sides towards +z, +x, -z, -x.
+pub(super) fn pyramid_faces(base: DVec3, size: [f64; 2], height: f64) -> Faces {
+    let (x, z) = (DVec3::X * (size[0] / 2.0), DVec3::Z * (size[1] / 2.0));
+    let ring = [base - x + z, base + x + z, base + x - z, base - x - z];
+    let apex = base + DVec3::Y * height;
+    let mut faces = vec![[3, 2, 1, 0].map(|i| ring[i]).into_iter().zip(SQUARE).collect::<Vec<_>>()];
+    for i in 0..4 {
+        faces.push(vec![(ring[i], SQUARE[0]), (ring[(i + 1) % 4], SQUARE[1]), (apex, [0.5, 0.0])]);
+    }
+    Faces { faces }
+}
+
+/// One triangle.
+pub(super) fn triangle_faces(corners: [DVec3; 3]) -> Faces {
+    let uv = [[0.0, 1.0], [1.0, 1.0], [0.0, 0.0]];
+    Faces { faces: vec![corners.into_iter().zip(uv).collect()] }
+}
+
+impl Faces {
+    /// A flat mesh without parts, and the number of triangles of each face. Vertices are relative to `origin`, so that
+    /// f32 keeps their precision far from the world's origin.
+    pub fn to_mesh(&self, name: &str, origin: DVec3) -> (Mesh, Vec<u32>) {
+        let mut mesh = Mesh { name: name.to_string(), uv_sets: vec![Vec::new()], ..Mesh::default() };
+        let mut counts = Vec::new();
+        for face in &self.faces {
+            let first = mesh.positions.len() as u32;
+            for (p, uv) in face {
+                mesh.positions.push((*p - origin).as_vec3().to_array());
+                mesh.uv_sets[0].push(*uv);
+            }
+            let count = face.len() as u32 - 2;
+            mesh.triangles.extend((1..=count).map(|i| [first, first + i, first + i + 1]));
+            counts.push(count);
+        }
+        (mesh, counts)
+    }
+}
+
+/// A sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles, unit radius.
+pub(super) fn icosphere(name: &str, levels: u32) -> Mesh {
+    let g = (1.0 + 5f64.sqrt()) / 2.0;
+    let mut points: Vec<DVec3> = Vec::new();
+    for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
+        points.extend([DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)]);
+    }
+    let mut triangles = Vec::new();
+    for i in 0..12u32 {
+        for j in i + 1..12 {
+            for k in j + 1..12 {
+                let [a, b, c] = [i, j, k].map(|v| points[v as usize]);
+                // Edges of this icosahedron have length 2.
+                if [(a, b), (b, c), (c, a)].iter().all(|(p, q)| (p.distance(*q) - 2.0).abs() < 1e-9) {
+                    let outward = (b - a).cross(c - a).dot(a) > 0.0;
+                    triangles.push(if outward { [i, j, k] } else { [i, k, j] });
+                }
+            }
+        }
+    }
+    points.iter_mut().for_each(|p| *p = p.normalize());
+    for _ in 0..levels {
+        subdivide(&mut points, &mut triangles);
+    }
+    let normals: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
+    Mesh { name: name.to_string(), positions: normals.clone(), triangles, normals, ..Mesh::default() }
+}
+
+fn subdivide(points: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>) {
+    let mut middles = std::collections::HashMap::new();
+    let mut next = Vec::with_capacity(triangles.len() * 4);
+    for &[a, b, c] in triangles.iter() {
+        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
+            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
+                points.push((points[p as usize] + points[q as usize]).normalize());
+                points.len() as u32 - 1
+            })
+        });
+        next.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+    }
+    *triangles = next;
+}
+
+/// The uniform scale of a transform that only rotates, moves and scales evenly; `None` for any other.
+pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
+    let m = transform.matrix3;
+    let lengths = [m.x_axis.length(), m.y_axis.length(), m.z_axis.length()];
+    let scale = lengths[0];
+    let even = lengths.iter().all(|l| (l - scale).abs() <= 1e-9 * scale);
+    let square = [m.x_axis.dot(m.y_axis), m.y_axis.dot(m.z_axis), m.z_axis.dot(m.x_axis)]
+        .iter()
+        .all(|d| d.abs() <= 1e-9 * scale * scale);
+    (scale > 0.0 && scale.is_finite() && even && square && m.determinant() > 0.0).then_some(scale)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn volume(mesh: &Mesh) -> f64 {
+        let corner = |i: u32| DVec3::from(mesh.positions[i as usize].map(f64::from));
+        mesh.triangles.iter().map(|t| corner(t[0]).dot(corner(t[1]).cross(corner(t[2]))) / 6.0).sum()
+    }
+
+    #[test]
+    fn closed_shapes_face_outwards_and_hold_their_volume() {
+        let (b, counts) =
+            box_faces(DVec3::new(-1.0, 0.0, 2.0), DVec3::new(1.0, 3.0, 6.0)).to_mesh("b", DVec3::ZERO);
+        assert!((volume(&b) - 24.0).abs() < 1e-5);
+        assert_eq!(counts, [2; 6]);
+        let (p, counts) = pyramid_faces(DVec3::Y, [2.0, 3.0], 5.0).to_mesh("p", DVec3::ZERO);
+        assert!((volume(&p) - 10.0).abs() < 1e-5);
+        assert_eq!(counts, [2, 1, 1, 1, 1]);
+        let s = icosphere("s", 5);
+        assert_eq!(s.triangles.len(), 20 * 4usize.pow(5));
+        assert!((volume(&s) / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
+    }
+}

@@ -1,0 +1,175 @@
+//! Scene files: what they build, and that every problem is reported with its line.
+
+use oscura::error::Error;
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::math::DVec3;
+use oscura::scene::Projection;
+use std::path::{Path, PathBuf};
+
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes")
+}
+
+fn load_text(text: &str) -> Result<Loaded, Error> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    std::fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").expect("written");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    load(&path, &LoadOptions::default())
+}
+
+fn with_camera(rest: &str) -> String {
+    format!(
+        "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
+         materials.default = {{ type = \"lambert\" }}\n{rest}"
+    )
+}
+
+#[test]
+fn every_example_loads_without_warnings() {
+    let mut seen = 0;
+    for entry in std::fs::read_dir(scenes()).expect("scenes/ exists") {
+        let path = entry.expect("an entry").path();
+        if path.extension().is_some_and(|e| e == "toml") {
+            let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+            assert!(loaded.warnings.is_empty(), "{}: {:?}", path.display(), loaded.warnings);
+            seen += 1;
+        }
+    }
+    assert!(seen >= 4);
+}
+
+#[test]
+fn the_cornell_box_has_its_view_and_a_light_that_faces_down() {
+    let scene = load(&scenes().join("cornell-quads.toml"), &LoadOptions::default()).expect("it loads").scene;
+    let camera = &scene.cameras[0];
+    assert!(camera.world_from_camera.transform_vector3(-DVec3::Z).distance(DVec3::Z) < 1e-12);
+    // Seen from the front, +x is on the left, where the red wall is.
+    assert!(camera.world_from_camera.transform_vector3(DVec3::X).distance(-DVec3::X) < 1e-12);
+    let Projection::Perspective { vfov_rad } = camera.projection else { panic!("not perspective") };
+    assert!((vfov_rad - 2.0 * (12.5f64 / 35.0).atan()).abs() < 1e-9);
+    let light = scene.quads.iter().find(|q| q.name == "light").expect("a light");
+    let normal = light.edge_u.cross(light.edge_v);
+    assert!(normal.normalize().distance(-DVec3::Y) < 1e-12);
+    assert!((normal.length() - 0.13 * 0.105).abs() < 1e-12);
+    let emission = scene.materials[light.material.index()].emission.expect("it shines");
+    assert!(!emission.two_sided && emission.radiance.factor == [17.0, 12.0, 4.0]);
+}
+
+#[test]
+fn transforms_apply_in_the_listed_order() {
+    let text = with_camera(
+        r#"
+        [[objects]]
+        sphere = { center = [1, 0, 0], radius = 1 }
+        transform = [{ scale = 2 }, { rotate = { axis = [0, 1, 0], angle = 90 } }, { translate = [0, 0, 10] }]
+        [[objects]]
+        quad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }
+        transform = [{ matrix = [1, 0, 0, 5, 0, 2, 0, 6, 0, 0, 1, 7, 0, 0, 0, 1] }]
+        [[objects]]
+        quad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }
+        transform = [{ scale = [-1, 1, 1] }]
+        [[objects]]
+        quad = { corner = [1, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }
+        transform = [{ euler = [0, 0, 90] }, { quaternion = [0, 0.7071067811865476, 0, 0.7071067811865476] }]
+        "#,
+    );
+    let scene = load_text(&text).unwrap_or_else(|e| panic!("{e}")).scene;
+    // Scaled to (2, 0, 0), turned to (0, 0, -2), moved to (0, 0, 8).
+    assert!(scene.spheres[0].center.distance(DVec3::new(0.0, 0.0, 8.0)) < 1e-12);
+    assert!((scene.spheres[0].radius - 2.0).abs() < 1e-12);
+    assert!(scene.quads[0].corner.distance(DVec3::new(5.0, 6.0, 7.0)) < 1e-12);
+    assert!(scene.quads[0].edge_v.distance(DVec3::Y * 2.0) < 1e-12);
+    // Mirrored, its front still looks to +z.
+    assert!(scene.quads[1].edge_u.cross(scene.quads[1].edge_v).z > 0.0);
+    assert!(scene.quads[2].corner.distance(DVec3::Y) < 1e-12);
+}
+
+#[test]
+fn all_problems_come_at_once_with_their_lines_and_near_names() {
+    let text = "camera = { look_from = [0, 0, 5], look_att = [0, 0, 0] }\n\
+                [materials]\nglass = { type = \"dielectric\", ior = \"high\" }\n\
+                [[objects]]\nsphere = { center = [0, 0, 0], radius = -1 }\nmaterial = \"glas\"\n\
+                [[objects]]\nmesh = \"missing.glb\"\nmaterial = \"glass\"\n[rendr]\n";
+    let error = load_text(text).expect_err("it is wrong");
+    let shown = error.to_string();
+    for part in [
+        "line 1: 'camera' has no key 'look_att' (did you mean 'look_at'?)",
+        "line 1: 'camera' needs 'look_at'",
+        "line 3: 'ior' of material 'glass' must be a finite number",
+        "line 5: 'radius' of a sphere must be above 0",
+        "line 6: there is no material 'glas' (did you mean 'glass'?)",
+        "line 8: 'missing.glb': ",
+        "line 10: the scene file has no key 'rendr' (did you mean 'render'?)",
+    ] {
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+    assert_eq!(error.problems.len(), 7, "{shown}");
+    assert_eq!(error.source_text.as_deref(), Some(text));
+}
+
+#[test]
+fn meshes_are_loaded_once_and_unreferenced_images_never() {
+    let text = with_camera(
+        "textures.wood = { type = \"image\", file = \"missing.png\" }\n\
+         materials.floor = { type = \"lambert\", color = \"wood\" }\n\
+         materials.red = { type = \"lambert\", color = [1, 0, 0] }\n\
+         [[objects]]\nmesh = \"a.obj\"\n\
+         [[objects]]\nmesh = \"./a.obj\"\nmaterial = \"red\"\ntransform = [{ translate = [0, 3, 0] }]\n",
+    );
+    let loaded = load_text(&text).unwrap_or_else(|e| panic!("{e}"));
+    let scene = loaded.scene;
+    assert_eq!((scene.meshes.len(), scene.instances.len()), (1, 2));
+    let material = scene.instances[1].material.expect("an override");
+    assert_eq!(scene.materials[material.index()].name, "red");
+    assert_eq!(scene.instances[1].world_from_object.translation.y, 3.0);
+    assert!(scene.textures.is_empty());
+    // The texture, its material and the default one.
+    assert_eq!(loaded.left_out.len(), 3);
+}
+
+#[test]
+fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
+    let cycle = with_camera(
+        "textures.a = { type = \"checker\", even = \"b\", odd = 0 }\n\
+         textures.b = { type = \"checker\", even = \"a\", odd = 1 }\n\
+         materials.m = { type = \"lambert\", color = \"a\" }\n\
+         [[objects]]\nmaterial = \"m\"\nsphere = { center = [0, 0, 0], radius = 1 }\n",
+    );
+    assert!(load_text(&cycle).expect_err("a cycle").to_string().contains("contains itself"));
+    let bent =
+        "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\ntransform = [{ scale = [1, 2, 1] }]\n";
+    let loaded = load_text(&with_camera(bent)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((loaded.scene.spheres.len(), loaded.scene.meshes[0].triangles.len()), (0, 81_920));
+    assert_eq!(loaded.warnings.len(), 1);
+}
+
+/// A small generator for damaged files: the same ones on every run (splitmix64).
+fn random(state: &mut u64) -> usize {
+    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
+    let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+    ((z ^ (z >> 31)) >> 1) as usize
+}
+
+#[test]
+fn damaged_scene_files_never_panic() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    let original = std::fs::read(scenes().join("materials.toml")).expect("it exists");
+    let (mut state, mut refused) = (1, 0);
+    for _ in 0..600 {
+        let mut bytes = original.clone();
+        for _ in 0..1 + random(&mut state) % 4 {
+            let at = random(&mut state) % bytes.len();
+            match random(&mut state) % 3 {
+                0 => bytes.truncate(at.max(1)),
+                1 => bytes[at] = random(&mut state) as u8,
+                _ => bytes.insert(at, b"[]{}=\"#.-9e\n,"[random(&mut state) % 13]),
+            }
+        }
+        std::fs::write(&path, &bytes).expect("written");
+        refused += usize::from(load(&path, &LoadOptions::default()).is_err_and(|e| !e.problems.is_empty()));
+    }
+    assert!(refused > 200, "only {refused} of 600 were refused");
+}
