@@ -35,3 +35,8 @@ pub mod image;
 pub mod scene;
 
 pub mod load;
+
+pub mod compile;
+pub mod film;
+
+pub mod render;
