@@ -40,3 +40,5 @@ pub mod compile;
 pub mod film;
 
 pub mod render;
+
+pub mod output;
