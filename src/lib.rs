@@ -31,6 +31,7 @@ pub mod math;
 pub mod simd;
 
 pub mod image;
+pub mod metrics;
 
 pub mod scene;
 

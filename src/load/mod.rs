@@ -4,6 +4,7 @@
 pub mod gltf;
 pub mod image;
 pub mod obj;
+pub mod picture;
 pub mod ply;
 pub mod scene_file;
 
