@@ -16,7 +16,7 @@ pub const BACKGROUND_DEPTH: f32 = 1e10;
 /// computed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AovSet {
-    /// Distance from the camera to the first surface along its viewing axis or ray, metres.
+    /// Depth of the first surface as seen from the camera, metres.
     pub depth: bool,
     /// Shading normal of the first surface in world space.
     pub normal: bool,
