@@ -31,6 +31,7 @@ pub mod math;
 pub mod simd;
 
 pub mod image;
+pub mod metrics;
 pub mod sampling;
 
 pub mod scene;
@@ -43,3 +44,12 @@ pub mod bsdf;
 pub mod texture;
 
 pub mod light;
+
+pub mod accel;
+
+pub mod compile;
+pub mod film;
+
+pub mod render;
+
+pub mod output;

@@ -1,2 +1,7 @@
-//! The command line's door.
-fn main() {}
+//! The command line's door; see `cli`.
+
+mod cli;
+
+fn main() -> std::process::ExitCode {
+    cli::main()
+}

@@ -6,6 +6,7 @@ pub mod framing;
 pub mod gltf;
 pub mod image;
 pub mod obj;
+pub mod picture;
 pub mod ply;
 mod polygon;
 pub mod scene_file;

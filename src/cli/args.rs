@@ -1,0 +1,174 @@
+//! The arguments as clap parses them; nothing is decided here.
+
+use clap::{Args, Parser, Subcommand, ValueEnum};
+use std::path::PathBuf;
+
+const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
+130 interrupted. A setting comes from the command line, else from the scene file, else from its default.";
+
+/// An offline path tracer: glTF, OBJ, PLY and scene files in, EXR and PNG out.
+#[derive(Debug, Parser)]
+#[command(name = "oscura", version, after_help = AFTER)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene to EXR and PNG files.
+    Render(RenderArgs),
+    /// Say what is in a scene and what would not be rendered.
+    Inspect(InspectArgs),
+    /// Measure how far a picture is from a reference.
+    Compare(CompareArgs),
+}
+
+/// Reconstruction filters.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FilterArg {
+    Box,
+    Gaussian,
+    BlackmanHarris,
+}
+
+/// Microfacet models.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum MicrofacetArg {
+    Multi,
+    Single,
+}
+
+/// View transforms of PNGs.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ViewArg {
+    Srgb,
+    Filmic,
+}
+
+/// What an EXR may hold besides colour.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum AovArg {
+    Depth,
+    Normal,
+    Albedo,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct RenderArgs {
+    /// The scene: .gltf, .glb, .obj, .ply or .toml.
+    pub scene: PathBuf,
+    /// File to write, .exr or .png; may be given several times.
+    #[arg(short, long, required = true, value_name = "FILE")]
+    pub output: Vec<PathBuf>,
+    /// Samples a pixel [default: 128].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    pub spp: Option<u32>,
+    /// Width in pixels [default: from the height or 1280].
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub width: Option<u32>,
+    /// Height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    pub height: Option<u32>,
+    /// Most scattering events of a path; 0 shows emission only [default: 100].
+    #[arg(long, value_name = "N")]
+    pub depth: Option<u32>,
+    /// Seed of all randomness [default: 0].
+    #[arg(long, value_name = "N")]
+    pub seed: Option<u32>,
+    /// Threads [default: one a core]. The picture doesn't depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    pub threads: Option<u16>,
+    /// Camera by name or number, from 0 [default: 0].
+    #[arg(long, value_name = "CAMERA")]
+    pub camera: Option<String>,
+    /// Environment picture (.exr or .hdr), equirectangular; '' for none.
+    #[arg(long, value_name = "FILE")]
+    pub env: Option<PathBuf>,
+    /// Factor on the environment.
+    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    pub env_strength: Option<f32>,
+    /// Turns the environment picture about the vertical axis, degrees.
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    pub env_rotation: Option<f64>,
+    /// Reconstruction filter [default: blackman-harris].
+    #[arg(long)]
+    pub filter: Option<FilterArg>,
+    /// Stop after this many seconds of rendering and write what is there.
+    #[arg(long, value_name = "S", value_parser = seconds)]
+    pub time_limit: Option<std::time::Duration>,
+    /// Write the EXR's colour as 32-bit floats.
+    #[arg(long)]
+    pub float: bool,
+    /// Further channels of the EXR.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub aov: Vec<AovArg>,
+    /// Microfacet model [default: multi].
+    #[arg(long)]
+    pub microfacet: Option<MicrofacetArg>,
+    /// How PNGs look.
+    #[arg(long, default_value = "srgb")]
+    pub view: ViewArg,
+    /// Exposure of PNGs in stops [default: 0].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    pub exposure: Option<f32>,
+    /// Dither PNGs.
+    #[arg(long)]
+    pub dither: bool,
+    /// Whose picture it is, for the EXR's header.
+    #[arg(long, value_name = "NAME")]
+    pub owner: Option<String>,
+    /// Leave times and dates out of the files: the same command gives the same bytes.
+    #[arg(long)]
+    pub reproducible: bool,
+    /// Treat warnings as errors.
+    #[arg(long)]
+    pub strict: bool,
+    /// Say what was left out because the picture doesn't need it.
+    #[arg(long)]
+    pub explain: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Print one JSON object about the run on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct InspectArgs {
+    /// The scene: .gltf, .glb, .obj, .ply or .toml.
+    pub scene: PathBuf,
+    /// Print one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct CompareArgs {
+    /// The picture (.exr or .hdr).
+    pub picture: PathBuf,
+    /// The reference.
+    pub reference: PathBuf,
+    /// The same picture with another seed, for a statistical test; exit code 1 if it fails.
+    #[arg(long, value_name = "FILE", requires = "var")]
+    pub other_seed: Option<PathBuf>,
+    /// Variance of the reference's pixels.
+    #[arg(long, value_name = "FILE", requires = "other_seed")]
+    pub var: Option<PathBuf>,
+    /// Write the signed difference as a picture: red where the picture is brighter, blue where it is darker.
+    #[arg(short, long, value_name = "FILE.png")]
+    pub output: Option<PathBuf>,
+    /// Print one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+fn seconds(text: &str) -> Result<std::time::Duration, String> {
+    let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_string())?;
+    let valid = value > 0.0;
+    std::time::Duration::try_from_secs_f64(value)
+        .ok()
+        .filter(|_| valid)
+        .ok_or_else(|| "must be a number of seconds above 0".to_string())
+}

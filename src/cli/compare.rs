@@ -1,0 +1,109 @@
+//! `oscura compare`: errors against a reference, and whether a difference is more than noise.
+
+use super::Outcome;
+use super::args::CompareArgs;
+use super::json::Json;
+use super::report::print_line;
+use oscura::error::{Error, Result};
+use oscura::image::Image;
+use oscura::load::picture::load_linear_rgb;
+use oscura::metrics::{Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test};
+use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
+use std::path::Path;
+
+pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
+    if let Some(path) = &args.output {
+        if Format::of(path)? != Format::Png {
+            return Err(Error::usage(format!("{}: the difference is written as .png", path.display())));
+        }
+        check_target(path)?;
+    }
+    let reference = read(&args.reference, None)?;
+    let picture = read(&args.picture, Some(&reference))?;
+    let measured = errors(&picture, &reference);
+    let test = match (&args.other_seed, &args.var) {
+        (Some(other), Some(variance)) => {
+            let other = read(other, Some(&reference))?;
+            let variance = read(variance, Some(&reference))?;
+            Some(z_test(&picture, &other, &reference, &variance))
+        }
+        _ => None,
+    };
+    if let Some(path) = &args.output {
+        let pixels = difference_picture(&picture, &reference);
+        let png = encode_png_rgb8(&pixels, picture.width, picture.height)
+            .map_err(|message| Error::output(path, message))?;
+        write_atomically(path, &png)?;
+    }
+    if args.json {
+        print_line(&to_json(&measured, test.as_ref()).to_string());
+    } else {
+        print(&measured, test.as_ref());
+    }
+    Ok(if test.is_none_or(|t| t.agrees()) { Outcome::Done } else { Outcome::Disagreement })
+}
+
+/// A picture whose numbers can be compared: finite, and as large as the reference.
+fn read(path: &Path, reference: Option<&Image>) -> Result<Image> {
+    let image = load_linear_rgb(path)?;
+    let invalid = non_finite_pixels(&image);
+    if invalid > 0 {
+        return Err(Error::input(path, format!("{invalid} pixels are NaN or infinite")));
+    }
+    if let Some(r) = reference
+        && (r.width, r.height) != (image.width, image.height)
+    {
+        let sizes =
+            format!("{} x {} pixels, the reference {} x {}", image.width, image.height, r.width, r.height);
+        return Err(Error::input(path, format!("has {sizes}")).with_help("compare pictures of one size"));
+    }
+    Ok(image)
+}
+
+fn print(measured: &Errors, test: Option<&ZTest>) {
+    let [r, g, b] = measured.mean_ratio();
+    print_line(&format!("RMSE {:.6}", measured.rmse));
+    print_line(&format!("relMSE {:.6}", measured.rel_mse));
+    print_line(&format!("mean ratio R {r:.5} G {g:.5} B {b:.5}"));
+    let Some(test) = test else { return };
+    for (name, c) in ["R", "G", "B"].iter().zip(&test.channels) {
+        print_line(&format!(
+            "{name}: mean {:.6} ref {:.6} ratio {:.5} +- {:.5} ({:+.1} sigma)",
+            c.mean,
+            c.reference,
+            c.mean / c.reference,
+            c.sigma / c.reference,
+            c.z()
+        ));
+    }
+    print_line(&format!(
+        "blocks beyond 3 sigma: {:.2} %  beyond 5: {:.2} %",
+        100.0 * test.beyond_3_sigma,
+        100.0 * test.beyond_5_sigma
+    ));
+    print_line(if test.agrees() { "the pictures agree" } else { "the pictures disagree" });
+}
+
+fn to_json(measured: &Errors, test: Option<&ZTest>) -> Json {
+    let verdict = test.map_or(Json::Null, |test| {
+        let each =
+            |f: fn(&oscura::metrics::ChannelTest) -> f64| Json::decimals(&test.channels.map(|c| f(&c)));
+        Json::Object(vec![
+            ("agrees", Json::Bool(test.agrees())),
+            ("mean", each(|c| c.mean)),
+            ("reference_mean", each(|c| c.reference)),
+            ("sigma", each(|c| c.sigma)),
+            ("z", each(|c| c.z())),
+            ("beyond_3_sigma", Json::Decimal(test.beyond_3_sigma)),
+            ("beyond_5_sigma", Json::Decimal(test.beyond_5_sigma)),
+        ])
+    });
+    Json::Object(vec![
+        ("rmse", Json::Decimal(measured.rmse)),
+        ("rel_mse", Json::Decimal(measured.rel_mse)),
+        ("mean", Json::decimals(&measured.mean)),
+        ("reference_mean", Json::decimals(&measured.reference_mean)),
+        ("mean_ratio", Json::decimals(&measured.mean_ratio())),
+        ("z_test", verdict),
+    ])
+}

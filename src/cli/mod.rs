@@ -1,0 +1,60 @@
+//! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
+//! standard output is for what `--json` and `compare` and `inspect` answer.
+
+mod args;
+mod compare;
+mod inspect;
+mod json;
+mod process;
+mod progress;
+mod render;
+mod report;
+mod settings;
+
+use args::{Arguments, Command};
+use clap::Parser;
+use oscura::error::{Error, ErrorKind};
+use std::process::ExitCode;
+
+/// How a command ended.
+pub(crate) enum Outcome {
+    /// As asked.
+    Done,
+    /// `compare` found that the pictures disagree.
+    Disagreement,
+    /// Stopped by a signal; what was there is written.
+    Interrupted,
+}
+
+/// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
+pub(crate) fn main() -> ExitCode {
+    // clap prints usage errors itself and exits with 2.
+    let arguments = Arguments::parse();
+    let (json, result) = match arguments.command {
+        Command::Render(a) => (a.json, render::run(&a)),
+        Command::Inspect(a) => (a.json, inspect::run(&a)),
+        Command::Compare(a) => (a.json, compare::run(&a)),
+    };
+    match result {
+        Ok(Outcome::Done) => ExitCode::SUCCESS,
+        Ok(Outcome::Disagreement) => ExitCode::from(1),
+        Ok(Outcome::Interrupted) => ExitCode::from(130),
+        Err(error) => {
+            report::error(&error);
+            let code = exit_code(&error);
+            if json {
+                report::print_line(&report::error_json(&error, code).to_string());
+            }
+            ExitCode::from(code)
+        }
+    }
+}
+
+fn exit_code(error: &Error) -> u8 {
+    match error.kind {
+        ErrorKind::Usage => 2,
+        ErrorKind::Input => 3,
+        ErrorKind::Output => 4,
+        ErrorKind::Interrupted => 130,
+    }
+}

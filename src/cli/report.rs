@@ -1,0 +1,207 @@
+//! What the user reads: errors, warnings and the report at the end.
+
+use super::json::Json;
+use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use oscura::compile::CompileReport;
+use oscura::error::{Error, ErrorKind, Problem, Warning};
+use oscura::render::Statistics;
+use std::fmt;
+use std::io::Write;
+
+/// One problem with the line of the file that it is about.
+#[derive(Debug)]
+struct Shown<'a> {
+    problem: &'a Problem,
+    source: NamedSource<String>,
+}
+
+impl fmt::Display for Shown<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.problem.message)
+    }
+}
+
+impl std::error::Error for Shown<'_> {}
+
+impl Diagnostic for Shown<'_> {
+    fn help<'b>(&'b self) -> Option<Box<dyn fmt::Display + 'b>> {
+        self.problem.help.as_ref().map(|help| Box::new(help) as Box<dyn fmt::Display>)
+    }
+
+    fn source_code(&self) -> Option<&dyn SourceCode> {
+        Some(&self.source)
+    }
+
+    fn labels(&self) -> Option<Box<dyn Iterator<Item = LabeledSpan> + '_>> {
+        let span = self.problem.span.clone()?;
+        Some(Box::new(std::iter::once(LabeledSpan::new_with_span(None, span))))
+    }
+}
+
+/// Prints an error with all its problems, lines of the file where they are known.
+pub(crate) fn error(error: &Error) {
+    let file = error.file.as_ref().map(|f| f.display().to_string());
+    let count = error.problems.len();
+    match &file {
+        Some(file) if count > 1 => eprintln!("error: {file}: {count} problems"),
+        Some(file) => eprintln!("error: {file}"),
+        None => eprintln!("error:"),
+    }
+    for problem in &error.problems {
+        match (&error.source_text, &problem.span) {
+            (Some(text), Some(_)) => {
+                eprintln!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
+            }
+            _ => plain(problem),
+        }
+    }
+}
+
+fn plain(problem: &Problem) {
+    let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
+    eprintln!("  {place}{}", problem.message);
+    if let Some(help) = &problem.help {
+        eprintln!("    help: {help}");
+    }
+}
+
+fn snippet(problem: &Problem, text: &str, file: &str) -> String {
+    let handler = miette::GraphicalReportHandler::new_themed(theme());
+    let source = NamedSource::new(file, text.to_string());
+    let mut out = String::new();
+    match handler.render_report(&mut out, &Shown { problem, source }) {
+        Ok(()) => out,
+        // A span outside the text: the message matters more than the line.
+        Err(_) => format!("  {problem}"),
+    }
+}
+
+/// Colours on a terminal only, and never against `NO_COLOR` (<https://no-color.org>).
+fn theme() -> miette::GraphicalTheme {
+    use std::io::IsTerminal;
+    let refused = std::env::var_os("NO_COLOR").is_some_and(|v| !v.is_empty());
+    if !refused && std::io::stderr().is_terminal() {
+        miette::GraphicalTheme::unicode()
+    } else {
+        miette::GraphicalTheme::unicode_nocolor()
+    }
+}
+
+/// An error for `--json`.
+pub(crate) fn error_json(error: &Error, exit_code: u8) -> Json {
+    let kind = match error.kind {
+        ErrorKind::Usage => "usage",
+        ErrorKind::Input => "input",
+        ErrorKind::Output => "output",
+        ErrorKind::Interrupted => "interrupted",
+    };
+    let file = error.file.as_ref().map_or(Json::Null, |f| Json::Text(f.display().to_string()));
+    let fields = vec![
+        ("kind", Json::Text(kind.into())),
+        ("exit_code", Json::Integer(exit_code.into())),
+        ("file", file),
+        ("problems", Json::texts(&error.problems)),
+    ];
+    Json::Object(vec![("error", Json::Object(fields))])
+}
+
+/// Prints a line on standard output. Nobody listening any more is no error.
+pub(crate) fn print_line(line: &str) {
+    let _ = writeln!(std::io::stdout(), "{line}");
+}
+
+/// Prints warnings.
+pub(crate) fn warnings(list: &[Warning]) {
+    for warning in list {
+        eprintln!("warning: {warning}");
+    }
+}
+
+/// Everything about a finished run.
+pub(crate) struct Run {
+    pub load_s: f64,
+    pub write_s: f64,
+    pub width: u32,
+    pub height: u32,
+    pub seed: u32,
+    pub compiled: CompileReport,
+    pub statistics: Statistics,
+    pub peak_memory: Option<u64>,
+    pub outputs: Vec<String>,
+    pub warnings: Vec<Warning>,
+    pub left_out: Vec<String>,
+}
+
+impl Run {
+    /// The object that `--json` prints.
+    pub fn to_json(&self) -> Json {
+        let (s, c) = (&self.statistics, &self.compiled);
+        Json::Object(vec![
+            ("load_s", Json::Decimal(self.load_s)),
+            ("build_s", Json::Decimal(c.build_s)),
+            ("render_s", Json::Decimal(s.render_s)),
+            ("write_s", Json::Decimal(self.write_s)),
+            ("render_cpu_s", Json::Decimal(s.render_cpu_s)),
+            ("width", Json::Integer(self.width.into())),
+            ("height", Json::Integer(self.height.into())),
+            ("seed", Json::Integer(self.seed.into())),
+            ("samples", Json::Integer(s.samples)),
+            ("samples_per_pixel", Json::Decimal(s.samples_per_pixel)),
+            ("invalid_samples", Json::Integer(s.invalid_samples)),
+            ("rays", Json::Integer(s.rays)),
+            ("peak_memory_bytes", self.peak_memory.map_or(Json::Null, Json::Integer)),
+            ("triangles", Json::Integer(c.triangles)),
+            ("quads", Json::Integer(c.quads)),
+            ("spheres", Json::Integer(c.spheres)),
+            ("lights", Json::Integer(c.lights)),
+            ("scene_bytes", Json::Integer(c.bytes)),
+            ("interrupted", Json::Bool(s.interrupted)),
+            ("timed_out", Json::Bool(s.timed_out)),
+            ("outputs", Json::texts(&self.outputs)),
+            ("warnings", Json::texts(&self.warnings)),
+            ("left_out", Json::texts(&self.left_out)),
+        ])
+    }
+
+    /// The report for people.
+    pub fn print(&self) {
+        let (s, c) = (&self.statistics, &self.compiled);
+        eprintln!(
+            "scene    {} triangles, {} quads, {} spheres, {} lights, {:.1} MiB",
+            c.triangles,
+            c.quads,
+            c.spheres,
+            c.lights,
+            mib(c.bytes)
+        );
+        eprintln!(
+            "picture  {} x {}, {:.4} samples a pixel, {} paths, {} rays",
+            self.width, self.height, s.samples_per_pixel, s.samples, s.rays
+        );
+        eprintln!(
+            "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), write {:.3} s",
+            self.load_s,
+            c.build_s,
+            s.render_s,
+            s.render_cpu_s,
+            s.rays as f64 / s.render_s.max(1e-9) / 1e6,
+            self.write_s
+        );
+        if let Some(bytes) = self.peak_memory {
+            eprintln!("memory   {:.1} MiB at most", mib(bytes));
+        }
+        eprintln!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
+        if s.interrupted {
+            eprintln!("stopped by a signal: the pictures hold the samples taken until then");
+        } else if s.timed_out {
+            eprintln!("stopped by --time-limit: another run may stop elsewhere and give other pixels");
+        }
+        for output in &self.outputs {
+            eprintln!("wrote    {output}");
+        }
+    }
+}
+
+fn mib(bytes: u64) -> f64 {
+    bytes as f64 / (1024.0 * 1024.0)
+}

@@ -1,0 +1,146 @@
+//! From arguments, scene file and defaults to settled options.
+
+use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, ViewArg};
+use oscura::error::{Error, Result, Warning};
+use oscura::film::AovSet;
+use oscura::load::picture::load_linear_rgb;
+use oscura::output::{PngOptions, View};
+use oscura::render::RenderOptions;
+use oscura::scene::{Environment, Filter, ImageId, Microfacet, Scene};
+
+const DEFAULT_WIDTH: u32 = 1280;
+const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
+const DEFAULT_SAMPLES: u32 = 128;
+const DEFAULT_DEPTH: u32 = 100;
+/// Most pixels of a picture; a film takes 36 bytes for each.
+const PIXEL_LIMIT: u64 = 1 << 28;
+
+/// Everything about a run that is decided before it starts.
+pub(crate) struct Settled {
+    pub render: RenderOptions,
+    pub microfacet: Microfacet,
+    pub camera: Option<usize>,
+    pub png: PngOptions,
+}
+
+/// Command line over scene file over defaults.
+pub(crate) fn settle(args: &RenderArgs, scene: &Scene) -> Result<Settled> {
+    let from_file = &scene.settings;
+    let camera = args.camera.as_deref().map(|wanted| find_camera(scene, wanted)).transpose()?;
+    let (width, height) = picture_size(args, scene, camera.unwrap_or(0))?;
+    let filter = args.filter.map(|f| match f {
+        FilterArg::Box => Filter::Box,
+        FilterArg::Gaussian => Filter::Gaussian,
+        FilterArg::BlackmanHarris => Filter::BlackmanHarris,
+    });
+    let microfacet = args.microfacet.map(|m| match m {
+        MicrofacetArg::Multi => Microfacet::Multi,
+        MicrofacetArg::Single => Microfacet::Single,
+    });
+    let exposure = args.exposure.or(from_file.exposure).unwrap_or(0.0);
+    if !exposure.is_finite() {
+        return Err(Error::usage("--exposure must be finite"));
+    }
+    let has = |aov| args.aov.contains(&aov);
+    let render = RenderOptions {
+        width,
+        height,
+        samples: args.spp.or(from_file.samples).unwrap_or(DEFAULT_SAMPLES),
+        seed: args.seed.or(from_file.seed).unwrap_or(0),
+        max_depth: args.depth.or(from_file.depth).unwrap_or(DEFAULT_DEPTH),
+        threads: args.threads.map(usize::from),
+        filter: filter.or(from_file.filter).unwrap_or_default(),
+        aovs: AovSet { depth: has(AovArg::Depth), normal: has(AovArg::Normal), albedo: has(AovArg::Albedo) },
+        time_limit: args.time_limit,
+    };
+    let view = match args.view {
+        ViewArg::Srgb => View::Srgb,
+        ViewArg::Filmic => View::Filmic,
+    };
+    Ok(Settled {
+        render,
+        microfacet: microfacet.or(from_file.microfacet).unwrap_or_default(),
+        camera,
+        png: PngOptions { view, exposure, dither: args.dither },
+    })
+}
+
+fn find_camera(scene: &Scene, wanted: &str) -> Result<usize> {
+    let by_name = scene.cameras.iter().position(|c| c.name == wanted);
+    let by_number = || wanted.parse().ok().filter(|&i: &usize| i < scene.cameras.len());
+    by_name.or_else(by_number).ok_or_else(|| {
+        let names: Vec<String> =
+            scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} '{}'", c.name)).collect();
+        Error::usage(format!("there is no camera '{wanted}'"))
+            .with_help(format!("the scene has: {}", names.join(", ")))
+    })
+}
+
+fn picture_size(args: &RenderArgs, scene: &Scene, camera: usize) -> Result<(u32, u32)> {
+    let file = &scene.settings;
+    let from_camera = scene.cameras.get(camera).and_then(|c| c.aspect_ratio);
+    let aspect = match (file.width, file.height) {
+        (Some(w), Some(h)) => f64::from(w) / f64::from(h),
+        _ => from_camera.filter(|a| *a > 0.0 && a.is_finite()).unwrap_or(DEFAULT_ASPECT),
+    };
+    // One dimension on the command line makes the file's other one meaningless: the aspect ratio stays.
+    let (width, height) = if (args.width, args.height) == (None, None) {
+        (file.width, file.height)
+    } else {
+        (args.width, args.height)
+    };
+    let rounded = |v: f64| v.round().clamp(1.0, 65_536.0) as u32;
+    let (width, height) = match (width, height) {
+        (Some(w), Some(h)) => (w, h),
+        (Some(w), None) => (w, rounded(f64::from(w) / aspect)),
+        (None, Some(h)) => (rounded(f64::from(h) * aspect), h),
+        (None, None) => (DEFAULT_WIDTH, rounded(f64::from(DEFAULT_WIDTH) / aspect)),
+    };
+    if u64::from(width) * u64::from(height) > PIXEL_LIMIT {
+        return Err(Error::usage(format!(
+            "{width} x {height} pixels are more than the {PIXEL_LIMIT} possible"
+        )));
+    }
+    Ok((width, height))
+}
+
+/// Replaces or adjusts the scene's environment as the arguments ask.
+pub(crate) fn apply_environment(args: &RenderArgs, scene: &mut Scene) -> Result<Vec<Warning>> {
+    if args.env_strength.is_some_and(|s| !(s >= 0.0 && s.is_finite())) {
+        return Err(Error::usage("--env-strength must be a finite number, 0 or more"));
+    }
+    if args.env_rotation.is_some_and(|r| !r.is_finite()) {
+        return Err(Error::usage("--env-rotation must be finite"));
+    }
+    if let Some(path) = &args.env {
+        if path.as_os_str().is_empty() {
+            scene.environment = Environment::Black;
+        } else {
+            scene.images.push(load_linear_rgb(path)?);
+            let image = ImageId((scene.images.len() - 1) as u32);
+            scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
+        }
+    }
+    let mut warnings = Vec::new();
+    let factor = args.env_strength;
+    match &mut scene.environment {
+        Environment::Image { strength, rotation_rad, .. } => {
+            *strength = factor.unwrap_or(*strength);
+            *rotation_rad = args.env_rotation.map_or(*rotation_rad, f64::to_radians);
+            return Ok(warnings);
+        }
+        Environment::Constant(color) => *color = color.map(|v| v * factor.unwrap_or(1.0)),
+        Environment::Gradient { nadir, zenith } => {
+            *nadir = nadir.map(|v| v * factor.unwrap_or(1.0));
+            *zenith = zenith.map(|v| v * factor.unwrap_or(1.0));
+        }
+        Environment::Black if factor.is_some() => {
+            warnings.push(Warning::general("--env-strength has no effect: there is no environment"));
+        }
+        Environment::Black => {}
+    }
+    if args.env_rotation.is_some() {
+        warnings.push(Warning::general("--env-rotation has no effect: there is no environment picture"));
+    }
+    Ok(warnings)
+}

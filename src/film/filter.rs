@@ -1,0 +1,206 @@
+//! Reconstruction filters by importance sampling: instead of weighting a sample by the filter, its place is drawn from
+//! the filter (Ernst, Stamminger, Greiner 2006, "Filter Importance Sampling"). Every sample then counts the same and
+//! belongs to one pixel, which needs no border around tiles.
+
+use crate::scene::Filter;
+
+/// Cells of one table.
+const CELLS: usize = 256;
+/// The tables cover these ranges of the probability that is left outside, from the centre to the edge: the long thin
+/// tails of the filters need finer cells.
+const RANGES: [(f32, f32); 3] = [(1.0, 1.0 / 16.0), (1.0 / 16.0, 1.0 / 256.0), (1.0 / 256.0, 0.0)];
+/// Steps of the numerical integral of a filter over half its width.
+const STEPS: usize = 1 << 15;
+
+/// Draws offsets from a pixel's centre, one axis at a time (all filters are separable and symmetric).
+///
+/// The inverse of the cumulative distribution is tabulated over one half, with straight lines between the entries. The
+/// map from `u` is monotone, so stratified numbers stay stratified.
+#[derive(Clone, Debug)]
+pub struct FilterSampler {
+    tables: [[f32; CELLS + 1]; RANGES.len()],
+}
+
+impl FilterSampler {
+    /// Tabulates a filter.
+    pub fn new(filter: Filter) -> FilterSampler {
+        match filter {
+            Filter::Box => FilterSampler::tabulate(0.5, |_| 1.0),
+            // sigma = 0.5: exp(-x^2 / (2 sigma^2)).
+            Filter::Gaussian => FilterSampler::tabulate(1.5, |x| exp_of_negative(2.0 * x * x)),
+            Filter::BlackmanHarris => FilterSampler::tabulate(1.5, |x| blackman_harris(x / 1.5)),
+        }
+    }
+
+    /// The offset in pixels for a number `u` in 0..1; the offsets' density is the filter.
+    #[inline(always)]
+    pub fn sample(&self, u: f32) -> f32 {
+        let signed = 2.0 * u - 1.0;
+        let outside = (1.0 - signed.abs()).max(0.0);
+        let range = usize::from(outside < RANGES[0].1) + usize::from(outside < RANGES[1].1);
+        let (from, to) = RANGES[range];
+        let place = (from - outside) * (CELLS as f32 / (from - to));
+        let cell = (place as usize).min(CELLS - 1);
+        let part = place - cell as f32;
+        let table = &self.tables[range];
+        let offset = table[cell] + part * (table[cell + 1] - table[cell]);
+        if signed < 0.0 { -offset } else { offset }
+    }
+
+    /// Inverts the integral of `density`, which is symmetric and non-negative on `-radius..radius`.
+    fn tabulate(radius: f64, density: impl Fn(f64) -> f64) -> FilterSampler {
+        let step = radius / STEPS as f64;
+        let mut cumulative = Vec::with_capacity(STEPS + 1);
+        cumulative.push(0.0f64);
+        let mut sum = 0.0;
+        for i in 0..STEPS {
+            sum += density((i as f64 + 0.5) * step);
+            cumulative.push(sum);
+        }
+        let inverse = |share: f64| {
+            let target = share * sum;
+            let above = cumulative.partition_point(|&c| c < target).clamp(1, STEPS);
+            let (low, high) = (cumulative[above - 1], cumulative[above]);
+            let part = if high > low { (target - low) / (high - low) } else { 0.0 };
+            ((above as f64 - 1.0 + part) * step).clamp(0.0, radius) as f32
+        };
+        let tables = RANGES.map(|(from, to)| {
+            let (from, to) = (f64::from(from), f64::from(to));
+            std::array::from_fn(|i| inverse(1.0 - (from + (to - from) * i as f64 / CELLS as f64)))
+        });
+        FilterSampler { tables }
+    }
+}
+
+/// The 4-term Blackman-Harris window (Harris 1978, "On the Use of Windows", table I, -92 dB) at `x` in -1..1.
+fn blackman_harris(x: f64) -> f64 {
+    let phase = std::f64::consts::PI * x;
+    0.35875 + 0.48829 * cosine(phase) + 0.14128 * cosine(2.0 * phase) + 0.01168 * cosine(3.0 * phase)
+}
+
+/// cos(x) by its Taylor series, for |x| below 10 or so. Library versions differ in the last bit between platforms,
+/// which would make pictures differ.
+fn cosine(x: f64) -> f64 {
+    let (mut term, mut sum) = (1.0, 1.0);
+    for n in 1..=30 {
+        let k = f64::from(2 * n);
+        term *= -x * x / (k * (k - 1.0));
+        sum += term;
+    }
+    sum
+}
+
+/// exp(-x) for 0 <= x < 10 as the reciprocal of the series of exp(x); see [`cosine`] for why.
+fn exp_of_negative(x: f64) -> f64 {
+    let (mut term, mut sum) = (1.0, 1.0);
+    for n in 1..=60 {
+        term *= x / f64::from(n);
+        sum += term;
+    }
+    1.0 / sum
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const FILTERS: [Filter; 3] = [Filter::Box, Filter::Gaussian, Filter::BlackmanHarris];
+
+    /// Filter value and radius, written independently of the tables.
+    fn density(filter: Filter, x: f64) -> f64 {
+        let inside = |r: f64| f64::from(x.abs() < r);
+        let t = std::f64::consts::TAU * (x + 1.5) / 3.0;
+        match filter {
+            Filter::Box => inside(0.5),
+            Filter::Gaussian => (-x * x / 0.5).exp() * inside(1.5),
+            Filter::BlackmanHarris => {
+                (0.35875 - 0.48829 * t.cos() + 0.14128 * (2.0 * t).cos() - 0.01168 * (3.0 * t).cos())
+                    * inside(1.5)
+            }
+        }
+    }
+
+    /// Integral of x^power times the filter from a to b, by the midpoint rule.
+    fn moment(filter: Filter, power: i32, a: f64, b: f64) -> f64 {
+        let n = 20_000;
+        let h = (b - a) / f64::from(n);
+        (0..n).map(|i| a + (f64::from(i) + 0.5) * h).map(|x| x.powi(power) * density(filter, x)).sum::<f64>()
+            * h
+    }
+
+    #[test]
+    fn series_match_the_library() {
+        for i in 0..=1000 {
+            let x = f64::from(i) / 1000.0;
+            assert!((cosine(9.5 * x) - (9.5 * x).cos()).abs() < 1e-11);
+            assert!((exp_of_negative(4.5 * x) - (-4.5 * x).exp()).abs() < 1e-15);
+        }
+    }
+
+    #[test]
+    fn regular_numbers_reproduce_the_moments() {
+        for filter in FILTERS {
+            let sampler = FilterSampler::new(filter);
+            let n = 1 << 20;
+            let mass = moment(filter, 0, -1.5, 1.5);
+            for power in 1..=4 {
+                let mean: f64 = (0..n)
+                    .map(|i| f64::from(sampler.sample((i as f32 + 0.5) / n as f32)).powi(power))
+                    .sum::<f64>()
+                    / f64::from(n);
+                let expected = moment(filter, power, -1.5, 1.5) / mass;
+                assert!((mean - expected).abs() < 2e-5, "{filter:?} moment {power}: {mean} {expected}");
+            }
+        }
+    }
+
+    #[test]
+    fn samples_pass_a_chi_square_test() {
+        const BINS: usize = 60;
+        for (k, filter) in FILTERS.into_iter().enumerate() {
+            let sampler = FilterSampler::new(filter);
+            let mut counts = [0u64; BINS];
+            let n = 4_000_000u64;
+            let mut state = 0x9E37_79B9_7F4A_7C15u64 ^ k as u64;
+            for _ in 0..n {
+                // splitmix64
+                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
+                let mut z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+                let u = ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32;
+                let x = f64::from(sampler.sample(u));
+                counts[((x + 1.5) / 3.0 * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize] += 1;
+            }
+            let mass = moment(filter, 0, -1.5, 1.5);
+            let (mut chi2, mut freedom) = (0.0, -1.0);
+            for (i, &count) in counts.iter().enumerate() {
+                let a = -1.5 + 3.0 * i as f64 / BINS as f64;
+                let expected = moment(filter, 0, a, a + 3.0 / BINS as f64) / mass * n as f64;
+                if expected < 5.0 {
+                    assert!(count < 30, "{filter:?}: {count} samples in an empty bin");
+                    continue;
+                }
+                chi2 += (count as f64 - expected).powi(2) / expected;
+                freedom += 1.0;
+            }
+            // Mean k, variance 2k; 4.5 sigma leaves about 1 in 10^4 for the skewed tail.
+            assert!(chi2 < freedom + 4.5 * (2.0f64 * freedom).sqrt(), "{filter:?}: chi2 {chi2} of {freedom}");
+        }
+    }
+
+    #[test]
+    fn the_map_is_monotone_and_symmetric() {
+        for filter in FILTERS {
+            let sampler = FilterSampler::new(filter);
+            let mut last = f32::NEG_INFINITY;
+            for i in 0..=1 << 18 {
+                let u = i as f32 / (1 << 18) as f32;
+                let x = sampler.sample(u);
+                assert!(x >= last && x.abs() <= 1.5);
+                assert_eq!(x, -sampler.sample(1.0 - u));
+                last = x;
+            }
+            assert_eq!(sampler.sample(0.5), 0.0);
+        }
+    }
+}

@@ -1,0 +1,172 @@
+//! OpenEXR: one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; AOVs are float channels of
+//! the same part: Z, N.X N.Y N.Z, albedo.R albedo.G albedo.B.
+
+use super::Encoded;
+use super::exr_header::sort_attributes;
+use crate::error::Warning;
+use crate::film::Film;
+use crate::math::DMat4;
+use exr::meta::attribute::Chromaticities;
+use exr::prelude::{
+    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
+    Vec2, WritableImage, f16,
+};
+use std::io::Cursor;
+use std::time::{Duration, SystemTime};
+
+/// What the header says about how the picture was made. What is `None` is left out.
+#[derive(Clone, Debug, Default)]
+pub struct Metadata {
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Seed of all randomness.
+    pub seed: u32,
+    /// Whose picture it is.
+    pub owner: Option<String>,
+    /// Time spent rendering, seconds; differs from run to run.
+    pub render_s: Option<f64>,
+    /// When it was made (written in UTC); differs from run to run.
+    pub captured: Option<SystemTime>,
+    /// From world to camera space (right-handed, y up, looking down -z), column vectors.
+    pub world_to_camera: Option<DMat4>,
+    /// What was ignored, approximated or repaired on the way to the picture.
+    pub warnings: Vec<String>,
+}
+
+/// Encodes a film. Values beyond the range of half floats are clamped and counted in a warning.
+///
+/// # Errors
+/// What the encoder objects to.
+pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encoded, String> {
+    let mut clamped = 0u64;
+    let mut channels: Vec<_> = ["R", "G", "B", "A"]
+        .iter()
+        .enumerate()
+        .map(|(c, name)| {
+            let values = plane(film, |x, y| film.mean_rgba(x, y)[c]);
+            let samples = if float { FlatSamples::F32(values) } else { to_half(&values, &mut clamped) };
+            AnyChannel::new(*name, samples)
+        })
+        .collect();
+    let aovs = film.aovs();
+    if aovs.depth {
+        let values = plane(film, |x, y| film.depth(x, y).unwrap_or_default());
+        channels.push(AnyChannel::new("Z", FlatSamples::F32(values)));
+    }
+    for c in 0..3 {
+        if aovs.normal {
+            let values = plane(film, |x, y| film.normal(x, y).unwrap_or_default()[c]);
+            channels.push(AnyChannel::new(["N.X", "N.Y", "N.Z"][c], FlatSamples::F32(values)));
+        }
+        if aovs.albedo {
+            let values = plane(film, |x, y| film.albedo(x, y).unwrap_or_default()[c]);
+            channels.push(AnyChannel::new(["albedo.R", "albedo.G", "albedo.B"][c], FlatSamples::F32(values)));
+        }
+    }
+    let size = Vec2(film.width() as usize, film.height() as usize);
+    let encoding = Encoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::image::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let mut image = Image::from_layer(Layer::new(size, attributes(metadata), encoding, channels));
+    image.attributes.chromaticities = Some(rec709());
+    let mut bytes = Cursor::new(Vec::new());
+    image.write().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+    let mut bytes = bytes.into_inner();
+    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
+    let warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
+    Ok(Encoded { bytes, warnings })
+}
+
+fn plane(film: &Film, value: impl Fn(u32, u32) -> f32) -> Vec<f32> {
+    (0..film.height())
+        .flat_map(|y| (0..film.width()).map(move |x| (x, y)))
+        .map(|(x, y)| value(x, y))
+        .collect()
+}
+
+fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {
+    let limit = f16::MAX.to_f32();
+    let convert = |&v: &f32| {
+        *clamped += u64::from(v.abs() > limit);
+        f16::from_f32(v.clamp(-limit, limit))
+    };
+    FlatSamples::F16(values.iter().map(convert).collect())
+}
+
+fn overflow(clamped: u64) -> Warning {
+    Warning::general(format!(
+        "{clamped} values above 65504 don't fit into half floats and were clamped; --float keeps them"
+    ))
+}
+
+/// Primaries and white point of ITU-R BT.709-6, table 1.
+fn rec709() -> Chromaticities {
+    Chromaticities {
+        red: Vec2(0.64, 0.33),
+        green: Vec2(0.30, 0.60),
+        blue: Vec2(0.15, 0.06),
+        white: Vec2(0.3127, 0.3290),
+    }
+}
+
+fn attributes(metadata: &Metadata) -> LayerAttributes {
+    let mut attributes = LayerAttributes {
+        software_name: Some(text(concat!("oscura ", env!("CARGO_PKG_VERSION")))),
+        owner: metadata.owner.as_deref().map(text),
+        capture_date: metadata.captured.map(|t| text(&exr_date(t))),
+        utc_offset: metadata.captured.map(|_| 0.0),
+        // The file holds rows of a matrix for row vectors, which are the columns of ours.
+        world_to_camera: metadata.world_to_camera.map(|m| m.to_cols_array().map(|v| v as f32)),
+        ..LayerAttributes::default()
+    };
+    let mut add = |name: &str, value| attributes.other.insert(text(name), value);
+    add("colorInteropID", AttributeValue::Text(text("lin_rec709_scene")));
+    add("samples", AttributeValue::I32(i32::try_from(metadata.samples).unwrap_or(i32::MAX)));
+    add("seed", AttributeValue::Text(text(&metadata.seed.to_string())));
+    if let Some(seconds) = metadata.render_s {
+        add("renderTime", AttributeValue::F32(seconds as f32));
+    }
+    if !metadata.warnings.is_empty() {
+        add("warnings", AttributeValue::Text(text(&metadata.warnings.join("\n"))));
+    }
+    attributes
+}
+
+/// EXR text holds the first 256 code points only; others become question marks.
+fn text(s: &str) -> Text {
+    let latin: String = s.chars().map(|c| if (c as u32) < 256 && c != '\0' { c } else { '?' }).collect();
+    Text::new_or_none(latin).unwrap_or_default()
+}
+
+/// `YYYY:MM:DD hh:mm:ss` in UTC, the form of the capDate attribute. Days become dates by Howard Hinnant's
+/// "chrono-Compatible Low-Level Date Algorithms" (civil_from_days), for times after 1970.
+fn exr_date(time: SystemTime) -> String {
+    let seconds = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or(Duration::ZERO).as_secs();
+    let (days, second) = (seconds / 86_400 + 719_468, seconds % 86_400);
+    let (era, day_of_era) = (days / 146_097, days % 146_097);
+    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
+    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
+    let shifted = (5 * day_of_year + 2) / 153;
+    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
+    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
+    let year = year_of_era + era * 400 + u64::from(month <= 2);
+    let (h, m, s) = (second / 3600, second / 60 % 60, second % 60);
+    format!("{year:04}:{month:02}:{day:02} {h:02}:{m:02}:{s:02}")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn dates_are_those_of_the_calendar() {
+        let at = |s| exr_date(SystemTime::UNIX_EPOCH + Duration::from_secs(s));
+        assert_eq!(at(0), "1970:01:01 00:00:00");
+        assert_eq!(at(951_782_400), "2000:02:29 00:00:00");
+        assert_eq!(at(1_709_251_199), "2024:02:29 23:59:59");
+        assert_eq!(at(4_107_542_400), "2100:03:01 00:00:00");
+    }
+}

@@ -1,0 +1,196 @@
+//! The program from outside: exit codes, messages, files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+fn oscura(folder: &Path, args: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(args)
+        .current_dir(folder)
+        .env("NO_COLOR", "1")
+        .output()
+        .expect("the program starts")
+}
+
+fn code(output: &Output) -> i32 {
+    output.status.code().expect("the program ends by itself")
+}
+
+fn stderr(output: &Output) -> String {
+    String::from_utf8_lossy(&output.stderr).into_owned()
+}
+
+fn names(folder: &Path) -> Vec<String> {
+    let mut names: Vec<String> = fs::read_dir(folder)
+        .expect("the folder can be read")
+        .map(|e| e.expect("an entry").file_name().to_string_lossy().into_owned())
+        .collect();
+    names.sort();
+    names
+}
+
+/// The Cornell box that comes with the project.
+fn cornell() -> String {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell-box.gltf").display().to_string()
+}
+
+/// A constant EXR picture of 16 x 16 pixels.
+fn picture(folder: &Path, name: &str, value: f32) -> PathBuf {
+    let path = folder.join(name);
+    exr::prelude::write_rgb_file(&path, 16, 16, |_, _| (value, value, value)).expect("an EXR can be written");
+    path
+}
+
+#[test]
+fn usage_errors_exit_with_2_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.gltf"), "not read at all").unwrap();
+    for args in [
+        &["render", "a.gltf"][..],
+        &["render", "a.gltf", "-o", "a.jpg"],
+        &["render", "a.gltf", "-o", "a.exr", "-o", "a.exr"],
+        &["render", "a.gltf", "-o", "a.exr", "--spp", "0"],
+        &["render", "a.gltf", "-o", "a.exr", "--width", "0"],
+        &["render", "a.gltf", "-o", "a.exr", "--time-limit", "-1"],
+        &["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"],
+        &["render", "a.gltf", "-o", "a.exr", "--aov", "depth,colour"],
+        &["render", "a.gltf", "-o", "a.exr", "--no-such-option"],
+        &["compare", "a.exr", "b.exr", "--other-seed", "c.exr"],
+        &["paint"],
+    ] {
+        let output = oscura(folder.path(), args);
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{args:?}");
+    }
+    assert_eq!(names(folder.path()), ["a.gltf"]);
+}
+
+#[test]
+fn broken_inputs_exit_with_3_and_leave_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let truncated =
+        fs::read(cornell()).map_or_else(|_| b"{\"asset\": {".to_vec(), |b| b[..b.len() / 2].to_vec());
+    for (name, content) in [
+        ("text.gltf", b"this is no glTF".to_vec()),
+        ("empty.gltf", Vec::new()),
+        ("truncated.gltf", truncated),
+        ("broken.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec()),
+        ("broken.ply", b"ply\nformat ascii 1.0\nelement vertex 9\n".to_vec()),
+        ("key.toml", b"no_such_key = 1\n".to_vec()),
+        ("scene.xyz", b"?".to_vec()),
+    ] {
+        fs::write(folder.path().join(name), content).unwrap();
+    }
+    let inputs = names(folder.path());
+    for name in inputs.iter().map(String::as_str).chain(["missing.gltf"]) {
+        let output = oscura(folder.path(), &["render", name, "-o", "out.exr", "-o", "out.png"]);
+        assert_eq!(code(&output), 3, "{name}: {}", stderr(&output));
+        assert!(stderr(&output).contains(name), "{name} isn't named: {}", stderr(&output));
+        assert_eq!(stderr(&output).matches("error:").count(), 1, "{}", stderr(&output));
+        assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
+        assert_eq!(names(folder.path()), inputs, "{name} left a file");
+    }
+}
+
+#[test]
+fn targets_that_cannot_be_written_exit_with_4_before_the_scene_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("folder.png")).unwrap();
+    for target in ["no/such/folder/a.exr", "folder.png"] {
+        let output = oscura(folder.path(), &["render", "missing.gltf", "-o", target]);
+        assert_eq!(code(&output), 4, "{}", stderr(&output));
+        assert!(stderr(&output).contains(target), "{}", stderr(&output));
+    }
+    assert_eq!(names(folder.path()), ["folder.png"]);
+}
+
+#[test]
+fn errors_are_json_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = oscura(folder.path(), &["render", "missing.gltf", "-o", "a.exr", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!(value["error"]["exit_code"], 3);
+    assert_eq!(value["error"]["file"], "missing.gltf");
+}
+
+#[test]
+fn compare_measures_and_draws() {
+    let folder = tempfile::tempdir().unwrap();
+    picture(folder.path(), "a.exr", 1.1);
+    picture(folder.path(), "r.exr", 1.0);
+    let output = oscura(folder.path(), &["compare", "a.exr", "r.exr", "--json", "-o", "d.png"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    // The pictures are 32-bit floats.
+    let near = |v: &serde_json::Value, expected: f64| (v.as_f64().expect("a number") - expected).abs() < 1e-6;
+    assert!(near(&value["rmse"], 0.1) && near(&value["rel_mse"], 0.01 / 1.01), "{value}");
+    assert!(near(&value["mean_ratio"][0], 1.1) && value["z_test"].is_null(), "{value}");
+    let drawn = image::open(folder.path().join("d.png")).expect("a PNG").to_rgb8();
+    assert_eq!((drawn.dimensions(), drawn.get_pixel(0, 0)[0]), ((16, 16), 255));
+}
+
+#[test]
+fn compare_exits_with_1_on_disagreement_and_3_on_unlike_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, value) in [("a.exr", 1.01), ("b.exr", 0.99), ("far.exr", 2.0), ("r.exr", 1.0), ("v.exr", 1e-4)]
+    {
+        picture(folder.path(), name, value);
+    }
+    let test = |a, b| oscura(folder.path(), &["compare", a, "r.exr", "--other-seed", b, "--var", "v.exr"]);
+    assert_eq!(code(&test("a.exr", "b.exr")), 0);
+    assert_eq!(code(&test("far.exr", "far.exr")), 1);
+    exr::prelude::write_rgb_file(folder.path().join("small.exr"), 8, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
+    let unlike = oscura(folder.path(), &["compare", "small.exr", "r.exr"]);
+    assert_eq!(code(&unlike), 3);
+    assert!(stderr(&unlike).contains("8 x 8"), "{}", stderr(&unlike));
+}
+
+fn render(folder: &Path, name: &str, more: &[&str]) -> Output {
+    let scene = cornell();
+    let mut args = vec!["render", &scene, "-o", name, "--width", "48", "--spp", "4"];
+    args.extend(more);
+    let output = oscura(folder, &args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    output
+}
+
+#[test]
+fn a_render_reports_in_plain_decimals() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--json", "-o", "a.png", "--aov", "depth,normal,albedo"]);
+    assert_eq!(names(folder.path()), ["a.exr", "a.png"]);
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let value: serde_json::Value = serde_json::from_str(&text).expect("one object");
+    for key in ["load_s", "build_s", "render_s", "write_s", "render_cpu_s", "rays", "samples"] {
+        assert!(value[key].as_f64().expect(key) >= 0.0, "{key}: {value}");
+        let number = text.split(&format!("\"{key}\": ")).nth(1).and_then(|t| t.split([',', '}']).next());
+        assert!(number.expect(key).chars().all(|c| c.is_ascii_digit() || c == '.'), "{key}: {text}");
+    }
+    assert_eq!(value["samples"], u64::from(48u32 * value["height"].as_u64().unwrap() as u32 * 4));
+    assert!(value["rays"].as_u64().unwrap() > value["samples"].as_u64().unwrap());
+}
+
+#[test]
+fn reproducible_files_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    for threads in ["1", "2", "7"] {
+        render(
+            folder.path(),
+            &format!("{threads}.exr"),
+            &["--threads", threads, "--reproducible", "--quiet"],
+        );
+    }
+    let bytes = |name: &str| fs::read(folder.path().join(name)).expect("a picture");
+    assert!(bytes("1.exr") == bytes("2.exr") && bytes("1.exr") == bytes("7.exr"));
+    render(folder.path(), "seed.exr", &["--seed", "1", "--reproducible", "--quiet"]);
+    assert!(bytes("1.exr") != bytes("seed.exr"));
+}
+
+#[test]
+fn quiet_is_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--quiet"]);
+    assert!(output.stdout.is_empty() && output.stderr.is_empty(), "{}", stderr(&output));
+}

@@ -1,0 +1,208 @@
+//! Pictures come back from their files as they went in.
+
+use exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, read};
+use oscura::film::{AovSample, AovSet, BACKGROUND_DEPTH, Film};
+use oscura::math::{DMat4, DVec3};
+use oscura::output::{
+    Format, Metadata, OutputOptions, PngOptions, View, check_target, encode, write_atomically,
+};
+use std::path::Path;
+use std::time::{Duration, SystemTime};
+
+fn film(aovs: AovSet) -> Film {
+    let mut film = Film::new(37, 21, aovs);
+    let mut tile = film.tile(0, 0, 37, 21);
+    for i in 0..37 * 21 {
+        let v = i as f32 / 100.0;
+        tile.add(i, [v, v * 0.5, 1.0 / (1.0 + v)], if i % 3 == 0 { 0.5 } else { 1.0 });
+        tile.add_aovs(
+            i,
+            (i > 0).then_some(AovSample { depth: v, normal: [0.0, 0.0, 1.0], albedo: [0.1, 0.2, 0.3] }),
+        );
+    }
+    film.merge(tile);
+    film
+}
+
+fn metadata() -> Metadata {
+    Metadata {
+        samples: 16,
+        seed: u32::MAX,
+        owner: Some("Ada".into()),
+        render_s: Some(1.5),
+        captured: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(951_782_400)),
+        world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
+        warnings: vec!["a \u{2192} b".into()],
+    }
+}
+
+type Layer = exr::image::Layer<exr::image::AnyChannels<FlatSamples>>;
+
+fn read_back(bytes: &[u8]) -> (Layer, exr::meta::header::ImageAttributes) {
+    let image = read()
+        .no_deep_data()
+        .largest_resolution_level()
+        .all_channels()
+        .first_valid_layer()
+        .all_attributes()
+        .from_buffered(std::io::Cursor::new(bytes))
+        .expect("our own file is valid");
+    (image.layer_data, image.attributes)
+}
+
+fn values(layer: &Layer, name: &str) -> Vec<f32> {
+    let channel = layer.channel_data.list.iter().find(|c| c.name.to_string() == name);
+    channel.unwrap_or_else(|| panic!("no channel {name}")).sample_data.values_as_f32().collect()
+}
+
+#[test]
+fn an_exr_holds_colour_aovs_and_attributes() {
+    let aovs = AovSet { depth: true, normal: true, albedo: true };
+    let film = film(aovs);
+    let options = OutputOptions { float: true, metadata: metadata(), ..Default::default() };
+    let encoded = encode(&film, Format::Exr, &options, Path::new("x.exr")).unwrap();
+    assert!(encoded.warnings.is_empty());
+    let (layer, shared) = read_back(&encoded.bytes);
+    let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+    assert_eq!(names, ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "albedo.B", "albedo.G", "albedo.R"]);
+    for (c, name) in ["R", "G", "B", "A"].iter().enumerate() {
+        let expected: Vec<f32> = (0..37 * 21).map(|i| film.mean_rgba(i % 37, i / 37)[c]).collect();
+        assert_eq!(values(&layer, name), expected);
+    }
+    let depth = values(&layer, "Z");
+    assert_eq!((depth[0], depth[100]), (BACKGROUND_DEPTH, 1.0));
+    assert_eq!((values(&layer, "N.Z")[1], values(&layer, "albedo.G")[1]), (1.0, 0.2));
+
+    let a = &layer.attributes;
+    assert_eq!(
+        a.software_name.as_ref().unwrap().to_string(),
+        format!("oscura {}", env!("CARGO_PKG_VERSION"))
+    );
+    assert_eq!(a.owner.as_ref().unwrap().to_string(), "Ada");
+    assert_eq!(a.capture_date.as_ref().unwrap().to_string(), "2000:02:29 00:00:00");
+    // Row vectors: the translation stands in the last row.
+    assert_eq!(a.world_to_camera.unwrap()[12..15], [1.0, 2.0, 3.0]);
+    assert_eq!(shared.chromaticities.unwrap().red.0, 0.64);
+    let other =
+        |name: &str| a.other.get(&Text::from(name)).or_else(|| shared.other.get(&Text::from(name))).cloned();
+    assert_eq!(other("samples"), Some(AttributeValue::I32(16)));
+    assert_eq!(other("seed"), Some(AttributeValue::Text(Text::from("4294967295"))));
+    assert_eq!(other("renderTime"), Some(AttributeValue::F32(1.5)));
+    assert_eq!(other("warnings"), Some(AttributeValue::Text(Text::from("a ? b"))));
+    assert_eq!(other("colorInteropID"), Some(AttributeValue::Text(Text::from("lin_rec709_scene"))));
+}
+
+#[test]
+fn aovs_that_nobody_asked_for_are_not_in_the_file() {
+    let encoded =
+        encode(&film(AovSet::default()), Format::Exr, &OutputOptions::default(), Path::new("x")).unwrap();
+    let (layer, _) = read_back(&encoded.bytes);
+    assert_eq!(layer.channel_data.list.len(), 4);
+    assert!(layer.channel_data.list.iter().all(|c| matches!(c.sample_data, FlatSamples::F16(_))));
+    assert!(layer.attributes.capture_date.is_none());
+}
+
+#[test]
+fn values_beyond_half_floats_are_clamped_and_counted() {
+    let mut film = Film::new(2, 1, AovSet::default());
+    let mut tile = film.tile(0, 0, 2, 1);
+    tile.add(0, [70_000.0, 65_504.0, 1e30], 1.0);
+    film.merge(tile);
+    let half = encode(&film, Format::Exr, &OutputOptions::default(), Path::new("x")).unwrap();
+    assert_eq!(half.warnings.len(), 1);
+    assert!(half.warnings[0].message.starts_with("2 values"), "{}", half.warnings[0]);
+    assert_eq!(values(&read_back(&half.bytes).0, "B")[0], 65_504.0);
+    let float = OutputOptions { float: true, ..Default::default() };
+    let float = encode(&film, Format::Exr, &float, Path::new("x")).unwrap();
+    assert!(float.warnings.is_empty());
+    assert_eq!(values(&read_back(&float.bytes).0, "R")[0], 70_000.0);
+}
+
+#[test]
+fn the_same_film_gives_the_same_bytes() {
+    let film = film(AovSet { depth: true, normal: true, albedo: true });
+    let options = OutputOptions { metadata: metadata(), ..Default::default() };
+    let first = encode(&film, Format::Exr, &options, Path::new("x")).unwrap().bytes;
+    for _ in 0..20 {
+        assert!(encode(&film, Format::Exr, &options, Path::new("x")).unwrap().bytes == first);
+    }
+}
+
+fn decode_png(bytes: &[u8]) -> image::DynamicImage {
+    image::load_from_memory_with_format(bytes, image::ImageFormat::Png).expect("our own file is valid")
+}
+
+fn constant(rgb: [f32; 3], alpha: f32) -> Film {
+    let mut film = Film::new(16, 16, AovSet::default());
+    let mut tile = film.tile(0, 0, 16, 16);
+    for i in 0..256 {
+        tile.add(i, rgb, alpha);
+    }
+    film.merge(tile);
+    film
+}
+
+#[test]
+fn png_applies_exposure_view_and_straight_alpha() {
+    let png = |film: &Film, png: PngOptions| {
+        let options = OutputOptions { png, ..Default::default() };
+        decode_png(&encode(film, Format::Png, &options, Path::new("x")).unwrap().bytes)
+    };
+    // sRGB: 0.214041 is code 127.5, one stop below 0.428082.
+    let grey = png(&constant([0.5, 0.25, 1.0], 1.0), PngOptions { exposure: -1.0, ..Default::default() });
+    assert_eq!(grey.color(), image::ColorType::Rgb8);
+    assert_eq!(grey.to_rgb8().get_pixel(3, 3).0, [137, 99, 188]);
+    // Premultiplied 0.25 at alpha 0.5 is a straight 0.5.
+    let half = png(&constant([0.25, 0.0, 0.5], 0.5), PngOptions::default());
+    assert_eq!(half.to_rgba8().get_pixel(0, 0).0, [188, 0, 255, 128]);
+    // The filmic curve keeps differences where sRGB clips.
+    let filmic = |v| View::Filmic.encode(v);
+    assert!(
+        filmic(1.0) < 1.0 && filmic(1.0) < filmic(2.0) && filmic(2.0) < filmic(4.0) && filmic(1e30) == 1.0
+    );
+    let x = 0.6f64;
+    let curve = x * (2.51 * x + 0.03) / (x * (2.43 * x + 0.59) + 0.14);
+    let expected = 1.055 * curve.powf(1.0 / 2.4) - 0.055;
+    assert!((f64::from(filmic(1.0)) - expected).abs() < 1e-6);
+    assert_eq!(filmic(0.0), 0.0);
+}
+
+#[test]
+fn dither_keeps_the_mean_between_two_codes() {
+    let film = constant([0.2; 3], 1.0);
+    let options =
+        OutputOptions { png: PngOptions { dither: true, ..Default::default() }, ..Default::default() };
+    let picture = decode_png(&encode(&film, Format::Png, &options, Path::new("x")).unwrap().bytes).to_rgb8();
+    let mean = picture.pixels().map(|p| f64::from(p.0[0])).sum::<f64>() / 256.0;
+    let exact = f64::from(View::Srgb.encode(0.2)) * 255.0;
+    assert!((mean - exact).abs() <= 1.0 / 64.0, "{mean} {exact}");
+}
+
+#[test]
+fn files_appear_whole_and_leave_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.png");
+    check_target(&path).unwrap();
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    write_atomically(&path, b"one").unwrap();
+    write_atomically(&path, b"two").unwrap();
+    assert_eq!(std::fs::read(&path).unwrap(), b"two");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 1);
+    // A folder of that name can't be replaced by a file: the temporary file must go.
+    let taken = folder.path().join("taken.png");
+    std::fs::create_dir(&taken).unwrap();
+    std::fs::write(taken.join("x"), b"x").unwrap();
+    assert!(write_atomically(&taken, b"three").is_err());
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
+    let missing = check_target(&folder.path().join("no/b.exr")).unwrap_err();
+    assert!(missing.to_string().contains("does not exist"), "{missing}");
+}
+
+#[test]
+fn formats_come_from_extensions() {
+    assert_eq!(Format::of(Path::new("a/b.EXR")).unwrap(), Format::Exr);
+    assert_eq!(Format::of(Path::new("b.png")).unwrap(), Format::Png);
+    for name in ["a", "a.jpg", "exr", ".png"] {
+        assert!(Format::of(Path::new(name)).is_err(), "{name}");
+    }
+}

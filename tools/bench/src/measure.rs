@@ -1,0 +1,119 @@
+//! Renders one scene many times and measures.
+
+use oscura::compile::{CompileOptions, CompiledScene, compile};
+use oscura::error::Result;
+use oscura::film::{AovSet, Film};
+use oscura::image::Image;
+use oscura::load::{LoadOptions, load};
+use oscura::metrics::errors;
+use oscura::render::{RenderOptions, Statistics, render};
+use oscura::scene::Filter;
+use std::path::Path;
+use std::sync::atomic::AtomicBool;
+
+/// What to measure.
+pub struct Setup {
+    /// Width of the pictures; the height follows the camera.
+    pub width: u32,
+    /// Samples a pixel to measure at.
+    pub ladder: Vec<u32>,
+    /// Samples a pixel of the reference.
+    pub reference: u32,
+    /// Most scattering events.
+    pub depth: u32,
+    /// Threads.
+    pub threads: Option<usize>,
+}
+
+/// One measurement.
+pub struct Point {
+    /// Name of the scene's file.
+    pub scene: String,
+    /// Samples a pixel.
+    pub samples: u32,
+    /// Wall-clock time, seconds.
+    pub render_s: f64,
+    /// Time of all threads together, seconds.
+    pub render_cpu_s: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// relMSE with the reference's own share taken off.
+    pub rel_mse: f64,
+    /// That share.
+    pub reference_rel_mse: f64,
+}
+
+/// Measures one scene at every step of the ladder.
+pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
+    let scene = load(path, &LoadOptions::default())?.scene;
+    let aspect = match (scene.settings.width, scene.settings.height) {
+        (Some(w), Some(h)) => f64::from(w) / f64::from(h.max(1)),
+        _ => scene.cameras.first().and_then(|c| c.aspect_ratio).unwrap_or(16.0 / 9.0),
+    };
+    let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
+    let options = CompileOptions {
+        microfacet: scene.settings.microfacet.unwrap_or_default(),
+        camera: None,
+        width: setup.width,
+        height,
+        needs: AovSet::default(),
+    };
+    let (compiled, _) = compile(&scene, &options)?;
+    let shot = |samples: u32, seed: u32| picture(&compiled, setup, height, samples, seed);
+    let half = setup.reference.div_ceil(2);
+    let halves = [shot(half, 1_000_001).0, shot(half, 1_000_002).0];
+    let reference = mean(&halves[0], &halves[1]);
+    // Each half differs from their mean by (a - b) / 2, whose square is also the variance of the mean.
+    let reference_rel_mse = errors(&halves[0], &reference).rel_mse;
+    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let point = |&samples: &u32| {
+        let (image, statistics) = shot(samples, 1);
+        Point {
+            scene: name.clone(),
+            samples,
+            render_s: statistics.render_s,
+            render_cpu_s: statistics.render_cpu_s,
+            rays: statistics.rays,
+            rel_mse: errors(&image, &reference).rel_mse - reference_rel_mse,
+            reference_rel_mse,
+        }
+    };
+    Ok(setup.ladder.iter().map(point).collect())
+}
+
+fn picture(
+    scene: &CompiledScene,
+    setup: &Setup,
+    height: u32,
+    samples: u32,
+    seed: u32,
+) -> (Image, Statistics) {
+    let options = RenderOptions {
+        width: setup.width,
+        height,
+        samples,
+        seed,
+        max_depth: setup.depth,
+        threads: setup.threads,
+        filter: Filter::Box,
+        aovs: AovSet::default(),
+        time_limit: None,
+    };
+    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {});
+    (to_image(&film), statistics)
+}
+
+fn to_image(film: &Film) -> Image {
+    let pixels = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
+    let rgb = pixels.flat_map(|(x, y)| film.mean_rgba(x, y).into_iter().take(3)).collect();
+    Image::from_linear_rgb("render", film.width(), film.height(), rgb)
+}
+
+fn mean(a: &Image, b: &Image) -> Image {
+    let pixels = (0..a.height).flat_map(|y| (0..a.width).map(move |x| (x, y)));
+    let rgb = pixels.flat_map(|(x, y)| {
+        let (p, q) = (a.rgba(x, y), b.rgba(x, y));
+        [0, 1, 2].map(|c| 0.5 * (p[c] + q[c]))
+    });
+    Image::from_linear_rgb("reference", a.width, a.height, rgb.collect())
+}
