@@ -35,3 +35,5 @@ pub mod image;
 pub mod scene;
 
 pub mod load;
+
+pub mod accel;
