@@ -79,9 +79,9 @@ pub(super) fn build(geometries: &[Geometry], instances: &[AccelInstance], option
     }
     let world = builder.tree(0, placed, &records);
     let deepest_shared = shared.iter().flatten().map(|b| b.tree.depth).max().unwrap_or(0);
-    // One entry below everything, all but one child of each node on the way, an instance's two, and 8 for whole
-    // vectors.
-    let stack_size = (world.tree.depth + deepest_shared) * (WIDTH - 1) + 1 + 2 + 8;
+    // One entry below everything, all but one child of each node on the way, a leaf's next packet and an instance's
+    // two, and 8 for whole vectors.
+    let stack_size = (world.tree.depth + deepest_shared) * (WIDTH - 1) + 1 + 1 + 2 + 8;
     let mut expected = vec![world.tree];
     expected.extend(shared.iter().flatten().map(|b| b.tree));
     let Builder { mut lines, mut stats, .. } = builder;

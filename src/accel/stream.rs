@@ -52,6 +52,7 @@ impl Output for Occluded<'_> {
 
 /// A ray in flight.
 #[derive(Clone, Copy)]
+#[repr(align(128))]
 struct Slot {
     ray: PreparedRay,
     /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
@@ -115,6 +116,8 @@ struct Queue {
 }
 
 impl Queue {
+    const EMPTY: Queue = Queue { ids: [0; IN_FLIGHT], len: 0 };
+
     /// Writes the id in any case, keeps it if asked: no branch.
     #[inline(always)]
     fn push_if(&mut self, id: u8, keep: bool) {
@@ -140,13 +143,14 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             slots,
             stacks,
             next_ray: 0,
-            nodes: Queue { ids: [0; IN_FLIGHT], len: 0 },
-            leaves: Queue { ids: [0; IN_FLIGHT], len: 0 },
+            nodes: Queue::EMPTY,
+            leaves: Queue::EMPTY,
+            finished: Queue::EMPTY,
         };
         for id in 0..in_flight {
             flight.start(id as u8, &mut output);
         }
-        while flight.nodes.len + flight.leaves.len > 0 {
+        while flight.nodes.len + flight.leaves.len + flight.finished.len > 0 {
             let ids = flight.nodes.ids;
             let count = std::mem::take(&mut flight.nodes.len);
             for id in &ids[..count.min(IN_FLIGHT)] {
@@ -156,6 +160,11 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             let count = std::mem::take(&mut flight.leaves.len);
             for id in &ids[..count.min(IN_FLIGHT)] {
                 flight.leaf_step(w, *id, &mut output);
+            }
+            let ids = flight.finished.ids;
+            let count = std::mem::take(&mut flight.finished.len);
+            for id in &ids[..count.min(IN_FLIGHT)] {
+                flight.finish(*id, &mut output);
             }
         }
     }
@@ -177,6 +186,7 @@ struct Flight<'a> {
     next_ray: usize,
     nodes: Queue,
     leaves: Queue,
+    finished: Queue,
 }
 
 impl Flight<'_> {
@@ -215,11 +225,13 @@ impl Flight<'_> {
         slot.stack_len = stack_len as u32;
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
         let is_leaf = reference & LEAF != 0;
+        let is_done = reference == DONE;
         self.nodes.push_if(id, !is_leaf);
-        self.leaves.push_if(id, is_leaf);
+        self.leaves.push_if(id, is_leaf & !is_done);
+        self.finished.push_if(id, is_done);
     }
 
-    /// Takes the topmost entry that can still matter. The bottom entry always can.
+    /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
     #[inline(always)]
     fn pop<O: Output>(&self, id: u8, mut stack_len: usize, best_t: f32) -> (u32, usize) {
         let bottom = usize::from(id) * self.stacks.size;
@@ -276,25 +288,32 @@ impl Flight<'_> {
         let next = match kind_of(current) {
             KIND_TRIANGLES => self.triangles(w, id, current),
             KIND_SPHERES => self.spheres(id, current),
-            KIND_INSTANCE => return self.enter_instance(id, current),
-            _ if current == LEAVE_INSTANCE => self.leave_instance(id),
-            _ => {
-                let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-                let mut hit = slot.best;
-                hit.t = if hit.prim == NO_HIT { f32::INFINITY } else { hit.t * slot.ray.unscale };
-                output.emit(slot.index as usize, &hit);
-                return self.start(id, output);
-            }
+            KIND_INSTANCE => return self.enter_instance::<O>(id, current),
+            _ => self.leave_instance(id),
         };
         let slot = &self.slots[usize::from(id) & (IN_FLIGHT - 1)];
         if O::ANY && slot.best.prim != NO_HIT {
             output.emit(slot.index as usize, &slot.best);
             return self.start(id, output);
         }
+        // The next packet, if any, goes on the stack without a branch.
         let stack_len = slot.stack_len as usize;
-        let (reference, stack_len) =
-            if next == DONE { self.pop::<O>(id, stack_len, slot.best.t) } else { (next, stack_len) };
+        let top = usize::from(id) * self.stacks.size + stack_len;
+        self.stacks.refs[top] = next;
+        self.stacks.distances[top] = f32::NEG_INFINITY;
+        let best_t = slot.best.t;
+        let (reference, stack_len) = self.pop::<O>(id, stack_len + usize::from(next != DONE), best_t);
         self.route(id, reference, stack_len);
+    }
+
+    /// Gives out the result of a ray and takes the next one.
+    #[inline(always)]
+    fn finish<O: Output>(&mut self, id: u8, output: &mut O) {
+        let slot = &self.slots[usize::from(id) & (IN_FLIGHT - 1)];
+        let mut hit = slot.best;
+        hit.t = if hit.prim == NO_HIT { f32::INFINITY } else { hit.t * slot.ray.unscale };
+        output.emit(slot.index as usize, &hit);
+        self.start(id, output);
     }
 
     #[inline(always)]
@@ -335,7 +354,7 @@ impl Flight<'_> {
 
     /// Goes on in the space of an instance; the way back waits on the stack.
     #[inline(always)]
-    fn enter_instance(&mut self, id: u8, current: u32) {
+    fn enter_instance<O: Output>(&mut self, id: u8, current: u32) {
         let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
         let Some(record) = view::<InstanceRecord, INSTANCE_LINES>(self.lines, line_of(current)) else {
             return;
@@ -351,9 +370,10 @@ impl Flight<'_> {
         if record.next != DONE {
             push(record.next);
         }
+        let slot_best = slot.best.t;
         let ray = record.transform(&slot.ray, slot.best.t);
         let Some((prepared, t_max)) = PreparedRay::new(&ray) else {
-            let (reference, stack_len) = self.pop::<Closest<'_>>(id, stack_len, f32::INFINITY);
+            let (reference, stack_len) = self.pop::<O>(id, stack_len, slot_best);
             return self.route(id, reference, stack_len);
         };
         push(LEAVE_INSTANCE);

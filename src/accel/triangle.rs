@@ -39,9 +39,6 @@ pub fn candidates<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay, t_m
     let v = w.sub4(w.mul4(ax, cy), w.mul4(ay, cx));
     let wt = w.sub4(w.mul4(bx, ay), w.mul4(by, ax));
     let inside = w.same_sign4(u, v, wt);
-    if inside == 0 {
-        return 0;
-    }
     let det = w.add4(w.add4(u, v), wt);
     let depth = w.add4(w.add4(w.mul4(u, az), w.mul4(v, bz)), w.mul4(wt, cz));
     let t = w.mul4(w.div4(depth, det), w.splat4(ray.shear[2]));
