@@ -64,11 +64,10 @@ pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]>
     Some([at(a)?, at(b)?, at(c)?])
 }
 
-/// Has the triangle no area? Exact for f32 vertices up to the rounding of f64: only true lines and points are dropped,
-/// however thin a triangle is.
-fn has_no_area([a, b, c]: [Vec3; 3]) -> bool {
-    let (a, b, c) = (a.as_dvec3(), b.as_dvec3(), c.as_dvec3());
-    (b - a).cross(c - a).length_squared() == 0.0
+/// Do two vertices coincide? Such a triangle has no area and its two long edges are one. Other triangles without area
+/// stay: a vertex in the middle of a long edge joins the neighbours on both sides, and without it a ray could leak.
+fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
+    a == b || b == c || c == a
 }
 
 fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
@@ -76,7 +75,7 @@ fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
     if !vertices.iter().all(|v| v.is_finite()) {
         return Err(Reason::NotFinite);
     }
-    if has_no_area(vertices) { Err(Reason::Degenerate) } else { Ok(Bounds3::of(vertices)) }
+    if is_collapsed(vertices) { Err(Reason::Degenerate) } else { Ok(Bounds3::of(vertices)) }
 }
 
 fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
@@ -84,8 +83,8 @@ fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
     if !corners.iter().all(|v| v.is_finite()) {
         return Err(Reason::NotFinite);
     }
-    let flat = has_no_area([corners[0], corners[1], corners[2]])
-        && has_no_area([corners[0], corners[2], corners[3]]);
+    let [a, b, c, d] = corners;
+    let flat = is_collapsed([a, b, c]) && is_collapsed([a, c, d]);
     if flat { Err(Reason::Degenerate) } else { Ok(Bounds3::of(corners)) }
 }
 
