@@ -16,8 +16,8 @@ pub struct PreparedRay {
     pub negative: [u8; 3],
     /// The axes of the sheared space, z the longest of the direction (Woop, Benthin, Wald 2013, section 3.1).
     pub axes: [u8; 3],
-    /// Shear and scale (ibid., `Sx`, `Sy`, `Sz`).
-    pub shear: [f32; 3],
+    /// Shear (ibid., `Sx`, `Sy`).
+    pub shear: [f32; 2],
     /// Lower bound of the parameter.
     pub t_min: f32,
     /// Parameters in the caller's units are ours times this power of two.
@@ -32,7 +32,7 @@ impl PreparedRay {
         inverse: [f32::INFINITY, f32::INFINITY, 1.0],
         negative: [0; 3],
         axes: [0, 1, 2],
-        shear: [0.0, 0.0, 1.0],
+        shear: [0.0; 2],
         t_min: 0.0,
         unscale: 1.0,
     };
@@ -76,7 +76,7 @@ impl PreparedRay {
             inverse: [1.0 / d[0], 1.0 / d[1], 1.0 / d[2]],
             negative: d.map(|d| u8::from(d.is_sign_negative())),
             axes: [x, y, z as u8],
-            shear: [d[x as usize] * sz, d[y as usize] * sz, sz],
+            shear: [d[x as usize] * sz, d[y as usize] * sz],
             t_min,
             unscale,
         }

@@ -322,7 +322,7 @@ impl Flight<'_> {
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return DONE;
         };
-        let mut lanes = triangle::candidates(w, packet, &slot.ray, slot.best.t);
+        let mut lanes = triangle::candidates(w, packet, &slot.ray);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;

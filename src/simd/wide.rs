@@ -40,20 +40,12 @@ pub trait Wide: Copy {
     fn load4(self, from: &[f32; 4]) -> Self::F4;
     /// Four times the same float.
     fn splat4(self, x: f32) -> Self::F4;
-    /// `a + b`.
-    fn add4(self, a: Self::F4, b: Self::F4) -> Self::F4;
     /// `a - b`.
     fn sub4(self, a: Self::F4, b: Self::F4) -> Self::F4;
     /// `a * b`.
     fn mul4(self, a: Self::F4, b: Self::F4) -> Self::F4;
-    /// `a / b`.
-    fn div4(self, a: Self::F4, b: Self::F4) -> Self::F4;
     /// One bit for each lane where `a`, `b` and `c` are all at least 0 or all at most 0.
     fn same_sign4(self, a: Self::F4, b: Self::F4, c: Self::F4) -> u32;
-    /// One bit for each lane where `a`, `b` or `c` is 0.
-    fn any_zero4(self, a: Self::F4, b: Self::F4, c: Self::F4) -> u32;
-    /// One bit for each lane where `low < x <= high`.
-    fn within4(self, x: Self::F4, low: f32, high: f32) -> u32;
 }
 
 /// A loop over [`Wide`] vectors that is compiled once per CPU level.
@@ -163,10 +155,6 @@ impl Wide for ScalarWide {
         [x; 4]
     }
     #[inline(always)]
-    fn add4(self, a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        map(a, b, |a, b| a + b)
-    }
-    #[inline(always)]
     fn sub4(self, a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
         map(a, b, |a, b| a - b)
     }
@@ -175,21 +163,9 @@ impl Wide for ScalarWide {
         map(a, b, |a, b| a * b)
     }
     #[inline(always)]
-    fn div4(self, a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        map(a, b, |a, b| a / b)
-    }
-    #[inline(always)]
     fn same_sign4(self, a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> u32 {
         bits::<4>(|i| {
             (a[i] >= 0.0 && b[i] >= 0.0 && c[i] >= 0.0) || (a[i] <= 0.0 && b[i] <= 0.0 && c[i] <= 0.0)
         })
-    }
-    #[inline(always)]
-    fn any_zero4(self, a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> u32 {
-        bits::<4>(|i| a[i] == 0.0 || b[i] == 0.0 || c[i] == 0.0)
-    }
-    #[inline(always)]
-    fn within4(self, x: [f32; 4], low: f32, high: f32) -> u32 {
-        bits::<4>(|i| x[i] > low && x[i] <= high)
     }
 }

@@ -208,11 +208,6 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
         unsafe { _mm_set1_ps(x) }
     }
     #[inline(always)]
-    fn add4(self, a: __m128, b: __m128) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_add_ps(a, b) }
-    }
-    #[inline(always)]
     fn sub4(self, a: __m128, b: __m128) -> __m128 {
         // SAFETY: see above.
         unsafe { _mm_sub_ps(a, b) }
@@ -221,11 +216,6 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     fn mul4(self, a: __m128, b: __m128) -> __m128 {
         // SAFETY: see above.
         unsafe { _mm_mul_ps(a, b) }
-    }
-    #[inline(always)]
-    fn div4(self, a: __m128, b: __m128) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_div_ps(a, b) }
     }
     #[inline(always)]
     fn same_sign4(self, a: __m128, b: __m128, c: __m128) -> u32 {
@@ -237,23 +227,6 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let negative =
                 _mm_and_ps(_mm_and_ps(_mm_cmple_ps(a, zero), _mm_cmple_ps(b, zero)), _mm_cmple_ps(c, zero));
             _mm_movemask_ps(_mm_or_ps(positive, negative)) as u32
-        }
-    }
-    #[inline(always)]
-    fn any_zero4(self, a: __m128, b: __m128, c: __m128) -> u32 {
-        // SAFETY: see above.
-        unsafe {
-            let zero = _mm_setzero_ps();
-            let (a, b, c) = (_mm_cmpeq_ps(a, zero), _mm_cmpeq_ps(b, zero), _mm_cmpeq_ps(c, zero));
-            _mm_movemask_ps(_mm_or_ps(_mm_or_ps(a, b), c)) as u32
-        }
-    }
-    #[inline(always)]
-    fn within4(self, x: __m128, low: f32, high: f32) -> u32 {
-        // SAFETY: see above.
-        unsafe {
-            let above = _mm_cmpgt_ps(x, _mm_set1_ps(low));
-            _mm_movemask_ps(_mm_and_ps(above, _mm_cmple_ps(x, _mm_set1_ps(high)))) as u32
         }
     }
 }
