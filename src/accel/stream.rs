@@ -326,7 +326,7 @@ impl Flight<'_> {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
-            if let Some(hit) = triangle::intersect(packet, lane, &slot.ray) {
+            if let Some(hit) = triangle::intersect(packet, lane, &slot.ray, slot.best.t) {
                 let (u, v) = match packet.part(lane) {
                     PART_TRIANGLE => (hit.u, hit.v),
                     PART_QUAD_FIRST => ((hit.u + hit.v).min(1.0), hit.v),

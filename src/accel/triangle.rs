@@ -42,10 +42,14 @@ pub fn candidates<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay) -> 
     w.same_sign4(u, v, wt)
 }
 
-/// The exact test of one lane. Accepts any parameter; the caller compares it.
+/// The exact test of one lane for `t_min < t <= t_max`.
 #[inline(always)]
-pub fn intersect(packet: &TrianglePacket, lane: usize, ray: &PreparedRay) -> Option<TriangleHit> {
+pub fn intersect(packet: &TrianglePacket, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
     let lane = lane & 3;
+    let t = plane_parameter(packet, lane, ray)?;
+    if !(t > ray.t_min && t <= t_max) {
+        return None;
+    }
     let [kx, ky, kz] = ray.axes.map(|k| usize::from(k).min(2));
     let [ox, oy, oz] = [ray.origin[kx], ray.origin[ky], ray.origin[kz]];
     let [sx, sy] = ray.shear;
@@ -70,7 +74,6 @@ pub fn intersect(packet: &TrianglePacket, lane: usize, ray: &PreparedRay) -> Opt
     if !(positive || negative) || det == 0.0 {
         return None;
     }
-    let t = plane_parameter(packet, lane, ray)?;
     Some(TriangleHit { t, u: v / det, v: w / det })
 }
 

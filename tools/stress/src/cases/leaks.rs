@@ -5,7 +5,7 @@ use super::meshes::{Random, Shape, ball, build, closest, cube, slivers, vertices
 use oscura::math::{DVec3, Ray, Vec3};
 
 /// Rays of the full run.
-const RAYS: f64 = 1.05e8;
+const RAYS: f64 = 1.4e8;
 
 pub fn run(effort: f64) -> Vec<Row> {
     let shapes = [ball(5), slivers(), cube(16)];
