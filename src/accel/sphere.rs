@@ -17,8 +17,8 @@ pub fn intersect(packet: &SpherePacket, lane: usize, ray: &PreparedRay, t_max: f
     // The point of the line nearest to the centre, seen from it: equation 7.3's discriminant, r^2 - |l|^2.
     let l: [f64; 3] = std::array::from_fn(|k| f[k] + (b / a) * d[k]);
     let discriminant = r * r - dot(l, l);
-    // NaN (an unused lane) fails this test.
-    if !(discriminant >= 0.0) {
+    // NaN: an unused lane.
+    if discriminant < 0.0 || discriminant.is_nan() {
         return None;
     }
     let c = power_of_point(packet, lane, ray, f);
@@ -38,10 +38,10 @@ pub fn intersect(packet: &SpherePacket, lane: usize, ray: &PreparedRay, t_max: f
 fn power_of_point(packet: &SpherePacket, lane: usize, ray: &PreparedRay, f: [f64; 3]) -> f64 {
     let r = f64::from(packet.radius[lane]);
     let (mut sum, mut rest) = (-(r * r), 0.0);
-    for k in 0..3 {
+    for (k, f) in f.into_iter().enumerate() {
         let (o, c) = (f64::from(ray.origin[k]), -f64::from(packet.center[k][lane]));
-        let square = f[k] * f[k];
-        rest += f[k].mul_add(f[k], -square) + 2.0 * f[k] * rounding_of_sum(o, c, f[k]);
+        let square = f * f;
+        rest += f.mul_add(f, -square) + 2.0 * f * rounding_of_sum(o, c, f);
         let next = sum + square;
         rest += rounding_of_sum(sum, square, next);
         sum = next;

@@ -33,7 +33,7 @@ impl Accel {
                 self.validate_leaf(reference, &bounds, &mut found)?;
                 continue;
             }
-            if depth >= tree.depth.max(1) + 1 {
+            if depth > tree.depth.max(1) {
                 return Err(format!("node {reference} is deeper than {}", tree.depth));
             }
             let node = view::<Node, NODE_LINES>(&self.lines, line_of(reference))

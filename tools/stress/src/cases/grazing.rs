@@ -71,7 +71,7 @@ fn odd_directions(count: usize) -> Row {
             let o = random.signed();
             let origin = DVec3::new(grid(o.x), grid(o.y), grid(o.z)).as_vec3();
             let mut direction = [0; 3].map(|_| odd[random.bits() as usize % odd.len()]);
-            direction[random.bits() as usize % 3] = if random.bits() % 2 == 0 { 1.0 } else { -1.0 };
+            direction[random.bits() as usize % 3] = if random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
             Ray::new(origin, direction.into())
         })
         .collect();

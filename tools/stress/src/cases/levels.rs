@@ -51,7 +51,7 @@ fn soup(count: usize, size: f64) -> Geometry {
         let vertices = (0..3).map(|_| (center + random.signed() * size).as_vec3().to_array());
         geometry.positions.extend(vertices);
         geometry.triangles.push([first, first + 1, first + 2]);
-        if count > 10 && random.bits() % 8 == 0 {
+        if count > 10 && random.bits().is_multiple_of(8) {
             let corner = random.signed().as_vec3();
             let (edge_u, edge_v) = ((random.signed() * size).as_vec3(), (random.signed() * size).as_vec3());
             geometry.quads.push(Quad { corner, edge_u, edge_v });
