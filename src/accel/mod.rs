@@ -1,7 +1,7 @@
 //! Ray intersection: one structure over triangles, quads, spheres and placed geometries, and batched queries on it.
 //!
 //! obvhs builds a binary tree, which is collapsed to eight children a node at least expected cost and packed into cache
-//! lines ([`layout`](self)); [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
+//! lines; [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
 //! the CPU level found at start-up. All levels give the same hits bit for bit, and so do batches of any size.
 //!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then spheres from `T + Q` on.
