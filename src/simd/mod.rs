@@ -7,6 +7,14 @@
 
 #![allow(unsafe_code)]
 
+mod line;
+mod wide;
+#[cfg(target_arch = "x86_64")]
+mod x86;
+
+pub use line::{Line, prefetch_lines};
+pub use wide::{ScalarWide, Wide, WideKernel};
+
 use std::sync::OnceLock;
 
 /// What the CPU can do, as far as the kernels care.
@@ -110,4 +118,33 @@ fn run_avx512<K: Kernel>(kernel: K) -> K::Output {
 #[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
 fn run_avx2<K: Kernel>(kernel: K) -> K::Output {
     kernel.run()
+}
+
+/// Runs a vector kernel compiled for a level, or for the best available one below it.
+#[inline]
+pub fn dispatch_wide_at<K: WideKernel>(level: Level, kernel: K) -> K::Output {
+    #[cfg(target_arch = "x86_64")]
+    match level.min(best_level()) {
+        // SAFETY: `best_level` saw that the CPU has every feature that `run_wide_avx512` is compiled with.
+        Level::Avx512 => return unsafe { run_wide_avx512(kernel) },
+        // SAFETY: as above, for `run_wide_avx2`.
+        Level::Avx2 => return unsafe { run_wide_avx2(kernel) },
+        Level::Scalar => {}
+    }
+    let _ = level;
+    kernel.run(ScalarWide)
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx512f,avx512vl,avx512dq,avx512bw,avx512cd,avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_wide_avx512<K: WideKernel>(kernel: K) -> K::Output {
+    // SAFETY: this function runs only on CPUs that have its features.
+    kernel.run(unsafe { x86::X86::<true>::new() })
+}
+
+#[cfg(target_arch = "x86_64")]
+#[target_feature(enable = "avx2,fma,bmi1,bmi2,lzcnt,popcnt")]
+fn run_wide_avx2<K: WideKernel>(kernel: K) -> K::Output {
+    // SAFETY: as above.
+    kernel.run(unsafe { x86::X86::<false>::new() })
 }

@@ -1,0 +1,124 @@
+//! The binary tree: obvhs clusters (PLOC) and improves it (parallel reinsertion); here its order and boxes.
+
+use super::Quality;
+use super::gather::Primitive;
+use crate::math::{Bounds3, Vec3};
+use obvhs::aabb::Aabb;
+use obvhs::bvh2::Bvh2;
+use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
+use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
+use rayon::prelude::*;
+
+/// A binary tree in depth-first order: the left child follows its parent, the right one follows the left subtree.
+pub struct Binary {
+    /// Boxes.
+    pub bounds: Vec<Bounds3>,
+    /// Nodes of the subtree; 1 for leaves.
+    pub size: Vec<u32>,
+    /// Leaves: which primitive.
+    pub primitive: Vec<u32>,
+}
+
+impl Binary {
+    /// The children of an inner node.
+    #[inline(always)]
+    pub fn children(&self, node: usize) -> (usize, usize) {
+        (node + 1, node + 1 + self.size[node + 1] as usize)
+    }
+
+    /// Is it a leaf?
+    #[inline(always)]
+    pub fn is_leaf(&self, node: usize) -> bool {
+        self.size[node] == 1
+    }
+}
+
+/// Reinsertion looks for a better place in the whole tree, which takes as long as a ray takes that visits all boxes in its
+/// way. Beyond this expected number of visits (primitives in one heap) it would not end, and could not help.
+const MAX_VISITS_FOR_REINSERTION: f64 = 3000.0;
+
+/// Builds the tree over at least one primitive.
+pub fn build(primitives: &[Primitive], quality: Quality) -> Binary {
+    let boxes = normalized_boxes(primitives);
+    let (distance, ratio) = match quality {
+        Quality::Fast => (PlocSearchDistance::VeryLow, 0.005),
+        Quality::Medium => (PlocSearchDistance::Medium, 0.05),
+        Quality::High => (PlocSearchDistance::VeryHigh, 1.0),
+    };
+    let ids = (0..primitives.len() as u32).collect();
+    let mut bvh = PlocBuilder::with_capacity(boxes.len()).build(distance, &boxes, ids, SortPrecision::U64, 0);
+    drop(boxes);
+    if expected_visits(&bvh) <= MAX_VISITS_FOR_REINSERTION {
+        ReinsertionOptimizer::default().run(&mut bvh, ratio, None);
+    }
+    order(&bvh, primitives)
+}
+
+/// Boxes for the builder alone: moved into the unit cube, so that areas neither overflow nor vanish, and each grown by
+/// a pseudo-random fraction below 1/4096 of itself: clustering takes a pass over all for each merge where all boxes are
+/// equal, and boxes that differ cannot do that.
+fn normalized_boxes(primitives: &[Primitive]) -> Vec<Aabb> {
+    let all =
+        primitives.par_iter().with_min_len(4096).map(|p| p.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
+    let low = all.min.as_dvec3();
+    let extent = (all.max.as_dvec3() - low).max_element();
+    let scale = if extent > 0.0 { 1.0 / extent } else { 1.0 };
+    primitives
+        .par_iter()
+        .with_min_len(4096)
+        .enumerate()
+        .map(|(i, p)| {
+            let min = ((p.bounds.min.as_dvec3() - low) * scale).as_vec3();
+            let max = ((p.bounds.max.as_dvec3() - low) * scale).as_vec3();
+            let random = hash(i as u32);
+            let part = |shift: u32| ((random >> shift) & 1023) as f32 / (1024.0 * 4096.0);
+            let grow = (max - min + Vec3::splat(1.0 / 4096.0)) * Vec3::new(part(0), part(10), part(20));
+            Aabb::new((min).into(), (max + grow).into())
+        })
+        .collect()
+}
+
+/// A mixing of 32 bits (the finaliser of MurmurHash3).
+fn hash(x: u32) -> u32 {
+    let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
+    let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
+    x ^ (x >> 16)
+}
+
+/// Inner nodes that a random ray through the root visits: the sum of areas over that of the root.
+fn expected_visits(bvh: &Bvh2) -> f64 {
+    let Some(root) = bvh.nodes.first() else { return 0.0 };
+    let sum: f64 = bvh.nodes.iter().filter(|n| !n.is_leaf()).map(|n| f64::from(n.aabb().half_area())).sum();
+    sum / f64::from(root.aabb().half_area()).max(f64::MIN_POSITIVE)
+}
+
+/// Depth-first order with the exact boxes of the primitives.
+fn order(bvh: &Bvh2, primitives: &[Primitive]) -> Binary {
+    let count = bvh.nodes.len();
+    let mut binary = Binary {
+        bounds: vec![Bounds3::EMPTY; count],
+        size: vec![1; count],
+        primitive: vec![u32::MAX; count],
+    };
+    let mut stack = vec![0u32];
+    let mut next = 0;
+    while let Some(index) = stack.pop() {
+        let node = &bvh.nodes[index as usize];
+        if node.is_leaf() {
+            let primitive = bvh.primitive_indices[node.first_index as usize];
+            binary.primitive[next] = primitive;
+            binary.bounds[next] = primitives[primitive as usize].bounds;
+        } else {
+            stack.push(node.first_index + 1);
+            stack.push(node.first_index);
+        }
+        next += 1;
+    }
+    for i in (0..count).rev().filter(|i| binary.primitive[*i] == u32::MAX) {
+        let left = i + 1;
+        let right = left + binary.size[left] as usize;
+        binary.size[i] = 1 + binary.size[left] + binary.size[right];
+        binary.bounds[i] = binary.bounds[left].union(binary.bounds[right]);
+    }
+    binary
+}

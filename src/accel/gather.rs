@@ -1,0 +1,131 @@
+//! From geometry to the primitives that a BVH is built over: bounds, and the dropping of what no ray can hit.
+
+use super::{Geometry, Quad, Sphere};
+use crate::math::{Bounds3, Vec3};
+use rayon::prelude::*;
+
+/// Primitives that were left out, by reason.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Dropped {
+    /// Triangles, quads and spheres with NaN or infinite coordinates, or indices out of range.
+    pub not_finite: u64,
+    /// Triangles and quads without area, spheres without a radius.
+    pub degenerate: u64,
+    /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
+    pub instances: u64,
+}
+
+impl Dropped {
+    /// Were all kept?
+    pub fn is_empty(&self) -> bool {
+        *self == Dropped::default()
+    }
+
+    pub(super) fn add(&mut self, other: Dropped) {
+        self.not_finite += other.not_finite;
+        self.degenerate += other.degenerate;
+        self.instances += other.instances;
+    }
+}
+
+/// What a primitive is for the builder.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Kind {
+    Triangle,
+    Quad,
+    Sphere,
+    Instance,
+}
+
+/// One primitive: its kind, its id in the geometry (or the instance's index) and its box.
+#[derive(Clone, Copy, Debug)]
+pub struct Primitive {
+    pub kind: Kind,
+    pub id: u32,
+    pub bounds: Bounds3,
+}
+
+/// Why a primitive is not kept.
+enum Reason {
+    NotFinite,
+    Degenerate,
+}
+
+/// The corners of a quad in order around it. All code takes them from here, so that they agree to the bit.
+pub fn quad_corners(quad: &Quad) -> [Vec3; 4] {
+    let (a, u, v) = (quad.corner, quad.edge_u, quad.edge_v);
+    [a, a + u, (a + u) + v, a + v]
+}
+
+/// The vertices of a triangle; `None` where an index is out of range.
+pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]> {
+    let [a, b, c] = *geometry.triangles.get(index)?;
+    let at = |i: u32| geometry.positions.get(i as usize).copied().map(Vec3::from);
+    Some([at(a)?, at(b)?, at(c)?])
+}
+
+/// Do two vertices coincide? Such a triangle has no area and its two long edges are one. Other triangles without area
+/// stay: a vertex in the middle of a long edge joins the neighbours on both sides, and without it a ray could leak.
+fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
+    a == b || b == c || c == a
+}
+
+fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
+    let vertices = triangle_vertices(geometry, index).ok_or(Reason::NotFinite)?;
+    if !vertices.iter().all(|v| v.is_finite()) {
+        return Err(Reason::NotFinite);
+    }
+    if is_collapsed(vertices) { Err(Reason::Degenerate) } else { Ok(Bounds3::of(vertices)) }
+}
+
+fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
+    let corners = quad_corners(quad);
+    if !corners.iter().all(|v| v.is_finite()) {
+        return Err(Reason::NotFinite);
+    }
+    let [a, b, c, d] = corners;
+    let flat = is_collapsed([a, b, c]) && is_collapsed([a, c, d]);
+    if flat { Err(Reason::Degenerate) } else { Ok(Bounds3::of(corners)) }
+}
+
+fn sphere(sphere: &Sphere) -> Result<Bounds3, Reason> {
+    let (c, r) = (sphere.center, sphere.radius);
+    if !(c.is_finite() && r.is_finite()) {
+        return Err(Reason::NotFinite);
+    }
+    if r <= 0.0 {
+        return Err(Reason::Degenerate);
+    }
+    // Outwards by one step each, which covers the rounding of the sums.
+    let low = (c - Vec3::splat(r)).to_array().map(f32::next_down);
+    let high = (c + Vec3::splat(r)).to_array().map(f32::next_up);
+    Ok(Bounds3 { min: low.into(), max: high.into() })
+}
+
+/// All primitives of a geometry that a ray can hit, in the order of their ids.
+pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
+    let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
+    let total = triangles + quads + geometry.spheres.len();
+    let one = |id: usize| {
+        let (kind, bounds) = if id < triangles {
+            (Kind::Triangle, triangle(geometry, id))
+        } else if id < triangles + quads {
+            (Kind::Quad, quad(&geometry.quads[id - triangles]))
+        } else {
+            (Kind::Sphere, sphere(&geometry.spheres[id - triangles - quads]))
+        };
+        bounds.map(|bounds| Primitive { kind, id: id as u32, bounds })
+    };
+    let mut dropped = Dropped::default();
+    let all: Vec<Result<Primitive, Reason>> =
+        (0..total).into_par_iter().with_min_len(4096).map(one).collect();
+    let mut kept = Vec::with_capacity(total);
+    for primitive in all {
+        match primitive {
+            Ok(primitive) => kept.push(primitive),
+            Err(Reason::NotFinite) => dropped.not_finite += 1,
+            Err(Reason::Degenerate) => dropped.degenerate += 1,
+        }
+    }
+    (kept, dropped)
+}

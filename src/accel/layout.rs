@@ -1,0 +1,157 @@
+//! What the buffer of cache lines holds, and how its parts refer to each other.
+//!
+//! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
+//! and its line number below. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
+
+use crate::simd::Line;
+use bytemuck::{Pod, Zeroable};
+
+/// Set in references to anything but inner nodes.
+pub const LEAF: u32 = 1 << 31;
+/// A packet of triangles (and halves of quads).
+pub const KIND_TRIANGLES: u32 = 0;
+/// A packet of spheres.
+pub const KIND_SPHERES: u32 = 1;
+/// A placed geometry.
+pub const KIND_INSTANCE: u32 = 2;
+/// On the stack below everything: the ray is done. In packets: no further packet. (It and the next have the kind 3.)
+pub const DONE: u32 = u32::MAX;
+/// On the stack below an instance's entries: back to the world.
+pub const LEAVE_INSTANCE: u32 = u32::MAX - 1;
+/// Largest line number: 32 GiB.
+pub const MAX_LINE: usize = (1 << 29) - 2;
+
+/// The reference to a leaf part.
+pub fn leaf_ref(kind: u32, line: usize) -> u32 {
+    LEAF | (kind << 29) | line as u32
+}
+
+/// The kind of a leaf reference.
+#[inline(always)]
+pub fn kind_of(reference: u32) -> u32 {
+    (reference >> 29) & 3
+}
+
+/// The line number of a reference.
+#[inline(always)]
+pub fn line_of(reference: u32) -> usize {
+    (reference & 0x1fff_ffff) as usize
+}
+
+/// Lines of a [`Node`].
+pub const NODE_LINES: usize = 4;
+/// Lines of a [`TrianglePacket`].
+pub const TRIANGLE_LINES: usize = 3;
+/// Lines of a [`SpherePacket`].
+pub const SPHERE_LINES: usize = 2;
+/// Lines of an [`InstanceRecord`].
+pub const INSTANCE_LINES: usize = 1;
+/// Lanes of a packet.
+pub const LANES: usize = 4;
+
+/// An inner node: eight children's boxes and references. Unused children have an inverted, infinite box.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Node {
+    /// min x, max x, min y, max y, min z, max z of each child.
+    pub planes: [[f32; 8]; 6],
+    /// References; [`DONE`] where unused.
+    pub child: [u32; 8],
+    /// Unused.
+    pub padding: [u32; 8],
+}
+
+/// What a lane of a [`TrianglePacket`] is.
+pub const PART_TRIANGLE: u32 = 0;
+/// The half `corner, corner + u, corner + u + v` of a quad.
+pub const PART_QUAD_FIRST: u32 = 1;
+/// The half `corner, corner + u + v, corner + v` of a quad.
+pub const PART_QUAD_SECOND: u32 = 2;
+
+/// Four triangles. Unused lanes are NaN, which no ray hits.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct TrianglePacket {
+    /// For vertex k of the triangle: x, y, z in rows 4k to 4k + 2. Row 3: ids, row 7: parts, row 11: the next packet
+    /// (first lane), all as bits.
+    pub rows: [[f32; LANES]; 12],
+}
+
+impl TrianglePacket {
+    /// A packet without triangles and without successor.
+    pub fn empty() -> TrianglePacket {
+        let mut packet = TrianglePacket { rows: [[f32::NAN; LANES]; 12] };
+        packet.rows[3] = [f32::from_bits(u32::MAX); LANES];
+        packet.rows[7] = [f32::from_bits(0); LANES];
+        packet.rows[11] = [f32::from_bits(DONE); LANES];
+        packet
+    }
+
+    /// Primitive id of a lane.
+    #[inline(always)]
+    pub fn id(&self, lane: usize) -> u32 {
+        self.rows[3][lane].to_bits()
+    }
+
+    /// What a lane is.
+    #[inline(always)]
+    pub fn part(&self, lane: usize) -> u32 {
+        self.rows[7][lane].to_bits()
+    }
+
+    /// The next packet of the leaf, or [`DONE`].
+    #[inline(always)]
+    pub fn next(&self) -> u32 {
+        self.rows[11][0].to_bits()
+    }
+}
+
+/// Four spheres. Unused lanes are NaN.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct SpherePacket {
+    /// Centres: x, y, z.
+    pub center: [[f32; LANES]; 3],
+    /// Radii.
+    pub radius: [f32; LANES],
+    /// Primitive ids.
+    pub id: [u32; LANES],
+    /// The next packet of the leaf, or [`DONE`].
+    pub next: u32,
+    /// Unused.
+    pub padding: [u32; 11],
+}
+
+/// A placed geometry.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct InstanceRecord {
+    /// Rows of the 3 x 4 matrix from world to object space.
+    pub object_from_world: [[f32; 4]; 3],
+    /// Where the geometry's BVH starts.
+    pub root: u32,
+    /// The instance's number in hits.
+    pub instance: u32,
+    /// The next packet of the leaf, or [`DONE`].
+    pub next: u32,
+    /// Unused.
+    pub padding: u32,
+}
+
+const _: () = assert!(size_of::<Node>() == NODE_LINES * 64);
+const _: () = assert!(size_of::<TrianglePacket>() == TRIANGLE_LINES * 64);
+const _: () = assert!(size_of::<SpherePacket>() == SPHERE_LINES * 64);
+const _: () = assert!(size_of::<InstanceRecord>() == INSTANCE_LINES * 64);
+
+/// Views `N` lines as one of the records above; `None` where the buffer ends earlier.
+#[inline(always)]
+pub fn view<T: Pod, const N: usize>(lines: &[Line], line: usize) -> Option<&T> {
+    const { assert!(size_of::<T>() == N * 64 && align_of::<T>() == 64) };
+    bytemuck::cast_slice(lines.get(line..line + N)?).first()
+}
+
+/// Views the lines from `line` on as one of the records above, to write it.
+pub fn view_mut<T: Pod>(lines: &mut [Line], line: usize) -> &mut T {
+    let count = size_of::<T>() / size_of::<Line>();
+    bytemuck::from_bytes_mut(bytemuck::cast_slice_mut::<Line, u8>(&mut lines[line..line + count]))
+}

@@ -1,0 +1,201 @@
+//! Against brute force, on all CPU levels, and on what breaks structures.
+
+use super::*;
+use crate::math::NO_HIT;
+
+/// A small generator of numbers for tests (PCG, O'Neill 2014).
+pub struct Rng(u64);
+impl Rng {
+    pub fn new(seed: u64) -> Rng {
+        Rng(seed.wrapping_mul(2).wrapping_add(0x9e37_79b9_7f4a_7c15))
+    }
+    pub fn bits(&mut self) -> u32 {
+        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
+        let x = (((self.0 >> 18) ^ self.0) >> 27) as u32;
+        x.rotate_right((self.0 >> 59) as u32)
+    }
+    pub fn unit(&mut self) -> f32 {
+        (self.bits() >> 8) as f32 / 16_777_216.0
+    }
+    pub fn vector(&mut self) -> Vec3 {
+        Vec3::new(self.unit() * 2.0 - 1.0, self.unit() * 2.0 - 1.0, self.unit() * 2.0 - 1.0)
+    }
+}
+
+fn soup(count: usize, size: f32, seed: u64) -> Geometry {
+    let mut rng = Rng::new(seed);
+    let mut geometry = Geometry::default();
+    for _ in 0..count {
+        let center = rng.vector();
+        let first = geometry.positions.len() as u32;
+        geometry.positions.extend((0..3).map(|_| (center + rng.vector() * size).to_array()));
+        geometry.triangles.push([first, first + 1, first + 2]);
+    }
+    for _ in 0..count / 10 {
+        let quad = Quad { corner: rng.vector(), edge_u: rng.vector() * size, edge_v: rng.vector() * size };
+        geometry.quads.push(quad);
+        geometry.spheres.push(Sphere { center: rng.vector(), radius: rng.unit() * size });
+    }
+    geometry
+}
+
+fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
+    let mut rng = Rng::new(seed);
+    (0..count).map(|_| Ray::new(rng.vector() * 1.5, rng.vector())).collect()
+}
+
+fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
+    let accel = Accel::build(geometries, instances, &BuildOptions::default());
+    accel.validate().expect("valid");
+    accel
+}
+
+fn trace(accel: &Accel, level: Level, rays: &[Ray]) -> Vec<Hit> {
+    let mut hits = vec![Hit::MISS; rays.len()];
+    accel.closest_at(level, rays, &mut hits);
+    hits
+}
+
+/// Each primitive in a structure of its own: no tree can go wrong there.
+fn brute_force(geometry: &Geometry, rays: &[Ray]) -> Vec<Hit> {
+    let mut best = vec![Hit::MISS; rays.len()];
+    let (t, q) = (geometry.triangles.len(), geometry.quads.len());
+    for id in 0..t + q + geometry.spheres.len() {
+        let mut one = Geometry { positions: geometry.positions.clone(), ..Geometry::default() };
+        if id < t {
+            one.triangles.push(geometry.triangles[id]);
+        } else if id < t + q {
+            one.quads.push(geometry.quads[id - t]);
+        } else {
+            one.spheres.push(geometry.spheres[id - t - q]);
+        }
+        for (best, hit) in best.iter_mut().zip(trace(&build(&[one], &[]), Level::Scalar, rays)) {
+            if hit.t < best.t {
+                *best = Hit { prim: id as u32, ..hit };
+            }
+        }
+    }
+    best
+}
+
+#[test]
+fn agrees_with_brute_force() {
+    let geometry = soup(150, 0.4, 1);
+    let rays = random_rays(2000, 2);
+    let expected = brute_force(&geometry, &rays);
+    let accel = build(&[geometry], &[]);
+    assert!(expected.iter().filter(|h| h.is_hit()).count() > 500);
+    for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+        assert_eq!(trace(&accel, level, &rays), expected, "{}", level.name());
+    }
+}
+
+#[test]
+fn levels_and_batch_sizes_agree_to_the_bit() {
+    for (count, size) in [(1, 1.0), (3, 0.5), (40, 0.5), (5000, 0.05), (20_000, 0.3)] {
+        let accel = build(&[soup(count, size, 7)], &[]);
+        let rays = random_rays(5000, 8);
+        let scalar = trace(&accel, Level::Scalar, &rays);
+        let mut single = vec![Hit::MISS; rays.len()];
+        for (ray, hit) in rays.iter().zip(&mut single) {
+            *hit = accel.closest_one(ray);
+        }
+        assert_eq!(single, scalar);
+        for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+            assert_eq!(trace(&accel, level, &rays), scalar, "{} {count}", level.name());
+            let mut occluded = vec![false; rays.len()];
+            accel.occluded_at(level, &rays, &mut occluded);
+            assert!(occluded.iter().zip(&scalar).all(|(o, h)| *o == h.is_hit()), "{} {count}", level.name());
+        }
+    }
+}
+
+#[test]
+fn ranges_are_exclusive() {
+    let quad = Quad { corner: Vec3::new(-1.0, -1.0, 2.0), edge_u: Vec3::X * 2.0, edge_v: Vec3::Y * 2.0 };
+    let accel = build(&[Geometry { quads: vec![quad], ..Geometry::default() }], &[]);
+    let ray = Ray::new(Vec3::ZERO, Vec3::Z);
+    let hit = accel.closest_one(&ray);
+    assert_eq!((hit.t, hit.u, hit.v, hit.prim), (2.0, 0.5, 0.5, 0));
+    assert!(!accel.closest_one(&Ray { t_max: 2.0, ..ray }).is_hit());
+    assert!(!accel.closest_one(&Ray { t_min: 2.0, ..ray }).is_hit());
+    assert!(accel.closest_one(&Ray { t_max: 2.0f32.next_up(), t_min: 2.0f32.next_down(), ..ray }).is_hit());
+    let long = Ray { direction: Vec3::Z * 1e20, ..ray };
+    assert!((accel.closest_one(&long).t / 2e-20 - 1.0).abs() < 1e-6);
+}
+
+#[test]
+fn instances_are_hit_in_world_parameters() {
+    let sphere =
+        Geometry { spheres: vec![Sphere { center: Vec3::ZERO, radius: 1.0 }], ..Geometry::default() };
+    let flat = soup(100, 0.1, 3);
+    let at = |x: f64, scale: f64| AccelInstance {
+        geometry: 1,
+        world_from_object: DAffine3::from_scale_rotation_translation(
+            crate::math::DVec3::splat(scale),
+            crate::math::DQuat::IDENTITY,
+            crate::math::DVec3::new(x, 0.0, 0.0),
+        ),
+    };
+    let singular = AccelInstance { world_from_object: DAffine3::ZERO, ..at(0.0, 1.0) };
+    let accel = build(&[flat, sphere], &[at(10.0, 2.0), singular, at(-10.0, 0.5)]);
+    assert_eq!(accel.stats().dropped.instances, 1);
+    let hit = accel.closest_one(&Ray::new(Vec3::new(2.0, 0.0, 0.0), Vec3::X * 2.0));
+    assert_eq!((hit.t, hit.prim, hit.instance), (3.0, 0, 1));
+    let hit = accel.closest_one(&Ray::new(Vec3::new(-2.0, 0.0, 0.0), -Vec3::X));
+    assert_eq!((hit.t, hit.prim, hit.instance), (7.5, 0, 3));
+    let beyond = Ray { t_max: 7.4, ..Ray::new(Vec3::new(-2.0, 0.0, 0.0), -Vec3::X) };
+    assert!(!accel.closest_one(&beyond).is_hit());
+}
+
+#[test]
+fn rays_that_make_no_sense_hit_nothing() {
+    let accel = build(&[soup(100, 2.0, 3)], &[]);
+    let (o, d) = (Vec3::ZERO, Vec3::X);
+    let bad = [
+        Ray::new(Vec3::new(f32::NAN, 0.0, 0.0), d),
+        Ray::new(Vec3::new(f32::INFINITY, 0.0, 0.0), d),
+        Ray::new(o, Vec3::ZERO),
+        Ray::new(o, Vec3::new(f32::NAN, 1.0, 0.0)),
+        Ray { t_max: 0.0, ..Ray::new(o, d) },
+        Ray { t_max: f32::NAN, ..Ray::new(o, d) },
+    ];
+    for level in Level::ALL {
+        assert!(trace(&accel, level, &bad).iter().all(|hit| *hit == Hit::MISS));
+    }
+}
+
+#[test]
+fn nothing_and_degenerates_are_dropped_and_counted() {
+    let accel = build(&[], &[]);
+    assert!(!accel.closest_one(&Ray::new(Vec3::ZERO, Vec3::X)).is_hit());
+    let mut geometry = soup(10, 0.5, 4);
+    geometry.triangles.extend([[0, 0, 1], [0, 1, 999_999]]);
+    geometry.positions[3] = [f32::NAN; 3];
+    geometry.spheres.push(Sphere { center: Vec3::ZERO, radius: 0.0 });
+    let accel = build(&[geometry], &[]);
+    assert_eq!(accel.stats().dropped, Dropped { not_finite: 2, degenerate: 2, instances: 0 });
+    assert!(trace(&accel, Level::Scalar, &random_rays(1000, 5)).iter().any(|h| h.prim != NO_HIT));
+}
+
+#[test]
+fn equal_and_concentric_primitives_build_quickly() {
+    let begin = std::time::Instant::now();
+    for grow in [0.0, 1e-6] {
+        let count = 200_000u32;
+        let mut geometry = Geometry::default();
+        for i in 0..count {
+            let r = 1.0 + i as f32 * grow;
+            geometry.positions.extend([[-r, -r, 0.0], [r, -r, 0.0], [0.0, r * 2.0, 0.0]]);
+            geometry.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        }
+        let accel = build(&[geometry], &[]);
+        let ray = Ray::new(Vec3::new(0.0, 0.0, 5.0), -Vec3::Z);
+        for level in Level::ALL {
+            let hit = trace(&accel, level, &[ray]);
+            assert!((hit[0].t - 5.0).abs() < 1e-5);
+            assert!(grow > 0.0 || hit[0].prim == 0, "ties go to the smallest id");
+        }
+    }
+    assert!(begin.elapsed().as_secs() < 60);
+}

@@ -1,0 +1,74 @@
+//! Instances under transforms that stretch, mirror and shear, moved far away and re-based in f64.
+
+use super::Row;
+use super::meshes::{Random, ball};
+use oscura::accel::{Accel, AccelInstance, BuildOptions, Geometry};
+use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Ray};
+
+/// Rays of the full run.
+const RAYS: f64 = 2e6;
+/// Rays a transform.
+const EACH: usize = 1000;
+
+pub fn run(effort: f64) -> Vec<Row> {
+    let shape = ball(4);
+    let geometries = [Geometry::default(), shape.geometry(1.0, DVec3::ZERO)];
+    let transforms = (RAYS * effort / EACH as f64).ceil() as usize;
+    let mut random = Random::new(11);
+    let (mut wrong, mut worst) = (0, 0.0f64);
+    for i in 0..transforms {
+        let world_from_object = transform(&mut random, i);
+        let instance = AccelInstance { geometry: 1, world_from_object };
+        let accel = Accel::build(&geometries, &[instance], &BuildOptions::default());
+        // From inside, in object space, then moved to the world: each ray must hit.
+        for _ in 0..EACH {
+            let from = world_from_object.transform_point3(random.signed() * 0.3);
+            let to = shape.points[random.bits() as usize % shape.points.len()];
+            let to = world_from_object.transform_point3(to);
+            let ray = Ray::new(from.as_vec3(), (to - from).as_vec3());
+            let hit = accel.closest_one(&ray);
+            // The true distance is 1, since rays aim at vertices.
+            let error = (f64::from(hit.t) - 1.0).abs();
+            worst = worst.max(error);
+            wrong +=
+                u64::from(!hit.is_hit() || hit.instance != 1 || hit.prim as usize >= shape.triangles.len());
+        }
+    }
+    let singular =
+        AccelInstance { geometry: 1, world_from_object: DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)) };
+    let accel = Accel::build(&geometries, &[singular], &BuildOptions::default());
+    let dropped = accel.stats().dropped.instances == 1;
+    vec![
+        Row {
+            what: "transforms: scales 1e-4 to 1e4 an axis, mirrored, sheared, re-based from 1e9: leaks"
+                .into(),
+            tried: (transforms * EACH) as u64,
+            wrong,
+            worst: format!("t off by {worst:.1e} of 1"),
+        },
+        Row {
+            what: "transforms: singular, dropped and counted".into(),
+            tried: 1,
+            wrong: u64::from(!dropped),
+            worst: "-".into(),
+        },
+    ]
+}
+
+/// A random transform; every second one stands 1e9 away, and so does the origin that it is brought back to.
+fn transform(random: &mut Random, index: usize) -> DAffine3 {
+    let common = random.power(-3.0, 3.0);
+    let mut scale = || {
+        let sign = if random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
+        sign * common * random.power(-1.0, 1.0)
+    };
+    let scale = DVec3::new(scale(), scale(), scale());
+    let axis = random.signed().normalize();
+    let rotation = DMat3::from_quat(DQuat::from_axis_angle(axis, random.unit() * 6.0));
+    let shear = DMat3::from_cols(DVec3::X, DVec3::new(random.unit(), 1.0, 0.0), DVec3::Z);
+    let matrix = rotation * shear * DMat3::from_diagonal(scale);
+    let far =
+        DAffine3::from_translation(if index.is_multiple_of(2) { DVec3::ZERO } else { DVec3::splat(1e9) });
+    let near = DAffine3 { matrix3: matrix, translation: random.signed() * scale.abs().min_element() };
+    far.inverse() * (far * near)
+}
