@@ -1,0 +1,138 @@
+//! Images by way of the files that refer to them: textures and environments of scene files, maps of OBJ materials.
+
+use image::{ImageFormat, Rgb, RgbImage};
+use oscura::error::Error;
+use oscura::image::Encoding;
+use oscura::load::image::load_environment;
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::scene::{Environment, Model, Texture, TextureId};
+use std::io::Cursor;
+use std::path::{Path, PathBuf};
+
+fn png(width: u32, height: u32) -> Vec<u8> {
+    let mut out = Cursor::new(Vec::new());
+    let picture = RgbImage::from_pixel(width, height, Rgb([188, 0, 255]));
+    picture.write_to(&mut out, ImageFormat::Png).expect("encoded");
+    out.into_inner()
+}
+
+/// Loads the first of some files that lie in one folder.
+fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).expect("written");
+    }
+    load(&folder.path().join(files[0].0), &LoadOptions::default())
+}
+
+/// The image's pixel behind a texture, in linear colour.
+fn colour(loaded: &Loaded, texture: TextureId) -> [f32; 4] {
+    let Texture::Image { image, .. } = loaded.scene.textures[texture.index()] else { panic!("not an image") };
+    loaded.scene.images[image.index()].rgba(0, 0)
+}
+
+const SCENE: &str = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\
+                     textures.a = { type = \"image\", file = \"a.png\" }\n\
+                     textures.b = { type = \"image\", file = \"a.png\", wrap = \"clamp\" }\n\
+                     materials.a = { type = \"lambert\", color = \"a\" }\n\
+                     materials.b = { type = \"lambert\", color = \"b\" }\n\
+                     [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n\
+                     [[objects]]\nsphere = { center = [3, 0, 0], radius = 1 }\nmaterial = \"b\"\n";
+
+#[test]
+fn textures_of_a_scene_file_are_srgb_and_share_their_image() {
+    let loaded =
+        load_files(&[("s.toml", SCENE.as_bytes()), ("a.png", &png(3, 2))]).unwrap_or_else(|e| panic!("{e}"));
+    let scene = &loaded.scene;
+    assert_eq!((scene.images.len(), scene.textures.len()), (1, 2));
+    assert_eq!((scene.images[0].width, scene.images[0].encoding), (3, Encoding::Srgb));
+    let Model::Lambert { albedo } = scene.materials[0].model else { panic!("not Lambert") };
+    let [r, g, b, a] = colour(&loaded, albedo.texture.expect("a texture"));
+    assert!((r - 0.502_886).abs() < 1e-5 && [g, b, a] == [0.0, 1.0, 1.0]);
+}
+
+#[test]
+fn broken_and_missing_textures_of_a_scene_file_are_errors_at_their_line() {
+    let whole = png(64, 64);
+    let cut = load_files(&[("s.toml", SCENE.as_bytes()), ("a.png", &whole[..whole.len() / 2])]);
+    let shown = cut.expect_err("a cut picture").to_string();
+    assert!(shown.contains("line 2") && shown.contains("a.png: can't be read as an image"), "{shown}");
+    let missing = load_files(&[("s.toml", SCENE.as_bytes())]).expect_err("no picture").to_string();
+    assert!(missing.contains("line 2") && missing.contains("a.png: can't be read"), "{missing}");
+}
+
+#[test]
+fn environments_of_scene_files_are_checked() {
+    let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\
+                environment = { image = \"e.exr\", strength = 2, rotation = 90 }\n\
+                materials.default = { type = \"lambert\" }\n\
+                [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("e.exr");
+    exr::prelude::write_rgb_file(&path, 4, 2, |x, _| (if x == 0 { -1.0f32 } else { 1.0 }, 2.0f32, f32::NAN))
+        .expect("written");
+    std::fs::write(folder.path().join("s.toml"), text).expect("written");
+    let loaded =
+        load(&folder.path().join("s.toml"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    let Environment::Image { image, strength, rotation_rad } = loaded.scene.environment else {
+        panic!("no image")
+    };
+    assert!(strength == 2.0 && (rotation_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+    let image = &loaded.scene.images[image.index()];
+    assert_eq!((image.rgba(0, 0), image.rgba(1, 1)), ([0.0, 2.0, 0.0, 1.0], [1.0, 2.0, 0.0, 1.0]));
+    let messages: Vec<&str> = loaded.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!(
+        messages,
+        ["8 of 24 numbers are NaN or infinite and became 0", "2 of 24 numbers are negative and became 0"]
+    );
+}
+
+const OBJ: &[u8] =
+    b"mtllib m.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nusemtl a\nf 1/1 2/1 3/1\nusemtl b\nf 1/1 3/1 2/1\n";
+const MTL: &[u8] =
+    b"newmtl a\nKd 0 0 0\nmap_Kd -s 2 2 1 .\\my map.png\nnewmtl b\nKd .5 .5 .5\nmap_Kd ./my map.png\n";
+
+#[test]
+fn maps_of_obj_materials_are_read_once_and_keep_a_factor() {
+    let files: [(&str, &[u8]); 3] = [("a.obj", OBJ), ("m.mtl", MTL), ("my map.png", &png(2, 2))];
+    let loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
+    let slot = |name: &str| {
+        let material = loaded.scene.materials.iter().find(|m| m.name == name).expect("the material");
+        let Model::Lambert { albedo } = material.model else { panic!("not Lambert") };
+        albedo
+    };
+    // A black factor beside a map is an exporter's habit; any other counts.
+    assert_eq!((slot("a").factor, slot("b").factor), ([1.0; 3], [0.5; 3]));
+    let [r, ..] = colour(&loaded, slot("b").texture.expect("a texture"));
+    assert!((r - 0.502_886).abs() < 1e-5);
+    assert_eq!(loaded.scene.images.len(), 1);
+}
+
+#[test]
+fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
+    let loaded = load_files(&[("a.obj", OBJ), ("m.mtl", MTL)]).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.scene.textures.is_empty());
+    let left_out: Vec<String> =
+        loaded.warnings.iter().map(ToString::to_string).filter(|w| w.contains("texture left out")).collect();
+    assert_eq!(left_out.len(), 2, "{left_out:?}");
+    assert!(left_out.iter().all(|w| w.contains("my map.png: can't be read")), "{left_out:?}");
+}
+
+/// Broken EXR files of others; where they are absent, there is nothing to check.
+#[test]
+fn damaged_exr_files_never_panic() {
+    let shared = std::env::var_os("OSCURA_SHARED")
+        .map_or_else(|| Path::new(env!("CARGO_MANIFEST_DIR")).join("../shared"), PathBuf::from);
+    let folder = shared.join("data/broken/exr");
+    let Ok(entries) = std::fs::read_dir(&folder) else {
+        return println!("skipped: {} is absent", folder.display());
+    };
+    let mut refused = 0;
+    for path in entries.map(|e| e.expect("an entry").path()).filter(|p| p.is_file()) {
+        if let Err(e) = load_environment(&path, &mut Vec::new()) {
+            assert!(e.to_string().starts_with(&path.display().to_string()), "{e}");
+            refused += 1;
+        }
+    }
+    assert!(refused > 50, "only {refused} were refused");
+}
