@@ -50,6 +50,8 @@ pub mod accel;
 pub mod compile;
 pub mod film;
 
+pub mod integrator;
+
 pub mod render;
 
 pub mod output;

@@ -132,6 +132,24 @@ impl Bsdf {
         }
     }
 
+    /// With its base colour multiplied (by the colour of vertices).
+    #[inline]
+    pub fn tinted(self, color: Vec3) -> Bsdf {
+        match self {
+            Bsdf::Black => Bsdf::Black,
+            Bsdf::Lambert(b) => Bsdf::Lambert(Lambert { albedo: b.albedo * color }),
+            Bsdf::Conductor(b) => Bsdf::Conductor(Conductor { f0: b.f0 * color, ..b }),
+            Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { tint: b.tint * color, ..b }),
+            Bsdf::ThinDielectric(b) => Bsdf::ThinDielectric(ThinDielectric { tint: b.tint * color, ..b }),
+            Bsdf::MetalRough(b) => Bsdf::MetalRough(MetalRough {
+                diffuse: b.diffuse * color,
+                transmitted: b.transmitted * color,
+                metal_f0: b.metal_f0 * color,
+                ..b
+            }),
+        }
+    }
+
     /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
     #[inline]
     pub fn albedo(&self) -> Vec3 {

@@ -1,5 +1,42 @@
-//! Lights: how they are chosen and sampled.
+//! What shines: emitting surfaces, lights without a surface, the surroundings, and the choice among them.
 
-pub mod environment;
+mod area;
+mod environment;
+mod punctual;
+mod select;
 
+pub use area::{AreaLight, AreaShape, Edges, Radiance};
 pub use environment::{EnvironmentLight, EnvironmentSample};
+pub use punctual::PunctualLight;
+pub use select::{Lights, Selected};
+
+use crate::math::Vec3;
+
+/// Light that may reach a reference point from one point or direction of a light.
+#[derive(Clone, Copy, Debug)]
+pub struct LightSample {
+    /// Towards the light, unit length.
+    pub wi: Vec3,
+    /// Where a shadow ray ends: just in front of the light. Ignored for [`LightSample::is_infinite`].
+    pub target: Vec3,
+    /// The light is infinitely far away.
+    pub is_infinite: bool,
+    /// No other strategy finds this light: it has no size.
+    pub is_delta: bool,
+    /// Radiance towards the reference point; for delta lights the irradiance of a surface that faces the light.
+    pub radiance: Vec3,
+    /// Density per solid angle at the reference point, given the light; 1 for delta lights, 0 for no contribution.
+    pub pdf_solid_angle: f32,
+}
+
+impl LightSample {
+    /// No light.
+    pub const NONE: LightSample = LightSample {
+        wi: Vec3::Z,
+        target: Vec3::ZERO,
+        is_infinite: false,
+        is_delta: false,
+        radiance: Vec3::ZERO,
+        pdf_solid_angle: 0.0,
+    };
+}

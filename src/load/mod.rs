@@ -1,12 +1,10 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
-mod decode;
 pub mod framing;
 pub mod gltf;
 pub mod image;
 pub mod obj;
-pub mod picture;
 pub mod ply;
 mod polygon;
 pub mod scene_file;

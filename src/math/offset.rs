@@ -27,9 +27,14 @@ pub fn next_down(x: f32) -> f32 {
 /// `p +- p_error` in which the true point lies (ibid., section 6.8.6).
 #[inline(always)]
 pub fn offset_ray_origin(p: Vec3, p_error: Vec3, n: Vec3, w: Vec3) -> Vec3 {
-    let d = n.abs().dot(p_error);
     let side = if w.dot(n) < 0.0 { -1.0 } else { 1.0 };
-    let offset = n * (d * side);
+    offset_along(p, n * side, n.abs().dot(p_error))
+}
+
+/// Moves a point by a distance along the unit vector `n`, rounded outward.
+#[inline(always)]
+pub fn offset_along(p: Vec3, n: Vec3, distance: f32) -> Vec3 {
+    let offset = n * distance;
     let moved = p + offset;
     Vec3::new(
         push_outward(moved.x, offset.x),

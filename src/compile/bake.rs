@@ -1,0 +1,254 @@
+//! Places meshes: those used once become part of the world's own geometry, large ones used again are shared.
+
+use super::geometry::{Attributes, Geometries, Placement};
+use super::material::CompiledMaterial;
+use crate::accel::{self, AccelInstance};
+use crate::error::Warning;
+use crate::math::{DAffine3, DMat3, DVec3, Mat3};
+use crate::scene::{Instance, MaterialId, Mesh, Scene};
+
+/// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
+const MIN_SHARED_TRIANGLES: usize = 1024;
+
+/// Where geometry ended up.
+#[derive(Debug, Default)]
+pub struct Baked {
+    /// The arrays.
+    pub geometries: Geometries,
+    /// For the accelerator, in the order of the placements.
+    pub instances: Vec<AccelInstance>,
+}
+
+/// What of a mesh the materials need.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct Needs {
+    normals: bool,
+    uv: [bool; 2],
+    tangents: bool,
+    colors: bool,
+}
+
+/// Bakes a scene whose world's origin moves to `origin`.
+pub fn bake(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    origin: DVec3,
+    warnings: &mut Vec<Warning>,
+    left_out: &mut Vec<String>,
+) -> Baked {
+    let uses = count_uses(scene);
+    let mut baked = Baked::default();
+    baked.geometries.shapes.push(accel::Geometry::default());
+    baked.geometries.attributes.push(Attributes::default());
+    let mut shared: Vec<Option<u32>> = vec![None; scene.meshes.len()];
+    for instance in &scene.instances {
+        let mesh = &scene.meshes[instance.mesh.index()];
+        let world_from_object = moved(&instance.world_from_object, origin);
+        if !is_invertible(&world_from_object.matrix3) {
+            let message = "a transform that flattens it (or is not finite) hides it; it was left out";
+            warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
+            continue;
+        }
+        let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
+        let is_shared =
+            uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= MIN_SHARED_TRIANGLES && !emits;
+        if is_shared {
+            let slot = &mut shared[instance.mesh.index()];
+            let geometry = *slot.get_or_insert_with(|| baked.geometries.share(mesh, materials));
+            baked.place(geometry, &world_from_object, instance.material);
+        } else {
+            let needs = needs_of(part_materials(mesh, instance), materials);
+            baked.geometries.append(mesh, instance.material, &world_from_object, needs);
+        }
+    }
+    baked.geometries.append_shapes(scene, materials, origin);
+    report(scene, &uses, &shared, left_out);
+    baked
+}
+
+fn count_uses(scene: &Scene) -> Vec<usize> {
+    let mut uses = vec![0; scene.meshes.len()];
+    for instance in &scene.instances {
+        uses[instance.mesh.index()] += 1;
+    }
+    uses
+}
+
+fn report(scene: &Scene, uses: &[usize], shared: &[Option<u32>], left_out: &mut Vec<String>) {
+    let unused = || scene.meshes.iter().zip(uses).filter(|&(_, &n)| n == 0).map(|(mesh, _)| mesh);
+    if unused().next().is_some() {
+        let triangles: usize = unused().map(|m| m.triangles.len()).sum();
+        left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
+    }
+    for (index, mesh) in scene.meshes.iter().enumerate().filter(|(i, _)| shared[*i].is_some()) {
+        let (n, copies) = (mesh.triangles.len(), uses[index] - 1);
+        left_out.push(format!("{copies} copies of mesh '{}' ({n} triangles): its uses share one", mesh.name));
+    }
+}
+
+fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
+    DAffine3 { translation: world_from_object.translation - origin, ..*world_from_object }
+}
+
+fn is_invertible(m: &DMat3) -> bool {
+    let determinant = m.determinant();
+    let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
+    // Rounding of a flat matrix leaves about 1e-16 of the volume.
+    determinant.is_finite() && determinant.abs() > 1e-14 * volume
+}
+
+fn part_materials<'a>(mesh: &'a Mesh, instance: &'a Instance) -> impl Iterator<Item = MaterialId> + 'a {
+    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
+}
+
+fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {
+    let mut needs = Needs::default();
+    for material in used.map(|id| &materials[id.index()]) {
+        needs.normals |= material.uses_normals();
+        needs.uv = needs.uv.map(|uv| uv | material.uses_uv);
+        needs.tangents |= material.normal_map.is_some();
+        needs.colors |= material.uses_vertex_colors;
+    }
+    needs
+}
+
+impl Baked {
+    fn place(&mut self, geometry: u32, world_from_object: &DAffine3, material: Option<MaterialId>) {
+        self.instances.push(AccelInstance { geometry, world_from_object: *world_from_object });
+        self.geometries.placements.push(Placement {
+            geometry,
+            linear: world_from_object.matrix3.as_mat3(),
+            translation: world_from_object.translation.as_vec3(),
+            normal_from_object: normal_matrix(&world_from_object.matrix3).as_mat3(),
+            material: material.map(|m| m.0),
+        });
+    }
+}
+
+/// The inverse transpose, scaled so that its largest column has length 1.
+fn normal_matrix(m: &DMat3) -> DMat3 {
+    let n = m.inverse().transpose();
+    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
+    n * (1.0 / largest)
+}
+
+impl Geometries {
+    /// A geometry of its own for a mesh, in object space; its index.
+    fn share(&mut self, mesh: &Mesh, materials: &[CompiledMaterial]) -> u32 {
+        let mut own = Geometries {
+            shapes: vec![accel::Geometry::default()],
+            attributes: vec![Attributes::default()],
+            placements: Vec::new(),
+        };
+        // Every use may bring its own material.
+        let needs = Needs { normals: true, uv: [true; 2], tangents: true, colors: true };
+        let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
+        let needs = Needs {
+            uv: needs.uv.map(|_| any(|m| m.uses_uv)),
+            tangents: any(|m| m.normal_map.is_some()),
+            colors: any(|m| m.uses_vertex_colors),
+            ..needs
+        };
+        own.append(mesh, None, &DAffine3::IDENTITY, needs);
+        self.shapes.append(&mut own.shapes);
+        self.attributes.append(&mut own.attributes);
+        (self.shapes.len() - 1) as u32
+    }
+
+    /// Appends a placed mesh to the world's own geometry.
+    fn append(&mut self, mesh: &Mesh, material: Option<MaterialId>, placed: &DAffine3, needs: Needs) {
+        let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
+        let first = shapes.positions.len() as u32;
+        let as_is = *placed == DAffine3::IDENTITY;
+        let position = |p: &[f32; 3]| {
+            if as_is {
+                *p
+            } else {
+                placed.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array()
+            }
+        };
+        shapes.positions.extend(mesh.positions.iter().map(position));
+        // Mirroring turns counter-clockwise into clockwise; the front stays the front.
+        let mirrors = placed.matrix3.determinant() < 0.0;
+        let turned = |&[a, b, c]: &[u32; 3]| {
+            if mirrors { [a + first, c + first, b + first] } else { [a + first, b + first, c + first] }
+        };
+        shapes.triangles.extend(mesh.triangles.iter().map(turned));
+        for part in &mesh.parts {
+            let id = material.unwrap_or(part.material).0;
+            attributes.materials.extend(std::iter::repeat_n(id, part.triangle_count as usize));
+        }
+        attributes.append(mesh, placed, needs, first as usize);
+    }
+
+    /// Appends quads and spheres to the world's own geometry.
+    fn append_shapes(&mut self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) {
+        let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
+        for quad in &scene.quads {
+            shapes.quads.push(accel::Quad {
+                corner: (quad.corner - origin).as_vec3(),
+                edge_u: quad.edge_u.as_vec3(),
+                edge_v: quad.edge_v.as_vec3(),
+            });
+            attributes.materials.push(quad.material.0);
+        }
+        let turns = scene.spheres.iter().any(|s| materials[s.material.index()].uses_uv);
+        for sphere in &scene.spheres {
+            shapes.spheres.push(accel::Sphere {
+                center: (sphere.center - origin).as_vec3(),
+                radius: sphere.radius as f32,
+            });
+            attributes.materials.push(sphere.material.0);
+            if turns {
+                attributes.object_from_world.push(Mat3::from_quat(sphere.rotation.inverse().as_quat()));
+            }
+        }
+    }
+}
+
+impl Attributes {
+    /// Appends what is needed of a mesh's attributes; `before` vertices precede it. A list starts, filled with zeros
+    /// (white for colours), at the first mesh that needs it.
+    fn append(&mut self, mesh: &Mesh, placed: &DAffine3, needs: Needs, before: usize) {
+        let total = before + mesh.positions.len();
+        let of_normals = normal_matrix(&placed.matrix3).as_mat3();
+        let linear = placed.matrix3.as_mat3();
+        let normals = mesh.normals.iter().map(|&n| (of_normals * glam(n)).normalize_or_zero().to_array());
+        extend(&mut self.normals, needs.normals, [0.0; 3], before, total, normals);
+        for set in 0..2 {
+            let source = mesh.uv_sets.get(set).map_or(&[][..], Vec::as_slice);
+            extend(&mut self.uv[set], needs.uv[set], [0.0; 2], before, total, source.iter().copied());
+        }
+        let handedness = if placed.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        let tangents = mesh.tangents.iter().map(|&[x, y, z, w]| {
+            let [x, y, z] = (linear * glam([x, y, z])).normalize_or_zero().to_array();
+            [x, y, z, w * handedness]
+        });
+        extend(&mut self.tangents, needs.tangents, [0.0; 4], before, total, tangents);
+        extend(&mut self.colors, needs.colors, [1.0; 4], before, total, mesh.colors.iter().copied());
+    }
+}
+
+fn glam(v: [f32; 3]) -> crate::math::Vec3 {
+    v.into()
+}
+
+/// Brings a list to `total` entries: values if they are needed, fillers otherwise, nothing while nobody needed any.
+fn extend<T: Copy>(
+    list: &mut Vec<T>,
+    needed: bool,
+    filler: T,
+    before: usize,
+    total: usize,
+    values: impl ExactSizeIterator<Item = T>,
+) {
+    let has_values = needed && values.len() > 0;
+    if list.is_empty() && !has_values {
+        return;
+    }
+    list.resize(before, filler);
+    if has_values {
+        list.extend(values);
+    }
+    list.resize(total, filler);
+}

@@ -1,0 +1,295 @@
+//! What a hit looks like: the point with its error bound, normals, texture coordinates.
+
+use crate::accel;
+use crate::math::{Hit, Mat3, Ray, Vec2, Vec3, gamma};
+use crate::texture::sphere_coordinates;
+
+/// Shapes of one space with what shading needs of them. Lists of attributes that no material uses are empty.
+#[derive(Clone, Debug, Default)]
+pub struct Attributes {
+    /// Unit normals by vertex; zero where a mesh is flat.
+    pub normals: Vec<[f32; 3]>,
+    /// Two sets of texture coordinates by vertex.
+    pub uv: [Vec<[f32; 2]>; 2],
+    /// Unit tangents with handedness by vertex; zero where a mesh has none.
+    pub tangents: Vec<[f32; 4]>,
+    /// Linear RGBA by vertex.
+    pub colors: Vec<[f32; 4]>,
+    /// Material of each primitive, in the order of primitive ids.
+    pub materials: Vec<u32>,
+    /// Rotations that give spheres their texture coordinates, by sphere; empty if none needs them.
+    pub object_from_world: Vec<Mat3>,
+}
+
+/// A placed geometry other than the world's own.
+#[derive(Clone, Copy, Debug)]
+pub struct Placement {
+    /// Which geometry.
+    pub geometry: u32,
+    /// Linear part of its transform.
+    pub linear: Mat3,
+    /// Translation.
+    pub translation: Vec3,
+    /// Inverse transpose of the linear part, for normals.
+    pub normal_from_object: Mat3,
+    /// Replaces the materials of its primitives.
+    pub material: Option<u32>,
+}
+
+/// A point of a surface.
+#[derive(Clone, Copy, Debug)]
+pub struct Surface {
+    /// The point.
+    pub p: Vec3,
+    /// The true point lies within this box around it.
+    pub p_error: Vec3,
+    /// Unit geometric normal on the front.
+    pub ng: Vec3,
+    /// Unit shading normal, on the same side as `ng`.
+    pub ns: Vec3,
+    /// Its material.
+    pub material: u32,
+}
+
+/// What textures and normal maps need to know about a hit.
+#[derive(Clone, Copy, Debug)]
+pub struct Coordinates {
+    /// Two sets of texture coordinates.
+    pub uv: [Vec2; 2],
+    /// Linear RGBA vertex colour; white without one.
+    pub color: [f32; 4],
+    /// Tangent, bitangent and shading normal as columns, for normal maps; `None` where there are no texture
+    /// coordinates.
+    pub tangent_frame: Option<Mat3>,
+}
+
+/// Flat arrays of all geometry.
+#[derive(Debug, Default)]
+pub struct Geometries {
+    /// The shapes that the accelerator was built over; the first is the world's own.
+    pub shapes: Vec<accel::Geometry>,
+    /// Attributes by geometry.
+    pub attributes: Vec<Attributes>,
+    /// Placements of the others, in the order of hit instances from 1 on.
+    pub placements: Vec<Placement>,
+}
+
+/// Which kind of primitive an id means.
+enum Primitive<'a> {
+    Triangle([u32; 3]),
+    Quad(&'a accel::Quad),
+    Sphere(usize, &'a accel::Sphere),
+}
+
+fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
+    let prim = prim as usize;
+    if let Some(&t) = shapes.triangles.get(prim) {
+        return Primitive::Triangle(t);
+    }
+    let prim = prim - shapes.triangles.len();
+    match shapes.quads.get(prim) {
+        Some(quad) => Primitive::Quad(quad),
+        None => {
+            let index = prim - shapes.quads.len();
+            Primitive::Sphere(index, &shapes.spheres[index])
+        }
+    }
+}
+
+#[inline(always)]
+fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
+    t.map(|i| list[i as usize])
+}
+
+#[inline(always)]
+fn interpolate(v: [[f32; 3]; 3], u: f32, w: f32) -> Vec3 {
+    let [a, b, c] = v.map(Vec3::from_array);
+    a * (1.0 - u - w) + b * u + c * w
+}
+
+impl Geometries {
+    /// The material at a hit.
+    #[inline(always)]
+    pub fn material(&self, hit: &Hit) -> u32 {
+        match hit.instance.checked_sub(1) {
+            None => self.attributes[0].materials[hit.prim as usize],
+            Some(i) => {
+                let placement = &self.placements[i as usize];
+                let of_primitive = self.attributes[placement.geometry as usize].materials[hit.prim as usize];
+                placement.material.unwrap_or(of_primitive)
+            }
+        }
+    }
+
+    /// The surface at a hit of `ray`.
+    #[inline]
+    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+        let geometry = match hit.instance {
+            0 => 0,
+            i => self.placements[i as usize - 1].geometry as usize,
+        };
+        let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
+        let material = attributes.materials[hit.prim as usize];
+        let mut surface = match primitive(shapes, hit.prim) {
+            Primitive::Triangle(t) => {
+                let mut s = triangle_surface(vertices(&shapes.positions, t), hit.u, hit.v);
+                if !attributes.normals.is_empty() {
+                    s.ns = shading_normal(vertices(&attributes.normals, t), hit, s.ng);
+                }
+                s
+            }
+            Primitive::Quad(q) => quad_surface(q, hit.u, hit.v),
+            Primitive::Sphere(_, s) => sphere_surface(s, ray.at(hit.t)),
+        };
+        surface.material = material;
+        if hit.instance != 0 {
+            surface = self.placements[hit.instance as usize - 1].to_world(&surface);
+        }
+        surface
+    }
+
+    /// Texture coordinates, colour and tangents at a hit.
+    pub fn coordinates(&self, surface: &Surface, hit: &Hit) -> Coordinates {
+        let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
+        let geometry = placement.map_or(0, |p| p.geometry as usize);
+        let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
+        match primitive(shapes, hit.prim) {
+            Primitive::Triangle(t) => {
+                let linear = placement.map_or(Mat3::IDENTITY, |p| p.linear);
+                let corners = vertices(&shapes.positions, t).map(Vec3::from_array);
+                attributes.of_triangle(t, corners.map(|c| linear * c), hit, surface, &linear)
+            }
+            Primitive::Quad(q) => {
+                let uv = Vec2::new(hit.u, hit.v);
+                let frame = frame_of(q.edge_u, surface.ns, 1.0);
+                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame: frame }
+            }
+            Primitive::Sphere(index, _) => {
+                let object_from_world =
+                    attributes.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY);
+                let local = object_from_world * surface.ng;
+                let uv = sphere_coordinates(local);
+                // Eastwards: u grows counter-clockwise as seen from above.
+                let east = object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x);
+                let frame = frame_of(east, surface.ns, -1.0);
+                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame: frame }
+            }
+        }
+    }
+}
+
+impl Attributes {
+    fn of_triangle(
+        &self,
+        t: [u32; 3],
+        corners: [Vec3; 3],
+        hit: &Hit,
+        surface: &Surface,
+        linear: &Mat3,
+    ) -> Coordinates {
+        let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
+        let corner_uv =
+            |set: usize| (!self.uv[set].is_empty()).then(|| vertices(&self.uv[set], t).map(Vec2::from_array));
+        let mix = |uv: Option<[Vec2; 3]>| {
+            uv.map_or(Vec2::ZERO, |c| c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2])
+        };
+        let color = match self.colors.is_empty() {
+            true => [1.0; 4],
+            false => {
+                let c = vertices(&self.colors, t);
+                std::array::from_fn(|i| (0..3).map(|k| c[k][i] * weights[k]).sum())
+            }
+        };
+        let first = corner_uv(0);
+        let from_vertices = (!self.tangents.is_empty())
+            .then(|| vertices(&self.tangents, t))
+            .filter(|c| c[0] != [0.0; 4])
+            .and_then(|c| {
+                let tangent = interpolate(c.map(|[x, y, z, _]| [x, y, z]), hit.u, hit.v);
+                // Texture v grows downwards: glTF's bitangent is w (n x t).
+                frame_of(*linear * tangent, surface.ns, c[0][3] * linear.determinant().signum())
+            });
+        let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
+        Coordinates { uv: [mix(first), mix(corner_uv(1))], color, tangent_frame }
+    }
+}
+
+/// A frame whose x lies along `tangent` and whose y is `handedness * (n x tangent)`.
+fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
+    let t = (tangent - n * n.dot(tangent)).try_normalize()?;
+    Some(Mat3::from_cols(t, n.cross(t) * handedness.signum(), n))
+}
+
+/// Tangents from the change of texture coordinates over a triangle: x where u grows, y where the image's up is (v
+/// grows downwards).
+fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
+    let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
+    let (d1, d2) = (uv[1] - uv[0], uv[2] - uv[0]);
+    let determinant = d1.x * d2.y - d1.y * d2.x;
+    let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
+    let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
+    frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
+}
+
+/// The point from its weights, which is nearer to the plane than the ray's own point (Pharr, Jakob, Humphreys 2023,
+/// section 6.8.5).
+#[inline(always)]
+fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
+    let [a, b, c] = v.map(Vec3::from_array);
+    let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
+    let ng = (b - a).cross(c - a).normalize();
+    Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
+}
+
+#[inline(always)]
+fn quad_surface(q: &accel::Quad, u: f32, v: f32) -> Surface {
+    let (a, b) = (q.edge_u * u, q.edge_v * v);
+    let ng = q.edge_u.cross(q.edge_v).normalize();
+    Surface {
+        p: q.corner + a + b,
+        p_error: (q.corner.abs() + a.abs() + b.abs()) * gamma(7),
+        ng,
+        ns: ng,
+        material: 0,
+    }
+}
+
+/// The ray's point pulled back onto the sphere.
+#[inline(always)]
+fn sphere_surface(s: &accel::Sphere, p: Vec3) -> Surface {
+    let ng = (p - s.center).normalize();
+    let offset = ng * s.radius;
+    Surface {
+        p: s.center + offset,
+        p_error: offset.abs() * gamma(7) + s.center.abs() * gamma(2),
+        ng,
+        ns: ng,
+        material: 0,
+    }
+}
+
+/// The interpolated normal, on the side of the geometric one; that one where there is none.
+#[inline(always)]
+fn shading_normal(normals: [[f32; 3]; 3], hit: &Hit, ng: Vec3) -> Vec3 {
+    let n = interpolate(normals, hit.u, hit.v);
+    let length = n.length();
+    if length < 1e-6 {
+        return ng;
+    }
+    let n = n / length;
+    if n.dot(ng) < 0.0 { -n } else { n }
+}
+
+impl Placement {
+    #[inline]
+    fn to_world(self, s: &Surface) -> Surface {
+        let m = self.linear;
+        let p = m * s.p + self.translation;
+        let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
+        let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + self.translation.abs() * gamma(4);
+        // A mirror image of the front is the front of the mirror image.
+        let ng = (self.normal_from_object * s.ng).normalize();
+        let ns = (self.normal_from_object * s.ns).normalize();
+        Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
+    }
+}

@@ -1,0 +1,243 @@
+//! Materials ready for shading: constant slots folded, constant BSDFs resolved once.
+
+use super::geometry::Surface;
+use crate::bsdf::{Bsdf, BsdfClass, Factors, Slots, class_of, resolve};
+use crate::math::{Mat3, Vec3, poly};
+use crate::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap};
+use crate::texture::{CompiledTextures, TexturePoint};
+
+/// A material as the integrator sees it.
+#[derive(Clone, Debug)]
+pub struct CompiledMaterial {
+    /// Which loop shades it.
+    pub class: BsdfClass,
+    /// The same BSDF everywhere.
+    pub constant: Option<Bsdf>,
+    /// Emission, if any.
+    pub emission: Option<CompiledEmission>,
+    /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
+    pub is_two_sided: bool,
+    /// Extinction coefficient inside, per metre; `None` for clear or opaque materials.
+    pub absorption: Option<Vec3>,
+    /// Bends shading normals.
+    pub normal_map: Option<NormalMap>,
+    /// Where the surface is absent; `None` is nowhere.
+    pub alpha: Option<Alpha>,
+    /// Vertex colours multiply the base colour.
+    pub uses_vertex_colors: bool,
+    /// Texture coordinates are needed.
+    pub uses_uv: bool,
+    model: Model,
+    microfacet: Microfacet,
+}
+
+/// Emitted radiance.
+#[derive(Clone, Copy, Debug)]
+pub struct CompiledEmission {
+    /// Radiance, its constant textures folded.
+    pub radiance: ColorSlot,
+    /// The back emits too.
+    pub two_sided: bool,
+}
+
+/// Partial presence.
+#[derive(Clone, Copy, Debug)]
+pub struct Alpha {
+    slot: FloatSlot,
+    cutoff: Option<f32>,
+}
+
+/// Slots with their textures looked up at a point.
+pub struct TexturedSlots<'a> {
+    /// The scene's textures.
+    pub textures: &'a CompiledTextures,
+    /// Where.
+    pub point: TexturePoint,
+}
+
+impl Slots for TexturedSlots<'_> {
+    #[inline]
+    fn color(&self, slot: &ColorSlot) -> Vec3 {
+        let factor = Vec3::from_array(slot.factor);
+        match slot.texture {
+            None => factor,
+            Some(id) => {
+                let [r, g, b, _] = self.textures.eval_at(id, &self.point);
+                factor * Vec3::new(r, g, b)
+            }
+        }
+    }
+
+    #[inline]
+    fn number(&self, slot: &FloatSlot) -> f32 {
+        match slot.texture {
+            None => slot.factor,
+            Some((id, channel)) => {
+                slot.factor * self.textures.eval_at(id, &self.point)[usize::from(channel & 3)]
+            }
+        }
+    }
+}
+
+impl CompiledMaterial {
+    pub(super) fn new(material: &Material, textures: &CompiledTextures, microfacet: Microfacet) -> Self {
+        let model = fold_model(&material.model, textures);
+        let class = class_of(&model);
+        let emission = material.emission.and_then(|e| {
+            let radiance = fold_color(e.radiance, textures);
+            (radiance.factor != [0.0; 3]).then_some(CompiledEmission { radiance, two_sided: e.two_sided })
+        });
+        let alpha = alpha_of(material, textures);
+        let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
+        let folded = Material { model, ..material.clone() };
+        let is_textured = model_textures(&folded).next().is_some();
+        let absorption = absorption(&folded.model, class);
+        let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
+        let uses_uv = is_textured
+            || normal_map.is_some()
+            || emission.is_some_and(|e| e.radiance.texture.is_some())
+            || alpha.is_some_and(|a| a.slot.texture.is_some());
+        let constant =
+            (!is_textured && !uses_vertex_colors).then(|| resolve(&folded.model, &Factors, microfacet));
+        CompiledMaterial {
+            class,
+            constant,
+            emission,
+            is_two_sided: material.double_sided || is_transmissive(&folded.model),
+            absorption,
+            normal_map,
+            alpha,
+            uses_vertex_colors,
+            uses_uv,
+            model: folded.model,
+            microfacet,
+        }
+    }
+
+    /// Do the normals of vertices matter?
+    pub fn uses_normals(&self) -> bool {
+        self.class != BsdfClass::Black
+    }
+
+    /// The BSDF at a point.
+    #[inline]
+    pub fn bsdf(&self, slots: &TexturedSlots<'_>, vertex_color: Vec3) -> Bsdf {
+        if let Some(bsdf) = self.constant {
+            return bsdf;
+        }
+        let bsdf = resolve(&self.model, slots, self.microfacet);
+        if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
+    }
+
+    /// The shading normal at a point, from the normal map if there is one. It stays on the outer side of the surface.
+    #[inline]
+    pub fn shading_normal(
+        &self,
+        slots: &TexturedSlots<'_>,
+        surface: &Surface,
+        tangent_frame: Option<Mat3>,
+    ) -> Vec3 {
+        let (Some(map), Some(frame)) = (self.normal_map, tangent_frame) else { return surface.ns };
+        let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
+        let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
+        let bent = (frame * local).normalize_or_zero();
+        if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+    }
+}
+
+impl Alpha {
+    /// The chance that the surface is present at a point.
+    #[inline]
+    pub fn presence(&self, slots: &TexturedSlots<'_>, vertex_alpha: f32) -> f32 {
+        let alpha = slots.number(&self.slot) * vertex_alpha;
+        match self.cutoff {
+            Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),
+            None => alpha.clamp(0.0, 1.0),
+        }
+    }
+}
+
+fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
+    let slot = fold_float(material.alpha, textures);
+    let alpha = match material.alpha_mode {
+        AlphaMode::Opaque => return None,
+        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff) },
+        AlphaMode::Blend => Alpha { slot, cutoff: None },
+    };
+    // Present everywhere: nothing to do.
+    let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
+    let constant = slot.texture.is_none() && !material.use_vertex_colors;
+    (!(constant && present(slot.factor))).then_some(alpha)
+}
+
+/// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
+fn absorption(model: &Model, class: BsdfClass) -> Option<Vec3> {
+    let Model::Pbr(pbr) = model else { return None };
+    let is_volume = pbr.has_volume && matches!(class, BsdfClass::Dielectric | BsdfClass::MetalRough);
+    let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
+    if !is_volume || is_clear || pbr.attenuation_distance <= 0.0 {
+        return None;
+    }
+    // Black would be infinite; f32's smallest normal number is black enough.
+    let sigma =
+        |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
+    Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
+}
+
+/// What is left of light after a way through an absorbing medium.
+#[inline]
+pub fn transmittance(absorption: Vec3, distance: f32) -> Vec3 {
+    let optical = absorption * -distance;
+    Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
+}
+
+fn is_transmissive(model: &Model) -> bool {
+    match model {
+        Model::Dielectric { .. } => true,
+        Model::Pbr(pbr) => pbr.transmission.factor > 0.0,
+        _ => false,
+    }
+}
+
+fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {
+    let bare =
+        Material { emission: None, normal_map: None, alpha: FloatSlot::constant(1.0), ..material.clone() };
+    bare.textures().collect::<Vec<_>>().into_iter()
+}
+
+fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
+    match slot.texture.and_then(|id| textures.constant(id)) {
+        Some(c) => ColorSlot::constant([0, 1, 2].map(|i| slot.factor[i] * c[i])),
+        None if slot.factor == [0.0; 3] => ColorSlot::constant([0.0; 3]),
+        None => slot,
+    }
+}
+
+fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatSlot {
+    match slot.texture.and_then(|(id, channel)| Some((textures.constant(id)?, channel))) {
+        Some((c, channel)) => FloatSlot::constant(slot.factor * c[usize::from(channel & 3)]),
+        None if slot.factor == 0.0 => FloatSlot::constant(0.0),
+        None => slot,
+    }
+}
+
+fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
+    let color = |slot| fold_color(slot, textures);
+    let number = |slot| fold_float(slot, textures);
+    match model.clone() {
+        Model::Black => Model::Black,
+        Model::Lambert { albedo } => Model::Lambert { albedo: color(albedo) },
+        Model::Metal { color: f0, roughness } => {
+            Model::Metal { color: color(f0), roughness: number(roughness) }
+        }
+        Model::Dielectric { ior, tint, fresnel } => Model::Dielectric { ior, tint: color(tint), fresnel },
+        Model::Pbr(mut pbr) => {
+            pbr.base_color = color(pbr.base_color);
+            pbr.specular_color = color(pbr.specular_color);
+            for slot in [&mut pbr.metallic, &mut pbr.roughness, &mut pbr.specular, &mut pbr.transmission] {
+                *slot = number(*slot);
+            }
+            Model::Pbr(pbr)
+        }
+    }
+}

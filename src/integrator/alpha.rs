@@ -1,0 +1,103 @@
+//! Surfaces that are partly absent: rays pass where chance says so. Unbiased for paths and shadow rays alike.
+
+use super::Integrator;
+use super::wave::Workspace;
+use crate::compile::Surface;
+use crate::math::{Hit, Ray};
+use crate::sampling::sampler::hash32;
+
+/// Surfaces in a row that a ray may pass; a guard against endless stacks.
+const MAX_PASSES: u32 = 4096;
+
+impl Integrator<'_> {
+    /// Moves hits on absent surfaces to the next present one.
+    pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
+        w.pending.clear();
+        w.pending.extend(0..w.rays.len() as u32);
+        for pass in 0..MAX_PASSES {
+            let Workspace { pending, pending_rays, pending_hits, rays, hits, arriving, .. } = &mut *w;
+            pending.retain(|&i| {
+                let i = i as usize;
+                let salt = hash32(arriving.seed[i] ^ hash32(arriving.shuffled[i]) ^ (bounce << 16));
+                !self.is_present(&rays[i], &hits[i], salt.wrapping_add(pass))
+            });
+            if pending.is_empty() {
+                return;
+            }
+            pending_rays.clear();
+            pending_rays.extend(pending.iter().map(|&i| {
+                // The same ray from behind the surface: its origin stays what densities refer to.
+                rays[i as usize].t_min = hits[i as usize].t;
+                rays[i as usize]
+            }));
+            pending_hits.clear();
+            pending_hits.resize(pending.len(), Hit::MISS);
+            self.scene.accel.closest(pending_rays, pending_hits);
+            for (&i, &hit) in pending.iter().zip(&*pending_hits) {
+                hits[i as usize] = hit;
+            }
+            w.ray_count += w.pending.len() as u64;
+        }
+    }
+
+    /// Any-hit for shadow rays among surfaces that may be absent.
+    pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
+        let Workspace {
+            wave,
+            shadow_rays,
+            shadow_vertices,
+            occluded,
+            ray_count,
+            pending,
+            pending_rays,
+            pending_hits,
+            ..
+        } = &mut *w;
+        pending.clear();
+        pending.extend(0..shadow_rays.len() as u32);
+        for pass in 0..MAX_PASSES {
+            pending_rays.clear();
+            pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
+            pending_hits.clear();
+            pending_hits.resize(pending.len(), Hit::MISS);
+            self.scene.accel.closest(pending_rays, pending_hits);
+            *ray_count += pending.len() as u64;
+            let mut at = 0;
+            pending.retain(|&k| {
+                let hit = pending_hits[at];
+                at += 1;
+                let k = k as usize;
+                if !hit.is_hit() {
+                    return false;
+                }
+                let i = shadow_vertices[k] as usize;
+                let paths = &wave.paths;
+                let salt = hash32(paths.seed[i] ^ hash32(!paths.shuffled[i]) ^ (bounce << 16));
+                if self.is_present(&shadow_rays[k], &hit, salt.wrapping_add(pass)) {
+                    occluded[k] = true;
+                    return false;
+                }
+                shadow_rays[k].t_min = hit.t;
+                true
+            });
+            if pending.is_empty() {
+                return;
+            }
+        }
+    }
+
+    /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
+    fn is_present(&self, ray: &Ray, hit: &Hit, salt: u32) -> bool {
+        if !hit.is_hit() {
+            return true;
+        }
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let Some(alpha) = material.alpha else { return true };
+        let surface: Surface = self.scene.geometries.surface(ray, hit);
+        let at = self.scene.geometries.coordinates(&surface, hit);
+        let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
+        let presence = alpha.presence(&self.slots(at.uv, surface.p), vertex_alpha);
+        let chance = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0);
+        chance < presence
+    }
+}

@@ -1,0 +1,204 @@
+//! Direct light: one light sample a vertex, weighted against scattering, and its shadow ray.
+
+use super::surface::{Sorted, add};
+use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
+use super::{Integrator, Purpose};
+use crate::bsdf::Bsdf;
+use crate::light::{AreaLight, AreaShape, Edges, LightSample, Radiance};
+use crate::math::{Frame, Ray, Vec3, offset_along, offset_ray_origin};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::{SphericalRectangle, power_heuristic};
+use crate::simd::{Kernel, dispatch};
+use std::f32::consts::FRAC_1_PI;
+
+impl Integrator<'_> {
+    /// Chooses a point of a light for each vertex that light can reach.
+    pub(super) fn sample_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        let dimensions = self.dimensions(bounce, Purpose::Light);
+        let (wave, count) = (&mut *w.wave, sorted.lit);
+        if let Some((light, edges, radiance)) = self.only_rectangle() {
+            dispatch(SampleRectangle { wave, count, dimensions: &dimensions, light, edges, radiance });
+            return;
+        }
+        dispatch(DrawNumbers { wave, count, dimensions: &dimensions });
+        let lights = &self.scene.lights;
+        for i in 0..count {
+            let u = get(&wave.vertices.light, i);
+            let chosen = lights.select(u.z);
+            let p = get(&wave.vertices.p, i);
+            let sample = lights.sample(&self.scene.textures, chosen.index, p, [u.x, u.y]);
+            store(&mut wave.vertices, i, &sample, chosen.pdf_discrete);
+        }
+    }
+
+    /// The scene's light, if it has just one that is a rectangle of constant radiance.
+    fn only_rectangle(&self) -> Option<(&AreaLight, Edges, Vec3)> {
+        match self.scene.lights.area() {
+            [light] if self.scene.lights.len() == 1 => match (light.shape, light.radiance) {
+                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) => Some((light, edges, radiance)),
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+
+    /// Adds the light that reaches the vertices from their light samples.
+    pub(super) fn trace_shadows(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        dispatch(LambertDirect { wave: &mut w.wave, count: sorted.lambert });
+        for i in sorted.lambert..sorted.lit {
+            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.lambert]);
+        }
+        w.shadow_rays.clear();
+        w.shadow_vertices.clear();
+        let v = &w.wave.vertices;
+        for i in 0..sorted.lit {
+            let brightest = v.contribution[0][i].max(v.contribution[1][i]).max(v.contribution[2][i]);
+            if brightest > 0.0 {
+                let t_max = if v.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+                let (origin, direction) = (get(&v.origin, i), get(&v.direction, i));
+                w.shadow_rays.push(Ray { origin, t_min: 0.0, direction, t_max });
+                w.shadow_vertices.push(i as u32);
+            }
+        }
+        w.occluded.clear();
+        w.occluded.resize(w.shadow_rays.len(), false);
+        if self.scene.features.alpha {
+            self.occluded_by_present_surfaces(bounce, w);
+        } else {
+            self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
+            w.ray_count += w.shadow_rays.len() as u64;
+        }
+        for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
+            if !occluded {
+                let sample = w.wave.paths.sample[i as usize] as usize;
+                add(&mut w.radiance[sample], get(&w.wave.vertices.contribution, i as usize));
+            }
+        }
+    }
+}
+
+/// Keeps a light sample. Lights without size have a negative density.
+fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
+    set(&mut v.wi, i, sample.wi);
+    set(&mut v.target, i, sample.target);
+    set(&mut v.light, i, sample.radiance);
+    v.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
+    let pdf = sample.pdf_solid_angle * pdf_discrete;
+    v.light_pdf[i] = if sample.is_delta { -pdf } else { pdf };
+}
+
+/// Fills `vertices.light` with three random numbers.
+struct DrawNumbers<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+    dimensions: &'a Dimensions,
+}
+
+impl Kernel for DrawNumbers<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v } = self.wave;
+        for i in 0..self.count.min(WAVE) {
+            let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
+            let [a, b, c, _] = point.sample_4d(self.dimensions);
+            set(&mut v.light, i, Vec3::new(a, b, c));
+        }
+    }
+}
+
+/// Light samples of a scene whose only light is a rectangle.
+struct SampleRectangle<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+    dimensions: &'a Dimensions,
+    light: &'a AreaLight,
+    edges: Edges,
+    radiance: Vec3,
+}
+
+impl Kernel for SampleRectangle<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v } = self.wave;
+        let Edges { corner, edge_u, edge_v } = self.edges;
+        let (normal, error) = (self.light.normal, self.light.point_error());
+        let two_sided = self.light.two_sided;
+        for i in 0..self.count.min(WAVE) {
+            let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
+            let [a, b, ..] = point.sample_4d(self.dimensions);
+            let p = get(&v.p, i);
+            let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample([a, b]);
+            let to_light = s.point - p;
+            let distance = to_light.length();
+            let is_lit = two_sided | (to_light.dot(normal) < 0.0);
+            let pdf = if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 };
+            set(&mut v.wi, i, to_light / if distance > 0.0 { distance } else { 1.0 });
+            set(&mut v.target, i, offset_ray_origin(s.point, error, normal, -to_light));
+            set(&mut v.light, i, self.radiance);
+            v.is_infinite[i] = 0.0;
+            v.light_pdf[i] = pdf;
+        }
+    }
+}
+
+/// What the light samples bring to Lambertian vertices.
+struct LambertDirect<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+}
+
+impl Kernel for LambertDirect<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v } = self.wave;
+        for i in 0..self.count.min(WAVE) {
+            let (wi, ng, ns) = (get(&v.wi, i), get(&v.ng, i), get(&v.ns, i));
+            let cosine = wi.dot(ns);
+            let is_lit = (cosine > 0.0) & (wi.dot(ng) > 0.0);
+            let pdf = cosine * FRAC_1_PI;
+            let factor = light_factor(v.light_pdf[i], pdf);
+            let f_cos = get(&v.albedo, i) * if is_lit { pdf * factor } else { 0.0 };
+            set(&mut v.contribution, i, get(&paths.throughput, i) * f_cos * get(&v.light, i));
+            let origin = offset_along(get(&v.p, i), ng, v.offset[i]);
+            set(&mut v.origin, i, origin);
+            let to_light = get(&v.target, i) - origin;
+            set(&mut v.direction, i, if v.is_infinite[i] > 0.0 { wi } else { to_light });
+        }
+    }
+}
+
+/// What a light sample brings to a vertex with any BSDF.
+fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf) {
+    let v = &mut wave.vertices;
+    set(&mut v.contribution, i, Vec3::ZERO);
+    let (wi, wo, ng) = (get(&v.wi, i), get(&v.wo, i), get(&v.ng, i));
+    let (side_o, side_i) = (wo.dot(ng), wi.dot(ng));
+    // The lobes that light sampling can reach reflect.
+    if v.light_pdf[i] == 0.0 || side_o * side_i <= 0.0 || bsdf.is_specular() {
+        return;
+    }
+    let frame = Frame::from_normal(get(&v.ns, i));
+    let eval = bsdf.eval(frame.to_local(wo), frame.to_local(wi));
+    let factor = light_factor(v.light_pdf[i], eval.pdf_solid_angle);
+    let contribution = get(&wave.paths.throughput, i) * eval.f_cos * get(&v.light, i) * factor;
+    set(&mut v.contribution, i, contribution);
+    let origin = offset_along(get(&v.p, i), if side_i < 0.0 { -ng } else { ng }, v.offset[i]);
+    set(&mut v.origin, i, origin);
+    let to_light = get(&v.target, i) - origin;
+    set(&mut v.direction, i, if v.is_infinite[i] > 0.0 { wi } else { to_light });
+}
+
+/// Weight over density of a light sample; lights without size (negative density) have no competitor.
+#[inline(always)]
+fn light_factor(light_pdf: f32, bsdf_pdf: f32) -> f32 {
+    let is_delta = light_pdf < 0.0;
+    let pdf = light_pdf.abs();
+    let weight = power_heuristic(pdf, if is_delta { 0.0 } else { bsdf_pdf });
+    weight / if pdf > 0.0 { pdf } else { 1.0 }
+}

@@ -1,0 +1,146 @@
+//! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
+//! traced in batches and loops over paths vectorise.
+//!
+//! A wave starts at the camera; then each bounce is one turn of [`Integrator::trace`]'s loop:
+//!
+//! ```text
+//! intersect -> surfaces (emission, sorting) -> light samples -> shadow rays -> scatter and roulette -> next rays
+//! ```
+//!
+//! Light that arrives directly is found in two ways, by sampling lights and by meeting them after scattering, weighted
+//! by the power heuristic (Veach 1997, section 9.2). Results depend on nothing but the scene, the options and the
+//! sample: neither on threads nor on how samples are grouped into waves.
+
+mod alpha;
+mod direct;
+mod generate;
+mod scatter;
+mod surface;
+mod wave;
+
+pub use wave::{WAVE, Workspace};
+
+use crate::compile::CompiledScene;
+use crate::film::{AovSample, FilterSampler};
+use crate::sampling::sampler::Dimensions;
+
+/// Options that concern paths.
+#[derive(Clone, Copy, Debug)]
+pub struct PathOptions<'a> {
+    /// Largest number of scattering events; 0 shows emission only.
+    pub max_depth: u32,
+    /// Seed of all randomness.
+    pub seed: u32,
+    /// Reconstruction filter.
+    pub filter: &'a FilterSampler,
+    /// Whether AOVs are asked for.
+    pub aovs: bool,
+}
+
+/// A rectangle of pixels and a range of their samples.
+#[derive(Clone, Copy, Debug)]
+pub struct Block {
+    /// Left column.
+    pub x0: u32,
+    /// Top row.
+    pub y0: u32,
+    /// Columns.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// First sample of each pixel.
+    pub first_sample: u32,
+    /// Samples of each pixel.
+    pub samples: u32,
+}
+
+/// One finished path.
+#[derive(Clone, Copy, Debug)]
+pub struct PathSample {
+    /// Pixel of the block, row by row.
+    pub pixel: u32,
+    /// Radiance, linear.
+    pub rgb: [f32; 3],
+    /// 1 where something was seen.
+    pub alpha: f32,
+    /// First surface, if asked for and hit.
+    pub aov: Option<AovSample>,
+}
+
+/// Traces paths through a scene.
+pub struct Integrator<'a> {
+    scene: &'a CompiledScene,
+    options: PathOptions<'a>,
+    /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
+    dimensions: Vec<Dimensions>,
+}
+
+/// Bounces whose Sobol dimensions are prepared in advance.
+const PREPARED_BOUNCES: u32 = 32;
+
+/// Which of a path's sets of four Sobol dimensions is for what.
+#[derive(Clone, Copy)]
+enum Purpose {
+    /// Film x and y, lens.
+    Camera,
+    /// Point on the light (2), choice of the light.
+    Light,
+    /// Direction (2), lobe, roulette.
+    Scatter,
+}
+
+impl<'a> Integrator<'a> {
+    /// Prepares to trace.
+    pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
+        let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
+        Integrator { scene, options, dimensions: (0..sets).map(Dimensions::new).collect() }
+    }
+
+    /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample.
+    pub fn trace(&self, block: &Block, w: &mut Workspace, mut sink: impl FnMut(&PathSample)) {
+        let total = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
+        let mut first = 0;
+        while first < total {
+            let count = (total - first).min(WAVE as u64);
+            self.trace_wave(block, first, count as usize, w);
+            for (i, &[r, g, b, alpha]) in w.radiance.iter().enumerate() {
+                let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
+                let aov = w.aovs.get(i).copied().flatten();
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, aov });
+            }
+            first += count;
+        }
+    }
+
+    fn trace_wave(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
+        self.generate(block, first, count, w);
+        for bounce in 0..=self.options.max_depth {
+            w.intersect(&self.scene.accel);
+            if self.scene.features.alpha {
+                self.pass_absent_surfaces(bounce, w);
+            }
+            let is_last = bounce == self.options.max_depth;
+            let sorted = self.surfaces(bounce, is_last, w);
+            if sorted.total() == 0 {
+                return;
+            }
+            if !self.scene.lights.is_empty() {
+                self.sample_lights(bounce, &sorted, w);
+                self.trace_shadows(bounce, &sorted, w);
+            }
+            self.scatter(bounce, &sorted, w);
+            if w.rays.is_empty() {
+                return;
+            }
+        }
+    }
+
+    fn dimensions(&self, bounce: u32, purpose: Purpose) -> Dimensions {
+        let set = match purpose {
+            Purpose::Camera => 0,
+            Purpose::Light => 1 + 2 * bounce,
+            Purpose::Scatter => 2 + 2 * bounce,
+        };
+        self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
+    }
+}

@@ -1,0 +1,101 @@
+//! Paths go on: scattering, Russian roulette, the next rays.
+
+use super::surface::Sorted;
+use super::wave::{WAVE, Wave, Workspace, get, set};
+use super::{Integrator, Purpose};
+use crate::bsdf::Bsdf;
+use crate::math::{Frame, Ray, Vec3, offset_along};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::warp;
+use crate::simd::{Kernel, dispatch};
+use std::f32::consts::FRAC_1_PI;
+
+/// The first bounce after which a path may be ended by chance.
+const FIRST_ROULETTE: u32 = 2;
+
+impl Integrator<'_> {
+    /// Scatters each path at its vertex and ends some by chance; the rest become the arriving paths of the next bounce.
+    pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        let dimensions = self.dimensions(bounce, Purpose::Scatter);
+        let roulette = bounce >= FIRST_ROULETTE;
+        let kernel =
+            LambertScatter { wave: &mut w.wave, count: sorted.lambert, dimensions: &dimensions, roulette };
+        dispatch(kernel);
+        for i in sorted.lambert..sorted.total() {
+            generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);
+        }
+        w.rays.clear();
+        let Wave { paths, vertices: v } = &*w.wave;
+        for i in 0..sorted.total() {
+            if v.next_pdf[i] >= 0.0 {
+                let k = w.rays.len();
+                paths.copy_to(i, &mut w.arriving, k);
+                w.arriving.pdf[k] = v.next_pdf[i];
+                w.rays.push(Ray::new(get(&v.origin, i), get(&v.direction, i)));
+            }
+        }
+    }
+}
+
+/// Scatters at Lambertian vertices.
+struct LambertScatter<'a> {
+    wave: &'a mut Wave,
+    count: usize,
+    dimensions: &'a Dimensions,
+    roulette: bool,
+}
+
+impl Kernel for LambertScatter<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v } = self.wave;
+        for i in 0..self.count.min(WAVE) {
+            let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
+            let [a, b, _, chance] = point.sample_4d(self.dimensions);
+            let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+            let local = warp::cosine_hemisphere([a, b]);
+            let wi = Frame::from_normal(ns).to_world(local);
+            let throughput = get(&paths.throughput, i) * get(&v.albedo, i);
+            let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, self.roulette);
+            set(&mut paths.throughput, i, throughput * scale);
+            set(&mut v.origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
+            set(&mut v.direction, i, wi);
+            let goes_on = survives & (wi.dot(ng) > 0.0);
+            v.next_pdf[i] = if goes_on { local.z * FRAC_1_PI } else { -1.0 };
+        }
+    }
+}
+
+/// Russian roulette by throughput: does the path go on, and the factor that makes up for those that don't.
+#[inline(always)]
+fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
+    let brightest = throughput.x.max(throughput.y).max(throughput.z);
+    let q = if roulette { brightest * eta_squared } else { 1.0 };
+    let q = if q < 1.0 { q } else { 1.0 };
+    ((chance < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
+}
+
+/// Scatters at a vertex with any BSDF.
+fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, dimensions: &Dimensions, roulette: bool) {
+    let Wave { paths, vertices: v } = wave;
+    let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
+    let [a, b, lobe, chance] = point.sample_4d(dimensions);
+    let (wo, ng) = (get(&v.wo, i), get(&v.ng, i));
+    let frame = Frame::from_normal(get(&v.ns, i));
+    let s = bsdf.sample(frame.to_local(wo), [a, b, lobe]);
+    let wi = frame.to_world(s.wi);
+    let throughput = get(&paths.throughput, i) * s.weight;
+    paths.eta_squared[i] *= s.eta * s.eta;
+    let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, roulette);
+    // A direction that shading normals lead to the wrong side of the surface carries nothing.
+    let side = wi.dot(ng);
+    let crosses = side * wo.dot(ng) < 0.0;
+    let goes_on = survives && s.pdf_solid_angle > 0.0 && crosses == s.is_transmission && side != 0.0;
+    set(&mut paths.throughput, i, throughput * scale);
+    set(&mut v.origin, i, offset_along(get(&v.p, i), if side < 0.0 { -ng } else { ng }, v.offset[i]));
+    set(&mut v.direction, i, wi);
+    let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle };
+    v.next_pdf[i] = if goes_on { pdf } else { -1.0 };
+}

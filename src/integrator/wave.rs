@@ -1,0 +1,154 @@
+//! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
+
+use crate::accel::Accel;
+use crate::bsdf::Bsdf;
+use crate::film::AovSample;
+use crate::math::{Hit, Ray, Vec3};
+use bytemuck::Zeroable;
+
+/// Paths in flight. All arrays together stay within a core's second-level cache.
+pub const WAVE: usize = 2048;
+
+/// One number a path.
+pub type Lanes = [f32; WAVE];
+/// One integer a path.
+pub type Words = [u32; WAVE];
+/// One vector or colour a path, by component.
+pub type Lanes3 = [[f32; WAVE]; 3];
+
+/// Element `i` as a vector.
+#[inline(always)]
+pub fn get(v: &Lanes3, i: usize) -> Vec3 {
+    Vec3::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets element `i`.
+#[inline(always)]
+pub fn set(v: &mut Lanes3, i: usize, value: Vec3) {
+    v[0][i] = value.x;
+    v[1][i] = value.y;
+    v[2][i] = value.z;
+}
+
+/// State that a path carries from bounce to bounce.
+#[derive(Zeroable)]
+pub struct Paths {
+    /// Product of all weights so far.
+    pub throughput: Lanes3,
+    /// Density per solid angle of the last scattering; 0 after a specular one and at the camera.
+    pub pdf: Lanes,
+    /// Undoes the 1 / eta^2 of refractions for the roulette.
+    pub eta_squared: Lanes,
+    /// Sobol point: its two parts.
+    pub seed: Words,
+    pub shuffled: Words,
+    /// Which sample of the block it is: the index into the radiances.
+    pub sample: Words,
+}
+
+/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then other ones
+/// that light sampling can reach, then specular ones.
+#[derive(Zeroable)]
+pub struct Vertices {
+    pub p: Lanes3,
+    /// Geometric normal; towards the viewer at Lambertian vertices, on the front at others.
+    pub ng: Lanes3,
+    /// Shading normal, on the side of the geometric one.
+    pub ns: Lanes3,
+    /// Distance along the normal that a secondary ray's origin must keep.
+    pub offset: Lanes,
+    /// Albedo of Lambertian vertices.
+    pub albedo: Lanes3,
+    /// Towards the viewer; only at vertices that are not Lambertian.
+    pub wo: Lanes3,
+    /// Towards the sampled light, unit length.
+    pub wi: Lanes3,
+    /// Where its shadow ray ends.
+    pub target: Lanes3,
+    /// 1 for lights infinitely far away, else 0.
+    pub is_infinite: Lanes,
+    /// Radiance of the light.
+    pub light: Lanes3,
+    /// Density with which the light's point was chosen; 0 for none; negative for lights without size.
+    pub light_pdf: Lanes,
+    /// What the shadow ray brings if nothing is in its way.
+    pub contribution: Lanes3,
+    /// The ray that follows: of the shadow test, then of the scattered path.
+    pub origin: Lanes3,
+    pub direction: Lanes3,
+    /// Density of the scattered direction; negative where the path ends.
+    pub next_pdf: Lanes,
+}
+
+/// What the vectorised loops work on: one allocation, so that the compiler knows its arrays apart.
+#[derive(Zeroable)]
+pub struct Wave {
+    pub paths: Paths,
+    pub vertices: Vertices,
+}
+
+/// All memory that tracing a block of pixels takes; made once a thread.
+pub struct Workspace {
+    pub(super) wave: Box<Wave>,
+    /// Paths in the order of their rays, before their vertices are sorted.
+    pub(super) arriving: Box<Paths>,
+    pub(super) rays: Vec<Ray>,
+    pub(super) hits: Vec<Hit>,
+    /// Shading group of each hit.
+    pub(super) groups: Vec<u8>,
+    pub(super) materials: Vec<u32>,
+    /// BSDFs of the vertices that are not Lambertian.
+    pub(super) bsdfs: Vec<Bsdf>,
+    pub(super) shadow_rays: Vec<Ray>,
+    /// Vertex of each shadow ray.
+    pub(super) shadow_vertices: Vec<u32>,
+    pub(super) occluded: Vec<bool>,
+    /// Results by sample: radiance and alpha.
+    pub(super) radiance: Vec<[f32; 4]>,
+    /// Results by sample, if asked for.
+    pub(super) aovs: Vec<Option<AovSample>>,
+    /// For surfaces that are partly absent.
+    pub(super) pending: Vec<u32>,
+    pub(super) pending_rays: Vec<Ray>,
+    pub(super) pending_hits: Vec<Hit>,
+    /// Rays traced so far.
+    pub ray_count: u64,
+}
+
+impl Workspace {
+    /// Empty memory, about a megabyte.
+    pub fn new() -> Workspace {
+        Workspace {
+            wave: bytemuck::zeroed_box(),
+            arriving: bytemuck::zeroed_box(),
+            rays: Vec::with_capacity(WAVE),
+            hits: Vec::with_capacity(WAVE),
+            groups: Vec::with_capacity(WAVE),
+            materials: Vec::with_capacity(WAVE),
+            bsdfs: Vec::new(),
+            shadow_rays: Vec::with_capacity(WAVE),
+            shadow_vertices: Vec::with_capacity(WAVE),
+            occluded: Vec::with_capacity(WAVE),
+            radiance: Vec::with_capacity(WAVE),
+            aovs: Vec::new(),
+            pending: Vec::new(),
+            pending_rays: Vec::new(),
+            pending_hits: Vec::new(),
+            ray_count: 0,
+        }
+    }
+
+    /// Finds the nearest hits of `rays`.
+    pub(super) fn intersect(&mut self, accel: &Accel) {
+        self.hits.clear();
+        self.hits.resize(self.rays.len(), Hit::MISS);
+        accel.closest(&self.rays, &mut self.hits);
+        self.ray_count += self.rays.len() as u64;
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Workspace::new()
+    }
+}

@@ -1,0 +1,232 @@
+//! Surfaces that shine: rectangles, parallelograms, triangles and spheres.
+
+use super::LightSample;
+use crate::color::luminance;
+use crate::math::{Mat3, Vec2, Vec3, gamma, offset_ray_origin};
+use crate::sampling::{
+    LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle, warp,
+};
+use crate::scene::TextureId;
+use crate::texture::{CompiledTextures, TexturePoint, sphere_coordinates};
+use std::f32::consts::PI;
+
+/// The shape of an [`AreaLight`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum AreaShape {
+    /// A parallelogram with a right angle.
+    Rectangle(Edges),
+    /// A parallelogram.
+    Parallelogram(Edges),
+    /// The half of the parallelogram next to the corner.
+    Triangle(Edges),
+    /// A whole sphere.
+    Sphere {
+        /// Centre.
+        center: Vec3,
+        /// Radius.
+        radius: f32,
+    },
+}
+
+/// A corner and the edges that leave it; the front is on the side of `edge_u x edge_v`.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Edges {
+    /// The corner.
+    pub corner: Vec3,
+    /// First edge.
+    pub edge_u: Vec3,
+    /// Second edge.
+    pub edge_v: Vec3,
+}
+
+/// What a surface emits.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Radiance {
+    /// The same everywhere.
+    Constant(Vec3),
+    /// A texture times a factor, over a flat light.
+    Flat {
+        /// The texture.
+        texture: TextureId,
+        /// Multiplied with it.
+        factor: Vec3,
+        /// Both sets of texture coordinates at the corner and at the ends of the edges.
+        uv: [[Vec2; 3]; 2],
+    },
+    /// A texture times a factor, over a sphere.
+    Sphere {
+        /// The texture.
+        texture: TextureId,
+        /// Multiplied with it.
+        factor: Vec3,
+        /// Turns the sphere's texture coordinates.
+        object_from_world: Mat3,
+    },
+}
+
+/// A surface that shines with a cosine (constant radiance in all directions), on one side or on both.
+#[derive(Clone, Copy, Debug)]
+pub struct AreaLight {
+    /// Its shape.
+    pub shape: AreaShape,
+    /// Front side; unused for spheres.
+    pub normal: Vec3,
+    /// The back shines too (the inside of a sphere).
+    pub two_sided: bool,
+    /// Emitted radiance.
+    pub radiance: Radiance,
+    /// Bound on the rounding error of its points.
+    point_error: Vec3,
+}
+
+impl AreaLight {
+    /// A light of a shape.
+    pub fn new(shape: AreaShape, two_sided: bool, radiance: Radiance) -> AreaLight {
+        let (normal, extent) = match shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
+                (e.edge_u.cross(e.edge_v), e.corner.abs() + e.edge_u.abs() + e.edge_v.abs())
+            }
+            AreaShape::Sphere { center, radius } => (Vec3::Z, center.abs() + Vec3::splat(radius)),
+        };
+        let point_error = extent * gamma(6);
+        AreaLight { shape, normal: normal.normalize_or_zero(), two_sided, radiance, point_error }
+    }
+
+    /// Surface area of one side.
+    pub fn area(&self) -> f32 {
+        let parallelogram = |e: &Edges| e.edge_u.cross(e.edge_v).length();
+        match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => parallelogram(e),
+            AreaShape::Triangle(e) => 0.5 * parallelogram(e),
+            AreaShape::Sphere { radius, .. } => 4.0 * PI * radius * radius,
+        }
+    }
+
+    /// Luminous power in relative units: mean luminance times area times pi, for each side. Textures count with their
+    /// mean over a grid of points.
+    pub fn power(&self, textures: &CompiledTextures) -> f32 {
+        let sides = if self.two_sided { 2.0 } else { 1.0 };
+        self.mean_luminance(textures) * self.area() * PI * sides
+    }
+
+    fn mean_luminance(&self, textures: &CompiledTextures) -> f32 {
+        const GRID: usize = 8;
+        let cell = |i: usize| (i as f32 + 0.5) / GRID as f32;
+        let points = (0..GRID * GRID).map(|i| [cell(i % GRID), cell(i / GRID)]);
+        let at = |[a, b]: [f32; 2]| match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + e.edge_u * a + e.edge_v * b,
+            // Folds the square onto the triangle.
+            AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
+            AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
+            AreaShape::Sphere { center, radius } => *center + warp::uniform_sphere([a, b]) * *radius,
+        };
+        match self.radiance {
+            Radiance::Constant(c) => luminance(c.to_array()),
+            _ => {
+                let sum: f32 = points.map(|u| luminance(self.radiance_at(textures, at(u)).to_array())).sum();
+                sum / (GRID * GRID) as f32
+            }
+        }
+    }
+
+    /// Emitted radiance at a point of the light.
+    #[inline]
+    pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Vec3 {
+        let (texture, factor, uv) = match &self.radiance {
+            Radiance::Constant(c) => return *c,
+            Radiance::Flat { texture, factor, uv } => {
+                let [a, b] = self.edge_coordinates(point);
+                let mix = |c: [Vec2; 3]| c[0] * (1.0 - a - b) + c[1] * a + c[2] * b;
+                (texture, factor, uv.map(mix))
+            }
+            Radiance::Sphere { texture, factor, object_from_world } => {
+                let uv = sphere_coordinates(*object_from_world * self.normal_at(point));
+                (texture, factor, [uv, uv])
+            }
+        };
+        let [r, g, b, _] = textures.eval_at(*texture, &TexturePoint { uv, world: point });
+        *factor * Vec3::new(r, g, b)
+    }
+
+    /// The front's unit normal at a point.
+    #[inline(always)]
+    pub fn normal_at(&self, point: Vec3) -> Vec3 {
+        match self.shape {
+            AreaShape::Sphere { center, radius } => (point - center) / radius,
+            _ => self.normal,
+        }
+    }
+
+    /// A point of the light as seen from `reference`, with what it sends there.
+    #[inline]
+    pub fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
+        let LightPoint { point, pdf_solid_angle } = match &self.shape {
+            AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
+            AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
+            AreaShape::Triangle(e) => triangle(e, reference).sample(u),
+            AreaShape::Sphere { center, radius } => SphereSampler::new(*center, *radius, reference).sample(u),
+        };
+        let normal = self.normal_at(point);
+        let to_light = point - reference;
+        let distance = to_light.length();
+        let is_lit = self.two_sided || to_light.dot(normal) < 0.0;
+        if !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
+            return LightSample::NONE;
+        }
+        LightSample {
+            wi: to_light / distance,
+            target: offset_ray_origin(point, self.point_error, normal, -to_light),
+            is_infinite: false,
+            is_delta: false,
+            radiance: self.radiance_at(textures, point),
+            pdf_solid_angle,
+        }
+    }
+
+    /// Density per solid angle with which [`AreaLight::sample`] finds a point of the light from `reference`.
+    #[inline]
+    pub fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        match &self.shape {
+            AreaShape::Rectangle(e) => rectangle(e, reference).pdf_solid_angle(point),
+            AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
+            AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
+            AreaShape::Sphere { center, radius } => {
+                SphereSampler::new(*center, *radius, reference).pdf_solid_angle(point)
+            }
+        }
+    }
+
+    /// Where a point of a flat light lies along the edges.
+    #[inline]
+    fn edge_coordinates(&self, point: Vec3) -> [f32; 2] {
+        match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
+                let (d, n) = (point - e.corner, e.edge_u.cross(e.edge_v));
+                let scale = 1.0 / n.length_squared();
+                [d.cross(e.edge_v).dot(n) * scale, e.edge_u.cross(d).dot(n) * scale]
+            }
+            AreaShape::Sphere { .. } => [0.0; 2],
+        }
+    }
+
+    /// Bound on the rounding error of its points: shadow rays end that far before it.
+    #[inline(always)]
+    pub fn point_error(&self) -> Vec3 {
+        self.point_error
+    }
+}
+
+#[inline(always)]
+fn rectangle(e: &Edges, reference: Vec3) -> SphericalRectangle {
+    SphericalRectangle::new(e.corner, e.edge_u, e.edge_v, reference)
+}
+
+#[inline(always)]
+fn parallelogram(e: &Edges, reference: Vec3) -> SphericalParallelogram {
+    SphericalParallelogram::new(e.corner, e.edge_u, e.edge_v, reference)
+}
+
+#[inline(always)]
+fn triangle(e: &Edges, reference: Vec3) -> SphericalTriangle {
+    SphericalTriangle::new(e.corner, e.corner + e.edge_u, e.corner + e.edge_v, reference)
+}
