@@ -213,17 +213,16 @@ fn read_floats<const N: usize>(
     normalized: bool,
     out: &mut [[f32; N]],
 ) {
-    let scale = |largest: f32| if normalized { 1.0 / largest } else { 1.0 };
-    let signed = |x: f32, scale: f32| if normalized { (x * scale).max(-1.0) } else { x };
+    let part_of = |x: f32, largest: f32| if normalized { (x / largest).max(-1.0) } else { x };
     match component {
         ComponentType::F32 if cfg!(target_endian = "little") && from.stride == N * 4 => {
             bytemuck::cast_slice_mut::<f32, u8>(out.as_flattened_mut()).copy_from_slice(from.bytes);
         }
         ComponentType::F32 => fill(from, out, f32::from_le_bytes),
-        ComponentType::U8 => fill(from, out, |[b]| f32::from(b) * scale(255.0)),
-        ComponentType::I8 => fill(from, out, |b| signed(f32::from(i8::from_le_bytes(b)), scale(127.0))),
-        ComponentType::U16 => fill(from, out, |b| f32::from(u16::from_le_bytes(b)) * scale(65535.0)),
-        ComponentType::I16 => fill(from, out, |b| signed(f32::from(i16::from_le_bytes(b)), scale(32767.0))),
+        ComponentType::U8 => fill(from, out, |[b]| part_of(f32::from(b), 255.0)),
+        ComponentType::I8 => fill(from, out, |b| part_of(f32::from(i8::from_le_bytes(b)), 127.0)),
+        ComponentType::U16 => fill(from, out, |b| part_of(f32::from(u16::from_le_bytes(b)), 65535.0)),
+        ComponentType::I16 => fill(from, out, |b| part_of(f32::from(i16::from_le_bytes(b)), 32767.0)),
         ComponentType::U32 => fill(from, out, |b| u32::from_le_bytes(b) as f32),
     }
 }

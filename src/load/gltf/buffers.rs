@@ -4,6 +4,7 @@ use super::document::{Document, Report, pointer};
 use crate::load::uri::{self, Target};
 use gltf::json::{Buffer, buffer};
 use std::borrow::Cow;
+use std::path::PathBuf;
 
 /// The bytes of a buffer view.
 #[derive(Clone, Copy)]
@@ -60,10 +61,11 @@ impl<'a> Document<'a> {
         let at = pointer("buffers", index);
         let buffer: Buffer = self.entry("buffers", index, from, report)?;
         let bytes: Cow<'a, [u8]> = match (&buffer.uri, self.binary) {
-            (Some(uri), _) => self.fetch(uri, &format!("{at}/uri"), report)?.0,
+            (Some(uri), _) => self.fetch(uri, &format!("{at}/uri"), report)?.bytes,
             (None, Some(binary)) if index == 0 => Cow::Borrowed(binary),
             (None, _) => {
-                report.problem(at, "has no uri, and no binary chunk holds it");
+                // Allowed: such a buffer is filled by agreement between programs.
+                report.warn(at, "has no data (no uri and no binary chunk); what uses it is left out");
                 return None;
             }
         };
@@ -85,14 +87,14 @@ impl<'a> Document<'a> {
         })
     }
 
-    /// The bytes that a URI leads to, with the media type that it states.
-    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Option<(Cow<'a, [u8]>, Option<String>)> {
+    /// The bytes that a URI leads to.
+    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Option<Fetched<'a>> {
         match uri::resolve(uri, self.path, self.allow_external) {
-            Ok(Target::Embedded { mime, bytes }) => Some((Cow::Owned(bytes), mime)),
+            Ok(Target::Embedded { mime, bytes }) => Some(Fetched { bytes: bytes.into(), mime, file: None }),
             Ok(Target::File(path)) => match std::fs::read(&path) {
                 Ok(bytes) => {
                     self.note_read(bytes.len());
-                    Some((Cow::Owned(bytes), None))
+                    Some(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
                 }
                 Err(e) => {
                     report.problem(at, format!("the file {} can't be read: {e}", path.display()));
@@ -105,4 +107,22 @@ impl<'a> Document<'a> {
             }
         }
     }
+
+    /// The file that a URI leads to, if it is not there.
+    pub fn missing_file(&self, uri: &str) -> Option<PathBuf> {
+        match uri::resolve(uri, self.path, self.allow_external) {
+            Ok(Target::File(path)) if !path.exists() => Some(path),
+            _ => None,
+        }
+    }
+}
+
+/// What a URI leads to.
+pub(super) struct Fetched<'a> {
+    /// The bytes.
+    pub bytes: Cow<'a, [u8]>,
+    /// Their media type, if the URI states it.
+    pub mime: Option<String>,
+    /// The file that they come from; `None` for data in the URI itself.
+    pub file: Option<PathBuf>,
 }

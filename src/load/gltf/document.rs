@@ -7,34 +7,45 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 
-/// Most problems that are listed.
+/// Most problems that are listed, and most warnings with the same words.
 const LISTED: usize = 32;
+const ALIKE: usize = 8;
 
-/// What went wrong and what was repaired, in the order in which it was found.
+/// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
 pub(super) struct Report {
     file: PathBuf,
     problems: Vec<Problem>,
     unlisted: usize,
-    /// Warnings so far.
-    pub warnings: Vec<Warning>,
+    warnings: Vec<Warning>,
+    /// How many warnings have the same words.
+    alike: HashMap<String, usize>,
+    seen: HashSet<(String, String)>,
 }
 
 impl Report {
     /// Nothing yet about a file.
     pub fn new(file: &Path) -> Report {
-        Report { file: file.to_path_buf(), problems: Vec::new(), unlisted: 0, warnings: Vec::new() }
+        Report {
+            file: file.to_path_buf(),
+            problems: Vec::new(),
+            unlisted: 0,
+            warnings: Vec::new(),
+            alike: HashMap::new(),
+            seen: HashSet::new(),
+        }
     }
 
-    /// Notes a problem; the same problem is noted once.
+    /// Notes a problem.
     pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
         self.add(Problem::new(pointer, message));
     }
 
     /// Notes a problem with its remedy.
     pub fn add(&mut self, problem: Problem) {
-        if self.problems.contains(&problem) {
+        if !self.seen.insert((problem.place.clone(), problem.message.clone())) {
             return;
         }
         if self.problems.len() < LISTED {
@@ -44,12 +55,22 @@ impl Report {
         }
     }
 
-    /// Notes a warning; the same warning is noted once.
+    /// Notes a warning.
     pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        let warning = Warning::new(&self.file, pointer, message);
-        if !self.warnings.contains(&warning) {
-            self.warnings.push(warning);
+        let (pointer, message) = (pointer.into(), message.into());
+        if !self.seen.insert((pointer.clone(), message.clone())) {
+            return;
         }
+        let alike = self.alike.entry(message.clone()).or_default();
+        *alike += 1;
+        if *alike <= ALIKE {
+            self.warnings.push(Warning::new(&self.file, pointer, message));
+        }
+    }
+
+    /// Adds warnings from elsewhere.
+    pub fn extend(&mut self, warnings: &[Warning]) {
+        self.warnings.extend_from_slice(warnings);
     }
 
     /// All problems, with a last line for those beyond the list.
@@ -59,6 +80,17 @@ impl Report {
             problems.push(Problem::new("", format!("and {} more problems", self.unlisted)));
         }
         problems
+    }
+
+    /// All warnings, with a line for each kind of which there are many.
+    pub fn into_warnings(mut self) -> Vec<Warning> {
+        let mut many: Vec<(String, usize)> = self.alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();
+        many.sort();
+        for (message, count) in many {
+            let message = format!("{} more places: {message}", count - ALIKE);
+            self.warnings.push(Warning::new(&self.file, "", message));
+        }
+        self.warnings
     }
 }
 

@@ -58,7 +58,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok(Loaded { scene, warnings: report.warnings, left_out })
+    Ok(Loaded { scene, warnings: report.into_warnings(), left_out })
 }
 
 /// The scene being put together.

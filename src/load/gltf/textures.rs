@@ -104,7 +104,14 @@ impl Textures {
             report.warn(at, "has no image that can be read; the material's constants are used alone");
             return None;
         };
-        doc.raw("images", index, &format!("{at}/source"), report)?;
+        let image = doc.raw("images", index, &format!("{at}/source"), report)?;
+        let uri = image.get("uri").and_then(Value::as_str);
+        if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {
+            let message =
+                format!("the image {} is missing; the material's constants are used alone", file.display());
+            report.warn(pointer("images", index), message);
+            return None;
+        }
         let mut wraps = (Wrap::Repeat, Wrap::Repeat);
         let mut interpolation = Interpolation::Bilinear;
         if let Some(sampler) = json.sampler {
