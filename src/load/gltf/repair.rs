@@ -13,7 +13,9 @@ pub(super) fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
         let dropped = drop_triangles(mesh);
         report.warn(at, format!("{dropped} triangles with corners that are not finite numbers were dropped"));
     }
-    if mesh.normals.iter().any(|&[x, y, z]| !((x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE)) {
+    // Without a branch inside, so that many are looked at in one step; NaN is no unit length.
+    let is_unit = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE;
+    if !mesh.normals.iter().fold(true, |all, &n| all & is_unit(n)) {
         normalize_normals(mesh);
         report.warn(at, "has normals that are not of unit length; they were normalised");
     }

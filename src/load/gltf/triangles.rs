@@ -23,7 +23,7 @@ pub(super) fn append(
         return false;
     }
     let whole = match mode {
-        Mode::Triangles => count % 3 == 0,
+        Mode::Triangles => count.is_multiple_of(3),
         _ => count == 0 || count >= 3,
     };
     if !whole {
