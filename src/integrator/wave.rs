@@ -10,12 +10,16 @@ use bytemuck::Zeroable;
 /// Paths in flight. All arrays together stay within a core's second-level cache.
 pub const WAVE: usize = 2048;
 
+/// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same
+/// cache set.
+const LENGTH: usize = WAVE + 16;
+
 /// One number a path.
-pub type Lanes = [f32; WAVE];
+pub type Lanes = [f32; LENGTH];
 /// One integer a path.
-pub type Words = [u32; WAVE];
+pub type Words = [u32; LENGTH];
 /// One vector or colour a path, by component.
-pub type Lanes3 = [[f32; WAVE]; 3];
+pub type Lanes3 = [Lanes; 3];
 
 /// Element `i` as a vector.
 #[inline(always)]
