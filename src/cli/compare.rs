@@ -6,7 +6,7 @@ use super::json::Json;
 use super::report::print_line;
 use oscura::error::{Error, Result};
 use oscura::image::Image;
-use oscura::load::picture::load_linear_rgb;
+use oscura::load::image::load_linear_rgb;
 use oscura::metrics::{Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test};
 use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
 use std::path::Path;

@@ -3,7 +3,7 @@
 use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
-use oscura::load::picture::load_linear_rgb;
+use oscura::load::image::load_environment;
 use oscura::output::{PngOptions, View};
 use oscura::render::RenderOptions;
 use oscura::scene::{Environment, Filter, ImageId, Microfacet, Scene};
@@ -112,16 +112,16 @@ pub(crate) fn apply_environment(args: &RenderArgs, scene: &mut Scene) -> Result<
     if args.env_rotation.is_some_and(|r| !r.is_finite()) {
         return Err(Error::usage("--env-rotation must be finite"));
     }
+    let mut warnings = Vec::new();
     if let Some(path) = &args.env {
         if path.as_os_str().is_empty() {
             scene.environment = Environment::Black;
         } else {
-            scene.images.push(load_linear_rgb(path)?);
+            scene.images.push(load_environment(path, &mut warnings)?);
             let image = ImageId((scene.images.len() - 1) as u32);
             scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
         }
     }
-    let mut warnings = Vec::new();
     let factor = args.env_strength;
     match &mut scene.environment {
         Environment::Image { strength, rotation_rad, .. } => {

@@ -161,7 +161,11 @@ impl Geometries {
         let first = shapes.positions.len() as u32;
         let as_is = *placed == DAffine3::IDENTITY;
         let position = |p: &[f32; 3]| {
-            if as_is { *p } else { placed.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array() }
+            if as_is {
+                *p
+            } else {
+                placed.transform_point3(DVec3::from(p.map(f64::from))).as_vec3().to_array()
+            }
         };
         shapes.positions.extend(mesh.positions.iter().map(position));
         // Mirroring turns counter-clockwise into clockwise; the front stays the front.

@@ -146,7 +146,8 @@ fn parallelogram(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
             if back != end || forth != start {
                 continue;
             }
-            let size = [apex, start, end, other].map(|p| p.abs().max_element()).into_iter().fold(0.0, f32::max);
+            let size =
+                [apex, start, end, other].map(|p| p.abs().max_element()).into_iter().fold(0.0, f32::max);
             let gap = (apex + other) - (start + end);
             let is_closed = gap.abs().max_element() <= 4.0 * f32::EPSILON * size;
             return is_closed.then(|| Edges { corner: apex, edge_u: start - apex, edge_v: end - apex });

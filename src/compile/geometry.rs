@@ -229,9 +229,8 @@ impl Attributes {
         linear: &Mat3,
     ) -> Coordinates {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let corner_uv = |set: usize| {
-            (!self.uv[set].is_empty()).then(|| vertices(&self.uv[set], t).map(Vec2::from_array))
-        };
+        let corner_uv =
+            |set: usize| (!self.uv[set].is_empty()).then(|| vertices(&self.uv[set], t).map(Vec2::from_array));
         let mix = |uv: Option<[Vec2; 3]>| {
             uv.map_or(Vec2::ZERO, |c| c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2])
         };
@@ -280,13 +279,7 @@ pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
     let [a, b, c] = v.map(Vec3::from_array);
     let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
     let ng = (b - a).cross(c - a).normalize();
-    Surface {
-        p: pa + pb + pc,
-        p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7),
-        ng,
-        ns: ng,
-        material: 0,
-    }
+    Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
 }
 
 /// The ray's point pulled back onto the sphere.

@@ -99,8 +99,8 @@ impl CompiledMaterial {
             || normal_map.is_some()
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
-        let constant = (!is_textured && !uses_vertex_colors)
-            .then(|| resolve(&folded.model, &Factors, microfacet));
+        let constant =
+            (!is_textured && !uses_vertex_colors).then(|| resolve(&folded.model, &Factors, microfacet));
         CompiledMaterial {
             class,
             constant,
@@ -134,7 +134,12 @@ impl CompiledMaterial {
 
     /// The shading normal at a point, from the normal map if there is one. It stays on the outer side of the surface.
     #[inline]
-    pub fn shading_normal(&self, slots: &TexturedSlots<'_>, surface: &Surface, tangent_frame: Option<Mat3>) -> Vec3 {
+    pub fn shading_normal(
+        &self,
+        slots: &TexturedSlots<'_>,
+        surface: &Surface,
+        tangent_frame: Option<Mat3>,
+    ) -> Vec3 {
         let (Some(map), Some(frame)) = (self.normal_map, tangent_frame) else { return surface.ns };
         let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
         let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
@@ -177,7 +182,8 @@ fn absorption(model: &Model, class: BsdfClass) -> Option<Vec3> {
         return None;
     }
     // Black would be infinite; f32's smallest normal number is black enough.
-    let sigma = |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
+    let sigma =
+        |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
     Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
 }
 
@@ -197,12 +203,8 @@ fn is_transmissive(model: &Model) -> bool {
 }
 
 fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {
-    let bare = Material {
-        emission: None,
-        normal_map: None,
-        alpha: FloatSlot::constant(1.0),
-        ..material.clone()
-    };
+    let bare =
+        Material { emission: None, normal_map: None, alpha: FloatSlot::constant(1.0), ..material.clone() };
     bare.textures().collect::<Vec<_>>().into_iter()
 }
 

@@ -18,7 +18,8 @@ impl Integrator<'_> {
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = self.dimensions(bounce, Purpose::Scatter);
         let roulette = bounce >= FIRST_ROULETTE;
-        let kernel = LambertScatter { wave: &mut w.wave, count: sorted.lambert, dimensions: &dimensions, roulette };
+        let kernel =
+            LambertScatter { wave: &mut w.wave, count: sorted.lambert, dimensions: &dimensions, roulette };
         dispatch(kernel);
         for i in sorted.lambert..sorted.total {
             generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);

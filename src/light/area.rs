@@ -116,17 +116,14 @@ impl AreaLight {
         let at = |[a, b]: [f32; 2]| match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + e.edge_u * a + e.edge_v * b,
             // Folds the square onto the triangle.
-            AreaShape::Triangle(e) if a + b > 1.0 => {
-                e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b)
-            }
+            AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
             AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
             AreaShape::Sphere { center, radius } => *center + warp::uniform_sphere([a, b]) * *radius,
         };
         match self.radiance {
             Radiance::Constant(c) => luminance(c.to_array()),
             _ => {
-                let sum: f32 =
-                    points.map(|u| luminance(self.radiance_at(textures, at(u)).to_array())).sum();
+                let sum: f32 = points.map(|u| luminance(self.radiance_at(textures, at(u)).to_array())).sum();
                 sum / (GRID * GRID) as f32
             }
         }

@@ -1,16 +1,15 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
-mod decode;
 pub mod framing;
 pub mod gltf;
 pub mod image;
 pub mod obj;
-pub mod picture;
 pub mod ply;
 mod polygon;
 pub mod scene_file;
 mod shapes;
+mod uri;
 
 use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
@@ -18,7 +17,10 @@ use std::path::Path;
 
 /// What the user may choose about loading.
 #[derive(Clone, Debug, Default)]
-pub struct LoadOptions {}
+pub struct LoadOptions {
+    /// Files that an asset refers to may lie outside its folder.
+    pub allow_external: bool,
+}
 
 /// A scene and what happened on the way to it.
 #[derive(Debug, Default)]

@@ -90,9 +90,8 @@ pub fn render(
     cancel: &AtomicBool,
     events: &(dyn Fn(Event) + Sync),
 ) -> (Film, Statistics) {
-    let pool = options
-        .threads
-        .and_then(|n| rayon::ThreadPoolBuilder::new().num_threads(n.max(1)).build().ok());
+    let pool =
+        options.threads.and_then(|n| rayon::ThreadPoolBuilder::new().num_threads(n.max(1)).build().ok());
     match pool {
         Some(pool) => pool.install(|| run(scene, options, cancel, events)),
         None => run(scene, options, cancel, events),

@@ -14,7 +14,7 @@
 use super::text::texture_file;
 use crate::error::Warning;
 use crate::load::Loaded;
-use crate::load::decode::{self, Use};
+use crate::load::image::{self, Use};
 use crate::scene::{
     AlphaMode, ColorSlot, Emission, FloatSlot, FresnelModel, ImageId, Interpolation, Mapping, Material,
     Model, PbrMaterial, Texture, TextureId, Wrap,
@@ -92,7 +92,7 @@ fn texture(statement: &str, file: &Path, loaded: &mut Loaded) -> Option<TextureI
     let known = path.display().to_string();
     let image = match scene.images.iter().position(|i| i.name == known) {
         Some(i) => ImageId(i as u32),
-        None => match decode::read(&path, Use::Color, &mut loaded.warnings) {
+        None => match image::read(&path, Use::Color, &mut loaded.warnings) {
             Ok(image) => {
                 scene.images.push(image);
                 ImageId(scene.images.len() as u32 - 1)

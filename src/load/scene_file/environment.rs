@@ -7,7 +7,7 @@
 use super::Build;
 use super::fields::Fields;
 use super::textures::read_image;
-use crate::load::decode::Use;
+use crate::load::image::Use;
 use crate::scene::Environment;
 
 pub(super) fn read(build: &mut Build, fields: &Fields) {

@@ -9,7 +9,7 @@
 
 use super::Build;
 use super::fields::{Fields, color, nearest};
-use crate::load::decode::{self, Use};
+use crate::load::image::{self, Use};
 use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
 use std::collections::HashMap;
 use std::ops::Range;
@@ -158,7 +158,7 @@ pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purp
     if let Some(i) = images.iter().position(|i| i.name == known) {
         return Some(ImageId(i as u32));
     }
-    match decode::read(&path, purpose, &mut build.loaded.warnings) {
+    match image::read(&path, purpose, &mut build.loaded.warnings) {
         Ok(image) => {
             images.push(image);
             Some(ImageId(images.len() as u32 - 1))

@@ -1,1 +1,0 @@
-//! Decoding of images and environments.
