@@ -74,6 +74,15 @@ pub struct Geometries {
     pub placements: Vec<Placement>,
 }
 
+/// The corners of a flat primitive, with the normals there: all that its surface follows from.
+#[derive(Clone, Copy, Debug)]
+pub struct Corners {
+    /// Positions: of a triangle's vertices, or of a quad's corner and the ends of its edges.
+    pub positions: [[f32; 3]; 3],
+    /// Shading normals; zero for flat shading.
+    pub normals: [[f32; 3]; 3],
+}
+
 /// Which kind of primitive an id means.
 enum Primitive<'a> {
     Triangle([u32; 3]),
@@ -121,6 +130,35 @@ impl Geometries {
         }
     }
 
+    /// Do some vertices have shading normals?
+    pub fn has_normals(&self) -> bool {
+        self.attributes.iter().any(|a| !a.normals.is_empty())
+    }
+
+    /// Is the hit on a triangle or quad of the world's own geometry?
+    #[inline(always)]
+    pub fn is_flat(&self, hit: &Hit) -> bool {
+        hit.instance == 0 && (hit.prim as usize) < self.shapes[0].triangles.len() + self.shapes[0].quads.len()
+    }
+
+    /// The corners of a triangle or quad of the world's own geometry; `None` for all else.
+    #[inline(always)]
+    pub fn corners(&self, hit: &Hit) -> Option<Corners> {
+        if hit.instance != 0 {
+            return None;
+        }
+        let (shapes, attributes) = (&self.shapes[0], &self.attributes[0]);
+        let prim = hit.prim as usize;
+        if let Some(&t) = shapes.triangles.get(prim) {
+            let is_flat = attributes.normals.is_empty();
+            let normals = if is_flat { [[0.0; 3]; 3] } else { vertices(&attributes.normals, t) };
+            return Some(Corners { positions: vertices(&shapes.positions, t), normals });
+        }
+        let quad = shapes.quads.get(prim - shapes.triangles.len())?;
+        let positions = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
+        Some(Corners { positions: positions.map(|p| p.to_array()), normals: [[0.0; 3]; 3] })
+    }
+
     /// The surface at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
@@ -134,11 +172,14 @@ impl Geometries {
             Primitive::Triangle(t) => {
                 let mut s = triangle_surface(vertices(&shapes.positions, t), hit.u, hit.v);
                 if !attributes.normals.is_empty() {
-                    s.ns = shading_normal(vertices(&attributes.normals, t), hit, s.ng);
+                    s.ns = shading_normal(vertices(&attributes.normals, t), hit.u, hit.v, s.ng);
                 }
                 s
             }
-            Primitive::Quad(q) => quad_surface(q, hit.u, hit.v),
+            Primitive::Quad(q) => {
+                let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
+                triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
+            }
             Primitive::Sphere(_, s) => sphere_surface(s, ray.at(hit.t)),
         };
         surface.material = material;
@@ -231,27 +272,14 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// The point from its weights, which is nearer to the plane than the ray's own point (Pharr, Jakob, Humphreys 2023,
-/// section 6.8.5).
+/// The surface at the point with weights `u` and `w` of the second and third corner. It is nearer to the plane than the
+/// ray's own point (Pharr, Jakob, Humphreys 2023, section 6.8.5). Weights may add up to more than 1 (quads).
 #[inline(always)]
-fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
+pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
     let [a, b, c] = v.map(Vec3::from_array);
     let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
     let ng = (b - a).cross(c - a).normalize();
     Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
-}
-
-#[inline(always)]
-fn quad_surface(q: &accel::Quad, u: f32, v: f32) -> Surface {
-    let (a, b) = (q.edge_u * u, q.edge_v * v);
-    let ng = q.edge_u.cross(q.edge_v).normalize();
-    Surface {
-        p: q.corner + a + b,
-        p_error: (q.corner.abs() + a.abs() + b.abs()) * gamma(7),
-        ng,
-        ns: ng,
-        material: 0,
-    }
 }
 
 /// The ray's point pulled back onto the sphere.
@@ -268,16 +296,15 @@ fn sphere_surface(s: &accel::Sphere, p: Vec3) -> Surface {
     }
 }
 
-/// The interpolated normal, on the side of the geometric one; that one where there is none.
+/// The interpolated normal, on the side of the geometric one; that one where there is none. Free of branches.
 #[inline(always)]
-fn shading_normal(normals: [[f32; 3]; 3], hit: &Hit, ng: Vec3) -> Vec3 {
-    let n = interpolate(normals, hit.u, hit.v);
+pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 {
+    let n = interpolate(normals, u, w);
     let length = n.length();
-    if length < 1e-6 {
-        return ng;
-    }
-    let n = n / length;
-    if n.dot(ng) < 0.0 { -n } else { n }
+    let is_usable = length >= 1e-6;
+    let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+    let unit = n * (side / if is_usable { length } else { 1.0 });
+    if is_usable { unit } else { ng }
 }
 
 impl Placement {

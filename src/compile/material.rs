@@ -13,6 +13,8 @@ pub struct CompiledMaterial {
     pub class: BsdfClass,
     /// The same BSDF everywhere.
     pub constant: Option<Bsdf>,
+    /// Its albedo there; black otherwise.
+    pub albedo: Vec3,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
     /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
@@ -102,6 +104,7 @@ impl CompiledMaterial {
         CompiledMaterial {
             class,
             constant,
+            albedo: constant.map_or(Vec3::ZERO, |b| b.albedo()),
             emission,
             is_two_sided: material.double_sided || is_transmissive(&folded.model),
             absorption,

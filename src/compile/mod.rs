@@ -6,11 +6,10 @@ mod emitters;
 mod geometry;
 mod material;
 
-pub use geometry::{Coordinates, Geometries, Surface};
+pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, transmittance};
 
 use crate::accel::{Accel, BuildOptions, BuildStats};
-use crate::bsdf::BsdfClass;
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::film::AovSet;
@@ -87,8 +86,8 @@ pub struct CompiledScene {
 pub struct Features {
     /// Some surface is partly absent.
     pub alpha: bool,
-    /// Some volume absorbs light.
-    pub absorption: bool,
+    /// Some vertices have shading normals.
+    pub normals: bool,
 }
 
 impl CompiledScene {
@@ -129,7 +128,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     report.count(&geometries, &lights);
     let features = Features {
         alpha: materials.iter().any(|m| m.alpha.is_some()),
-        absorption: materials.iter().any(|m| m.absorption.is_some()),
+        normals: geometries.has_normals(),
     };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
@@ -205,9 +204,4 @@ impl CompileReport {
         }
         self.lights = lights.len() as u64;
     }
-}
-
-/// The classes whose BSDFs consist of specular lobes only, whatever their textures say.
-pub fn is_always_specular(class: BsdfClass) -> bool {
-    matches!(class, BsdfClass::Black | BsdfClass::Dielectric | BsdfClass::ThinDielectric)
 }

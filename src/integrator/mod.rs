@@ -23,6 +23,7 @@ pub use wave::{WAVE, Workspace};
 use crate::compile::CompiledScene;
 use crate::film::{AovSample, FilterSampler};
 use crate::sampling::sampler::Dimensions;
+use surface::{Group, group_of};
 
 /// Options that concern paths.
 #[derive(Clone, Copy, Debug)]
@@ -71,6 +72,8 @@ pub struct PathSample {
 pub struct Integrator<'a> {
     scene: &'a CompiledScene,
     options: PathOptions<'a>,
+    /// Shading group of each material.
+    groups: Vec<Group>,
     /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
     dimensions: Vec<Dimensions>,
 }
@@ -93,7 +96,8 @@ impl<'a> Integrator<'a> {
     /// Prepares to trace.
     pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
-        Integrator { scene, options, dimensions: (0..sets).map(Dimensions::new).collect() }
+        let groups = scene.materials.iter().map(group_of).collect();
+        Integrator { scene, options, groups, dimensions: (0..sets).map(Dimensions::new).collect() }
     }
 
     /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample.
@@ -121,7 +125,7 @@ impl<'a> Integrator<'a> {
             }
             let is_last = bounce == self.options.max_depth;
             let sorted = self.surfaces(bounce, is_last, w);
-            if sorted.total() == 0 {
+            if sorted.total == 0 {
                 return;
             }
             if !self.scene.lights.is_empty() {

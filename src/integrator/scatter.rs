@@ -21,12 +21,12 @@ impl Integrator<'_> {
         let kernel =
             LambertScatter { wave: &mut w.wave, count: sorted.lambert, dimensions: &dimensions, roulette };
         dispatch(kernel);
-        for i in sorted.lambert..sorted.total() {
+        for i in sorted.lambert..sorted.total {
             generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);
         }
         w.rays.clear();
         let Wave { paths, vertices: v } = &*w.wave;
-        for i in 0..sorted.total() {
+        for i in 0..sorted.total {
             if v.next_pdf[i] >= 0.0 {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k);

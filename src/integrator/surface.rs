@@ -1,18 +1,24 @@
 //! What rays meet: emitted light, and the surfaces that scatter it, sorted by the loop that shades them.
 
 use super::Integrator;
-use super::wave::{Paths, Vertices, Workspace, get, set};
+use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, BsdfClass};
-use crate::compile::{CompiledMaterial, Coordinates, Surface, TexturedSlots, transmittance};
+use crate::compile::{
+    CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
+};
 use crate::film::AovSample;
-use crate::math::{Hit, Ray, Vec2, Vec3};
+use crate::math::{Hit, Vec2, Vec3};
 use crate::sampling::power_heuristic;
+use crate::simd::{Kernel, dispatch};
 use crate::texture::TexturePoint;
 
 /// Which loop shades a vertex. The order is that of the sorted vertices.
-#[derive(Clone, Copy, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u8)]
-enum Group {
+pub(super) enum Group {
+    /// Lambertian, of constant albedo, on a triangle or quad: a vectorised loop makes the vertex.
+    Plain,
+    /// Other Lambertian ones.
     Lambert,
     /// Light sampling may reach it.
     Rough,
@@ -22,29 +28,41 @@ enum Group {
     None,
 }
 
-const GROUPS: usize = 4;
+const GROUPS: usize = 5;
 
 /// How many vertices there are of each group.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Sorted {
+    plain: usize,
     /// Lambertian ones, the first.
     pub lambert: usize,
     /// All that light sampling may reach, Lambertian ones included.
     pub lit: usize,
-    total: usize,
+    /// All.
+    pub total: usize,
 }
 
-impl Sorted {
-    /// All vertices.
-    pub(super) fn total(&self) -> usize {
-        self.total
+/// How many hits there are of each group.
+struct GroupCounts([usize; GROUPS]);
+
+impl GroupCounts {
+    /// Where each group starts.
+    fn starts(&self) -> [usize; GROUPS] {
+        let mut sum = 0;
+        self.0.map(|count| {
+            sum += count;
+            sum - count
+        })
     }
 }
 
-fn group_of(material: &CompiledMaterial) -> Group {
+pub(super) fn group_of(material: &CompiledMaterial) -> Group {
     match material.class {
         BsdfClass::Black => Group::None,
-        BsdfClass::Lambert => Group::Lambert,
+        BsdfClass::Lambert => {
+            let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
+            if is_plain { Group::Plain } else { Group::Lambert }
+        }
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
         BsdfClass::Conductor | BsdfClass::MetalRough => {
             let is_specular = material.constant.is_some_and(|b| b.is_specular());
@@ -57,64 +75,88 @@ impl Integrator<'_> {
     /// Adds what the arriving paths see to their radiance and sorts the surfaces where they go on. With `is_last` none
     /// goes on.
     pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> Sorted {
-        let counts = self.classify(is_last, w);
-        let lambert = counts[Group::Lambert as usize];
-        let lit = lambert + counts[Group::Rough as usize];
-        let sorted = Sorted { lambert, lit, total: lit + counts[Group::Specular as usize] };
-        let mut next = [0, lambert, lit];
+        let mut next = self.classify(bounce, is_last, w).starts();
+        let [_, plain, lambert, lit, total] = next;
+        let sorted = Sorted { plain, lambert, lit, total };
         w.bsdfs.clear();
-        w.bsdfs.resize(sorted.total - lambert, Bsdf::Black);
+        w.bsdfs.resize(total - lambert, Bsdf::Black);
         for i in 0..w.rays.len() {
-            let hit = w.hits[i];
-            if !hit.is_hit() {
-                self.escape(bounce, i, w);
-                continue;
+            let group = w.groups[i];
+            let k = next[group as usize];
+            next[group as usize] += 1;
+            match group {
+                Group::None if !w.hits[i].is_hit() => self.escape(bounce, i, w),
+                Group::None => {
+                    self.meet(bounce, i, w);
+                }
+                Group::Plain => self.gather(bounce, i, k, w),
+                Group::Lambert => {
+                    let vertex = self.meet(bounce, i, w);
+                    w.arriving.copy_to(i, &mut w.wave.paths, k);
+                    store_lambert(&mut w.wave.vertices, k, vertex);
+                }
+                Group::Rough | Group::Specular => {
+                    let vertex = self.meet(bounce, i, w);
+                    w.arriving.copy_to(i, &mut w.wave.paths, k);
+                    w.bsdfs[k - lambert] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
+                    store_generic(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
+                }
             }
-            let ray = w.rays[i];
-            let mut vertex = self.meet(bounce, i, &ray, &hit, w);
-            let group = w.groups[i] as usize;
-            if group == Group::None as usize {
-                continue;
-            }
-            let k = next[group];
-            next[group] += 1;
-            w.arriving.copy_to(i, &mut w.wave.paths, k);
-            if group == Group::Lambert as usize {
-                let back = if vertex.is_back { -1.0 } else { 1.0 };
-                vertex.surface.ng *= back;
-                vertex.surface.ns *= back;
-                let albedo = vertex.bsdf.albedo();
-                let dark = vertex.is_dark;
-                set(&mut w.wave.vertices.albedo, k, if dark { Vec3::ZERO } else { albedo });
-            } else {
-                let n = &mut vertex.surface;
-                n.ns = facing(n.ns, n.ng, -ray.direction);
-                set(&mut w.wave.vertices.wo, k, -ray.direction);
-                w.bsdfs[k - lambert] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
-            }
-            store(&mut w.wave.vertices, k, &vertex.surface);
+        }
+        let (wave, count) = (&mut *w.wave, sorted.plain);
+        if self.scene.features.normals {
+            dispatch(PlainVertices::<true> { wave, count });
+        } else {
+            dispatch(PlainVertices::<false> { wave, count });
         }
         sorted
     }
 
-    /// Finds each hit's material and group; returns the groups' sizes.
-    fn classify(&self, is_last: bool, w: &mut Workspace) -> [usize; GROUPS] {
+    /// Collects what a plain vertex is made of.
+    #[inline(always)]
+    fn gather(&self, bounce: u32, i: usize, k: usize, w: &mut Workspace) {
+        let (hit, material) = (&w.hits[i], &self.scene.materials[w.materials[i] as usize]);
+        let Some(corners) = self.scene.geometries.corners(hit) else { return };
+        w.arriving.copy_to(i, &mut w.wave.paths, k);
+        let v = &mut w.wave.vertices;
+        for c in 0..3 {
+            set(&mut v.corners[c], k, corners.positions[c].into());
+        }
+        if self.scene.features.normals {
+            for c in 0..3 {
+                set(&mut v.normals[c], k, corners.normals[c].into());
+            }
+        }
+        (v.weights[0][k], v.weights[1][k]) = (hit.u, hit.v);
+        v.one_sided[k] = f32::from(u8::from(!material.is_two_sided));
+        set(&mut v.wo, k, -w.rays[i].direction);
+        set(&mut v.albedo, k, material.albedo);
+        if bounce == 0 {
+            w.radiance[w.arriving.sample[i] as usize][3] = 1.0;
+        }
+    }
+
+    /// Finds each hit's material and group.
+    fn classify(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> GroupCounts {
         let mut counts = [0; GROUPS];
+        let needs_details = bounce == 0 && self.options.aovs;
         w.groups.clear();
         w.materials.clear();
         for hit in &w.hits {
-            let (material, group) = if hit.is_hit() {
-                let material = self.scene.geometries.material(hit);
-                let group = group_of(&self.scene.materials[material as usize]);
-                (material, if is_last { Group::None } else { group })
-            } else {
-                (0, Group::None)
-            };
+            let (mut material, mut group) = (0, Group::None);
+            if hit.is_hit() {
+                material = self.scene.geometries.material(hit);
+                group = match self.groups[material as usize] {
+                    _ if is_last => Group::None,
+                    Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
+                    group => group,
+                };
+            }
             counts[group as usize] += 1;
-            w.groups.push(group as u8);
+            w.groups.push(group);
             w.materials.push(material);
         }
-        counts
+        GroupCounts(counts)
     }
 
     /// The path leaves the scene.
@@ -136,7 +178,8 @@ impl Integrator<'_> {
     }
 
     /// The path meets a surface: adds its emission and looks up how it scatters.
-    fn meet(&self, bounce: u32, i: usize, ray: &Ray, hit: &Hit, w: &mut Workspace) -> Vertex {
+    fn meet(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
+        let (ray, hit) = (&{ w.rays[i] }, &{ w.hits[i] });
         let mut surface = self.scene.geometries.surface(ray, hit);
         let material = &self.scene.materials[w.materials[i] as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
@@ -236,11 +279,59 @@ fn facing(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     if cosine >= LEAST { ns } else { (ns + wo * (side * (LEAST - cosine))).normalize() }
 }
 
-fn store(vertices: &mut Vertices, k: usize, surface: &Surface) {
-    set(&mut vertices.p, k, surface.p);
-    set(&mut vertices.ng, k, surface.ng);
-    set(&mut vertices.ns, k, surface.ns);
-    vertices.offset[k] = surface.ng.abs().dot(surface.p_error);
+#[inline(always)]
+fn store(v: &mut Vertices, k: usize, surface: &Surface) {
+    set(&mut v.p, k, surface.p);
+    set(&mut v.ng, k, surface.ng);
+    set(&mut v.ns, k, surface.ns);
+    v.offset[k] = surface.ng.abs().dot(surface.p_error);
+}
+
+fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
+    let Vertex { mut surface, bsdf, is_back, is_dark } = vertex;
+    let side = if is_back { -1.0 } else { 1.0 };
+    surface.ng *= side;
+    surface.ns *= side;
+    store(v, k, &surface);
+    set(&mut v.albedo, k, if is_dark { Vec3::ZERO } else { bsdf.albedo() });
+}
+
+fn store_generic(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
+    let mut surface = vertex.surface;
+    surface.ns = facing(surface.ns, surface.ng, wo);
+    store(v, k, &surface);
+    set(&mut v.wo, k, wo);
+}
+
+/// Makes the plain vertices from their corners, with shading normals or without.
+struct PlainVertices<'a, const SMOOTH: bool> {
+    wave: &'a mut Wave,
+    count: usize,
+}
+
+impl<const SMOOTH: bool> Kernel for PlainVertices<'_, SMOOTH> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = &mut self.wave.vertices;
+        for i in 0..self.count.min(WAVE) {
+            let at = |lanes: &[Lanes3; 3]| [0, 1, 2].map(|c| get(&lanes[c], i).to_array());
+            let (a, b) = (v.weights[0][i], v.weights[1][i]);
+            let surface = triangle_surface(at(&v.corners), a, b);
+            let mut ns = surface.ng;
+            if SMOOTH {
+                ns = shading_normal(at(&v.normals), a, b, surface.ng);
+            }
+            let is_back = surface.ng.dot(get(&v.wo, i)) < 0.0;
+            let side = if is_back { -1.0 } else { 1.0 };
+            let surface = Surface { ng: surface.ng * side, ns: ns * side, ..surface };
+            store(v, i, &surface);
+            let is_dark = is_back & (v.one_sided[i] > 0.0);
+            let albedo = get(&v.albedo, i) * if is_dark { 0.0 } else { 1.0 };
+            set(&mut v.albedo, i, albedo);
+        }
+    }
 }
 
 /// Adds light to a sample.

@@ -1,5 +1,6 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
 
+use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::film::AovSample;
@@ -9,12 +10,16 @@ use bytemuck::Zeroable;
 /// Paths in flight. All arrays together stay within a core's second-level cache.
 pub const WAVE: usize = 2048;
 
+/// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same
+/// cache set.
+const LENGTH: usize = WAVE + 16;
+
 /// One number a path.
-pub type Lanes = [f32; WAVE];
+pub type Lanes = [f32; LENGTH];
 /// One integer a path.
-pub type Words = [u32; WAVE];
+pub type Words = [u32; LENGTH];
 /// One vector or colour a path, by component.
-pub type Lanes3 = [[f32; WAVE]; 3];
+pub type Lanes3 = [Lanes; 3];
 
 /// Element `i` as a vector.
 #[inline(always)]
@@ -50,6 +55,13 @@ pub struct Paths {
 /// that light sampling can reach, then specular ones.
 #[derive(Zeroable)]
 pub struct Vertices {
+    /// What plain vertices are made of: the corners of their primitives with the normals there, and the weights of the
+    /// second and third.
+    pub corners: [Lanes3; 3],
+    pub normals: [Lanes3; 3],
+    pub weights: [Lanes; 2],
+    /// 1 if the back is black, else 0.
+    pub one_sided: Lanes,
     pub p: Lanes3,
     /// Geometric normal; towards the viewer at Lambertian vertices, on the front at others.
     pub ng: Lanes3,
@@ -59,7 +71,7 @@ pub struct Vertices {
     pub offset: Lanes,
     /// Albedo of Lambertian vertices.
     pub albedo: Lanes3,
-    /// Towards the viewer; only at vertices that are not Lambertian.
+    /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
     pub wo: Lanes3,
     /// Towards the sampled light, unit length.
     pub wi: Lanes3,
@@ -95,7 +107,7 @@ pub struct Workspace {
     pub(super) rays: Vec<Ray>,
     pub(super) hits: Vec<Hit>,
     /// Shading group of each hit.
-    pub(super) groups: Vec<u8>,
+    pub(super) groups: Vec<Group>,
     pub(super) materials: Vec<u32>,
     /// BSDFs of the vertices that are not Lambertian.
     pub(super) bsdfs: Vec<Bsdf>,

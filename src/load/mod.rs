@@ -9,6 +9,7 @@ pub mod ply;
 mod polygon;
 pub mod scene_file;
 mod shapes;
+mod uri;
 
 use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
@@ -16,7 +17,10 @@ use std::path::Path;
 
 /// What the user may choose about loading.
 #[derive(Clone, Debug, Default)]
-pub struct LoadOptions {}
+pub struct LoadOptions {
+    /// Files that an asset refers to may lie outside its folder.
+    pub allow_external: bool,
+}
 
 /// A scene and what happened on the way to it.
 #[derive(Debug, Default)]

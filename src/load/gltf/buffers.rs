@@ -1,0 +1,128 @@
+//! Buffers and buffer views, checked before anything looks into them.
+
+use super::document::{Document, Report, pointer};
+use crate::load::uri::{self, Target};
+use gltf::json::{Buffer, buffer};
+use std::borrow::Cow;
+use std::path::PathBuf;
+
+/// The bytes of a buffer view.
+#[derive(Clone, Copy)]
+pub(super) struct View<'d> {
+    /// All its bytes.
+    pub bytes: &'d [u8],
+    /// From one element to the next, if the file says so.
+    pub stride: Option<usize>,
+}
+
+impl<'a> Document<'a> {
+    /// The bytes of a buffer view, inside its buffer for certain; `from` points to what refers to it.
+    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Option<View<'_>> {
+        let view: buffer::View = self.entry("bufferViews", index, from, report)?;
+        let at = pointer("bufferViews", index);
+        let compressed = self
+            .json
+            .pointer(&format!("{at}/extensions"))
+            .is_some_and(|e| e.get("EXT_meshopt_compression").is_some());
+        if compressed {
+            report.problem(at, "is compressed by EXT_meshopt_compression, which is not supported");
+            return None;
+        }
+        let bytes = self.buffer(view.buffer.value(), &format!("{at}/buffer"), report)?;
+        let (offset, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
+        let range = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
+        let Some(end) = range else {
+            let size = bytes.len();
+            report.problem(
+                at,
+                format!("reaches from byte {offset} over {length} bytes, but its buffer has {size}"),
+            );
+            return None;
+        };
+        let stride = view.byte_stride.map(|s| s.0);
+        if stride.is_some_and(|s| !(4..=252).contains(&s)) {
+            report.problem(format!("{at}/byteStride"), "is not in 4..252");
+            return None;
+        }
+        Some(View { bytes: &bytes[offset as usize..end as usize], stride })
+    }
+
+    /// The contents of a buffer, read when first asked for.
+    fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Option<&[u8]> {
+        let Some(cell) = self.buffers.get(index) else {
+            let message = format!("refers to /buffers/{index}, but there are {}", self.buffers.len());
+            report.problem(from, message);
+            return None;
+        };
+        cell.get_or_init(|| self.read_buffer(index, from, report)).as_deref()
+    }
+
+    fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Option<Cow<'a, [u8]>> {
+        let at = pointer("buffers", index);
+        let buffer: Buffer = self.entry("buffers", index, from, report)?;
+        let bytes: Cow<'a, [u8]> = match (&buffer.uri, self.binary) {
+            (Some(uri), _) => self.fetch(uri, &format!("{at}/uri"), report)?.bytes,
+            (None, Some(binary)) if index == 0 => Cow::Borrowed(binary),
+            (None, _) => {
+                // Allowed: such a buffer is filled by agreement between programs.
+                report.warn(at, "has no data (no uri and no binary chunk); what uses it is left out");
+                return None;
+            }
+        };
+        let (promised, held) = (buffer.byte_length.0, bytes.len());
+        if promised > held as u64 {
+            report.problem(
+                format!("{at}/byteLength"),
+                format!("promises {promised} bytes, but there are {held}"),
+            );
+            return None;
+        }
+        // What lies beyond (padding of a GLB's chunk) belongs to no view.
+        Some(match bytes {
+            Cow::Borrowed(b) => Cow::Borrowed(&b[..promised as usize]),
+            Cow::Owned(mut b) => {
+                b.truncate(promised as usize);
+                Cow::Owned(b)
+            }
+        })
+    }
+
+    /// The bytes that a URI leads to.
+    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Option<Fetched<'a>> {
+        match uri::resolve(uri, self.path, self.allow_external) {
+            Ok(Target::Embedded { mime, bytes }) => Some(Fetched { bytes: bytes.into(), mime, file: None }),
+            Ok(Target::File(path)) => match std::fs::read(&path) {
+                Ok(bytes) => {
+                    self.note_read(bytes.len());
+                    Some(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
+                }
+                Err(e) => {
+                    report.problem(at, format!("the file {} can't be read: {e}", path.display()));
+                    None
+                }
+            },
+            Err(message) => {
+                report.problem(at, message);
+                None
+            }
+        }
+    }
+
+    /// The file that a URI leads to, if it is not there.
+    pub fn missing_file(&self, uri: &str) -> Option<PathBuf> {
+        match uri::resolve(uri, self.path, self.allow_external) {
+            Ok(Target::File(path)) if !path.exists() => Some(path),
+            _ => None,
+        }
+    }
+}
+
+/// What a URI leads to.
+pub(super) struct Fetched<'a> {
+    /// The bytes.
+    pub bytes: Cow<'a, [u8]>,
+    /// Their media type, if the URI states it.
+    pub mime: Option<String>,
+    /// The file that they come from; `None` for data in the URI itself.
+    pub file: Option<PathBuf>,
+}

@@ -1,0 +1,158 @@
+//! Cameras and lights of nodes.
+
+use super::document::{Document, Report, name_of, number_of, numbers_of, pointer};
+use super::nodes::Node;
+use crate::math::{DAffine3, DMat3};
+use crate::scene::{Camera, Light, LightKind, Projection};
+use gltf::json::camera::Type;
+use gltf::json::validation::Checked;
+use serde_json::Value;
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
+/// The list of KHR_lights_punctual.
+pub(super) const LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
+
+/// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela). glTF gives lights in
+/// candela and lux, the scene wants W/sr and W/m2; Blender's exporter multiplies by the same number in its default mode.
+pub(super) const LUMENS_PER_WATT: f64 = 683.0;
+
+/// The camera of a node; `None` with a warning where it shows nothing.
+pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Camera> {
+    let from = format!("{}/camera", node.pointer());
+    let camera: gltf::json::Camera = doc.entry("cameras", index, &from, report)?;
+    let raw = doc.raw("cameras", index, &from, report)?;
+    let at = pointer("cameras", index);
+    let Some(world_from_camera) = without_scale(&node.world_from_node) else {
+        report.warn(node.pointer(), "flattens its camera, which is left out");
+        return None;
+    };
+    let (projection, aspect_ratio) = match camera.type_ {
+        Checked::Valid(Type::Perspective) => perspective(raw, &at, report)?,
+        Checked::Valid(Type::Orthographic) => orthographic(raw, &at, report)?,
+        Checked::Invalid => {
+            report.problem(format!("{at}/type"), "is neither perspective nor orthographic");
+            return None;
+        }
+    };
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    let name = match raw.get("name") {
+        Some(_) => name_of(raw, "camera", index),
+        None => name_of(node_raw, "camera of node", node.index),
+    };
+    Some(Camera { name, world_from_camera, projection, aspect_ratio, lens: None })
+}
+
+fn perspective(camera: &Value, at: &str, report: &mut Report) -> Option<(Projection, Option<f64>)> {
+    let at = format!("{at}/perspective");
+    let Some(perspective) = camera.get("perspective") else {
+        report.problem(at, "is missing");
+        return None;
+    };
+    let Some(vfov_rad) = number_of(perspective, "yfov", &at, report) else {
+        report.problem(format!("{at}/yfov"), "is missing");
+        return None;
+    };
+    if !(vfov_rad > 0.0 && vfov_rad < PI) {
+        report.warn(
+            format!("{at}/yfov"),
+            format!("{vfov_rad} is not between 0 and pi: the camera is left out"),
+        );
+        return None;
+    }
+    let aspect = number_of(perspective, "aspectRatio", &at, report).filter(|a| *a > 0.0 && a.is_finite());
+    Some((Projection::Perspective { vfov_rad }, aspect))
+}
+
+fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Option<(Projection, Option<f64>)> {
+    let at = format!("{at}/orthographic");
+    let Some(orthographic) = camera.get("orthographic") else {
+        report.problem(at, "is missing");
+        return None;
+    };
+    let mut size = |key: &str| match number_of(orthographic, key, &at, report) {
+        Some(size) if size != 0.0 && size.is_finite() => Some(size.abs()),
+        _ => {
+            report.warn(format!("{at}/{key}"), "is missing or 0: the camera is left out");
+            None
+        }
+    };
+    let (half_width, half_height) = (size("xmag")?, size("ymag")?);
+    Some((Projection::Orthographic { half_height }, Some(half_width / half_height)))
+}
+
+/// The rotation and translation of a transform: axes z, y and x made orthonormal in this order, right-handed. `None` for
+/// a transform that flattens.
+fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
+    let m = transform.matrix3;
+    let z = m.z_axis.try_normalize()?;
+    let y = (m.y_axis - z * m.y_axis.dot(z)).try_normalize()?;
+    let rotation = DMat3::from_cols(y.cross(z), y, z);
+    let placed = DAffine3::from_mat3_translation(rotation, transform.translation);
+    placed.is_finite().then_some(placed)
+}
+
+/// The light of a node.
+pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Light> {
+    let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
+    let raw = doc.raw(LIGHTS, index, &from, report)?;
+    let at = pointer(LIGHTS, index);
+    let color = match raw.get("color") {
+        Some(_) => numbers_of(raw, "color", &at, report)?,
+        None => [1.0; 3],
+    };
+    let strength = match raw.get("intensity") {
+        Some(_) => number_of(raw, "intensity", &at, report)?,
+        None => 1.0,
+    };
+    let intensity = color.map(|c| (c * strength / LUMENS_PER_WATT) as f32);
+    if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
+        report.problem(at, "has a colour or an intensity that is negative or beyond the range of numbers");
+        return None;
+    }
+    if raw.get("range").is_some() {
+        report.warn(
+            at.clone(),
+            "has a range, which is not physical and ignored: light fades by distance alone",
+        );
+    }
+    let position = node.world_from_node.translation;
+    let direction = (-node.world_from_node.matrix3.z_axis).try_normalize();
+    let kind = match raw.get("type").and_then(Value::as_str) {
+        Some("point") => Some(LightKind::Point { position }),
+        Some("directional") => direction.map(|direction| LightKind::Directional { direction }),
+        Some("spot") => {
+            let (inner_angle_rad, outer_angle_rad) = cone(raw, &at, report);
+            direction.map(|direction| LightKind::Spot {
+                position,
+                direction,
+                inner_angle_rad,
+                outer_angle_rad,
+            })
+        }
+        _ => {
+            report.problem(format!("{at}/type"), "is none of point, spot and directional");
+            return None;
+        }
+    };
+    if kind.is_none() {
+        report.warn(node.pointer(), "flattens its light, which is left out");
+    }
+    let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
+    Some(Light { name: name_of(node_raw, "light of node", node.index), kind: kind?, intensity })
+}
+
+/// Inner and outer half angle of a spot light, in order.
+fn cone(light: &Value, at: &str, report: &mut Report) -> (f64, f64) {
+    let at = format!("{at}/spot");
+    let spot = light.get("spot").unwrap_or(&Value::Null);
+    let inner = number_of(spot, "innerConeAngle", &at, report).unwrap_or(0.0);
+    let outer = number_of(spot, "outerConeAngle", &at, report).unwrap_or(FRAC_PI_4);
+    if !(0.0 <= inner && inner < outer && outer <= FRAC_PI_2 + 1e-6) {
+        report.warn(
+            at,
+            format!("the cone's angles {inner} and {outer} are not 0 <= inner < outer <= pi/2; clamped"),
+        );
+    }
+    let outer = outer.clamp(1e-6, FRAC_PI_2);
+    (inner.clamp(0.0, outer), outer)
+}

@@ -1,0 +1,243 @@
+//! The JSON document: its objects are taken as the types of the `gltf` crate one by one, when something that is seen
+//! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
+
+use super::container::Parts;
+use crate::error::{Problem, Warning};
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use std::borrow::Cow;
+use std::cell::{Cell, OnceCell};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Most problems that are listed, and most warnings with the same words.
+const LISTED: usize = 32;
+const ALIKE: usize = 8;
+
+/// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
+pub(super) struct Report {
+    file: PathBuf,
+    problems: Vec<Problem>,
+    unlisted: usize,
+    warnings: Vec<Warning>,
+    /// How many warnings have the same words.
+    alike: HashMap<String, usize>,
+    seen: HashSet<(String, String)>,
+}
+
+impl Report {
+    /// Nothing yet about a file.
+    pub fn new(file: &Path) -> Report {
+        Report {
+            file: file.to_path_buf(),
+            problems: Vec::new(),
+            unlisted: 0,
+            warnings: Vec::new(),
+            alike: HashMap::new(),
+            seen: HashSet::new(),
+        }
+    }
+
+    /// Notes a problem.
+    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+        self.add(Problem::new(pointer, message));
+    }
+
+    /// Notes a problem with its remedy.
+    pub fn add(&mut self, problem: Problem) {
+        if !self.seen.insert((problem.place.clone(), problem.message.clone())) {
+            return;
+        }
+        if self.problems.len() < LISTED {
+            self.problems.push(problem);
+        } else {
+            self.unlisted += 1;
+        }
+    }
+
+    /// Notes a warning.
+    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+        let (pointer, message) = (pointer.into(), message.into());
+        if !self.seen.insert((pointer.clone(), message.clone())) {
+            return;
+        }
+        let alike = self.alike.entry(message.clone()).or_default();
+        *alike += 1;
+        if *alike <= ALIKE {
+            self.warnings.push(Warning::new(&self.file, pointer, message));
+        }
+    }
+
+    /// Adds warnings from elsewhere.
+    pub fn extend(&mut self, warnings: &[Warning]) {
+        self.warnings.extend_from_slice(warnings);
+    }
+
+    /// All problems, with a last line for those beyond the list.
+    pub fn take_problems(&mut self) -> Vec<Problem> {
+        let mut problems = std::mem::take(&mut self.problems);
+        if self.unlisted > 0 {
+            problems.push(Problem::new("", format!("and {} more problems", self.unlisted)));
+        }
+        problems
+    }
+
+    /// All warnings, with a line for each kind of which there are many.
+    pub fn into_warnings(mut self) -> Vec<Warning> {
+        let mut many: Vec<(String, usize)> = self.alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();
+        many.sort();
+        for (message, count) in many {
+            let message = format!("{} more places: {message}", count - ALIKE);
+            self.warnings.push(Warning::new(&self.file, "", message));
+        }
+        self.warnings
+    }
+}
+
+/// A glTF file in memory.
+pub(super) struct Document<'a> {
+    /// The file.
+    pub path: &'a Path,
+    /// The whole JSON.
+    pub json: Value,
+    /// The binary chunk of a GLB.
+    pub binary: Option<&'a [u8]>,
+    /// May URIs lead out of the asset's folder?
+    pub allow_external: bool,
+    /// The contents of each buffer, once read; `None` for those with problems.
+    pub(super) buffers: Vec<OnceCell<Option<Cow<'a, [u8]>>>>,
+    /// Bytes of all the files read so far.
+    read: Cell<u64>,
+    /// Bytes that accessors were decoded into.
+    decoded: Cell<u64>,
+}
+
+/// Decoded bytes that any file may take.
+const FREE_BUDGET: u64 = 1 << 28;
+/// Decoded bytes for each byte read: accessors may be used again, which must not let a small file fill the memory.
+const BUDGET_PER_BYTE: u64 = 64;
+
+impl<'a> Document<'a> {
+    /// A document of a file of `size` bytes.
+    pub fn new(path: &'a Path, parts: Parts<'a>, size: usize, allow_external: bool) -> Document<'a> {
+        let Parts { json, binary } = parts;
+        let count = json.get("buffers").and_then(Value::as_array).map_or(0, Vec::len);
+        let buffers = (0..count).map(|_| OnceCell::new()).collect();
+        let (read, decoded) = (Cell::new(size as u64), Cell::new(0));
+        Document { path, json, binary, allow_external, buffers, read, decoded }
+    }
+
+    /// Notes that another file of this many bytes was read.
+    pub fn note_read(&self, bytes: usize) {
+        self.read.set(self.read.get().saturating_add(bytes as u64));
+    }
+
+    /// Bytes of all the files read so far.
+    pub fn bytes_read(&self) -> u64 {
+        self.read.get()
+    }
+
+    /// Announces that accessors are decoded into this many bytes; false if the file can't justify them.
+    pub fn may_decode(&self, bytes: u64) -> bool {
+        let total = self.decoded.get().saturating_add(bytes);
+        let allowed = FREE_BUDGET.saturating_add(self.read.get().saturating_mul(BUDGET_PER_BYTE));
+        if total <= allowed {
+            self.decoded.set(total);
+        }
+        total <= allowed
+    }
+
+    /// How many entries a list of the document has; `list` is its pointer without the leading slash.
+    pub fn count(&self, list: &str) -> usize {
+        self.list(list).map_or(0, Vec::len)
+    }
+
+    fn list(&self, list: &str) -> Option<&Vec<Value>> {
+        self.json.pointer(&format!("/{list}")).and_then(Value::as_array)
+    }
+
+    /// The object at an index of a list, as it stands in the file; `from` points to what refers to it.
+    pub fn raw(&self, list: &str, index: usize, from: &str, report: &mut Report) -> Option<&Value> {
+        let value = self.list(list).and_then(|l| l.get(index));
+        match value {
+            Some(value) if value.is_object() => return Some(value),
+            Some(_) => report.problem(pointer(list, index), "is not an object"),
+            None => {
+                report.problem(from, format!("refers to /{list}/{index}, but there are {}", self.count(list)))
+            }
+        }
+        None
+    }
+
+    /// The object at an index of a list as a type of the `gltf` crate.
+    pub fn entry<T: DeserializeOwned>(
+        &self,
+        list: &str,
+        index: usize,
+        from: &str,
+        report: &mut Report,
+    ) -> Option<T> {
+        let raw = self.raw(list, index, from, report)?;
+        match T::deserialize(raw) {
+            Ok(entry) => Some(entry),
+            Err(e) => {
+                report.problem(pointer(list, index), format!("can't be understood: {e}"));
+                None
+            }
+        }
+    }
+}
+
+/// The JSON pointer of an entry of a list.
+pub(super) fn pointer(list: &str, index: usize) -> String {
+    format!("/{list}/{index}")
+}
+
+/// An optional index held by an object of the document: absent, an index, or a noted problem (`None` too).
+pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Option<usize> {
+    let value = object.get(key)?;
+    let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
+    if index.is_none() {
+        report.problem(format!("{at}/{key}"), "is not an index");
+    }
+    index
+}
+
+/// Optional numbers held by an object, in full precision: absent (or a noted problem) gives `None`.
+pub(super) fn numbers_of<const N: usize>(
+    object: &Value,
+    key: &str,
+    at: &str,
+    report: &mut Report,
+) -> Option<[f64; N]> {
+    let value = object.get(key)?;
+    let numbers = value.as_array().filter(|a| a.len() == N).and_then(|a| {
+        let mut numbers = [0.0; N];
+        for (number, value) in numbers.iter_mut().zip(a) {
+            *number = value.as_f64()?;
+        }
+        Some(numbers)
+    });
+    if numbers.is_none() {
+        report.problem(format!("{at}/{key}"), format!("is not a list of {N} numbers"));
+    }
+    numbers
+}
+
+/// An optional number held by an object.
+pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Option<f64> {
+    let value = object.get(key)?;
+    let number = value.as_f64();
+    if number.is_none() {
+        report.problem(format!("{at}/{key}"), "is not a number");
+    }
+    number
+}
+
+/// The name of an object, or a stand-in made of its kind and index.
+pub(super) fn name_of(object: &Value, kind: &str, index: usize) -> String {
+    match object.get("name").and_then(Value::as_str).filter(|n| !n.is_empty()) {
+        Some(name) => name.to_string(),
+        None => format!("{kind} {index}"),
+    }
+}

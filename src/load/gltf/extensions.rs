@@ -1,0 +1,99 @@
+//! Versions and extensions: what the file demands, and what it uses that is not understood.
+
+use super::document::{Document, Report, pointer};
+use crate::error::Problem;
+use serde_json::Value;
+use std::collections::BTreeMap;
+
+/// Extensions that are read.
+const READ: &[&str] = &[
+    "EXT_texture_webp",
+    "KHR_lights_punctual",
+    "KHR_materials_emissive_strength",
+    "KHR_materials_ior",
+    "KHR_materials_specular",
+    "KHR_materials_transmission",
+    "KHR_materials_unlit",
+    "KHR_materials_volume",
+    "KHR_mesh_quantization",
+    "KHR_node_visibility",
+    "KHR_texture_transform",
+];
+
+/// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
+const HARMLESS: &[(&str, &str)] = &[
+    ("KHR_animation_pointer", "animations are not played"),
+    ("KHR_materials_variants", "the default materials are shown"),
+    ("KHR_xmp_json_ld", "metadata are not read"),
+];
+
+impl Document<'_> {
+    /// Does the file declare the use of an extension?
+    pub fn extension_used(&self, name: &str) -> bool {
+        let used = self.json.get("extensionsUsed").and_then(Value::as_array);
+        used.is_some_and(|list| list.iter().any(|v| v.as_str() == Some(name)))
+    }
+}
+
+/// Checks the version and the extensions that the file demands.
+pub(super) fn check(doc: &Document, report: &mut Report) {
+    let asset = doc.json.get("asset").unwrap_or(&Value::Null);
+    let major = |key: &str| asset.get(key).and_then(Value::as_str).map(|v| v.split('.').next() == Some("2"));
+    match (major("version"), asset.get("minVersion").and_then(Value::as_str)) {
+        (Some(true), None | Some("2.0")) => {}
+        (None, _) => report.problem("/asset/version", "is missing: this is no glTF 2.0 file"),
+        _ => report.add(
+            Problem::new("/asset/version", "is not 2.0").with_help("only glTF 2.0 is read; convert the file"),
+        ),
+    }
+    let Some(required) = doc.json.get("extensionsRequired") else { return };
+    let Some(required) = required.as_array() else {
+        report.problem("/extensionsRequired", "is not a list of names");
+        return;
+    };
+    for (i, name) in required.iter().enumerate() {
+        let at = pointer("extensionsRequired", i);
+        match name.as_str() {
+            None => report.problem(at, "is not a name"),
+            Some(name) if READ.contains(&name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
+            Some(name) => report.add(
+                Problem::new(at, format!("the file demands {name}, which is not supported"))
+                    .with_help("export it without this extension"),
+            ),
+        }
+    }
+}
+
+/// Warns of each extension that is in use and not read, with the number of places.
+pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
+    let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
+    count(&doc.json, &mut counts);
+    for (name, places) in counts.into_iter().filter(|(name, _)| !READ.contains(name)) {
+        let effect = HARMLESS.iter().find(|(h, _)| *h == name);
+        let effect = effect.map_or(String::new(), |(_, effect)| format!(": {effect}"));
+        let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
+        report.warn("", format!("{name} is not read, in {times}{effect}"));
+    }
+}
+
+/// Counts the extensions that stand in objects; the parser bounds the depth.
+fn count<'v>(value: &'v Value, counts: &mut BTreeMap<&'v str, usize>) {
+    match value {
+        Value::Object(object) => {
+            for (key, child) in object {
+                match child.as_object().filter(|_| key == "extensions") {
+                    Some(extensions) => {
+                        for (name, extension) in extensions {
+                            *counts.entry(name).or_default() += 1;
+                            count(extension, counts);
+                        }
+                    }
+                    None if key == "extras" => {}
+                    None => count(child, counts),
+                }
+            }
+        }
+        Value::Array(list) => list.iter().for_each(|child| count(child, counts)),
+        _ => {}
+    }
+}

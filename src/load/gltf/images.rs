@@ -1,0 +1,90 @@
+//! The images that textures need: fetched one after the other, decoded in parallel, each once.
+
+use super::buffers::Fetched;
+use super::document::{Document, Report, name_of, pointer};
+use super::textures::ImageNeed;
+use crate::error::Warning;
+use crate::image::{Encoding, Image, Pixels};
+use crate::load::image::{Use, decode};
+use rayon::prelude::*;
+use std::path::Path;
+
+/// An image before decoding.
+struct Source<'d> {
+    /// Its first need; another may differ in the encoding alone.
+    need: ImageNeed,
+    name: String,
+    fetched: Fetched<'d>,
+}
+
+/// Decodes what is needed, in the order of the needs. Problems are noted; the list is complete only without any.
+pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> Vec<Image> {
+    let mut sources: Vec<Source> = Vec::new();
+    for &need in needs {
+        if !sources.iter().any(|s| s.need.index == need.index) {
+            sources.extend(fetch(doc, need, report));
+        }
+    }
+    let path = doc.path;
+    let decoded: Vec<_> = sources.par_iter().map(|source| decode_source(path, source)).collect();
+    let mut images = Vec::with_capacity(needs.len());
+    for (source, (result, warnings)) in sources.iter().zip(&decoded) {
+        report.extend(warnings);
+        if let Err(message) = result {
+            report.problem(pointer("images", source.need.index), message.clone());
+        }
+    }
+    for need in needs {
+        let found = sources.iter().position(|s| s.need.index == need.index);
+        if let Some((Ok(image), _)) = found.and_then(|at| decoded.get(at)) {
+            let encoding = match *image.pixels {
+                Pixels::F32(_) => Encoding::Linear,
+                Pixels::U8(_) | Pixels::U16(_) => need.encoding,
+            };
+            images.push(Image { encoding, ..image.clone() });
+        }
+    }
+    images
+}
+
+fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Option<Source<'d>> {
+    let at = pointer("images", need.index);
+    let json: gltf::json::Image = doc.entry("images", need.index, &at, report)?;
+    let name = name_of(doc.raw("images", need.index, &at, report)?, "image", need.index);
+    let mut fetched = match (json.uri, json.buffer_view) {
+        (Some(uri), _) => doc.fetch(&uri, &format!("{at}/uri"), report)?,
+        (None, Some(view)) => match doc.view(view.value(), &format!("{at}/bufferView"), report) {
+            Some(view) => Fetched { bytes: view.bytes.into(), mime: None, file: None },
+            None => {
+                report.problem(at, "has no bytes that can be read");
+                return None;
+            }
+        },
+        (None, None) => {
+            report.problem(at, "has neither a uri nor a bufferView");
+            return None;
+        }
+    };
+    fetched.mime = json.mime_type.map(|m| m.0).or(fetched.mime);
+    Some(Source { need, name, fetched })
+}
+
+/// Decodes an image; an error comes as its message.
+fn decode_source(asset: &Path, source: &Source) -> (Result<Image, String>, Vec<Warning>) {
+    let Fetched { bytes, mime, file } = &source.fetched;
+    let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
+    let at = pointer("images", source.need.index);
+    let mut warnings = Vec::new();
+    let (place, at) = match file {
+        Some(file) => (file.as_path(), ""),
+        None => (asset, at.as_str()),
+    };
+    let image = match decode(bytes, place, at, mime.as_deref(), purpose, &mut warnings) {
+        Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
+        Err(error) => {
+            let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
+            Err(format!("'{}' {}", source.name, messages.join("; ")))
+        }
+    };
+    (image, warnings)
+}

@@ -1,0 +1,70 @@
+//! What files get wrong in the numbers of meshes: each repair is counted in a warning. Sound meshes cost one look.
+
+use super::document::Report;
+use crate::load::shapes::normalize_normals;
+use crate::scene::Mesh;
+
+/// Largest difference of a normal's squared length from 1 that is left alone.
+const UNIT_TOLERANCE: f32 = 1e-4;
+
+/// Drops triangles with corners that are not finite, and mends normals, tangents, colours and coordinates.
+pub(super) fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
+    if !all_finite(mesh.positions.as_flattened()) {
+        let dropped = drop_triangles(mesh);
+        report.warn(at, format!("{dropped} triangles with corners that are not finite numbers were dropped"));
+    }
+    // Without a branch inside, so that many are looked at in one step; NaN is no unit length.
+    let is_unit = |[x, y, z]: [f32; 3]| (x * x + y * y + z * z - 1.0).abs() <= UNIT_TOLERANCE;
+    if !mesh.normals.iter().fold(true, |all, &n| all & is_unit(n)) {
+        normalize_normals(mesh);
+        report.warn(at, "has normals that are not of unit length; they were normalised");
+    }
+    let mut zeroed = 0;
+    for set in &mut mesh.uv_sets {
+        zeroed += clear_unusable(set.as_flattened_mut());
+    }
+    zeroed += clear_unusable(mesh.colors.as_flattened_mut());
+    if zeroed > 0 {
+        report.warn(at, format!("{zeroed} texture coordinates or colours that are not finite became 0"));
+    }
+    if !all_finite(mesh.tangents.as_flattened()) {
+        mesh.tangents.clear();
+        report.warn(at, "has tangents that are not finite; they are made from its texture coordinates");
+    }
+    for tangent in &mut mesh.tangents {
+        tangent[3] = 1f32.copysign(tangent[3]);
+    }
+}
+
+/// Are all numbers finite? Finite floats have bit patterns below that of infinity, so the largest pattern decides.
+fn all_finite(numbers: &[f32]) -> bool {
+    let magnitude = |x: &f32| x.to_bits() & 0x7fff_ffff;
+    numbers.iter().fold(0, |largest, x| largest.max(magnitude(x))) < f32::INFINITY.to_bits()
+}
+
+fn clear_unusable(numbers: &mut [f32]) -> usize {
+    if all_finite(numbers) {
+        return 0;
+    }
+    let unusable = numbers.iter_mut().filter(|x| !x.is_finite());
+    unusable.map(|x| *x = 0.0).count()
+}
+
+/// Removes triangles that use vertices which are not finite (these become the origin); returns how many.
+fn drop_triangles(mesh: &mut Mesh) -> usize {
+    let usable: Vec<bool> = mesh.positions.iter().map(|p| all_finite(p)).collect();
+    let before = mesh.triangles.len();
+    let mut kept = Vec::with_capacity(before);
+    for part in &mut mesh.parts {
+        let first = part.first_triangle as usize;
+        let old = &mesh.triangles[first..first + part.triangle_count as usize];
+        part.first_triangle = kept.len() as u32;
+        kept.extend(old.iter().filter(|t| t.iter().all(|&i| usable[i as usize])));
+        part.triangle_count = kept.len() as u32 - part.first_triangle;
+    }
+    mesh.triangles = kept;
+    for (p, _) in mesh.positions.iter_mut().zip(&usable).filter(|(_, usable)| !**usable) {
+        *p = [0.0; 3];
+    }
+    before - mesh.triangles.len()
+}

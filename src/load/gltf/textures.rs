@@ -1,0 +1,174 @@
+//! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
+
+use super::document::{Document, Report, pointer};
+use crate::image::Encoding;
+use crate::math::Vec2;
+use crate::scene::{ImageId, Interpolation, Mapping, Texture, TextureId, TextureTransform, Wrap};
+use gltf::json::extensions::texture::TextureTransform as TransformJson;
+use gltf::json::texture::{MagFilter, MinFilter, Sampler, WrappingMode};
+use gltf::json::validation::Checked;
+use serde_json::Value;
+use std::collections::HashMap;
+
+/// How a material refers to a texture.
+pub(super) struct Reference {
+    /// Index of the texture.
+    pub texture: usize,
+    /// Set of texture coordinates.
+    pub uv_set: u32,
+    /// Applied to the coordinates.
+    pub transform: Option<TransformJson>,
+    /// JSON pointer of the reference.
+    pub at: String,
+}
+
+impl Reference {
+    /// The reference of a texture info.
+    pub fn new(info: &gltf::json::texture::Info, at: String) -> Reference {
+        let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
+        Reference { texture: info.index.value(), uv_set: info.tex_coord, transform, at }
+    }
+
+    /// The set of texture coordinates that counts.
+    pub fn effective_uv_set(&self) -> u32 {
+        self.transform.as_ref().and_then(|t| t.tex_coord).unwrap_or(self.uv_set)
+    }
+}
+
+/// An image that some texture needs.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) struct ImageNeed {
+    /// Its index in the file.
+    pub index: usize,
+    /// sRGB for colours, linear for data.
+    pub encoding: Encoding,
+}
+
+/// The textures found so far.
+#[derive(Default)]
+pub(super) struct Textures {
+    /// The scene's textures.
+    pub list: Vec<Texture>,
+    /// The images that they need; their ids count along.
+    pub images: Vec<ImageNeed>,
+    known: HashMap<Key, Option<TextureId>>,
+}
+
+/// What makes two references the same texture.
+#[derive(PartialEq, Eq, Hash)]
+struct Key {
+    texture: usize,
+    uv_set: u32,
+    transform: [u32; 5],
+    is_color: bool,
+}
+
+impl Textures {
+    /// The texture that a material refers to; `None` if it has problems or no image that can be read.
+    pub fn get(
+        &mut self,
+        doc: &Document,
+        reference: &Reference,
+        encoding: Encoding,
+        report: &mut Report,
+    ) -> Option<TextureId> {
+        let transform = transform(reference);
+        let [o, s] = [transform.offset.to_array(), transform.scale.to_array()];
+        let key = Key {
+            texture: reference.texture,
+            uv_set: reference.effective_uv_set(),
+            transform: [o[0], o[1], s[0], s[1], transform.rotation_rad].map(f32::to_bits),
+            is_color: encoding == Encoding::Srgb,
+        };
+        if let Some(known) = self.known.get(&key) {
+            return *known;
+        }
+        let id = self.add(doc, reference, transform, encoding, report);
+        self.known.insert(key, id);
+        id
+    }
+
+    fn add(
+        &mut self,
+        doc: &Document,
+        reference: &Reference,
+        transform: TextureTransform,
+        encoding: Encoding,
+        report: &mut Report,
+    ) -> Option<TextureId> {
+        let at = pointer("textures", reference.texture);
+        let from = format!("{}/index", reference.at);
+        let json: gltf::json::Texture = doc.entry("textures", reference.texture, &from, report)?;
+        let raw = doc.raw("textures", reference.texture, &from, report)?;
+        let Some(index) = source(raw) else {
+            report.warn(at, "has no image that can be read; the material's constants are used alone");
+            return None;
+        };
+        let image = doc.raw("images", index, &format!("{at}/source"), report)?;
+        let uri = image.get("uri").and_then(Value::as_str);
+        if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {
+            let message =
+                format!("the image {} is missing; the material's constants are used alone", file.display());
+            report.warn(pointer("images", index), message);
+            return None;
+        }
+        let mut wraps = (Wrap::Repeat, Wrap::Repeat);
+        let mut interpolation = Interpolation::Bilinear;
+        if let Some(sampler) = json.sampler {
+            let sampler: Sampler =
+                doc.entry("samplers", sampler.value(), &format!("{at}/sampler"), report)?;
+            wraps = (wrap(sampler.wrap_s), wrap(sampler.wrap_t));
+            interpolation = filter(&sampler);
+        }
+        let mapping = Mapping::Uv { set: reference.effective_uv_set(), transform };
+        let image = self.image(ImageNeed { index, encoding });
+        let (wrap_u, wrap_v) = wraps;
+        self.list.push(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping });
+        Some(TextureId(self.list.len() as u32 - 1))
+    }
+
+    fn image(&mut self, need: ImageNeed) -> ImageId {
+        let known = self.images.iter().position(|&n| n == need);
+        let index = known.unwrap_or_else(|| {
+            self.images.push(need);
+            self.images.len() - 1
+        });
+        ImageId(index as u32)
+    }
+}
+
+/// The image of a texture: that of EXT_texture_webp, or the plain source.
+fn source(texture: &Value) -> Option<usize> {
+    let webp = texture.pointer("/extensions/EXT_texture_webp/source");
+    let index = webp.or_else(|| texture.get("source"))?.as_u64()?;
+    usize::try_from(index).ok()
+}
+
+fn wrap(mode: Checked<WrappingMode>) -> Wrap {
+    match mode {
+        Checked::Valid(WrappingMode::ClampToEdge) => Wrap::Clamp,
+        Checked::Valid(WrappingMode::MirroredRepeat) => Wrap::Mirror,
+        Checked::Valid(WrappingMode::Repeat) | Checked::Invalid => Wrap::Repeat,
+    }
+}
+
+/// The filter for magnification decides; where it is not given, that for minification.
+fn filter(sampler: &Sampler) -> Interpolation {
+    match (sampler.mag_filter, sampler.min_filter) {
+        (Some(Checked::Valid(MagFilter::Nearest)), _) => Interpolation::Nearest,
+        (None, Some(Checked::Valid(MinFilter::Nearest | MinFilter::NearestMipmapNearest))) => {
+            Interpolation::Nearest
+        }
+        _ => Interpolation::Bilinear,
+    }
+}
+
+/// KHR_texture_transform in the scene's terms. Its rotation is counter-clockwise as seen with v growing downwards, which
+/// is clockwise in the plane of (u, v).
+fn transform(reference: &Reference) -> TextureTransform {
+    reference.transform.as_ref().map_or_else(TextureTransform::default, |t| TextureTransform {
+        offset: Vec2::from_array(t.offset.0),
+        rotation_rad: t.rotation.0,
+        scale: Vec2::from_array(t.scale.0),
+    })
+}

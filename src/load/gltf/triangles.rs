@@ -1,0 +1,105 @@
+//! The triangles of a primitive: lists, strips and fans, with or without indices.
+
+use super::accessor::Accessor;
+use super::document::Report;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::Mode;
+
+/// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
+/// `vertices` afterwards; false (with a noted problem, and nothing appended) if the file says otherwise.
+pub(super) fn append(
+    mode: Mode,
+    indices: Option<&Accessor>,
+    vertices: usize,
+    base: u32,
+    at: &str,
+    triangles: &mut Vec<[u32; 3]>,
+    report: &mut Report,
+) -> bool {
+    let count = indices.map_or(vertices, |a| a.count);
+    if let Some(accessor) = indices
+        && !is_index_accessor(accessor, report)
+    {
+        return false;
+    }
+    let whole = match mode {
+        Mode::Triangles => count.is_multiple_of(3),
+        _ => count == 0 || count >= 3,
+    };
+    if !whole {
+        report.warn(at, format!("{count} corners make no whole number of triangles; the rest is ignored"));
+    }
+    let first = triangles.len();
+    if mode == Mode::Triangles {
+        triangles.resize(first + count / 3, [0; 3]);
+        read(indices, bytemuck::cast_slice_mut(&mut triangles[first..]));
+    } else {
+        let mut corners = vec![0; count];
+        read(indices, &mut corners);
+        match mode {
+            Mode::TriangleStrip => triangles.extend(strip(&corners)),
+            Mode::TriangleFan => triangles.extend(fan(&corners)),
+            _ => {}
+        }
+    }
+    let added: &mut [u32] = bytemuck::cast_slice_mut(&mut triangles[first..]);
+    let largest = added.iter().copied().max();
+    if let Some(largest) = largest.filter(|&i| i as usize >= vertices) {
+        let at = indices.map_or(at, |a| &a.pointer);
+        report.problem(at, format!("holds the index {largest}, but there are {vertices} vertices"));
+        triangles.truncate(first);
+        return false;
+    }
+    if base > 0 {
+        added.iter_mut().for_each(|i| *i += base);
+    }
+    true
+}
+
+fn is_index_accessor(accessor: &Accessor, report: &mut Report) -> bool {
+    let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
+    let fits = unsigned && accessor.kind == Type::Scalar && !accessor.normalized;
+    if !fits {
+        let message = format!("holds {}; indices are unsigned scalars, not normalised", accessor.contents());
+        report.problem(accessor.pointer.clone(), message);
+    }
+    fits
+}
+
+fn read(indices: Option<&Accessor>, out: &mut [u32]) {
+    match indices {
+        Some(accessor) => accessor.read_indices(out),
+        None => out.iter_mut().zip(0..).for_each(|(out, i)| *out = i),
+    }
+}
+
+/// The triangles of a strip (glTF 2.0, section 3.7.2.1); those with two equal corners only join pieces and are left out.
+fn strip(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    let turned = |(i, w): (usize, &[u32])| if i % 2 == 0 { [w[0], w[1], w[2]] } else { [w[0], w[2], w[1]] };
+    corners.windows(3).enumerate().map(turned).filter(|[a, b, c]| a != b && b != c && c != a)
+}
+
+/// The triangles of a fan about the first corner.
+fn fan(corners: &[u32]) -> impl Iterator<Item = [u32; 3]> {
+    let center = corners.first().copied().unwrap_or_default();
+    corners.get(1..).unwrap_or_default().windows(2).map(move |w| [w[0], w[1], center])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn strips_keep_their_winding() {
+        let triangles: Vec<_> = strip(&[0, 1, 2, 3, 3, 4]).collect();
+        assert_eq!(triangles, [[0, 1, 2], [1, 3, 2]]);
+        assert_eq!(strip(&[0, 1]).count(), 0);
+    }
+
+    #[test]
+    fn fans_turn_about_the_first() {
+        let triangles: Vec<_> = fan(&[5, 6, 7, 8]).collect();
+        assert_eq!(triangles, [[6, 7, 5], [7, 8, 5]]);
+        assert_eq!(fan(&[]).count(), 0);
+    }
+}

@@ -1,0 +1,101 @@
+//! Small scenes and measured radiances for tests of light transport.
+#![allow(dead_code)]
+
+use oscura::compile::{CompileOptions, compile};
+use oscura::film::{AovSet, Film};
+use oscura::math::{DAffine3, DMat3, DVec3};
+use oscura::render::{RenderOptions, render};
+use oscura::scene::{Camera, Filter, Material, MaterialId, Microfacet, Projection, Quad, Scene, Sphere};
+use std::sync::atomic::AtomicBool;
+
+/// A pinhole camera.
+pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
+    let back = (from - at).normalize();
+    let right = up.cross(back).normalize();
+    let rotation = DMat3::from_cols(right, back.cross(right), back);
+    Camera {
+        name: "camera".into(),
+        world_from_camera: DAffine3::from_mat3_translation(rotation, from),
+        projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
+        aspect_ratio: None,
+        lens: None,
+    }
+}
+
+/// Options for a small picture.
+pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
+    RenderOptions {
+        width: size,
+        height: size,
+        samples,
+        seed: 1,
+        max_depth,
+        threads: None,
+        filter: Filter::Box,
+        aovs: AovSet::default(),
+        time_limit: None,
+    }
+}
+
+/// Compiles and renders.
+pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
+    let compile_options = CompileOptions {
+        microfacet: Microfacet::Multi,
+        camera: None,
+        width: options.width,
+        height: options.height,
+        needs: options.aovs,
+    };
+    let (compiled, _) = compile(scene, &compile_options).expect("the scene compiles");
+    let (film, statistics) = render(&compiled, options, &AtomicBool::new(false), &|_| {});
+    assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
+    film
+}
+
+/// Mean of a film's green channel.
+pub fn mean(film: &Film) -> f64 {
+    let (w, h) = (film.width(), film.height());
+    let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
+    pixels.map(|(x, y)| f64::from(film.mean_rgba(x, y)[1])).sum::<f64>() / f64::from(w * h)
+}
+
+/// Mean radiance of a picture over independent seeds, with the standard error of that mean.
+pub fn measure(scene: &Scene, options: &RenderOptions) -> (f64, f64) {
+    const SEEDS: u32 = 12;
+    let means: Vec<f64> = (0..SEEDS)
+        .map(|seed| mean(&picture(scene, &RenderOptions { seed: seed * 7919 + 1, ..*options })))
+        .collect();
+    let n = f64::from(SEEDS);
+    let mean = means.iter().sum::<f64>() / n;
+    let variance = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (n - 1.0);
+    (mean, (variance / n).sqrt())
+}
+
+/// Asserts that a measured radiance agrees with the truth: within 4.5 standard errors of a mean of 12 (a chance of
+/// about 1e-3 for Student's t with 11 degrees of freedom; seeds are fixed) and f32's rounding. The error itself must be
+/// below `precision`, so that the test can tell.
+pub fn assert_radiance(what: &str, scene: &Scene, options: &RenderOptions, truth: f64, precision: f64) {
+    let (mean, error) = measure(scene, options);
+    println!("{what}: {mean:.6} +- {error:.6}, truth {truth:.6}");
+    assert!(error <= precision * truth, "{what}: standard error {error} is not below {precision} of {truth}");
+    let bound = 4.5 * error + 2e-5 * truth;
+    assert!((mean - truth).abs() <= bound, "{what}: {mean} +- {error}, but the truth is {truth}");
+}
+
+/// Adds a material.
+pub fn material(scene: &mut Scene, material: Material) -> MaterialId {
+    scene.materials.push(material);
+    MaterialId(scene.materials.len() as u32 - 1)
+}
+
+/// Adds a quad.
+pub fn quad(scene: &mut Scene, corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64; 3], material: MaterialId) {
+    let (corner, edge_u, edge_v) = (corner.into(), edge_u.into(), edge_v.into());
+    scene.quads.push(Quad { name: "quad".into(), corner, edge_u, edge_v, material });
+}
+
+/// Adds a sphere.
+pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
+    let rotation = oscura::math::DQuat::IDENTITY;
+    scene.spheres.push(Sphere { name: "sphere".into(), center: center.into(), radius, rotation, material });
+}
