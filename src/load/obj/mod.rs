@@ -14,65 +14,75 @@ use crate::color::linear_from_srgb;
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::DAffine3;
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
+use std::cell::RefCell;
 use std::collections::HashMap;
-use std::io::Cursor;
+use std::fs::File;
 use std::path::Path;
+use text::Text;
 
 /// Reads an OBJ file and its material libraries: a mesh for each object and material.
 pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let (text, libraries) = text::take_libraries(&text::clean(&bytes));
-    drop(bytes);
+    let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let mut loaded = Loaded::default();
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let library = read_libraries(path, &libraries, &mut loaded.warnings);
     let options =
         tobj::LoadOptions { single_index: true, triangulate: false, ignore_points: true, ignore_lines: true };
-    let mut reader = Cursor::new(text.as_bytes());
-    let parsed = tobj::load_obj_buf(&mut reader, &options, |_| tobj::load_mtl_buf(&mut library.as_bytes()));
+    let mut text = Text::new(file);
+    let warnings = RefCell::new(Vec::new());
+    let parsed = tobj::load_obj_buf(&mut text, &options, |names| {
+        Ok(read_library(path, &names.to_string_lossy(), &mut warnings.borrow_mut()))
+    });
+    loaded.warnings = warnings.into_inner();
     let (models, mtl) = parsed.map_err(|e| {
-        let read = (reader.position() as usize).min(text.len());
-        let line = text.as_bytes()[..read].iter().filter(|&&b| b == b'\n').count().max(1);
-        let problem = Problem::new(format!("line {line}"), format!("is not valid OBJ: {e}"));
+        let problem = Problem::new(format!("line {}", text.line()), format!("is not valid OBJ: {e}"));
         Error::input_problems(path, vec![problem])
     })?;
-    let mtl = mtl.unwrap_or_else(|e| {
-        let message = format!("the material libraries can't be read ({e}); everything is grey");
-        loaded.warnings.push(Warning::new(path, "", message));
-        Vec::new()
-    });
-    build(path, models, &mtl, &mut loaded);
+    drop(text);
+    // The reader of libraries never fails.
+    build(path, models, &mtl.unwrap_or_default(), &mut loaded);
     if loaded.scene.meshes.is_empty() {
         return Err(Error::input(path, "has no faces").with_help("only surfaces can be rendered"));
     }
     Ok(loaded)
 }
 
-/// The text of all material libraries that exist; a missing one is a warning.
-fn read_libraries(path: &Path, libraries: &[String], warnings: &mut Vec<Warning>) -> String {
+/// The materials of the libraries that one statement names; a missing or broken library is a warning.
+fn read_library(path: &Path, names: &str, warnings: &mut Vec<Warning>) -> Library {
     let folder = path.parent().unwrap_or(path);
+    // The parser cuts at the first space, which may stand before the keyword.
+    let names = names.strip_prefix("mtllib ").unwrap_or(names).trim();
+    if names.is_empty() {
+        let message = "a statement 'mtllib' without a file name behind a space is ignored";
+        warnings.push(Warning::new(path, "", message));
+    }
+    // A name may hold spaces, and a line several names.
+    let parts: Vec<&str> = match names {
+        whole if folder.join(whole).is_file() => vec![whole],
+        several => several.split_whitespace().collect(),
+    };
     let mut all = String::new();
-    for line in libraries {
-        // A name may hold spaces, and a line several names.
-        let whole = [line.as_str()];
-        let parts: Vec<&str> = line.split_whitespace().collect();
-        let names: &[&str] = if folder.join(line).is_file() { &whole } else { &parts };
-        for name in names {
-            match std::fs::read(folder.join(name.replace('\\', "/"))) {
-                Ok(bytes) => {
-                    all.push_str(&text::clean(&bytes));
-                    all.push('\n');
-                }
-                Err(e) => {
-                    let message =
-                        format!("material library '{name}' can't be read ({e}); its materials are grey");
-                    warnings.push(Warning::new(path, "", message));
-                }
+    for name in parts {
+        match std::fs::read(folder.join(name.replace('\\', "/"))) {
+            Ok(bytes) => {
+                all.push_str(&text::clean(&bytes));
+                all.push('\n');
+            }
+            Err(e) => {
+                let message =
+                    format!("material library '{name}' can't be read ({e}); its materials are grey");
+                warnings.push(Warning::new(path, "", message));
             }
         }
     }
-    all
+    tobj::load_mtl_buf(&mut all.as_bytes()).unwrap_or_else(|e| {
+        let message = format!("material library '{names}' can't be read ({e}); its materials are grey");
+        warnings.push(Warning::new(path, "", message));
+        Library::default()
+    })
 }
+
+/// Materials and their places by name, as `tobj` gives them.
+type Library = (Vec<tobj::Material>, HashMap<String, usize>);
 
 /// Identifies a material of the scene: its place among the MTL materials, and whether vertex colours multiply it.
 type MaterialKey = (Option<usize>, bool);
@@ -136,6 +146,7 @@ fn convert(model: &tobj::Model) -> Mesh {
     };
     let colors: Vec<[f32; 4]> = triples(&source.vertex_color).into_iter().map(color).collect();
     mesh.colors = Some(colors).filter(|c| c.len() == count).unwrap_or_default();
+    mesh.triangles.reserve_exact(source.indices.len() / 3);
     let mut first = 0;
     let faces = source.indices.len() / 3;
     let arities: &[u32] = &source.face_arities;
@@ -144,6 +155,10 @@ fn convert(model: &tobj::Model) -> Mesh {
         let Some(face) = source.indices.get(first..first + arity) else { break };
         first += arity;
         if face.iter().any(|&v| v as usize >= count) {
+            continue;
+        }
+        if let [a, b, c] = *face {
+            mesh.triangles.push([a, b, c]);
             continue;
         }
         let corners: Vec<[f32; 3]> = face.iter().map(|&v| mesh.positions[v as usize]).collect();

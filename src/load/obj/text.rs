@@ -1,15 +1,112 @@
-//! Text of OBJ and MTL files made fit for the parser: byte order marks, Latin-1, continued lines and several material
-//! libraries, none of which `tobj` takes.
+//! Text of OBJ and MTL files made fit for the parser: byte order marks, Latin-1 and continued lines, none of which
+//! `tobj` takes.
 
-/// The text of a file: UTF-8, else Latin-1, without a byte order mark. A line that ends in `\` goes on in the next;
-/// empty lines make up for it, so that line numbers stay.
-pub(super) fn clean(bytes: &[u8]) -> String {
+use std::borrow::Cow;
+use std::io::{BufRead, Read, Result};
+
+/// Bytes that are read at a time.
+const CHUNK: usize = 1 << 18;
+
+/// A file's text, cleaned chunk by chunk while it is read, so that the whole is never in memory.
+pub(super) struct Text<R> {
+    inner: R,
+    /// Read, but not yet handed on: the start of a line that the last chunk cut.
+    raw: Vec<u8>,
+    /// Cleaned text that is being handed on, from `at`.
+    clean: Vec<u8>,
+    at: usize,
+    /// Lines before `clean`.
+    lines: usize,
+    started: bool,
+    ended: bool,
+}
+
+impl<R: Read> Text<R> {
+    /// Starts at the beginning of a file.
+    pub fn new(inner: R) -> Text<R> {
+        let (raw, clean) = (Vec::new(), Vec::new());
+        Text { inner, raw, clean, at: 0, lines: 0, started: false, ended: false }
+    }
+
+    /// The number of the line that was taken last, from 1.
+    pub fn line(&self) -> usize {
+        (self.lines + count_lines(&self.clean[..self.at])).max(1)
+    }
+
+    /// Reads until there are whole lines and makes them the cleaned text.
+    fn refill(&mut self) -> Result<()> {
+        self.lines += count_lines(&self.clean);
+        self.at = 0;
+        self.clean.clear();
+        let mut whole = 0;
+        while whole == 0 && !self.ended {
+            let before = self.raw.len();
+            (&mut self.inner).take(CHUNK as u64).read_to_end(&mut self.raw)?;
+            self.ended = self.raw.len() == before;
+            if !self.started && self.raw.starts_with(b"\xef\xbb\xbf") {
+                self.raw.drain(..3);
+            }
+            self.started = true;
+            if self.ended && self.raw.last().is_some_and(|&b| b != b'\n') {
+                self.raw.push(b'\n');
+            }
+            whole = if self.ended { self.raw.len() } else { whole_lines(&self.raw) };
+        }
+        match clean(&self.raw[..whole]) {
+            Cow::Borrowed(text) => self.clean.extend_from_slice(text.as_bytes()),
+            Cow::Owned(text) => self.clean = text.into_bytes(),
+        }
+        self.raw.drain(..whole);
+        Ok(())
+    }
+}
+
+impl<R: Read> BufRead for Text<R> {
+    fn fill_buf(&mut self) -> Result<&[u8]> {
+        if self.at == self.clean.len() {
+            self.refill()?;
+        }
+        Ok(&self.clean[self.at..])
+    }
+
+    fn consume(&mut self, n: usize) {
+        self.at = (self.at + n).min(self.clean.len());
+    }
+}
+
+impl<R: Read> Read for Text<R> {
+    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+        let n = self.fill_buf()?.read(out)?;
+        self.consume(n);
+        Ok(n)
+    }
+}
+
+fn count_lines(bytes: &[u8]) -> usize {
+    bytes.iter().filter(|&&b| b == b'\n').count()
+}
+
+/// Length of the lines at the front that have ended and don't go on in the next.
+fn whole_lines(bytes: &[u8]) -> usize {
+    let mut end = bytes.len();
+    while let Some(at) = bytes[..end].iter().rposition(|&b| b == b'\n') {
+        if !bytes[..at].trim_ascii_end().ends_with(b"\\") {
+            return at + 1;
+        }
+        end = at;
+    }
+    0
+}
+
+/// The text of a file or of some of its lines: UTF-8, else Latin-1, without a byte order mark. A line that ends in `\`
+/// goes on in the next; empty lines make up for it, so that line numbers stay.
+pub(super) fn clean(bytes: &[u8]) -> Cow<'_, str> {
     let bytes = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes);
-    let text = match std::str::from_utf8(bytes) {
-        Ok(text) => text.to_string(),
+    let text: Cow<str> = match std::str::from_utf8(bytes) {
+        Ok(text) => text.into(),
         Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
     };
-    if !text.contains('\\') {
+    if !text.as_bytes().contains(&b'\\') {
         return text;
     }
     let (mut out, mut joined) = (String::with_capacity(text.len()), 0);
@@ -27,26 +124,7 @@ pub(super) fn clean(bytes: &[u8]) -> String {
             }
         }
     }
-    out
-}
-
-/// Takes the material libraries out of an OBJ text and returns the rests of their lines; the first such line becomes
-/// one that names all of them together.
-pub(super) fn take_libraries(text: &str) -> (String, Vec<String>) {
-    let (mut out, mut libraries) = (String::with_capacity(text.len()), Vec::new());
-    for line in text.lines() {
-        match line.trim_start().strip_prefix("mtllib") {
-            Some(rest) if rest.starts_with([' ', '\t']) => {
-                if libraries.is_empty() {
-                    out.push_str("mtllib all");
-                }
-                libraries.push(rest.trim().to_string());
-            }
-            _ => out.push_str(line),
-        }
-        out.push('\n');
-    }
-    (out, libraries)
+    out.into()
 }
 
 /// The file name at the end of a texture statement, behind its options (`-s 1 1 1 name.png`).
@@ -81,10 +159,40 @@ mod tests {
     fn text_is_made_fit() {
         assert_eq!(clean(b"\xef\xbb\xbfv 1 \\\n2 3\nf 1"), "v 1  2 3\n\nf 1\n");
         assert_eq!(clean(b"# caf\xe9"), "# caf\u{e9}");
-        let (text, libraries) = take_libraries("mtllib a.mtl\nv 0 0 0\nmtllib b c.mtl\n");
-        assert_eq!(text, "mtllib all\nv 0 0 0\n\n");
-        assert_eq!(libraries, ["a.mtl", "b c.mtl"]);
         assert_eq!(texture_file("-s 2 2 -clamp on wood grain.png"), "wood grain.png");
         assert_eq!(texture_file("-o"), "");
+    }
+
+    /// Gives a few bytes at a time, and so many chunks.
+    struct Drops<'a>(&'a [u8]);
+
+    impl Read for Drops<'_> {
+        fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+            let n = out.len().min(3);
+            self.0.read(&mut out[..n])
+        }
+    }
+
+    #[test]
+    fn a_stream_gives_the_same_text_as_the_whole() {
+        let line = "v 1.5 2.5 \\\n  3.5\nvn 0 0 1\r\n";
+        let long = format!("\u{feff}# start\n{}end", line.repeat(30_000));
+        let (whole, mut streamed) = (clean(long.as_bytes()), String::new());
+        Text::new(Drops(long.as_bytes())).read_to_string(&mut streamed).expect("it is text");
+        assert!(long.len() > 2 * CHUNK && streamed.lines().eq(whole.lines()));
+    }
+
+    #[test]
+    fn lines_are_counted_as_they_are_taken() {
+        let mut text = Text::new(&b"a\nb \\\nc\nd"[..]);
+        let mut line = || {
+            let mut out = String::new();
+            text.read_line(&mut out).expect("it is text");
+            (out.trim().to_string(), text.line())
+        };
+        assert_eq!(line(), ("a".to_string(), 1));
+        assert_eq!(line(), ("b  c".to_string(), 2));
+        assert_eq!(line(), (String::new(), 3));
+        assert_eq!(line(), ("d".to_string(), 4));
     }
 }

@@ -1,7 +1,27 @@
-//! Typed records that the parser fills property by property.
+//! Typed records that are filled property by property: by `ply-rs` from text, by `binary` from bytes.
 
-use crate::color::linear_from_srgb;
+use crate::color::{linear_from_srgb, srgb_table};
 use ply_rs::ply::{Property, PropertyAccess};
+
+/// What a row of an element becomes.
+pub(super) trait Record: PropertyAccess {
+    /// Where a scalar property goes, if anywhere.
+    fn slot(name: &str) -> Option<Slot>;
+    /// Stores a scalar property.
+    fn set(&mut self, slot: Slot, value: &Property);
+    /// Where the list property of that name goes, if anywhere.
+    fn list(&mut self, name: &str) -> Option<&mut Vec<i64>>;
+}
+
+/// Which number of a vertex.
+#[derive(Clone, Copy)]
+pub(super) enum Slot {
+    Position(usize),
+    Normal(usize),
+    Uv(usize),
+    Color(usize),
+    Alpha,
+}
 
 /// One vertex; what the file lacks keeps its default.
 pub(super) struct Vertex {
@@ -13,26 +33,49 @@ pub(super) struct Vertex {
     pub color: [f32; 4],
 }
 
+impl Record for Vertex {
+    fn slot(name: &str) -> Option<Slot> {
+        Some(match name {
+            "x" => Slot::Position(0),
+            "y" => Slot::Position(1),
+            "z" => Slot::Position(2),
+            "nx" => Slot::Normal(0),
+            "ny" => Slot::Normal(1),
+            "nz" => Slot::Normal(2),
+            "s" | "u" | "texture_u" => Slot::Uv(0),
+            "t" | "v" | "texture_v" => Slot::Uv(1),
+            "red" | "r" => Slot::Color(0),
+            "green" | "g" => Slot::Color(1),
+            "blue" | "b" => Slot::Color(2),
+            "alpha" | "a" => Slot::Alpha,
+            _ => return None,
+        })
+    }
+
+    #[inline]
+    fn set(&mut self, slot: Slot, value: &Property) {
+        match slot {
+            Slot::Position(i) => self.position[i] = number(value),
+            Slot::Normal(i) => self.normal[i] = number(value),
+            Slot::Uv(i) => self.uv[i] = number(value),
+            Slot::Color(i) => self.color[i] = color(value),
+            Slot::Alpha => self.color[3] = unit(value),
+        }
+    }
+
+    fn list(&mut self, _: &str) -> Option<&mut Vec<i64>> {
+        None
+    }
+}
+
 impl PropertyAccess for Vertex {
     fn new() -> Vertex {
         Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4] }
     }
 
     fn set_property(&mut self, name: String, value: Property) {
-        match name.as_str() {
-            "x" => self.position[0] = number(&value),
-            "y" => self.position[1] = number(&value),
-            "z" => self.position[2] = number(&value),
-            "nx" => self.normal[0] = number(&value),
-            "ny" => self.normal[1] = number(&value),
-            "nz" => self.normal[2] = number(&value),
-            "s" | "u" | "texture_u" => self.uv[0] = number(&value),
-            "t" | "v" | "texture_v" => self.uv[1] = number(&value),
-            "red" | "r" => self.color[0] = color(&value),
-            "green" | "g" => self.color[1] = color(&value),
-            "blue" | "b" => self.color[2] = color(&value),
-            "alpha" | "a" => self.color[3] = unit(&value),
-            _ => {}
+        if let Some(slot) = Vertex::slot(&name) {
+            self.set(slot, &value);
         }
     }
 }
@@ -42,16 +85,26 @@ pub(super) struct Face {
     pub indices: Vec<i64>,
 }
 
+impl Record for Face {
+    fn slot(_: &str) -> Option<Slot> {
+        None
+    }
+
+    fn set(&mut self, _: Slot, _: &Property) {}
+
+    fn list(&mut self, name: &str) -> Option<&mut Vec<i64>> {
+        (name == "vertex_index" || name == "vertex_indices").then_some(&mut self.indices)
+    }
+}
+
 impl PropertyAccess for Face {
     fn new() -> Face {
         Face { indices: Vec::new() }
     }
 
     fn set_property(&mut self, name: String, value: Property) {
-        if name != "vertex_index" && name != "vertex_indices" {
-            return;
-        }
-        self.indices = match value {
+        let Some(indices) = self.list(&name) else { return };
+        *indices = match value {
             Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
             Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
             Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
@@ -67,6 +120,18 @@ impl PropertyAccess for Face {
 /// An element that nothing is taken from.
 pub(super) struct Skipped;
 
+impl Record for Skipped {
+    fn slot(_: &str) -> Option<Slot> {
+        None
+    }
+
+    fn set(&mut self, _: Slot, _: &Property) {}
+
+    fn list(&mut self, _: &str) -> Option<&mut Vec<i64>> {
+        None
+    }
+}
+
 impl PropertyAccess for Skipped {
     fn new() -> Skipped {
         Skipped
@@ -74,6 +139,7 @@ impl PropertyAccess for Skipped {
 }
 
 /// A scalar as it is; lists (refused by the header check) give NaN.
+#[inline]
 fn number(value: &Property) -> f32 {
     match *value {
         Property::Char(v) => f32::from(v),
@@ -100,7 +166,8 @@ fn unit(value: &Property) -> f32 {
 /// A linear colour channel: integers are sRGB-encoded, as every common exporter writes them.
 fn color(value: &Property) -> f32 {
     match value {
-        Property::UChar(_) | Property::UShort(_) => linear_from_srgb(unit(value)),
+        Property::UChar(v) => srgb_table()[usize::from(*v)],
+        Property::UShort(_) => linear_from_srgb(unit(value)),
         _ => number(value),
     }
 }

@@ -3,9 +3,11 @@
 //! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
 //! are checked here against the bytes that the file really holds, and lines are counted here.
 
+use super::binary;
+use super::elements::Record;
 use crate::error::Problem;
 use ply_rs::parser::Parser;
-use ply_rs::ply::{ElementDef, Encoding, Header, PropertyAccess, PropertyType, ScalarType};
+use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
 type Result<T> = std::result::Result<T, Problem>;
 
@@ -60,35 +62,27 @@ impl<'a> Source<'a> {
         }
     }
 
-    /// Reads the next element list, which must be the next in file order.
-    pub fn read<E: PropertyAccess>(&mut self, definition: &ElementDef) -> Result<Vec<E>> {
+    /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.
+    pub fn read<E: Record>(
+        &mut self,
+        definition: &ElementDef,
+        mut each: impl FnMut(usize, &E),
+    ) -> Result<()> {
         if definition.properties.is_empty() {
-            return Ok(Vec::new());
+            return Ok(());
         }
-        let parser = Parser::<E>::new();
-        // Growth is bounded by the bytes that are left; `check_counts` has compared the count with them.
-        let mut out = Vec::with_capacity(definition.count);
-        for i in 0..definition.count {
-            let element = match self.header.encoding {
-                Encoding::Ascii => self.read_line(&parser, definition, i)?,
-                Encoding::BinaryLittleEndian => parser
-                    .read_little_endian_element(&mut self.rest, definition)
-                    .map_err(|_| cut(definition, i))?,
-                Encoding::BinaryBigEndian => parser
-                    .read_big_endian_element(&mut self.rest, definition)
-                    .map_err(|_| cut(definition, i))?,
-            };
-            out.push(element);
+        if self.header.encoding == Encoding::Ascii {
+            let parser = Parser::<E>::new();
+            for i in 0..definition.count {
+                each(i, &self.read_line(&parser, definition, i)?);
+            }
+            return Ok(());
         }
-        Ok(out)
+        let big = self.header.encoding == Encoding::BinaryBigEndian;
+        binary::read(&mut self.rest, definition, big, each).map_err(|i| cut(definition, i))
     }
 
-    fn read_line<E: PropertyAccess>(
-        &mut self,
-        parser: &Parser<E>,
-        definition: &ElementDef,
-        i: usize,
-    ) -> Result<E> {
+    fn read_line<E: Record>(&mut self, parser: &Parser<E>, definition: &ElementDef, i: usize) -> Result<E> {
         loop {
             if self.rest.is_empty() {
                 return Err(cut(definition, i));
@@ -147,6 +141,11 @@ impl<'a> Source<'a> {
                     ("face" | "tristrips", PropertyType::Scalar(_)) => !is_index,
                     _ => true,
                 };
+                if let PropertyType::List(ScalarType::Float | ScalarType::Double, _) = p.data_type {
+                    let message =
+                        format!("the lists of property '{property}' of '{name}' need whole lengths");
+                    return Err(Problem::new("header", message));
+                }
                 if !ok {
                     let message = format!("property '{property}' of '{name}' must be a list of integers");
                     return Err(Problem::new("header", message));
@@ -211,14 +210,8 @@ fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
 }
 
 fn smallest_size(data: &PropertyType) -> usize {
-    let size = |s: &ScalarType| match s {
-        ScalarType::Char | ScalarType::UChar => 1,
-        ScalarType::Short | ScalarType::UShort => 2,
-        ScalarType::Int | ScalarType::UInt | ScalarType::Float => 4,
-        ScalarType::Double => 8,
-    };
     match data {
-        PropertyType::Scalar(s) => size(s),
-        PropertyType::List(count, _) => size(count),
+        PropertyType::Scalar(s) => binary::size(s),
+        PropertyType::List(count, _) => binary::size(count),
     }
 }

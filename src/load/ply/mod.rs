@@ -1,19 +1,22 @@
-//! PLY meshes: ascii and binary of either byte order, parsed by `ply-rs` element by element into typed records.
+//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header and rows of text; binary rows are
+//! decoded here. Both fill typed records, which become the mesh row by row.
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` (integers are sRGB-encoded, floats linear), faces of any size (`vertex_index` or
 //! `vertex_indices`) and `tristrips`. Everything else is skipped.
 
+mod binary;
 mod elements;
+mod faces;
 mod header;
 
-use super::polygon::triangulate;
 use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::DAffine3;
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
 use elements::{Face, Skipped, Vertex};
+use faces::{Faces, Kind};
 use header::Source;
 use std::path::Path;
 
@@ -29,79 +32,54 @@ pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
 fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
-    let mut vertices: Vec<Vertex> = Vec::new();
-    let mut faces: Vec<Face> = Vec::new();
-    let mut strips: Vec<Face> = Vec::new();
-    for (name, definition) in source.elements() {
-        match name.as_str() {
-            "vertex" => vertices = source.read(&definition).map_err(fail)?,
-            "face" => faces = source.read(&definition).map_err(fail)?,
-            "tristrips" => strips = source.read(&definition).map_err(fail)?,
-            _ => drop(source.read::<Skipped>(&definition).map_err(fail)?),
-        }
-    }
-    let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let defined = source.vertex_layout();
     if !defined.position {
         return Err(fail(Problem::new("header", "has no element 'vertex' with properties x, y and z")));
     }
-    mesh.positions = vertices.iter().map(|v| v.position).collect();
-    if defined.normal {
-        mesh.normals = vertices.iter().map(|v| v.normal).collect();
+    let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
+    let mut uv: Vec<[f32; 2]> = Vec::new();
+    let mut faces = Faces::default();
+    for (name, definition) in source.elements() {
+        match name.as_str() {
+            "vertex" => {
+                // The counts have been compared with the bytes that the file holds.
+                mesh.positions.reserve_exact(definition.count);
+                mesh.normals.reserve_exact(if defined.normal { definition.count } else { 0 });
+                let add = |_, v: &Vertex| {
+                    mesh.positions.push(v.position);
+                    if defined.normal {
+                        mesh.normals.push(v.normal);
+                    }
+                    if defined.uv {
+                        uv.push([v.uv[0], 1.0 - v.uv[1]]);
+                    }
+                    if defined.color {
+                        mesh.colors.push(v.color);
+                    }
+                };
+                source.read(&definition, add).map_err(fail)?;
+                faces.catch_up(&mut mesh);
+            }
+            "face" | "tristrips" => {
+                let kind = if name == "face" { Kind::Polygon } else { Kind::Strip };
+                if kind == Kind::Polygon {
+                    mesh.triangles.reserve_exact(definition.count);
+                }
+                source
+                    .read(&definition, |i, face: &Face| faces.add(&mut mesh, kind, i, &face.indices))
+                    .map_err(fail)?;
+            }
+            _ => source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?,
+        }
     }
     if defined.uv {
-        mesh.uv_sets = vec![vertices.iter().map(|v| [v.uv[0], 1.0 - v.uv[1]]).collect()];
+        mesh.uv_sets = vec![uv];
     }
-    if defined.color {
-        mesh.colors = vertices.iter().map(|v| v.color).collect();
-    }
-    drop(vertices);
-    let problems = add_faces(&mut mesh, &faces, &strips);
+    let problems = faces.problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
     finish(path, mesh)
-}
-
-/// How many problems of one kind are worth listing.
-const LISTED: usize = 10;
-
-fn add_faces(mesh: &mut Mesh, faces: &[Face], strips: &[Face]) -> Vec<Problem> {
-    let mut problems = Vec::new();
-    let mut bad = 0usize;
-    let count = mesh.positions.len();
-    let mut check = |kind: &str, i: usize, face: &Face, allow_restart: bool| -> bool {
-        let wrong =
-            face.indices.iter().find(|&&v| !((0..count as i64).contains(&v) || allow_restart && v == -1));
-        if let Some(v) = wrong {
-            bad += 1;
-            if bad <= LISTED {
-                let message = format!("refers to vertex {v}, but there are {count}");
-                problems.push(Problem::new(format!("{kind} {i}"), message));
-            }
-        }
-        wrong.is_none()
-    };
-    for (i, face) in faces.iter().enumerate() {
-        if check("face", i, face, false) {
-            let corners: Vec<[f32; 3]> = face.indices.iter().map(|&v| mesh.positions[v as usize]).collect();
-            let corner = |k: usize| face.indices[k] as u32;
-            mesh.triangles.extend(triangulate(&corners).iter().map(|t| t.map(corner)));
-        }
-    }
-    for (i, strip) in strips.iter().enumerate() {
-        if check("tristrips", i, strip, true) {
-            for run in strip.indices.split(|&v| v == -1) {
-                let flip = |k: usize| if k.is_multiple_of(2) { [0, 1, 2] } else { [1, 0, 2] };
-                let triangles = run.windows(3).enumerate().map(|(k, w)| flip(k).map(|c| w[c] as u32));
-                mesh.triangles.extend(triangles);
-            }
-        }
-    }
-    if bad > LISTED {
-        problems.push(Problem::new("", format!("{} more faces refer to missing vertices", bad - LISTED)));
-    }
-    problems
 }
 
 fn finish(path: &Path, mut mesh: Mesh) -> Result<Loaded> {

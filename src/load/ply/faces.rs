@@ -1,0 +1,89 @@
+//! Polygons and strips to triangles, with their indices checked.
+
+use crate::error::Problem;
+use crate::load::polygon::triangulate;
+use crate::scene::Mesh;
+
+/// How a list of indices is meant.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(super) enum Kind {
+    Polygon,
+    /// Triangles that share edges; -1 begins anew.
+    Strip,
+}
+
+/// How many problems of one kind are worth listing.
+const LISTED: usize = 10;
+
+/// Adds faces to a mesh and notes those that refer to missing vertices.
+#[derive(Default)]
+pub(super) struct Faces {
+    problems: Vec<Problem>,
+    bad: usize,
+    /// Faces that stand before the vertices in the file.
+    waiting: Vec<(Kind, usize, Vec<i64>)>,
+    vertices_known: bool,
+}
+
+impl Faces {
+    /// Adds row `i` of the faces or strips.
+    #[inline]
+    pub fn add(&mut self, mesh: &mut Mesh, kind: Kind, i: usize, indices: &[i64]) {
+        if !self.vertices_known {
+            return self.waiting.push((kind, i, indices.to_vec()));
+        }
+        let count = mesh.positions.len() as i64;
+        let inside = |v: i64| (0..count).contains(&v);
+        if let ([a, b, c], Kind::Polygon) = (indices, kind)
+            && inside(*a)
+            && inside(*b)
+            && inside(*c)
+        {
+            return mesh.triangles.push([*a, *b, *c].map(|v| v as u32));
+        }
+        match indices.iter().find(|&&v| !(inside(v) || kind == Kind::Strip && v == -1)) {
+            Some(&v) => self.complain(kind, i, v, count),
+            None if kind == Kind::Polygon => add_polygon(mesh, indices),
+            None => add_strip(mesh, indices),
+        }
+    }
+
+    /// Call when the vertices have been read: adds the faces that came before them.
+    pub fn catch_up(&mut self, mesh: &mut Mesh) {
+        self.vertices_known = true;
+        for (kind, i, indices) in std::mem::take(&mut self.waiting) {
+            self.add(mesh, kind, i, &indices);
+        }
+    }
+
+    /// Everything that was wrong.
+    pub fn problems(mut self) -> Vec<Problem> {
+        if self.bad > LISTED {
+            let message = format!("{} more faces refer to missing vertices", self.bad - LISTED);
+            self.problems.push(Problem::new("", message));
+        }
+        self.problems
+    }
+
+    #[cold]
+    fn complain(&mut self, kind: Kind, i: usize, vertex: i64, count: i64) {
+        self.bad += 1;
+        if self.bad <= LISTED {
+            let name = if kind == Kind::Polygon { "face" } else { "tristrips" };
+            let message = format!("refers to vertex {vertex}, but there are {count}");
+            self.problems.push(Problem::new(format!("{name} {i}"), message));
+        }
+    }
+}
+
+fn add_polygon(mesh: &mut Mesh, indices: &[i64]) {
+    let corners: Vec<[f32; 3]> = indices.iter().map(|&v| mesh.positions[v as usize]).collect();
+    mesh.triangles.extend(triangulate(&corners).iter().map(|t| t.map(|k| indices[k] as u32)));
+}
+
+fn add_strip(mesh: &mut Mesh, indices: &[i64]) {
+    for run in indices.split(|&v| v == -1) {
+        let flip = |k: usize| if k.is_multiple_of(2) { [0, 1, 2] } else { [1, 0, 2] };
+        mesh.triangles.extend(run.windows(3).enumerate().map(|(k, w)| flip(k).map(|c| w[c] as u32)));
+    }
+}
