@@ -129,6 +129,35 @@ fn meshes_are_loaded_once_and_unreferenced_images_never() {
 }
 
 #[test]
+fn what_nothing_refers_to_is_checked_without_opening_its_files() {
+    let ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
+    let text = with_camera(&format!(
+        "textures.a = {{ type = \"image\", file = \"missing.png\", wrp = \"clamp\" }}\n\
+         textures.b = {{ type = \"checker\", even = \"a\", odd = \"none\" }}\n\
+         materials.c = {{ type = \"lambert\", colour = 1 }}\n\
+         materials.d = {{ type = \"pbr\", base_color = \"bb\" }}\nmaterials.e = 3\n{ball}"
+    ));
+    let error = load_text(&text).expect_err("it is wrong");
+    let shown = error.to_string();
+    for part in [
+        "texture 'a' has no key 'wrp' (did you mean 'wrap'?)",
+        "there is no texture 'none'",
+        "material 'c' has no key 'colour' (did you mean 'color'?)",
+        "there is no texture 'bb'",
+        "material 'e' must be a table",
+    ] {
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+    assert_eq!(error.problems.len(), 5, "{shown}");
+    let unused = "materials.c = { type = \"lambert\", color = \"b\" }\n\
+                  textures.a = { type = \"image\", file = \"missing.png\" }\n\
+                  textures.b = { type = \"checker\", even = \"a\", odd = [0, 0, 1] }\n";
+    let loaded = load_text(&with_camera(&format!("{unused}{ball}"))).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((loaded.scene.materials.len(), loaded.scene.textures.len()), (1, 0));
+    assert_eq!(loaded.left_out.len(), 3, "{:?}", loaded.left_out);
+}
+
+#[test]
 fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
     let cycle = with_camera(
         "textures.a = { type = \"checker\", even = \"b\", odd = 0 }\n\

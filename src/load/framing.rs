@@ -88,7 +88,14 @@ fn world_bounds(scene: &Scene) -> Option<(DVec3, DVec3)> {
     let mut add = |p: DVec3| (min, max) = (min.min(p), max.max(p));
     for instance in &scene.instances {
         let Some(mesh) = scene.meshes.get(instance.mesh.index()) else { continue };
-        for p in mesh.triangles.iter().flatten().filter_map(|&i| mesh.positions.get(i as usize)) {
+        // Each vertex once, however many triangles share it; those of no triangle don't count.
+        let mut used = vec![false; mesh.positions.len()];
+        for &i in mesh.triangles.as_flattened() {
+            if let Some(used) = used.get_mut(i as usize) {
+                *used = true;
+            }
+        }
+        for (p, _) in mesh.positions.iter().zip(&used).filter(|(_, used)| **used) {
             add(instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from))));
         }
     }

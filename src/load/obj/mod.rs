@@ -30,7 +30,7 @@ pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
     let mut text = Text::new(file);
     let warnings = RefCell::new(Vec::new());
     let parsed = tobj::load_obj_buf(&mut text, &options, |names| {
-        Ok(read_library(path, &names.to_string_lossy(), &mut warnings.borrow_mut()))
+        read_library(path, &names.to_string_lossy(), &mut warnings.borrow_mut())
     });
     loaded.warnings = warnings.into_inner();
     let (models, mtl) = parsed.map_err(|e| {
@@ -47,7 +47,7 @@ pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// The materials of the libraries that one statement names; a missing or broken library is a warning.
-fn read_library(path: &Path, names: &str, warnings: &mut Vec<Warning>) -> Library {
+fn read_library(path: &Path, names: &str, warnings: &mut Vec<Warning>) -> tobj::MTLLoadResult {
     let folder = path.parent().unwrap_or(path);
     // The parser cuts at the first space, which may stand before the keyword.
     let names = names.strip_prefix("mtllib ").unwrap_or(names).trim();
@@ -74,15 +74,13 @@ fn read_library(path: &Path, names: &str, warnings: &mut Vec<Warning>) -> Librar
             }
         }
     }
-    tobj::load_mtl_buf(&mut all.as_bytes()).unwrap_or_else(|e| {
+    let broken = |e| {
         let message = format!("material library '{names}' can't be read ({e}); its materials are grey");
         warnings.push(Warning::new(path, "", message));
-        Library::default()
-    })
+        Ok(Default::default())
+    };
+    tobj::load_mtl_buf(&mut all.as_bytes()).or_else(broken)
 }
-
-/// Materials and their places by name, as `tobj` gives them.
-type Library = (Vec<tobj::Material>, HashMap<String, usize>);
 
 /// Identifies a material of the scene: its place among the MTL materials, and whether vertex colours multiply it.
 type MaterialKey = (Option<usize>, bool);

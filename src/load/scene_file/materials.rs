@@ -76,12 +76,19 @@ impl<'a> Materials<'a> {
         id
     }
 
-    /// Notes materials that nothing refers to. Their keys are not checked and their images not opened.
-    pub fn check_unused(&self, build: &mut Build) {
-        for (name, _) in self.fields.iter().flat_map(|f| f.entries()) {
-            if !self.done.contains_key(name) {
-                build.loaded.left_out.push(format!("material '{name}': nothing refers to it"));
+    /// Notes materials that nothing refers to. Their keys are checked, but their images not opened.
+    pub fn check_unused(&self, build: &mut Build, textures: &mut Textures<'a>) {
+        textures.only_check();
+        let Some(all) = &self.fields else { return };
+        for (name, value) in all.entries().filter(|(n, _)| !self.done.contains_key(*n)) {
+            match value.get_ref().as_table() {
+                Some(table) => {
+                    let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
+                    read(build, textures, &fields, name);
+                }
+                None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
             }
+            build.loaded.left_out.push(format!("material '{name}': nothing refers to it"));
         }
     }
 }

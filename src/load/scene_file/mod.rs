@@ -87,7 +87,7 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         camera::read(&mut build, &fields, &mut assets);
     }
     root.finish();
-    materials.check_unused(&mut build);
+    materials.check_unused(&mut build, &mut textures);
     textures.check_unused(&mut build);
     build.loaded
 }

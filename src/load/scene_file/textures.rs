@@ -21,11 +21,13 @@ pub(super) struct Textures<'a> {
     fields: Option<Fields<'a>>,
     /// `None` while a texture is being read, and for one that has problems.
     done: HashMap<String, Option<TextureId>>,
+    /// Only the keys are checked: nothing is opened and nothing added to the scene.
+    checking: bool,
 }
 
 impl<'a> Textures<'a> {
     pub fn new(fields: Option<Fields<'a>>) -> Textures<'a> {
-        Textures { fields, done: HashMap::new() }
+        Textures { fields, done: HashMap::new(), checking: false }
     }
 
     /// A colour: constant, or the name of a texture.
@@ -52,6 +54,10 @@ impl<'a> Textures<'a> {
             build.problems.push_help(span, format!("there is no texture '{name}'"), help);
             return None;
         };
+        if self.checking {
+            // Its own keys have their turn in `check_unused`.
+            return Some(TextureId(0));
+        }
         self.done.insert(name.to_string(), None);
         let texture = self.read(build, name, value);
         let id = texture.map(|t| push(build, t));
@@ -71,7 +77,7 @@ impl<'a> Textures<'a> {
         fields.require("type", fields.string("type"));
         let texture = match fields.choice("type", &kinds)? {
             0 => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
-            1 => image_texture(build, &fields),
+            1 => image_texture(build, &fields, self.checking),
             2 => self.checker(build, &fields, name),
             3 => Some(noise(&fields, NoiseKind::Perlin)),
             4 => Some(noise(&fields, NoiseKind::Turbulence)),
@@ -106,18 +112,26 @@ impl<'a> Textures<'a> {
             }
             Some(other) => self.get(build, other, value.span()),
             None => match color(value.get_ref()) {
+                Some(_) if self.checking => Some(TextureId(0)),
                 Some(c) => Some(push(build, Texture::Solid(c))),
                 None => fields.color(key).and(None),
             },
         }
     }
 
-    /// Notes textures that nothing refers to.
-    pub fn check_unused(&self, build: &mut Build) {
-        for (name, _) in self.fields.iter().flat_map(|f| f.entries()) {
-            if !self.done.contains_key(name) {
-                build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
-            }
+    /// From here on, textures are only looked up: what refers to them is itself not needed.
+    pub fn only_check(&mut self) {
+        self.checking = true;
+    }
+
+    /// Notes textures that nothing refers to. Their keys are checked, but their images not opened.
+    pub fn check_unused(&mut self, build: &mut Build) {
+        self.checking = true;
+        let mut unused: Vec<_> = self.fields.iter().flat_map(|f| f.entries()).collect();
+        unused.retain(|(name, _)| !self.done.contains_key(*name));
+        for (name, value) in unused {
+            self.read(build, name, value);
+            build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
         }
     }
 }
@@ -128,13 +142,16 @@ fn push(build: &mut Build, texture: Texture) -> TextureId {
     TextureId(textures.len() as u32 - 1)
 }
 
-fn image_texture(build: &mut Build, fields: &Fields) -> Option<Texture> {
+fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<Texture> {
     let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
     let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
     let interpolations = [("bilinear", Interpolation::Bilinear), ("nearest", Interpolation::Nearest)];
     let interpolation = fields.choice("interpolation", &interpolations).unwrap_or_default();
     let file = fields.require("file", fields.string("file"))?;
-    let image = read_image(build, file.value, file.span, Use::Color)?;
+    let image = match checking {
+        true => ImageId(0),
+        false => read_image(build, file.value, file.span, Use::Color)?,
+    };
     Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping: Mapping::default() })
 }
 
