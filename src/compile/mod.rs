@@ -126,10 +126,8 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.count(&geometries, &lights);
-    let features = Features {
-        alpha: materials.iter().any(|m| m.alpha.is_some()),
-        normals: geometries.has_normals(),
-    };
+    let features =
+        Features { alpha: materials.iter().any(|m| m.alpha.is_some()), normals: geometries.has_normals() };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
     Ok((CompiledScene { accel, camera, geometries, materials, textures, lights, features, emitters }, report))
