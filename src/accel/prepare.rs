@@ -24,11 +24,11 @@ impl PreparedRay {
     pub const NONE: PreparedRay =
         PreparedRay { origin: [0.0; 3], direction: [0.0; 3], shear: [0.0; 2], t_min: 0.0, unscale: 1.0 };
 
-    /// Prepares a ray for geometry within `reach` of the coordinates' origin, and returns its form for box tests and its
-    /// upper bound of the parameter too; `None` where it can hit nothing: an empty range, a zero direction, or a
-    /// component that is infinite or NaN.
+    /// Prepares a ray in place, for geometry within `reach` of the coordinates' origin, and returns its upper bound of the
+    /// parameter; `None` where it can hit nothing: an empty range, a zero direction, or a component that is infinite or NaN.
+    /// (In place, since copies in whole vectors would wait for the narrow stores before them.)
     #[inline(always)]
-    pub fn new(ray: &Ray, reach: f32) -> Option<(PreparedRay, BoxRay, f32)> {
+    pub fn set(&mut self, boxes: &mut BoxRay, ray: &Ray, reach: f32) -> Option<f32> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let largest = d[0].abs().max(d[1].abs()).max(d[2].abs());
         // Zero times anything but infinity and NaN is zero.
@@ -38,13 +38,15 @@ impl PreparedRay {
             return None;
         }
         let (scale, unscale) = power_of_two_scale(largest);
-        let direction = d.map(|d| d * unscale);
-        let boxes = BoxRay::new(o, direction, reach);
-        let [dx, dy, _] = boxes.permute(direction);
-        let sz = boxes.inverse(boxes.longest_axis());
-        let prepared =
-            PreparedRay { origin: o, direction, shear: [dx * sz, dy * sz], t_min: t_min * scale, unscale };
-        Some((prepared, boxes, ray.t_max * scale))
+        self.origin = o;
+        self.direction = d.map(|d| d * unscale);
+        self.t_min = t_min * scale;
+        self.unscale = unscale;
+        boxes.set(o, self.direction, reach);
+        let [kx, ky, kz] = boxes.axes();
+        let sz = boxes.inverse(kz);
+        self.shear = [self.direction[kx] * sz, self.direction[ky] * sz];
+        Some(ray.t_max * scale)
     }
 }
 

@@ -181,22 +181,19 @@ impl Flight<'_> {
         while let Some(ray) = self.rays.get(self.next_ray) {
             let index = self.next_ray;
             self.next_ray += 1;
-            let Some((prepared, boxes, t_max)) = PreparedRay::new(ray, self.reach) else {
+            let slot = &mut self.slots[id];
+            let Some(t_max) = slot.ray.set(&mut slot.boxes, ray, self.reach) else {
                 output.emit(index, &Hit::MISS);
                 continue;
             };
             let bottom = id * self.stack_size;
             self.stacks[bottom] = Entry { reference: DONE, distance: f32::NEG_INFINITY };
-            self.slots[id] = Slot {
-                boxes,
-                limit: t_max * WIDEN,
-                current: self.root,
-                top: bottom as u32 + 1,
-                index: index as u32,
-                ray: prepared,
-                best: Hit { t: t_max, ..Hit::MISS },
-                instance: 0,
-            };
+            slot.current = self.root;
+            slot.top = bottom as u32 + 1;
+            slot.index = index as u32;
+            slot.best = Hit { t: t_max, ..Hit::MISS };
+            slot.limit = t_max * WIDEN;
+            slot.instance = 0;
             return self.route(id, self.root);
         }
     }
@@ -334,10 +331,9 @@ impl Flight<'_> {
             push(record.next);
         }
         let ray = record.transform(&slot.ray, slot.best.t);
-        if let Some((prepared, boxes, t_max)) = PreparedRay::new(&ray, record.reach) {
+        if let Some(t_max) = slot.ray.set(&mut slot.boxes, &ray, record.reach) {
             push(LEAVE_INSTANCE);
             push(record.root);
-            (slot.ray, slot.boxes) = (prepared, boxes);
             slot.best.t = t_max;
             slot.limit = t_max * WIDEN;
             slot.instance = record.instance;
@@ -349,10 +345,11 @@ impl Flight<'_> {
     #[inline(always)]
     fn leave_instance(&mut self, id: usize) -> u32 {
         let slot = &mut self.slots[id];
-        if let Some((prepared, boxes, _)) = PreparedRay::new(&self.rays[slot.index as usize], self.reach) {
-            slot.best.t *= slot.ray.unscale;
+        let unscale = slot.ray.unscale;
+        let world = &self.rays[slot.index as usize];
+        if slot.ray.set(&mut slot.boxes, world, self.reach).is_some() {
+            slot.best.t *= unscale;
             slot.limit = slot.best.t * WIDEN;
-            (slot.ray, slot.boxes) = (prepared, boxes);
             slot.instance = 0;
         }
         DONE

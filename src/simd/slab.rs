@@ -72,25 +72,19 @@ impl BoxRay {
 
     /// For a direction whose largest component lies in [1, 2), and boxes within `reach` of the coordinates' origin.
     #[inline(always)]
-    pub fn new(origin: [f32; 3], direction: [f32; 3], reach: f32) -> BoxRay {
+    pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
         let [x, y, z] = direction.map(f32::abs);
         let longest = if z >= x.max(y) { 2 } else { usize::from(y >= x) };
         let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
-        let [x, y, z] = [0, 1, 2].map(|k| Slab::new(origin[k], direction[k], far_away));
-        let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
-        BoxRay {
-            inverse: [x.inverse, y.inverse, z.inverse],
-            near_offset: [x.near_offset, y.near_offset, z.near_offset],
-            far_offset: [x.far_offset, y.far_offset, z.far_offset],
-            near: NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)],
-            axes: AXES[longest],
+        for k in 0..3 {
+            let slab = Slab::new(origin[k], direction[k], far_away);
+            self.inverse[k] = slab.inverse;
+            self.near_offset[k] = slab.near_offset;
+            self.far_offset[k] = slab.far_offset;
         }
-    }
-
-    /// The longest axis of the direction.
-    #[inline(always)]
-    pub fn longest_axis(&self) -> usize {
-        usize::from(self.axes[2].min(2))
+        let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
+        self.near = NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)];
+        self.axes = AXES[longest];
     }
 
     /// One over a component of the direction that is not tiny.
