@@ -56,6 +56,13 @@ struct Built {
     bounds: Bounds3,
 }
 
+impl Built {
+    /// The largest absolute coordinate.
+    fn reach(&self) -> f32 {
+        self.bounds.min.abs().max(self.bounds.max.abs()).max_element()
+    }
+}
+
 struct Builder<'a> {
     geometries: &'a [Geometry],
     quality: Quality,
@@ -80,8 +87,8 @@ pub(super) fn build(geometries: &[Geometry], instances: &[AccelInstance], option
     let world = builder.tree(0, placed, &records);
     let deepest_shared = shared.iter().flatten().map(|b| b.tree.depth).max().unwrap_or(0);
     // One entry below everything, all but one child of each node on the way, a leaf's next packet and an instance's
-    // two, and 8 for whole vectors.
-    let stack_size = (world.tree.depth + deepest_shared) * (WIDTH - 1) + 1 + 1 + 2 + 8;
+    // three, and 8 for whole vectors.
+    let stack_size = (world.tree.depth + deepest_shared) * (WIDTH - 1) + 1 + 1 + 3 + 8;
     let mut expected = vec![world.tree];
     expected.extend(shared.iter().flatten().map(|b| b.tree));
     let Builder { mut lines, mut stats, .. } = builder;
@@ -90,7 +97,7 @@ pub(super) fn build(geometries: &[Geometry], instances: &[AccelInstance], option
     stats.shared_geometries = expected.len() as u64 - 1;
     stats.bytes = (lines.len() * size_of::<Line>()) as u64;
     stats.build_s = begin.elapsed().as_secs_f64();
-    Accel { lines, root: world.tree.root, stack_size, expected, stats }
+    Accel { lines, root: world.tree.root, reach: world.reach(), stack_size, expected, stats }
 }
 
 impl Builder<'_> {
@@ -156,7 +163,7 @@ impl Builder<'_> {
             root: built.tree.root,
             instance: number,
             next: DONE,
-            padding: 0,
+            reach: built.reach(),
         };
         let bounds = world_bounds(&built.bounds, &world_from_object);
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());

@@ -228,7 +228,7 @@ fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePa
     for (lane, (vertices, id, part)) in triangles.iter().enumerate() {
         for (k, vertex) in vertices.iter().enumerate() {
             for axis in 0..3 {
-                packet.rows[4 * k + axis][lane] = vertex[axis];
+                packet.rows[4 * axis + k][lane] = vertex[axis];
             }
         }
         packet.rows[3][lane] = f32::from_bits(*id);

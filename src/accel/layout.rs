@@ -1,7 +1,7 @@
 //! What the buffer of cache lines holds, and how its parts refer to each other.
 //!
 //! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
-//! and its line number below. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
+//! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
@@ -11,13 +11,14 @@ pub const LEAF: u32 = 1 << 31;
 /// A packet of triangles (and halves of quads).
 pub const KIND_TRIANGLES: u32 = 0;
 /// A packet of spheres.
-pub const KIND_SPHERES: u32 = 1;
+pub const KIND_SPHERES: u32 = 2;
 /// A placed geometry.
-pub const KIND_INSTANCE: u32 = 2;
-/// On the stack below everything: the ray is done. In packets: no further packet. (It and the next have the kind 3.)
-pub const DONE: u32 = u32::MAX;
+pub const KIND_INSTANCE: u32 = 3;
+/// On the stack below everything: the ray is done. In packets: no further packet. (An instance by its kind, but lines 0
+/// and 1 hold no record: what instances place comes first.)
+pub const DONE: u32 = LEAF | (KIND_INSTANCE << 29);
 /// On the stack below an instance's entries: back to the world.
-pub const LEAVE_INSTANCE: u32 = u32::MAX - 1;
+pub const LEAVE_INSTANCE: u32 = DONE + 1;
 /// Largest line number: 32 GiB.
 pub const MAX_LINE: usize = (1 << 29) - 2;
 
@@ -72,8 +73,8 @@ pub const PART_QUAD_SECOND: u32 = 2;
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
 pub struct TrianglePacket {
-    /// For vertex k of the triangle: x, y, z in rows 4k to 4k + 2. Row 3: ids, row 7: parts, row 11: the next packet
-    /// (first lane), all as bits.
+    /// For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2. Row 3: ids, row 7: parts, row 11: the next packet (first
+    /// lane), all as bits.
     pub rows: [[f32; LANES]; 12],
 }
 
@@ -134,8 +135,8 @@ pub struct InstanceRecord {
     pub instance: u32,
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
-    /// Unused.
-    pub padding: u32,
+    /// The largest absolute coordinate of the geometry.
+    pub reach: f32,
 }
 
 const _: () = assert!(size_of::<Node>() == NODE_LINES * 64);

@@ -82,6 +82,7 @@ pub struct BuildOptions {
 pub struct Accel {
     lines: Vec<Line>,
     root: u32,
+    reach: f32,
     stack_size: usize,
     expected: Vec<build::Tree>,
     stats: BuildStats,
@@ -138,11 +139,8 @@ impl Accel {
     fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
         WORKSPACE.with(|workspace| {
             let workspace = &mut *workspace.borrow_mut();
-            let Accel { lines, root, stack_size, .. } = self;
-            dispatch_wide_at(
-                level,
-                Stream { lines, root: *root, stack_size: *stack_size, rays, output, workspace },
-            );
+            let &Accel { ref lines, root, reach, stack_size, .. } = self;
+            dispatch_wide_at(level, Stream { lines, root, reach, stack_size, rays, output, workspace });
         });
     }
 }

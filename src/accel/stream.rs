@@ -6,21 +6,16 @@
 //! does not depend on the others: batches of any size give the same hits.
 
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_INSTANCE, KIND_SPHERES, KIND_TRIANGLES, LEAF, LEAVE_INSTANCE,
-    NODE_LINES, Node, PART_QUAD_FIRST, PART_TRIANGLE, SPHERE_LINES, SpherePacket, TRIANGLE_LINES,
-    TrianglePacket, kind_of, line_of, view,
+    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_FIRST,
+    PART_TRIANGLE, SPHERE_LINES, SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
 use super::prepare::PreparedRay;
 use super::{sphere, triangle};
 use crate::math::{Hit, NO_HIT, Ray, Vec3};
-use crate::simd::{Line, Wide, WideKernel, prefetch_lines};
+use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
-/// Rays in flight. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
+/// Rays in flight: a bit of a `u32` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
 pub const IN_FLIGHT: usize = 32;
-
-/// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. Three are the box test's
-/// own on either side; the shear of the triangle test moves each vertex by at most five more of the same quantities.
-const WIDEN: f32 = 1.0 + 1.0 / 524_288.0;
 
 /// Where results go.
 pub trait Output {
@@ -50,46 +45,36 @@ impl Output for Occluded<'_> {
     }
 }
 
-/// A ray in flight.
+/// A ray in flight. What a step at a node needs comes first.
 #[derive(Clone, Copy)]
-#[repr(align(128))]
+#[repr(C, align(64))]
 struct Slot {
+    boxes: BoxRay,
+    /// Boxes that begin behind this hold nothing nearer.
+    limit: f32,
+    /// What to visit next.
+    current: u32,
+    /// The first free entry of this ray's stack.
+    top: u32,
+    /// Which ray of the batch.
+    index: u32,
     ray: PreparedRay,
     /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
     best: Hit,
-    /// What to visit next.
-    current: u32,
-    /// Number of entries on this ray's stack.
-    stack_len: u32,
-    /// Which ray of the batch.
-    index: u32,
     /// The instance whose space the ray is in; 0 in the world.
     instance: u32,
 }
 
-impl Slot {
-    const EMPTY: Slot =
-        Slot { ray: PreparedRay::NONE, best: Hit::MISS, current: DONE, stack_len: 0, index: 0, instance: 0 };
-}
-
 /// Memory that a thread keeps between calls.
 pub struct Workspace {
-    slots: [Slot; IN_FLIGHT],
-    refs: Vec<u32>,
-    distances: Vec<f32>,
+    slots: Vec<Slot>,
+    stacks: Vec<Entry>,
 }
 
 impl Workspace {
-    /// Without stacks yet.
+    /// Without memory yet.
     pub const fn new() -> Workspace {
-        Workspace { slots: [Slot::EMPTY; IN_FLIGHT], refs: Vec::new(), distances: Vec::new() }
-    }
-
-    fn reserve(&mut self, entries: usize) {
-        if self.refs.len() < entries {
-            self.refs.resize(entries, DONE);
-            self.distances.resize(entries, 0.0);
-        }
+        Workspace { slots: Vec::new(), stacks: Vec::new() }
     }
 }
 
@@ -99,6 +84,8 @@ pub struct Stream<'a, O> {
     pub lines: &'a [Line],
     /// Where to start.
     pub root: u32,
+    /// The largest absolute coordinate of the world.
+    pub reach: f32,
     /// Stack entries that a ray may need, with 8 to spare.
     pub stack_size: usize,
     /// The rays.
@@ -109,207 +96,205 @@ pub struct Stream<'a, O> {
     pub workspace: &'a mut Workspace,
 }
 
-/// Ids of rays in flight that wait for the same kind of step.
-struct Queue {
-    ids: [u8; IN_FLIGHT],
-    len: usize,
-}
-
-impl Queue {
-    const EMPTY: Queue = Queue { ids: [0; IN_FLIGHT], len: 0 };
-
-    /// Writes the id in any case, keeps it if asked: no branch.
-    #[inline(always)]
-    fn push_if(&mut self, id: u8, keep: bool) {
-        self.ids[self.len & (IN_FLIGHT - 1)] = id;
-        self.len += usize::from(keep);
-    }
-}
-
 impl<O: Output> WideKernel for Stream<'_, O> {
     type Output = ();
 
     #[inline(always)]
     fn run<W: Wide>(self, w: W) {
-        let Stream { lines, root, stack_size, rays, mut output, workspace } = self;
-        let in_flight = IN_FLIGHT.min(rays.len());
-        workspace.reserve(in_flight * stack_size);
-        let Workspace { slots, refs, distances } = workspace;
-        let stacks = Stacks { refs, distances, size: stack_size };
+        let Stream { lines, root, reach, stack_size, rays, mut output, workspace } = self;
+        // An odd number of cache lines, so that the stacks do not compete for the same places in the cache.
+        let stack_size = 8 * (stack_size.div_ceil(8) | 1);
+        if workspace.stacks.len() < IN_FLIGHT * stack_size {
+            workspace.stacks.resize(IN_FLIGHT * stack_size, Entry { reference: DONE, distance: 0.0 });
+        }
+        workspace.slots.resize(IN_FLIGHT, Slot::EMPTY);
+        let Workspace { slots, stacks } = workspace;
+        let Some(slots) = slots.first_chunk_mut() else { return };
         let mut flight = Flight {
             lines,
             root,
+            reach,
             rays,
             slots,
             stacks,
+            stack_size,
             next_ray: 0,
-            nodes: Queue::EMPTY,
-            leaves: Queue::EMPTY,
-            finished: Queue::EMPTY,
+            nodes: 0,
+            triangles: 0,
+            special: 0,
         };
-        for id in 0..in_flight {
-            flight.start(id as u8, &mut output);
+        for id in 0..IN_FLIGHT.min(rays.len()) {
+            flight.start(id, &mut output);
         }
-        while flight.nodes.len + flight.leaves.len + flight.finished.len > 0 {
-            let ids = flight.nodes.ids;
-            let count = std::mem::take(&mut flight.nodes.len);
-            for id in &ids[..count.min(IN_FLIGHT)] {
-                flight.node_step::<W, O>(w, *id);
+        while flight.nodes | flight.triangles | flight.special != 0 {
+            let mut ids = Ids(std::mem::take(&mut flight.nodes));
+            while let Some(id) = ids.next() {
+                flight.node_step::<W, O>(w, id);
             }
-            let ids = flight.leaves.ids;
-            let count = std::mem::take(&mut flight.leaves.len);
-            for id in &ids[..count.min(IN_FLIGHT)] {
-                flight.leaf_step(w, *id, &mut output);
+            let mut ids = Ids(std::mem::take(&mut flight.triangles));
+            while let Some(id) = ids.next() {
+                flight.triangle_step(w, id, &mut output);
             }
-            let ids = flight.finished.ids;
-            let count = std::mem::take(&mut flight.finished.len);
-            for id in &ids[..count.min(IN_FLIGHT)] {
-                flight.finish(*id, &mut output);
+            let mut ids = Ids(std::mem::take(&mut flight.special));
+            while let Some(id) = ids.next() {
+                flight.special_step(id, &mut output);
             }
         }
     }
 }
 
-/// The stacks of all rays in flight, one after the other.
-struct Stacks<'a> {
-    refs: &'a mut [u32],
-    distances: &'a mut [f32],
-    size: usize,
+/// The numbers of the bits that are set, lowest first.
+struct Ids(u32);
+
+impl Ids {
+    #[inline(always)]
+    fn next(&mut self) -> Option<usize> {
+        let id = self.0.trailing_zeros() as usize & (IN_FLIGHT - 1);
+        let any = self.0 != 0;
+        self.0 &= self.0.wrapping_sub(1);
+        any.then_some(id)
+    }
 }
 
 struct Flight<'a> {
     lines: &'a [Line],
     root: u32,
+    reach: f32,
     rays: &'a [Ray],
     slots: &'a mut [Slot; IN_FLIGHT],
-    stacks: Stacks<'a>,
+    /// The stacks of all rays in flight, one after the other.
+    stacks: &'a mut [Entry],
+    stack_size: usize,
     next_ray: usize,
-    nodes: Queue,
-    leaves: Queue,
-    finished: Queue,
+    /// The rays whose next step is at a node.
+    nodes: u32,
+    /// The rays whose next step is at a packet of triangles.
+    triangles: u32,
+    /// The rays whose next step is anything else.
+    special: u32,
 }
 
 impl Flight<'_> {
     /// Puts the next ray that can hit something into a slot; the slot stays idle when there is none.
     #[inline(always)]
-    fn start<O: Output>(&mut self, id: u8, output: &mut O) {
+    fn start<O: Output>(&mut self, id: usize, output: &mut O) {
         while let Some(ray) = self.rays.get(self.next_ray) {
             let index = self.next_ray;
             self.next_ray += 1;
-            let Some((prepared, t_max)) = PreparedRay::new(ray) else {
+            let slot = &mut self.slots[id];
+            let Some(t_max) = slot.ray.set(&mut slot.boxes, ray, self.reach) else {
                 output.emit(index, &Hit::MISS);
                 continue;
             };
-            let bottom = usize::from(id) * self.stacks.size;
-            self.stacks.refs[bottom] = DONE;
-            self.stacks.distances[bottom] = f32::NEG_INFINITY;
-            let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-            *slot = Slot {
-                ray: prepared,
-                best: Hit { t: t_max, ..Hit::MISS },
-                current: DONE,
-                stack_len: 1,
-                index: index as u32,
-                instance: 0,
-            };
-            self.route(id, self.root, 1);
-            return;
+            let bottom = id * self.stack_size;
+            self.stacks[bottom] = Entry { reference: DONE, distance: f32::NEG_INFINITY };
+            slot.current = self.root;
+            slot.top = bottom as u32 + 1;
+            slot.index = index as u32;
+            slot.best = Hit { t: t_max, ..Hit::MISS };
+            slot.limit = t_max * WIDEN;
+            slot.instance = 0;
+            return self.route(id, self.root);
         }
     }
 
     /// Sends a ray to what it visits next and asks for the lines of that.
     #[inline(always)]
-    fn route(&mut self, id: u8, reference: u32, stack_len: usize) {
-        let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-        slot.current = reference;
-        slot.stack_len = stack_len as u32;
+    fn route(&mut self, id: usize, reference: u32) {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
-        let is_leaf = reference & LEAF != 0;
-        let is_done = reference == DONE;
-        self.nodes.push_if(id, !is_leaf);
-        self.leaves.push_if(id, is_leaf & !is_done);
-        self.finished.push_if(id, is_done);
+        let bit = 1u32 << id;
+        // All bits set: LEAF, SPECIAL. Nodes have neither.
+        let leaf = (reference as i32 >> 31) as u32;
+        let special = ((reference << 1) as i32 >> 31) as u32;
+        self.nodes |= bit & !leaf;
+        self.triangles |= bit & (leaf ^ special);
+        self.special |= bit & special;
     }
 
     /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
     #[inline(always)]
-    fn pop<O: Output>(&self, id: u8, mut stack_len: usize, best_t: f32) -> (u32, usize) {
-        let bottom = usize::from(id) * self.stacks.size;
+    fn pop<O: Output>(&mut self, id: usize, top: usize) {
+        let slot = &mut self.slots[id];
+        let mut top = top - 1;
+        let mut entry = self.stacks[top];
         if !O::ANY {
-            let limit = best_t * WIDEN;
-            while stack_len > 1 && self.stacks.distances[bottom + stack_len - 1] > limit {
-                stack_len -= 1;
+            while entry.distance > slot.limit {
+                top -= 1;
+                entry = self.stacks[top];
             }
         }
-        (self.stacks.refs[bottom + stack_len - 1], stack_len - 1)
+        slot.current = entry.reference;
+        slot.top = top as u32;
+        self.route(id, entry.reference);
     }
 
     #[inline(always)]
-    fn node_step<W: Wide, O: Output>(&mut self, w: W, id: u8) {
-        let slot = &self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-        let Some(node) = view::<Node, NODE_LINES>(self.lines, line_of(slot.current)) else {
+    fn node_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
+        let slot = &self.slots[id];
+        let Some(node) = view::<Node, NODE_LINES>(self.lines, slot.current as usize) else {
             return;
         };
-        let ray = &slot.ray;
-        let best_t = slot.best.t;
-        let mut near = w.splat8(ray.t_min);
-        let mut far = w.splat8(best_t);
-        for axis in 0..3 {
-            let negative = usize::from(ray.negative[axis] & 1);
-            let (o, inverse) = (w.splat8(ray.origin[axis]), w.splat8(ray.inverse[axis]));
-            let near_plane = w.load8(&node.planes[2 * axis + negative]);
-            let far_plane = w.load8(&node.planes[2 * axis + (negative ^ 1)]);
-            // 0 * inf = NaN, a ray in the plane of a face, is dropped: min8 and max8 then give their second operand.
-            near = w.max8(w.mul8(w.sub8(near_plane, o), inverse), near);
-            far = w.min8(w.mul8(w.sub8(far_plane, o), inverse), far);
-        }
-        let mask = w.le8(near, w.mul8(far, w.splat8(WIDEN)));
-        let stack_len = slot.stack_len as usize;
-        let top = usize::from(id) * self.stacks.size + stack_len;
-        let Some(refs) = self.stacks.refs.get_mut(top..top + 8).and_then(|r| r.try_into().ok()) else {
+        let (mask, near) = w.boxes(&node.planes, &slot.boxes, slot.ray.t_min, slot.limit);
+        let top = slot.top as usize;
+        let Some(to) = self.stacks.get_mut(top..top + 8).and_then(|to| to.first_chunk_mut()) else {
             return;
         };
         if O::ANY {
-            w.store_masked(mask, &node.child, refs);
+            w.store_masked(mask, &node.child, to);
         } else {
-            let Some(distances) = self.stacks.distances.get_mut(top..top + 8).and_then(|d| d.try_into().ok())
-            else {
-                return;
-            };
-            w.store_sorted(mask, near, &node.child, refs, distances);
+            w.store_sorted(mask, near, &node.child, to);
         }
-        let (reference, stack_len) = self.pop::<O>(id, stack_len + mask.count_ones() as usize, best_t);
-        self.route(id, reference, stack_len);
+        self.pop::<O>(id, top + mask.count_ones() as usize);
     }
 
     #[inline(always)]
-    fn leaf_step<W: Wide, O: Output>(&mut self, w: W, id: u8, output: &mut O) {
-        let current = self.slots[usize::from(id) & (IN_FLIGHT - 1)].current;
-        let next = match kind_of(current) {
-            KIND_TRIANGLES => self.triangles(w, id, current),
-            KIND_SPHERES => self.spheres(id, current),
-            KIND_INSTANCE => return self.enter_instance::<O>(id, current),
-            _ => self.leave_instance(id),
+    fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
+        let slot = &mut self.slots[id];
+        let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(slot.current)) else {
+            return;
         };
-        let slot = &self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-        if O::ANY && slot.best.prim != NO_HIT {
-            output.emit(slot.index as usize, &slot.best);
-            return self.start(id, output);
+        let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes);
+        if lanes != 0 {
+            slot.triangles(w, packet, lanes);
+            if O::ANY && slot.best.prim != NO_HIT {
+                return self.finish(id, output);
+            }
         }
-        // The next packet, if any, goes on the stack without a branch.
-        let stack_len = slot.stack_len as usize;
-        let top = usize::from(id) * self.stacks.size + stack_len;
-        self.stacks.refs[top] = next;
-        self.stacks.distances[top] = f32::NEG_INFINITY;
-        let best_t = slot.best.t;
-        let (reference, stack_len) = self.pop::<O>(id, stack_len + usize::from(next != DONE), best_t);
-        self.route(id, reference, stack_len);
+        self.leave_packet::<O>(id, packet.next());
+    }
+
+    /// Goes on with the next packet of a leaf, if there is one.
+    #[inline(always)]
+    fn leave_packet<O: Output>(&mut self, id: usize, next: u32) {
+        // It goes on the stack without a branch.
+        let top = self.slots[id].top as usize;
+        self.stacks[top] = Entry { reference: next, distance: f32::NEG_INFINITY };
+        self.pop::<O>(id, top + usize::from(next != DONE));
+    }
+
+    #[inline(always)]
+    fn special_step<O: Output>(&mut self, id: usize, output: &mut O) {
+        let current = self.slots[id].current;
+        if current == DONE {
+            return self.finish(id, output);
+        }
+        let next = if kind_of(current) == KIND_SPHERES {
+            self.spheres(id, current)
+        } else if current == LEAVE_INSTANCE {
+            self.leave_instance(id)
+        } else {
+            return self.enter_instance::<O>(id, current);
+        };
+        if O::ANY && self.slots[id].best.prim != NO_HIT {
+            return self.finish(id, output);
+        }
+        self.leave_packet::<O>(id, next);
     }
 
     /// Gives out the result of a ray and takes the next one.
     #[inline(always)]
-    fn finish<O: Output>(&mut self, id: u8, output: &mut O) {
-        let slot = &self.slots[usize::from(id) & (IN_FLIGHT - 1)];
+    fn finish<O: Output>(&mut self, id: usize, output: &mut O) {
+        let slot = &self.slots[id];
         let mut hit = slot.best;
         hit.t = if hit.prim == NO_HIT { f32::INFINITY } else { hit.t * slot.ray.unscale };
         output.emit(slot.index as usize, &hit);
@@ -317,30 +302,8 @@ impl Flight<'_> {
     }
 
     #[inline(always)]
-    fn triangles<W: Wide>(&mut self, w: W, id: u8, current: u32) -> u32 {
-        let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-        let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
-            return DONE;
-        };
-        let mut lanes = triangle::candidates(w, packet, &slot.ray);
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize & 3;
-            lanes &= lanes - 1;
-            if let Some(hit) = triangle::intersect(packet, lane, &slot.ray, slot.best.t) {
-                let (u, v) = match packet.part(lane) {
-                    PART_TRIANGLE => (hit.u, hit.v),
-                    PART_QUAD_FIRST => ((hit.u + hit.v).min(1.0), hit.v),
-                    _ => (hit.u, (hit.u + hit.v).min(1.0)),
-                };
-                slot.offer(hit.t, u, v, packet.id(lane));
-            }
-        }
-        packet.next()
-    }
-
-    #[inline(always)]
-    fn spheres(&mut self, id: u8, current: u32) -> u32 {
-        let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
+    fn spheres(&mut self, id: usize, current: u32) -> u32 {
+        let slot = &mut self.slots[id];
         let Some(packet) = view::<SpherePacket, SPHERE_LINES>(self.lines, line_of(current)) else {
             return DONE;
         };
@@ -354,42 +317,39 @@ impl Flight<'_> {
 
     /// Goes on in the space of an instance; the way back waits on the stack.
     #[inline(always)]
-    fn enter_instance<O: Output>(&mut self, id: u8, current: u32) {
-        let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
+    fn enter_instance<O: Output>(&mut self, id: usize, current: u32) {
+        let slot = &mut self.slots[id];
         let Some(record) = view::<InstanceRecord, INSTANCE_LINES>(self.lines, line_of(current)) else {
             return;
         };
-        let (mut top, mut stack_len) =
-            (usize::from(id) * self.stacks.size + slot.stack_len as usize, slot.stack_len as usize);
+        let mut top = slot.top as usize;
         let mut push = |reference: u32| {
-            self.stacks.refs[top] = reference;
-            self.stacks.distances[top] = f32::NEG_INFINITY;
+            self.stacks[top] = Entry { reference, distance: f32::NEG_INFINITY };
             top += 1;
-            stack_len += 1;
         };
         if record.next != DONE {
             push(record.next);
         }
-        let slot_best = slot.best.t;
         let ray = record.transform(&slot.ray, slot.best.t);
-        let Some((prepared, t_max)) = PreparedRay::new(&ray) else {
-            let (reference, stack_len) = self.pop::<O>(id, stack_len, slot_best);
-            return self.route(id, reference, stack_len);
-        };
-        push(LEAVE_INSTANCE);
-        slot.ray = prepared;
-        slot.best.t = t_max;
-        slot.instance = record.instance;
-        self.route(id, record.root, stack_len);
+        if let Some(t_max) = slot.ray.set(&mut slot.boxes, &ray, record.reach) {
+            push(LEAVE_INSTANCE);
+            push(record.root);
+            slot.best.t = t_max;
+            slot.limit = t_max * WIDEN;
+            slot.instance = record.instance;
+        }
+        self.pop::<O>(id, top);
     }
 
     /// Back to the world: its ray is computed again, the nearest hit so far goes along.
     #[inline(always)]
-    fn leave_instance(&mut self, id: u8) -> u32 {
-        let slot = &mut self.slots[usize::from(id) & (IN_FLIGHT - 1)];
-        if let Some((prepared, _)) = PreparedRay::new(&self.rays[slot.index as usize]) {
-            slot.best.t *= slot.ray.unscale;
-            slot.ray = prepared;
+    fn leave_instance(&mut self, id: usize) -> u32 {
+        let slot = &mut self.slots[id];
+        let unscale = slot.ray.unscale;
+        let world = &self.rays[slot.index as usize];
+        if slot.ray.set(&mut slot.boxes, world, self.reach).is_some() {
+            slot.best.t *= unscale;
+            slot.limit = slot.best.t * WIDEN;
             slot.instance = 0;
         }
         DONE
@@ -411,6 +371,43 @@ impl InstanceRecord {
 }
 
 impl Slot {
+    const EMPTY: Slot = Slot {
+        boxes: BoxRay::NONE,
+        limit: 0.0,
+        current: DONE,
+        top: 0,
+        index: 0,
+        ray: PreparedRay::NONE,
+        best: Hit::MISS,
+        instance: 0,
+    };
+
+    /// Tests the lanes of a packet exactly.
+    #[inline(always)]
+    fn triangles<W: Wide>(&mut self, w: W, packet: &TrianglePacket, mut lanes: u32) {
+        let t = triangle::plane_parameters(w, packet, &self.ray);
+        while lanes != 0 {
+            let lane = lanes.trailing_zeros() as usize & 3;
+            lanes &= lanes - 1;
+            if t[lane] > self.ray.t_min && t[lane] <= self.best.t {
+                self.triangle(packet, lane, t[lane]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
+        let Some(triangle::Weights { u, v }) = triangle::weights(packet, lane, &self.ray, &self.boxes) else {
+            return;
+        };
+        let (u, v) = match packet.part(lane) {
+            PART_TRIANGLE => (u, v),
+            PART_QUAD_FIRST => ((u + v).min(1.0), v),
+            _ => (u, (u + v).min(1.0)),
+        };
+        self.offer(t, u, v, packet.id(lane));
+    }
+
     /// Takes a hit if it lies in the ray's range and before the nearest one, or as near with a smaller id.
     #[inline(always)]
     fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32) {
@@ -420,6 +417,7 @@ impl Slot {
             && (self.instance, prim) < (self.best.instance, self.best.prim);
         if t > self.ray.t_min && (nearer || tie) {
             self.best = Hit { t, u, v, prim, instance: self.instance };
+            self.limit = t * WIDEN;
         }
     }
 }

@@ -5,61 +5,41 @@
 //! double precision decides exactly (48 of 53 bits). So every edge is classified exactly with respect to the sheared
 //! vertices, neighbours agree on it, and nothing leaks between them. No operation is contracted, so all CPU levels agree.
 
-use super::layout::TrianglePacket;
+use super::layout::{LANES, TrianglePacket};
 use super::prepare::PreparedRay;
-use crate::simd::Wide;
+use crate::simd::{BoxRay, Wide};
 
-/// A hit of one lane: parameter and barycentric weights of vertices 1 and 2.
+/// Where a lane's triangle is hit: the barycentric weights of vertices 1 and 2.
 #[derive(Clone, Copy, Debug)]
-pub struct TriangleHit {
-    /// Ray parameter.
-    pub t: f32,
-    /// Weight of vertex 1.
+pub struct Weights {
+    /// Of vertex 1.
     pub u: f32,
-    /// Weight of vertex 2.
+    /// Of vertex 2.
     pub v: f32,
 }
 
-/// The lanes of a packet that the ray's line meets: a superset of those that [`intersect`] accepts, in which only edge
-/// functions that round to zero are undecided. Where along the line is left to [`intersect`]: single precision could not
-/// tell it from the ray's start on surfaces that touch.
+/// The lanes of a packet that the ray's line meets: a superset of those that [`weights`] accepts, in which only edge
+/// functions that round to zero are undecided. Where along the line is left to [`plane_parameters`]: single precision
+/// could not tell it from the ray's start on surfaces that touch.
 #[inline(always)]
-pub fn candidates<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay) -> u32 {
-    let [kx, ky, kz] = ray.axes.map(|k| usize::from(k & 3));
-    let (ox, oy, oz) =
-        (w.splat4(ray.origin[kx.min(2)]), w.splat4(ray.origin[ky.min(2)]), w.splat4(ray.origin[kz.min(2)]));
-    let (sx, sy) = (w.splat4(ray.shear[0]), w.splat4(ray.shear[1]));
-    let vertex = |k: usize| {
-        let z = w.sub4(w.load4(&packet.rows[k + kz]), oz);
-        let x = w.sub4(w.sub4(w.load4(&packet.rows[k + kx]), ox), w.mul4(sx, z));
-        let y = w.sub4(w.sub4(w.load4(&packet.rows[k + ky]), oy), w.mul4(sy, z));
-        (x, y)
-    };
-    let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(4), vertex(8));
-    let u = w.sub4(w.mul4(cx, by), w.mul4(cy, bx));
-    let v = w.sub4(w.mul4(ax, cy), w.mul4(ay, cx));
-    let wt = w.sub4(w.mul4(bx, ay), w.mul4(by, ax));
-    w.same_sign4(u, v, wt)
+pub fn candidates<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay, boxes: &BoxRay) -> u32 {
+    w.candidates(&packet.rows, boxes, &ray.origin, ray.shear)
 }
 
-/// The exact test of one lane for `t_min < t <= t_max`.
+/// The exact test whether the ray's line meets a lane's triangle.
 #[inline(always)]
-pub fn intersect(packet: &TrianglePacket, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<TriangleHit> {
+pub fn weights(packet: &TrianglePacket, lane: usize, ray: &PreparedRay, boxes: &BoxRay) -> Option<Weights> {
     let lane = lane & 3;
-    let t = plane_parameter(packet, lane, ray)?;
-    if !(t > ray.t_min && t <= t_max) {
-        return None;
-    }
-    let [kx, ky, kz] = ray.axes.map(|k| usize::from(k).min(2));
-    let [ox, oy, oz] = [ray.origin[kx], ray.origin[ky], ray.origin[kz]];
+    let [kx, ky, kz] = boxes.axes();
+    let [ox, oy, oz] = boxes.permute(ray.origin);
     let [sx, sy] = ray.shear;
     let vertex = |k: usize| {
-        let z = packet.rows[k + kz][lane] - oz;
-        let x = (packet.rows[k + kx][lane] - ox) - sx * z;
-        let y = (packet.rows[k + ky][lane] - oy) - sy * z;
+        let z = packet.rows[4 * kz + k][lane] - oz;
+        let x = (packet.rows[4 * kx + k][lane] - ox) - sx * z;
+        let y = (packet.rows[4 * ky + k][lane] - oy) - sy * z;
         (x, y)
     };
-    let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(4), vertex(8));
+    let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(1), vertex(2));
     let mut u = cx * by - cy * bx;
     let mut v = ax * cy - ay * cx;
     let mut w = bx * ay - by * ax;
@@ -74,22 +54,15 @@ pub fn intersect(packet: &TrianglePacket, lane: usize, ray: &PreparedRay, t_max:
     if !(positive || negative) || det == 0.0 {
         return None;
     }
-    Some(TriangleHit { t, u: v / det, v: w / det })
+    Some(Weights { u: v / det, v: w / det })
 }
 
-/// Where the ray meets the triangle's plane: `n . (a - o) / n . d` in f64, in which the differences of f32 numbers of
-/// similar size are exact. An origin beside the plane by the rounding of an f32 keeps its side.
+/// Where the ray meets the planes of the four triangles, in f64, in which the differences of f32 numbers of similar size
+/// are exact. An origin beside the plane by the rounding of an f32 keeps its side. NaN where the ray is parallel to the
+/// plane.
 #[inline(always)]
-fn plane_parameter(packet: &TrianglePacket, lane: usize, ray: &PreparedRay) -> Option<f32> {
-    let at = |row: usize| f64::from(packet.rows[row][lane]);
-    let edge = |k: usize, axis: usize| at(4 * k + axis) - at(axis);
-    let [e, f] = [1, 2].map(|k| [edge(k, 0), edge(k, 1), edge(k, 2)]);
-    let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
-    let [o, d] = [ray.origin, ray.direction].map(|v| v.map(f64::from));
-    let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-    let above = n[0] * (at(0) - o[0]) + n[1] * (at(1) - o[1]) + n[2] * (at(2) - o[2]);
-    let t = (above / below) as f32;
-    (below != 0.0).then_some(t)
+pub fn plane_parameters<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay) -> [f32; LANES] {
+    w.plane_parameters(&packet.rows, &ray.origin, &ray.direction)
 }
 
 /// `a b - c d`, from f64 products that are exact, rounded so that only zero becomes zero.

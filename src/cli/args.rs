@@ -1,5 +1,6 @@
 //! The arguments as clap parses them; nothing is decided here.
 
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
@@ -83,7 +84,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
     /// Environment picture (.exr or .hdr), equirectangular; '' for none.
-    #[arg(long, value_name = "FILE")]
+    #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
     /// Factor on the environment.
     #[arg(long, value_name = "S", allow_negative_numbers = true)]

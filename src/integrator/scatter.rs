@@ -11,7 +11,7 @@ use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 
 /// The first bounce after which a path may be ended by chance.
-const FIRST_ROULETTE: u32 = 2;
+const FIRST_ROULETTE: u32 = 4;
 
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by chance; the rest become the arriving paths of the next bounce.

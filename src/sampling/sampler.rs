@@ -1,15 +1,13 @@
 //! Owen-scrambled Sobol points (Burley 2020, "Practical Hash-based Owen Scrambling", JCGT 9(4)), evaluated for many paths
 //! at a time.
 //!
-//! The points are those of the crate `sobol_burley`, to the last bit that it gives, from its own direction vectors. What
-//! differs is the shape of the computation: a fixed number of steps without a branch or a table lookup that depends on
-//! the path, so that a loop over paths vectorises, and a shuffled index that is computed once a path instead of once a
-//! call.
+//! Dimensions come in sets of four. Every set consists of the first four Sobol dimensions, whose projections are the
+//! best, with a shuffle and a scramble of its own ("padding", as Burley recommends). A set is that of the crate
+//! `sobol_burley` for the set's seed, to the last bit that it gives, from its own direction vectors. What differs is the
+//! shape of the computation: a fixed number of steps without a branch or a table lookup that depends on the path, so
+//! that a loop over paths vectorises.
 
 use std::sync::OnceLock;
-
-/// Sets of four dimensions that one seed offers; beyond them, a new seed starts over.
-pub const SETS_PER_SEED: u32 = sobol_burley::NUM_DIMENSION_SETS_4D;
 
 /// Samples that one seed offers; beyond them, a new seed starts over.
 pub const SAMPLES_PER_SEED: u32 = 1 << 16;
@@ -37,10 +35,10 @@ pub fn pixel_seed(x: u32, y: u32, seed: u32) -> u32 {
 /// One sample of one pixel: a point of as many dimensions as are asked for.
 #[derive(Clone, Copy, Debug)]
 pub struct SobolPoint {
-    /// Seeds the scrambles.
+    /// Seeds shuffles and scrambles.
     seed: u32,
-    /// Index in the sequence after the shuffle, bits reversed.
-    shuffled_rev: u32,
+    /// Index in the sequence, below [`SAMPLES_PER_SEED`], bits reversed.
+    index_rev: u32,
 }
 
 impl SobolPoint {
@@ -49,26 +47,26 @@ impl SobolPoint {
     pub fn new(pixel_seed: u32, index: u32) -> SobolPoint {
         let epoch = index / SAMPLES_PER_SEED;
         let seed = if epoch == 0 { pixel_seed } else { hash32(pixel_seed.wrapping_add(epoch)) };
-        let index = index % SAMPLES_PER_SEED;
-        SobolPoint { seed, shuffled_rev: shuffle(index, seed) }
+        SobolPoint { seed, index_rev: (index % SAMPLES_PER_SEED).reverse_bits() }
     }
 
     /// The two numbers that the point is made of, for storage.
     #[inline(always)]
     pub fn to_parts(self) -> (u32, u32) {
-        (self.seed, self.shuffled_rev)
+        (self.seed, self.index_rev)
     }
 
     /// The point again from its parts.
     #[inline(always)]
-    pub fn from_parts(seed: u32, shuffled_rev: u32) -> SobolPoint {
-        SobolPoint { seed, shuffled_rev }
+    pub fn from_parts(seed: u32, index_rev: u32) -> SobolPoint {
+        SobolPoint { seed, index_rev }
     }
 
-    /// Four coordinates in 0..1. `vectors` is what [`Dimensions::new`] gives for the set.
+    /// Four coordinates in 0..1 of a set.
     #[inline(always)]
     pub fn sample_4d(self, dimensions: &Dimensions) -> [f32; 4] {
-        let bits = (self.shuffled_rev & 0xffff_0000) ^ dimensions.flip_index;
+        let seed = dimensions.seed_of_set(self.seed);
+        let bits = owen_scramble_rev(self.index_rev, hash32(seed ^ 0x79c6_8e4a));
         let mut sobol = [0u32; 4];
         for (bit, vector) in dimensions.vectors.iter().enumerate() {
             let on = ((bits << bit) as i32 >> 31) as u32;
@@ -76,8 +74,7 @@ impl SobolPoint {
                 sobol[d] ^= on & vector[d];
             }
         }
-        let seed = self.seed ^ dimensions.seed_offset;
-        let base = seed.wrapping_mul(0x9c8f_2d3b) ^ dimensions.set;
+        let base = seed.wrapping_mul(0x9c8f_2d3b);
         let salts = [0x912f_69bau32, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
         let mut out = [0.0f32; 4];
         for d in 0..4 {
@@ -93,38 +90,29 @@ impl SobolPoint {
 #[derive(Clone, Copy, Debug)]
 pub struct Dimensions {
     vectors: DirectionVectors,
-    set: u32,
-    seed_offset: u32,
-    flip_index: u32,
+    salt: u32,
 }
 
 impl Dimensions {
-    /// The set of dimensions `4 * set .. 4 * set + 4`. Beyond what one seed offers, sets start over with another seed
-    /// and another shuffle.
+    /// The set of dimensions `4 * set .. 4 * set + 4`.
     pub fn new(set: u32) -> Dimensions {
-        let epoch = set / SETS_PER_SEED;
-        let within = set % SETS_PER_SEED;
-        let (seed_offset, flip_index) =
-            if epoch == 0 { (0, 0) } else { (hash32(epoch), hash32(!epoch) & 0xffff_0000) };
-        Dimensions { vectors: direction_vectors()[within as usize], set: within, seed_offset, flip_index }
+        Dimensions { vectors: *direction_vectors(), salt: hash32(set ^ 0x51ab_c0de) }
+    }
+
+    /// Another seed for each set.
+    #[inline(always)]
+    fn seed_of_set(&self, seed: u32) -> u32 {
+        hash32(seed ^ self.salt)
     }
 }
 
-fn direction_vectors() -> &'static [DirectionVectors] {
-    static VECTORS: OnceLock<Vec<DirectionVectors>> = OnceLock::new();
+fn direction_vectors() -> &'static DirectionVectors {
+    static VECTORS: OnceLock<DirectionVectors> = OnceLock::new();
     VECTORS.get_or_init(|| {
-        let vector = |set: u32, bit: u32| -> [u32; 4] {
-            // The sequence is linear over bits: the point of a single index bit is its direction vector.
-            std::array::from_fn(|d| sobol_burley::parts::sobol_rev(1 << (31 - bit), set * 4 + d as u32))
-        };
-        (0..SETS_PER_SEED).map(|set| std::array::from_fn(|bit| vector(set, bit as u32))).collect()
+        // The sequence is linear over bits: the point of a single index bit is its direction vector.
+        let vector = |bit: u32| std::array::from_fn(|d| sobol_burley::parts::sobol_rev(1 << (31 - bit), d as u32));
+        std::array::from_fn(|bit| vector(bit as u32))
     })
-}
-
-/// Owen-scrambles the order of a sequence: blocks of powers of two stay together.
-#[inline(always)]
-fn shuffle(index: u32, seed: u32) -> u32 {
-    owen_scramble_rev(index.reverse_bits(), hash32(seed ^ 0x79c6_8e4a))
 }
 
 /// Nested uniform scrambling of a bit-reversed number by a hash (Burley 2020; constants by Vegdahl 2021).
@@ -148,7 +136,7 @@ mod tests {
             for seed in [0u32, 1, 77, 0xdead_beef] {
                 for index in (0..SAMPLES_PER_SEED).step_by(977) {
                     let ours = SobolPoint::new(seed, index).sample_4d(&dimensions);
-                    let theirs = sobol_burley::sample_4d(index, set, seed);
+                    let theirs = sobol_burley::sample_4d(index, 0, dimensions.seed_of_set(seed));
                     // The library gives 23 bits, we give 24.
                     let cut = ours.map(|v| (v * 8_388_608.0).floor() / 8_388_608.0);
                     assert_eq!(cut, theirs, "set {set} seed {seed} index {index}");
@@ -170,9 +158,9 @@ mod tests {
     }
 
     #[test]
-    fn dimensions_and_samples_beyond_one_seed_are_new() {
+    fn sets_and_samples_beyond_one_seed_are_new() {
         let first = Dimensions::new(0);
-        let padded = Dimensions::new(SETS_PER_SEED);
+        let padded = Dimensions::new(1);
         let (mut same, mut mean) = (0, 0.0);
         for index in 0..4096 {
             let a = SobolPoint::new(3, index).sample_4d(&first);

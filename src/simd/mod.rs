@@ -8,12 +8,14 @@
 #![allow(unsafe_code)]
 
 mod line;
+mod slab;
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
 pub use line::{Line, prefetch_lines};
-pub use wide::{ScalarWide, Wide, WideKernel};
+pub use slab::{BoxRay, Entry, Planes};
+pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;
 

@@ -1,51 +1,35 @@
 //! The vector operations that traversal needs, behind one trait: a scalar twin here, x86 registers in [`super::x86`].
-//! Every operation gives the same bits on every level: single IEEE operations, no contraction, and `min`/`max` that
-//! return the second operand when either is NaN (as the x86 instructions do).
+//! They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds alike
+//! on all levels.
 
-/// A CPU level's vectors of 8 and 4 floats.
+use super::slab::{BoxRay, Entry, Planes};
+
+/// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
+/// test's own on either side; the shear of the triangle test moves each vertex by at most five more.
+pub const WIDEN: f32 = 1.0 + 1.0 / 524_288.0;
+
+/// A CPU level's vectors of 8 floats, and the steps of traversal on them.
 pub trait Wide: Copy {
     /// Eight floats.
     type F8: Copy;
-    /// Four floats.
-    type F4: Copy;
 
-    /// Eight floats from memory.
-    fn load8(self, from: &[f32; 8]) -> Self::F8;
-    /// Eight times the same float.
-    fn splat8(self, x: f32) -> Self::F8;
-    /// `a - b`.
-    fn sub8(self, a: Self::F8, b: Self::F8) -> Self::F8;
-    /// `a * b`.
-    fn mul8(self, a: Self::F8, b: Self::F8) -> Self::F8;
-    /// `a < b ? a : b`: the second where either is NaN.
-    fn min8(self, a: Self::F8, b: Self::F8) -> Self::F8;
-    /// `a > b ? a : b`: the second where either is NaN.
-    fn max8(self, a: Self::F8, b: Self::F8) -> Self::F8;
-    /// One bit for each lane where `a <= b`.
-    fn le8(self, a: Self::F8, b: Self::F8) -> u32;
+    /// The boxes that a ray may meet with parameters from `t_min` to `t_max`, and where it enters them (at least
+    /// `t_min`): never one box too few, whatever the roundings, if what the boxes hold is found with an error of at most 16
+    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with NaN or inverted infinite
+    /// planes are missed.
+    fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, Self::F8);
     /// Writes the children of the lanes in `mask` with their distances (at least 0), farthest first. Distances that
     /// agree in all but their last three bits are ordered by lane. What follows the last one is unspecified.
-    fn store_sorted(
-        self,
-        mask: u32,
-        distance: Self::F8,
-        child: &[u32; 8],
-        refs: &mut [u32; 8],
-        distances: &mut [f32; 8],
-    );
-    /// Writes the children of the lanes in `mask` in the order of lanes. What follows the last one is unspecified.
-    fn store_masked(self, mask: u32, child: &[u32; 8], refs: &mut [u32; 8]);
-
-    /// Four floats from memory.
-    fn load4(self, from: &[f32; 4]) -> Self::F4;
-    /// Four times the same float.
-    fn splat4(self, x: f32) -> Self::F4;
-    /// `a - b`.
-    fn sub4(self, a: Self::F4, b: Self::F4) -> Self::F4;
-    /// `a * b`.
-    fn mul4(self, a: Self::F4, b: Self::F4) -> Self::F4;
-    /// One bit for each lane where `a`, `b` and `c` are all at least 0 or all at most 0.
-    fn same_sign4(self, a: Self::F4, b: Self::F4, c: Self::F4) -> u32;
+    fn store_sorted(self, mask: u32, distance: Self::F8, child: &[u32; 8], to: &mut [Entry; 8]);
+    /// Writes the children of the lanes in `mask` in the order of lanes. What follows the last one, and the distances,
+    /// are unspecified.
+    fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]);
+    /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
+    /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32;
+    /// Where a ray meets the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
+    /// levels; NaN where the ray is parallel to the plane.
+    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4];
 }
 
 /// A loop over [`Wide`] vectors that is compiled once per CPU level.
@@ -78,46 +62,22 @@ fn sort_key(distance: f32, lane: usize) -> u32 {
 
 impl Wide for ScalarWide {
     type F8 = [f32; 8];
-    type F4 = [f32; 4];
 
     #[inline(always)]
-    fn load8(self, from: &[f32; 8]) -> [f32; 8] {
-        *from
-    }
-    #[inline(always)]
-    fn splat8(self, x: f32) -> [f32; 8] {
-        [x; 8]
-    }
-    #[inline(always)]
-    fn sub8(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul8(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn min8(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map(a, b, |a, b| if a < b { a } else { b })
-    }
-    #[inline(always)]
-    fn max8(self, a: [f32; 8], b: [f32; 8]) -> [f32; 8] {
-        map(a, b, |a, b| if a > b { a } else { b })
-    }
-    #[inline(always)]
-    fn le8(self, a: [f32; 8], b: [f32; 8]) -> u32 {
-        bits::<8>(|i| a[i] <= b[i])
+    fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, [f32; 8]) {
+        let (mut near, mut far) = ([t_min; 8], [t_max; 8]);
+        for axis in 0..3 {
+            let at = usize::from(ray.near[axis] / 32).min(5);
+            let entry = planes[at].map(|p| p * ray.inverse[axis] + ray.near_offset[axis]);
+            let exit = planes[at ^ 1].map(|p| p * ray.inverse[axis] + ray.far_offset[axis]);
+            near = map(entry, near, |a, b| if a > b { a } else { b });
+            far = map(exit, far, |a, b| if a < b { a } else { b });
+        }
+        (bits::<8>(|i| near[i] <= far[i] * WIDEN), near)
     }
 
     #[inline(always)]
-    fn store_sorted(
-        self,
-        mask: u32,
-        distance: [f32; 8],
-        child: &[u32; 8],
-        refs: &mut [u32; 8],
-        distances: &mut [f32; 8],
-    ) {
+    fn store_sorted(self, mask: u32, distance: [f32; 8], child: &[u32; 8], to: &mut [Entry; 8]) {
         let mut keys = [0u32; 8];
         let mut count = 0;
         for lane in (0..8).filter(|lane| mask >> lane & 1 == 1) {
@@ -130,42 +90,49 @@ impl Wide for ScalarWide {
             keys[place] = key;
             count += 1;
         }
-        for i in 0..count {
-            let lane = (keys[i] & 7) as usize;
-            refs[i] = child[lane];
-            distances[i] = distance[lane];
+        for (key, to) in keys.iter().zip(to).take(count) {
+            let lane = (key & 7) as usize;
+            *to = Entry { reference: child[lane], distance: distance[lane] };
         }
     }
 
     #[inline(always)]
-    fn store_masked(self, mask: u32, child: &[u32; 8], refs: &mut [u32; 8]) {
+    fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]) {
         let mut count = 0;
         for (lane, child) in child.iter().enumerate() {
-            refs[count & 7] = *child;
+            to[count & 7].reference = *child;
             count += (mask >> lane & 1) as usize;
         }
     }
 
     #[inline(always)]
-    fn load4(self, from: &[f32; 4]) -> [f32; 4] {
-        *from
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32 {
+        let [kx, ky, kz] = ray.axes();
+        let origin = ray.permute(*origin);
+        bits::<4>(|lane| {
+            let vertex = |k: usize| {
+                let z = rows[4 * kz + k][lane] - origin[2];
+                let x = (rows[4 * kx + k][lane] - origin[0]) - shear[0] * z;
+                let y = (rows[4 * ky + k][lane] - origin[1]) - shear[1] * z;
+                (x, y)
+            };
+            let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(1), vertex(2));
+            let edges = [ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax];
+            edges.iter().all(|e| *e >= 0.0) || edges.iter().all(|e| *e <= 0.0)
+        })
     }
+
     #[inline(always)]
-    fn splat4(self, x: f32) -> [f32; 4] {
-        [x; 4]
-    }
-    #[inline(always)]
-    fn sub4(self, a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        map(a, b, |a, b| a - b)
-    }
-    #[inline(always)]
-    fn mul4(self, a: [f32; 4], b: [f32; 4]) -> [f32; 4] {
-        map(a, b, |a, b| a * b)
-    }
-    #[inline(always)]
-    fn same_sign4(self, a: [f32; 4], b: [f32; 4], c: [f32; 4]) -> u32 {
-        bits::<4>(|i| {
-            (a[i] >= 0.0 && b[i] >= 0.0 && c[i] >= 0.0) || (a[i] <= 0.0 && b[i] <= 0.0 && c[i] <= 0.0)
+    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4] {
+        std::array::from_fn(|lane| {
+            let at = |axis: usize, vertex: usize| f64::from(rows[4 * axis + vertex][lane]);
+            let edge = |axis: usize, vertex: usize| at(axis, vertex) - at(axis, 0);
+            let [e, f] = [1, 2].map(|k| [edge(0, k), edge(1, k), edge(2, k)]);
+            let n = [e[1] * f[2] - e[2] * f[1], e[2] * f[0] - e[0] * f[2], e[0] * f[1] - e[1] * f[0]];
+            let [o, d] = [*origin, *direction].map(|v| v.map(f64::from));
+            let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+            let above = n[0] * (at(0, 0) - o[0]) + n[1] * (at(1, 0) - o[1]) + n[2] * (at(2, 0) - o[2]);
+            if below == 0.0 { f32::NAN } else { (above / below) as f32 }
         })
     }
 }

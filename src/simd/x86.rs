@@ -1,6 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
-use super::wide::Wide;
+use super::slab::{BoxRay, Entry, Planes};
+use super::wide::{WIDEN, Wide};
 use core::arch::x86_64::*;
 
 /// Vectors of AVX2, with AVX-512's masks where `AVX512`. A value exists only inside a function compiled for the level:
@@ -105,63 +106,62 @@ unsafe fn sort8(keys: __m256i) -> __m256i {
     x
 }
 
+/// The lanes of a packet in which three edge functions, four lanes each, are all at least 0 or all at most 0.
+#[inline(always)]
+fn same_sign(not_negative: u32, not_positive: u32) -> u32 {
+    let all = |m: u32| m & (m >> 4) & (m >> 8);
+    (all(not_negative) | all(not_positive)) & 15
+}
+
+type Vector = (__m256d, __m256d, __m256d);
+
+/// Four dot products.
+///
+/// # Safety
+/// As for [`X86::new`].
+#[inline(always)]
+unsafe fn dot(a: Vector, b: Vector) -> __m256d {
+    // SAFETY: the caller's level has these instructions, which touch registers only.
+    unsafe {
+        let xy = _mm256_add_pd(_mm256_mul_pd(a.0, b.0), _mm256_mul_pd(a.1, b.1));
+        _mm256_add_pd(xy, _mm256_mul_pd(a.2, b.2))
+    }
+}
+
+// SAFETY (all blocks): `self` exists, so the CPU has the level. `BoxRay` keeps its plane offsets (`near`, `near ^ 32`:
+// below 192, multiples of 32) and axes (below 3) in range. Other loads and stores go through references to arrays of the
+// vector's size, with instructions that need no alignment.
 impl<const AVX512: bool> Wide for X86<AVX512> {
     type F8 = __m256;
-    type F4 = __m128;
 
-    // SAFETY (all blocks): `self` exists, so the CPU has the level; loads and stores go through references to arrays of
-    // the vector's size, with instructions that need no alignment.
     #[inline(always)]
-    fn load8(self, from: &[f32; 8]) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_loadu_ps(from.as_ptr()) }
-    }
-    #[inline(always)]
-    fn splat8(self, x: f32) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_set1_ps(x) }
-    }
-    #[inline(always)]
-    fn sub8(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_sub_ps(a, b) }
-    }
-    #[inline(always)]
-    fn mul8(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_mul_ps(a, b) }
-    }
-    #[inline(always)]
-    fn min8(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_min_ps(a, b) }
-    }
-    #[inline(always)]
-    fn max8(self, a: __m256, b: __m256) -> __m256 {
-        // SAFETY: see above.
-        unsafe { _mm256_max_ps(a, b) }
-    }
-    #[inline(always)]
-    fn le8(self, a: __m256, b: __m256) -> u32 {
+    fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, __m256) {
         // SAFETY: see above.
         unsafe {
-            if AVX512 {
-                u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(a, b))
-            } else {
-                _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(a, b)) as u32
+            let (mut near, mut far) = (_mm256_set1_ps(t_min), _mm256_set1_ps(t_max));
+            for axis in 0..3 {
+                let inverse = _mm256_set1_ps(ray.inverse[axis]);
+                let at = usize::from(ray.near[axis]);
+                let near_planes = _mm256_loadu_ps(planes.as_ptr().byte_add(at).cast());
+                let far_planes = _mm256_loadu_ps(planes.as_ptr().byte_add(at ^ 32).cast());
+                let entry = _mm256_fmadd_ps(near_planes, inverse, _mm256_set1_ps(ray.near_offset[axis]));
+                let exit = _mm256_fmadd_ps(far_planes, inverse, _mm256_set1_ps(ray.far_offset[axis]));
+                // Where an offset overflowed there is NaN: then the other operand, the second, is the result.
+                near = _mm256_max_ps(entry, near);
+                far = _mm256_min_ps(exit, far);
             }
+            let far = _mm256_mul_ps(far, _mm256_set1_ps(WIDEN));
+            let mask = if AVX512 {
+                u32::from(_mm256_cmp_ps_mask::<_CMP_LE_OQ>(near, far))
+            } else {
+                _mm256_movemask_ps(_mm256_cmp_ps::<_CMP_LE_OQ>(near, far)) as u32
+            };
+            (mask, near)
         }
     }
 
     #[inline(always)]
-    fn store_sorted(
-        self,
-        mask: u32,
-        distance: __m256,
-        child: &[u32; 8],
-        refs: &mut [u32; 8],
-        distances: &mut [f32; 8],
-    ) {
+    fn store_sorted(self, mask: u32, distance: __m256, child: &[u32; 8], to: &mut [Entry; 8]) {
         // SAFETY: see above. `permutevar` uses the last three bits of a key only, which are its lane.
         unsafe {
             let lanes = _mm256_setr_epi32(0, 1, 2, 3, 4, 5, 6, 7);
@@ -170,63 +170,132 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
                 lanes,
             );
             let count = mask.count_ones() as i32;
-            // Keys are not negative, so -1 sorts behind them.
-            let unused = _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32(count - 1));
-            let keys = _mm256_or_si256(compress::<AVX512>(keys, mask), unused);
+            let mut keys = compress::<AVX512>(keys, mask);
+            if !AVX512 {
+                // Keys are not negative, so -1 sorts behind them. (AVX-512 fills with 0: as good, since equal keys are one.)
+                keys = _mm256_or_si256(keys, _mm256_cmpgt_epi32(lanes, _mm256_set1_epi32(count - 1)));
+            }
             let children = _mm256_loadu_si256(child.as_ptr().cast());
+            let to: *mut __m128i = to.as_mut_ptr().cast();
             if count <= 4 {
                 let order = _mm256_castsi128_si256(sort4(_mm256_castsi256_si128(keys)));
-                let sorted = _mm256_permutevar8x32_epi32(children, order);
-                _mm_storeu_si128(refs.as_mut_ptr().cast(), _mm256_castsi256_si128(sorted));
-                let sorted = _mm256_permutevar8x32_ps(distance, order);
-                _mm_storeu_ps(distances.as_mut_ptr(), _mm256_castps256_ps128(sorted));
+                let refs = _mm256_castsi256_si128(_mm256_permutevar8x32_epi32(children, order));
+                let distances = _mm256_permutevar8x32_ps(distance, order);
+                let distances = _mm_castps_si128(_mm256_castps256_ps128(distances));
+                _mm_storeu_si128(to, _mm_unpacklo_epi32(refs, distances));
+                _mm_storeu_si128(to.add(1), _mm_unpackhi_epi32(refs, distances));
             } else {
                 let order = sort8(keys);
-                _mm256_storeu_si256(refs.as_mut_ptr().cast(), _mm256_permutevar8x32_epi32(children, order));
-                _mm256_storeu_ps(distances.as_mut_ptr(), _mm256_permutevar8x32_ps(distance, order));
+                let refs = _mm256_permutevar8x32_epi32(children, order);
+                let distances = _mm256_castps_si256(_mm256_permutevar8x32_ps(distance, order));
+                let (even, odd) =
+                    (_mm256_unpacklo_epi32(refs, distances), _mm256_unpackhi_epi32(refs, distances));
+                _mm_storeu_si128(to, _mm256_castsi256_si128(even));
+                _mm_storeu_si128(to.add(1), _mm256_castsi256_si128(odd));
+                _mm_storeu_si128(to.add(2), _mm256_extracti128_si256::<1>(even));
+                _mm_storeu_si128(to.add(3), _mm256_extracti128_si256::<1>(odd));
             }
         }
     }
 
     #[inline(always)]
-    fn store_masked(self, mask: u32, child: &[u32; 8], refs: &mut [u32; 8]) {
+    fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]) {
         // SAFETY: see above.
         unsafe {
-            let children = _mm256_loadu_si256(child.as_ptr().cast());
-            _mm256_storeu_si256(refs.as_mut_ptr().cast(), compress::<AVX512>(children, mask));
+            let refs = compress::<AVX512>(_mm256_loadu_si256(child.as_ptr().cast()), mask);
+            let to: *mut __m256i = to.as_mut_ptr().cast();
+            _mm256_storeu_si256(to, _mm256_cvtepu32_epi64(_mm256_castsi256_si128(refs)));
+            _mm256_storeu_si256(to.add(1), _mm256_cvtepu32_epi64(_mm256_extracti128_si256::<1>(refs)));
         }
     }
 
     #[inline(always)]
-    fn load4(self, from: &[f32; 4]) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_loadu_ps(from.as_ptr()) }
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32 {
+        // SAFETY: see above: an axis has 16 floats.
+        unsafe {
+            let rows = rows.as_ptr().cast::<f32>();
+            let [kx, ky, kz, _] = ray.axes;
+            let (xs, ys, zs) = (
+                rows.add(16 * usize::from(kx)),
+                rows.add(16 * usize::from(ky)),
+                rows.add(16 * usize::from(kz)),
+            );
+            let ox = *origin.get_unchecked(usize::from(kx));
+            let oy = *origin.get_unchecked(usize::from(ky));
+            let oz = *origin.get_unchecked(usize::from(kz));
+            let [sx, sy] = shear;
+            if AVX512 {
+                // All vertices at once; the fourth row of each axis is none and read as 0.
+                let x = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, xs), _mm512_set1_ps(ox));
+                let y = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, ys), _mm512_set1_ps(oy));
+                let z = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, zs), _mm512_set1_ps(oz));
+                let x = _mm512_sub_ps(x, _mm512_mul_ps(_mm512_set1_ps(sx), z));
+                let y = _mm512_sub_ps(y, _mm512_mul_ps(_mm512_set1_ps(sy), z));
+                let next_x = _mm512_shuffle_f32x4::<0b11_00_10_01>(x, x);
+                let next_y = _mm512_shuffle_f32x4::<0b11_00_10_01>(y, y);
+                let edges = _mm512_sub_ps(_mm512_mul_ps(x, next_y), _mm512_mul_ps(y, next_x));
+                let zero = _mm512_setzero_ps();
+                same_sign(
+                    u32::from(_mm512_cmp_ps_mask::<_CMP_GE_OQ>(edges, zero)),
+                    u32::from(_mm512_cmp_ps_mask::<_CMP_LE_OQ>(edges, zero)),
+                )
+            } else {
+                let x = _mm256_sub_ps(_mm256_loadu_ps(xs), _mm256_set1_ps(ox));
+                let y = _mm256_sub_ps(_mm256_loadu_ps(ys), _mm256_set1_ps(oy));
+                let z = _mm256_sub_ps(_mm256_loadu_ps(zs), _mm256_set1_ps(oz));
+                let x = _mm256_sub_ps(x, _mm256_mul_ps(_mm256_set1_ps(sx), z));
+                let y = _mm256_sub_ps(y, _mm256_mul_ps(_mm256_set1_ps(sy), z));
+                let (ax, bx) = (_mm256_castps256_ps128(x), _mm256_extractf128_ps::<1>(x));
+                let (ay, by) = (_mm256_castps256_ps128(y), _mm256_extractf128_ps::<1>(y));
+                let cx = _mm_sub_ps(_mm_loadu_ps(xs.add(8)), _mm_set1_ps(ox));
+                let cy = _mm_sub_ps(_mm_loadu_ps(ys.add(8)), _mm_set1_ps(oy));
+                let cz = _mm_sub_ps(_mm_loadu_ps(zs.add(8)), _mm_set1_ps(oz));
+                let cx = _mm_sub_ps(cx, _mm_mul_ps(_mm_set1_ps(sx), cz));
+                let cy = _mm_sub_ps(cy, _mm_mul_ps(_mm_set1_ps(sy), cz));
+                let u = _mm_sub_ps(_mm_mul_ps(ax, by), _mm_mul_ps(ay, bx));
+                let v = _mm_sub_ps(_mm_mul_ps(bx, cy), _mm_mul_ps(by, cx));
+                let w = _mm_sub_ps(_mm_mul_ps(cx, ay), _mm_mul_ps(cy, ax));
+                let zero = _mm_setzero_ps();
+                let positive = _mm_cmpge_ps(_mm_min_ps(_mm_min_ps(u, v), w), zero);
+                let negative = _mm_cmple_ps(_mm_max_ps(_mm_max_ps(u, v), w), zero);
+                _mm_movemask_ps(_mm_or_ps(positive, negative)) as u32
+            }
+        }
     }
+
     #[inline(always)]
-    fn splat4(self, x: f32) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_set1_ps(x) }
-    }
-    #[inline(always)]
-    fn sub4(self, a: __m128, b: __m128) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_sub_ps(a, b) }
-    }
-    #[inline(always)]
-    fn mul4(self, a: __m128, b: __m128) -> __m128 {
-        // SAFETY: see above.
-        unsafe { _mm_mul_ps(a, b) }
-    }
-    #[inline(always)]
-    fn same_sign4(self, a: __m128, b: __m128, c: __m128) -> u32 {
+    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4] {
         // SAFETY: see above.
         unsafe {
-            let zero = _mm_setzero_ps();
-            let positive =
-                _mm_and_ps(_mm_and_ps(_mm_cmpge_ps(a, zero), _mm_cmpge_ps(b, zero)), _mm_cmpge_ps(c, zero));
-            let negative =
-                _mm_and_ps(_mm_and_ps(_mm_cmple_ps(a, zero), _mm_cmple_ps(b, zero)), _mm_cmple_ps(c, zero));
-            _mm_movemask_ps(_mm_or_ps(positive, negative)) as u32
+            macro_rules! row {
+                ($k:expr) => {
+                    _mm256_cvtps_pd(_mm_loadu_ps(rows[$k].as_ptr()))
+                };
+            }
+            macro_rules! cross {
+                ($ex:ident, $fx:ident, $ey:ident, $fy:ident) => {
+                    _mm256_sub_pd(_mm256_mul_pd($ex, $fy), _mm256_mul_pd($ey, $fx))
+                };
+            }
+            let (ax, ay, az) = (row!(0), row!(4), row!(8));
+            let (ex, ey, ez) =
+                (_mm256_sub_pd(row!(1), ax), _mm256_sub_pd(row!(5), ay), _mm256_sub_pd(row!(9), az));
+            let (fx, fy, fz) =
+                (_mm256_sub_pd(row!(2), ax), _mm256_sub_pd(row!(6), ay), _mm256_sub_pd(row!(10), az));
+            let (nx, ny, nz) = (cross!(ey, fy, ez, fz), cross!(ez, fz, ex, fx), cross!(ex, fx, ey, fy));
+            let [dx, dy, dz] = direction.map(f64::from);
+            let [ox, oy, oz] = origin.map(f64::from);
+            let below = dot((nx, ny, nz), (_mm256_set1_pd(dx), _mm256_set1_pd(dy), _mm256_set1_pd(dz)));
+            let px = _mm256_sub_pd(ax, _mm256_set1_pd(ox));
+            let py = _mm256_sub_pd(ay, _mm256_set1_pd(oy));
+            let pz = _mm256_sub_pd(az, _mm256_set1_pd(oz));
+            let above = dot((nx, ny, nz), (px, py, pz));
+            let parallel = _mm256_cmp_pd::<_CMP_EQ_OQ>(below, _mm256_setzero_pd());
+            // A mask of ones is a NaN.
+            let t = _mm256_cvtpd_ps(_mm256_or_pd(_mm256_div_pd(above, below), parallel));
+            let mut out = [0.0; 4];
+            _mm_storeu_ps(out.as_mut_ptr(), t);
+            out
         }
     }
 }

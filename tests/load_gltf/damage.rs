@@ -1,6 +1,9 @@
 //! Damaged and hostile files: a clear error or a picture, never a panic, and never more memory than the file justifies.
 
 use crate::asset::{glb, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
+use oscura::compile::{CompileOptions, compile};
+use oscura::film::AovSet;
+use oscura::scene::Microfacet;
 use serde_json::{Value, json};
 
 /// A change of the triangle, and what the error must say.
@@ -129,7 +132,8 @@ fn a_truncated_container_is_refused() {
     }
 }
 
-/// Each value of a document with all features replaced by nonsense, and each removed: whatever comes of it, no panic.
+/// Each value of a document with all features replaced by nonsense, and each removed: whatever comes of it, no panic,
+/// neither here nor when what loads is compiled.
 #[test]
 fn nonsense_anywhere_never_panics() {
     let asset = rich();
@@ -151,13 +155,23 @@ fn nonsense_anywhere_never_panics() {
         json!({}),
         json!(true),
     ];
+    let options = CompileOptions {
+        microfacet: Microfacet::default(),
+        camera: None,
+        width: 8,
+        height: 8,
+        needs: AovSet::default(),
+    };
     let (mut tried, mut refused) = (0, 0);
     for place in &places {
         for value in &nonsense {
             let mut broken = asset.clone();
             *broken.pointer_mut(place).expect("the place exists") = value.clone();
             tried += 1;
-            refused += usize::from(load_triangle(&broken).is_err_and(|e| !e.problems.is_empty()));
+            match load_triangle(&broken) {
+                Ok(loaded) => drop(compile(&loaded.scene, &options)),
+                Err(error) => refused += usize::from(!error.problems.is_empty()),
+            }
         }
         let (parent, key) = place.rsplit_once('/').expect("a pointer");
         let mut broken = asset.clone();

@@ -94,7 +94,7 @@ fn textured() -> Value {
             "normalTexture": {"index": 1, "scale": 0.5, "extensions": {"KHR_texture_transform": {"rotation": 1}}},
             "emissiveFactor": [1, 1, 1],
             "emissiveTexture": {"index": 1, "extensions": {"KHR_texture_transform":
-                {"offset": [0.1, 0.2], "scale": [3, 4], "rotation": 0.5, "texCoord": 2}}}
+                {"offset": [0.1, 0.2], "scale": [3, 4], "rotation": 0.5, "texCoord": 1}}}
         });
         a["textures"] = json!([{"source": 0, "sampler": 0}, {"source": 0}]);
         a["samplers"] = json!([{"magFilter": 9728, "wrapS": 33071, "wrapT": 33648}]);
@@ -128,7 +128,21 @@ fn textures_of_each_slot() {
     else {
         panic!()
     };
-    assert_eq!((set, transform.offset.x, transform.scale.y, transform.rotation_rad), (2, 0.1, 4.0, 0.5));
+    assert_eq!((set, transform.offset.x, transform.scale.y, transform.rotation_rad), (1, 0.1, 4.0, 0.5));
+}
+
+#[test]
+fn missing_texture_coordinates_are_named() {
+    let files: &[(&str, &[u8])] = &[("a.bin", &triangle_bytes()), ("red.png", RED)];
+    let loaded = load_with(&textured(), files).unwrap_or_else(|e| panic!("{e}"));
+    for set in ["TEXCOORD_0", "TEXCOORD_1"] {
+        assert!(loaded.warnings.iter().any(|w| w.message.contains(set)), "{set}");
+    }
+    let mut asset = textured();
+    asset["materials"][0]["normalTexture"]["texCoord"] = json!(2);
+    let loaded = load_with(&asset, files).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.scene.materials[0].normal_map.is_none());
+    assert!(loaded.warnings.iter().any(|w| w.place == "/materials/0/normalTexture"));
 }
 
 #[test]

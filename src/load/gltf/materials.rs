@@ -2,7 +2,7 @@
 //! first primitive that is seen asks for it.
 
 use super::document::{Document, Report, name_of, pointer};
-use super::textures::{Reference, Textures};
+use super::textures::{LAST_UV_SET, Reference, Textures};
 use crate::image::Encoding;
 use crate::scene::{
     AlphaMode, ColorSlot, Emission, FloatSlot, Material, MaterialId, Model, NormalMap, PbrMaterial,
@@ -14,13 +14,16 @@ use gltf::json::validation::Checked;
 use std::collections::HashMap;
 
 /// What a material needs from a mesh.
-#[derive(Clone, Copy)]
+#[derive(Clone, Copy, Default)]
 pub(super) struct Needs {
-    /// Sets of texture coordinates, from 0 on. The first is always read: a scene file may replace the material.
-    pub uv_sets: u32,
+    /// Which sets of texture coordinates its textures use.
+    pub uv_sets: [bool; LAST_UV_SET as usize + 1],
     /// Tangents.
     pub tangents: bool,
 }
+
+/// Largest factor on a normal map's slopes; beyond, the surface is a comb of vertical walls.
+const MOST_NORMAL_SCALE: f32 = 1000.0;
 
 /// The materials found so far.
 #[derive(Default)]
@@ -47,7 +50,7 @@ impl Materials {
         }
         let built = match index {
             Some(index) => build(doc, index, from, &mut self.textures, report),
-            None => Some((default_material(), Needs { uv_sets: 1, tangents: false })),
+            None => Some((default_material(), Needs::default())),
         };
         let id = built.map(|(material, needs)| {
             self.list.push(material);
@@ -90,7 +93,7 @@ fn build(
     let json: gltf::json::Material = doc.entry("materials", index, from, report)?;
     let name = name_of(doc.raw("materials", index, from, report)?, "material", index);
     let at = pointer("materials", index);
-    let mut builder = Builder { doc, at, textures, report, uv_sets: 1 };
+    let mut builder = Builder { doc, at, textures, report, needs: Needs::default() };
     let pbr = &json.pbr_metallic_roughness;
     let base = builder.base_color(&json);
     let extensions = json.extensions.clone().unwrap_or_default();
@@ -115,7 +118,7 @@ fn build(
         material.model = Model::Pbr(Box::new(builder.model(&json, base, &extensions)));
         material.normal_map = builder.normal_map(&json);
     }
-    let needs = Needs { uv_sets: builder.uv_sets, tangents: material.normal_map.is_some() };
+    let needs = Needs { tangents: material.normal_map.is_some(), ..builder.needs };
     Some((material, needs))
 }
 
@@ -126,13 +129,15 @@ struct Builder<'b, 'a> {
     at: String,
     textures: &'b mut Textures,
     report: &'b mut Report,
-    uv_sets: u32,
+    needs: Needs,
 }
 
 impl Builder<'_, '_> {
     fn texture(&mut self, reference: &Reference, encoding: Encoding) -> Option<crate::scene::TextureId> {
         let id = self.textures.get(self.doc, reference, encoding, self.report)?;
-        self.uv_sets = self.uv_sets.max(reference.effective_uv_set().saturating_add(1));
+        if let Some(used) = self.needs.uv_sets.get_mut(reference.effective_uv_set() as usize) {
+            *used = true;
+        }
         Some(id)
     }
 
@@ -212,7 +217,8 @@ impl Builder<'_, '_> {
         };
         let reference = Reference { texture: normal.index.value(), uv_set: normal.tex_coord, transform, at };
         let texture = self.texture(&reference, Encoding::Linear)?;
-        Some(NormalMap { texture, scale: normal.scale })
+        let scale = self.clamped(normal.scale, -MOST_NORMAL_SCALE, MOST_NORMAL_SCALE, "/normalTexture/scale");
+        Some(NormalMap { texture, scale })
     }
 
     fn model(

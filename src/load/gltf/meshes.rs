@@ -3,7 +3,7 @@
 
 use super::accessor::Accessor;
 use super::document::{Document, Report, name_of, pointer};
-use super::materials::Materials;
+use super::materials::{Materials, Needs};
 use super::{repair, triangles};
 use crate::scene::{MaterialId, Mesh, MeshPart};
 use gltf::json::accessor::{ComponentType, Type};
@@ -40,9 +40,6 @@ struct Attributes {
     colors: Option<usize>,
     uv_sets: Vec<Option<usize>>,
 }
-
-/// Most sets of texture coordinates that are looked at.
-const MOST_UV_SETS: u32 = 64;
 
 /// Reads the mesh of an index; `from` points to what refers to it. Problems are noted.
 pub(super) fn read(
@@ -109,10 +106,16 @@ fn add_triangles(
     let material =
         materials.get(doc, primitive.material.map(|m| m.value()), &format!("{at}/material"), report)?;
     let needs = materials.needs(material);
-    let Some(attributes) = attributes(primitive, needs.uv_sets, needs.tangents) else {
+    let Some(attributes) = attributes(primitive, needs) else {
         report.warn(at, "has no positions and is skipped");
         return None;
     };
+    for set in (0..needs.uv_sets.len()).filter(|&set| needs.uv_sets[set]) {
+        if attributes.uv_sets.get(set).copied().flatten().is_none() {
+            let message = format!("has no TEXCOORD_{set}, which its material's textures use; taken as 0");
+            report.warn(format!("{at}/attributes"), message);
+        }
+    }
     let has = (attributes.normals.is_some(), attributes.tangents.is_some());
     let found = groups.iter().position(|g| (g.has_normals, g.has_tangents) == has);
     let group = found.unwrap_or_else(|| {
@@ -170,16 +173,21 @@ fn add_part(
 
 /// What a primitive's vertices are made of, as far as its material needs it; `None` without positions. Tangents mean
 /// nothing without normals.
-fn attributes(primitive: &Primitive, uv_sets: u32, tangents: bool) -> Option<Attributes> {
+///
+/// The first set of texture coordinates is always read: a scene file may replace the material.
+fn attributes(primitive: &Primitive, needs: Needs) -> Option<Attributes> {
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
     let normals = accessor(Semantic::Normals);
     Some(Attributes {
         positions: accessor(Semantic::Positions)?,
         normals,
-        tangents: accessor(Semantic::Tangents).filter(|_| tangents && normals.is_some()),
+        tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
-        uv_sets: (0..uv_sets.min(MOST_UV_SETS)).map(|set| accessor(Semantic::TexCoords(set))).collect(),
+        uv_sets: (0u32..)
+            .zip(needs.uv_sets)
+            .map(|(set, used)| accessor(Semantic::TexCoords(set)).filter(|_| used || set == 0))
+            .collect(),
     })
 }
 

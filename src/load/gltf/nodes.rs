@@ -82,6 +82,11 @@ pub(super) fn walk(doc: &Document, report: &mut Report) -> Hierarchy {
         }
         let parent = step.parent.map_or(DAffine3::IDENTITY, |p| hierarchy.nodes[p].world_from_node);
         let Some(local) = local_transform(raw, &at, report) else { continue };
+        let world_from_node = parent * local;
+        if !world_from_node.is_finite() {
+            report.problem(at, "stands beyond the range of numbers");
+            continue;
+        }
         let entry = hierarchy.nodes.len();
         for (i, child) in list_of_indices(raw, "children", &at, report).into_iter().enumerate().rev() {
             stack.push(Step { node: child, parent: Some(entry), from: format!("{at}/children/{i}") });
@@ -91,7 +96,7 @@ pub(super) fn walk(doc: &Document, report: &mut Report) -> Hierarchy {
         hierarchy.nodes.push(Node {
             index: step.node,
             parent: step.parent,
-            world_from_node: parent * local,
+            world_from_node,
             mesh: index_of(raw, "mesh", &at, report),
             camera: index_of(raw, "camera", &at, report),
             light: light.and_then(|l| index_of(l, "light", &light_at, report)),

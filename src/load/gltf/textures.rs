@@ -10,6 +10,9 @@ use gltf::json::validation::Checked;
 use serde_json::Value;
 use std::collections::HashMap;
 
+/// Highest set of texture coordinates that textures can use.
+pub(super) const LAST_UV_SET: u32 = 1;
+
 /// How a material refers to a texture.
 pub(super) struct Reference {
     /// Index of the texture.
@@ -120,7 +123,21 @@ impl Textures {
             wraps = (wrap(sampler.wrap_s), wrap(sampler.wrap_t));
             interpolation = filter(&sampler);
         }
-        let mapping = Mapping::Uv { set: reference.effective_uv_set(), transform };
+        let set = reference.effective_uv_set();
+        if set > LAST_UV_SET {
+            let message =
+                format!("uses the texture coordinates {set}; of those beyond {LAST_UV_SET} none are read");
+            report.warn(reference.at.clone(), message);
+            return None;
+        }
+        if !(transform.offset.is_finite()
+            && transform.scale.is_finite()
+            && transform.rotation_rad.is_finite())
+        {
+            report.problem(reference.at.clone(), "has a transform beyond the range of numbers");
+            return None;
+        }
+        let mapping = Mapping::Uv { set, transform };
         let image = self.image(ImageNeed { index, encoding });
         let (wrap_u, wrap_v) = wraps;
         self.list.push(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping });

@@ -1,0 +1,117 @@
+//! A ray in the form of the box test, and what waits on a ray's stack.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Eight boxes: min x, max x, min y, max y, min z, max z of each.
+pub type Planes = [[f32; 8]; 6];
+
+/// A ray against boxes: it passes plane p of an axis at `p * inverse + offset`, in one rounding where the CPU has fused
+/// multiplication. `offset` is `-origin / direction`, moved down for the near planes and up for the far ones by more
+/// than its own error, so that what is left are a few roundings relative to the result.
+#[derive(Clone, Copy, Debug)]
+pub struct BoxRay {
+    pub(super) inverse: [f32; 3],
+    pub(super) near_offset: [f32; 3],
+    pub(super) far_offset: [f32; 3],
+    /// Byte offset of the near planes in [`Planes`]: 64 for each axis, 32 more where the direction is negative. The far
+    /// planes are at `near ^ 32`. (The fourth is not used.)
+    pub(super) near: [u8; 4],
+    /// The axes in the order x, y, z of the sheared space; a permutation of 0, 1, 2. (The fourth is not used.)
+    pub(super) axes: [u8; 4],
+}
+
+/// Direction components below this count as this much, with the sign kept.
+const SMALLEST: f32 = 1.0 / (1u128 << 80) as f32;
+
+/// [`BoxRay::near`] for each combination of signs.
+const NEAR: [[u8; 4]; 8] = {
+    let mut table = [[0, 64, 128, 0]; 8];
+    let mut signs = 0;
+    while signs < 8 {
+        table[signs][0] += 32 * (signs as u8 & 1);
+        table[signs][1] += 32 * (signs as u8 >> 1 & 1);
+        table[signs][2] += 32 * (signs as u8 >> 2);
+        signs += 1;
+    }
+    table
+};
+
+/// [`BoxRay::axes`] for each longest axis of the direction.
+const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
+
+/// One axis of a [`BoxRay`].
+struct Slab {
+    inverse: f32,
+    near_offset: f32,
+    far_offset: f32,
+}
+
+impl Slab {
+    #[inline(always)]
+    fn new(origin: f32, direction: f32, far_away: f32) -> Slab {
+        let length = direction.abs();
+        let inverse = 1.0 / length.max(SMALLEST).copysign(direction);
+        let offset = -(origin * inverse);
+        // Two roundings of the offset's are 2^-23 of it. A component that was replaced moves the ray aside by less than
+        // SMALLEST times the parameter, which is at most `far_away`.
+        let replaced = if length < SMALLEST { 2.0 * far_away } else { 0.0 };
+        let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
+        Slab { inverse, near_offset: offset - error, far_offset: offset + error }
+    }
+}
+
+impl BoxRay {
+    /// Meets nothing in particular; fills unused slots.
+    pub const NONE: BoxRay = BoxRay {
+        inverse: [1.0; 3],
+        near_offset: [0.0; 3],
+        far_offset: [0.0; 3],
+        near: NEAR[0],
+        axes: AXES[2],
+    };
+
+    /// For a direction whose largest component lies in [1, 2), and boxes within `reach` of the coordinates' origin.
+    #[inline(always)]
+    pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
+        let [x, y, z] = direction.map(f32::abs);
+        let longest = if z >= x.max(y) { 2 } else { usize::from(y >= x) };
+        let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
+        for k in 0..3 {
+            let slab = Slab::new(origin[k], direction[k], far_away);
+            self.inverse[k] = slab.inverse;
+            self.near_offset[k] = slab.near_offset;
+            self.far_offset[k] = slab.far_offset;
+        }
+        let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
+        self.near = NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)];
+        self.axes = AXES[longest];
+    }
+
+    /// One over a component of the direction that is not tiny.
+    #[inline(always)]
+    pub fn inverse(&self, axis: usize) -> f32 {
+        self.inverse[axis]
+    }
+
+    /// The components of a vector in the order of the sheared space.
+    #[inline(always)]
+    pub fn permute(&self, v: [f32; 3]) -> [f32; 3] {
+        self.axes().map(|axis| v[axis])
+    }
+
+    /// The axes in the order of the sheared space.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        [0, 1, 2].map(|k| usize::from(self.axes[k].min(2)))
+    }
+}
+
+/// What a ray visits later, and how far away it starts.
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct Entry {
+    /// What.
+    pub reference: u32,
+    /// The ray's parameter at its box.
+    pub distance: f32,
+}
