@@ -121,19 +121,25 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             next_ray: 0,
             nodes: 0,
             triangles: 0,
+            exact: 0,
             special: 0,
+            candidates: [Candidates { packet: 0, lanes: 0 }; IN_FLIGHT],
         };
         for id in 0..IN_FLIGHT.min(rays.len()) {
             flight.start(id, &mut output);
         }
-        while flight.nodes | flight.triangles | flight.special != 0 {
+        while flight.nodes | flight.triangles | flight.exact | flight.special != 0 {
             let mut ids = Ids(std::mem::take(&mut flight.nodes));
             while let Some(id) = ids.next() {
                 flight.node_step::<W, O>(w, id);
             }
             let mut ids = Ids(std::mem::take(&mut flight.triangles));
             while let Some(id) = ids.next() {
-                flight.triangle_step(w, id, &mut output);
+                flight.triangle_step::<W, O>(w, id);
+            }
+            let mut ids = Ids(std::mem::take(&mut flight.exact));
+            while let Some(id) = ids.next() {
+                flight.exact_step(w, id, &mut output);
             }
             let mut ids = Ids(std::mem::take(&mut flight.special));
             while let Some(id) = ids.next() {
@@ -170,8 +176,19 @@ struct Flight<'a> {
     nodes: u32,
     /// The rays whose next step is at a packet of triangles.
     triangles: u32,
+    /// The rays whose line meets a triangle of the packet that they have just left.
+    exact: u32,
     /// The rays whose next step is anything else.
     special: u32,
+    /// For the rays in `exact`.
+    candidates: [Candidates; IN_FLIGHT],
+}
+
+/// The lanes of a packet to be tested exactly.
+#[derive(Clone, Copy)]
+struct Candidates {
+    packet: u32,
+    lanes: u32,
 }
 
 impl Flight<'_> {
@@ -194,15 +211,14 @@ impl Flight<'_> {
             slot.best = Hit { t: t_max, ..Hit::MISS };
             slot.limit = t_max * WIDEN;
             slot.instance = 0;
-            return self.route(id, self.root);
+            return self.route(1 << id, self.root);
         }
     }
 
-    /// Sends a ray to what it visits next and asks for the lines of that.
+    /// Sends a ray, given by its bit, to what it visits next and asks for the lines of that.
     #[inline(always)]
-    fn route(&mut self, id: usize, reference: u32) {
+    fn route(&mut self, bit: u32, reference: u32) {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
-        let bit = 1u32 << id;
         // All bits set: LEAF, SPECIAL. Nodes have neither.
         let leaf = (reference as i32 >> 31) as u32;
         let special = ((reference << 1) as i32 >> 31) as u32;
@@ -214,6 +230,12 @@ impl Flight<'_> {
     /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
     #[inline(always)]
     fn pop<O: Output>(&mut self, id: usize, top: usize) {
+        self.pop_if::<O>(id, top, 1 << id);
+    }
+
+    /// The same, but sends the ray there only where its bit is given.
+    #[inline(always)]
+    fn pop_if<O: Output>(&mut self, id: usize, top: usize, bit: u32) {
         let slot = &mut self.slots[id];
         let mut top = top - 1;
         let mut entry = self.stacks[top];
@@ -225,7 +247,7 @@ impl Flight<'_> {
         }
         slot.current = entry.reference;
         slot.top = top as u32;
-        self.route(id, entry.reference);
+        self.route(bit, entry.reference);
     }
 
     #[inline(always)]
@@ -247,29 +269,45 @@ impl Flight<'_> {
         self.pop::<O>(id, top + mask.count_ones() as usize);
     }
 
+    /// Tests a packet. A ray whose line meets a triangle is handed to [`Self::exact_step`], without a branch, which could
+    /// not be predicted.
     #[inline(always)]
-    fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
-        let slot = &mut self.slots[id];
-        let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(slot.current)) else {
+    fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
+        let slot = &self.slots[id];
+        let current = slot.current;
+        let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return;
         };
         let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes);
-        if lanes != 0 {
-            slot.triangles(w, packet, lanes);
-            if O::ANY && slot.best.prim != NO_HIT {
-                return self.finish(id, output);
-            }
+        self.candidates[id] = Candidates { packet: current, lanes };
+        let has_candidates = u32::from(lanes != 0);
+        self.exact |= has_candidates << id;
+        self.leave_packet::<O>(id, packet.next(), (has_candidates ^ 1) << id);
+    }
+
+    /// Tests lanes exactly. The ray has left the packet already: what it visits next is still on its stack.
+    #[inline(always)]
+    fn exact_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
+        let Candidates { packet, lanes } = self.candidates[id];
+        let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(packet)) else {
+            return;
+        };
+        let slot = &mut self.slots[id];
+        slot.triangles(w, packet, lanes);
+        if O::ANY && slot.best.prim != NO_HIT {
+            return self.finish(id, output);
         }
-        self.leave_packet::<O>(id, packet.next());
+        let top = slot.top as usize + 1;
+        self.pop::<O>(id, top);
     }
 
     /// Goes on with the next packet of a leaf, if there is one.
     #[inline(always)]
-    fn leave_packet<O: Output>(&mut self, id: usize, next: u32) {
+    fn leave_packet<O: Output>(&mut self, id: usize, next: u32, bit: u32) {
         // It goes on the stack without a branch.
         let top = self.slots[id].top as usize;
         self.stacks[top] = Entry { reference: next, distance: f32::NEG_INFINITY };
-        self.pop::<O>(id, top + usize::from(next != DONE));
+        self.pop_if::<O>(id, top + usize::from(next != DONE), bit);
     }
 
     #[inline(always)]
@@ -288,7 +326,7 @@ impl Flight<'_> {
         if O::ANY && self.slots[id].best.prim != NO_HIT {
             return self.finish(id, output);
         }
-        self.leave_packet::<O>(id, next);
+        self.leave_packet::<O>(id, next, 1 << id);
     }
 
     /// Gives out the result of a ray and takes the next one.
