@@ -37,7 +37,7 @@ fn error(bytes: &[u8]) -> String {
 fn exr(width: usize, height: usize, pixel: impl Sync + Fn(usize, usize) -> (f32, f32, f32, f32)) -> Vec<u8> {
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.exr");
-    exr::prelude::write_rgba_file(&path, width, height, |x, y| pixel(x, y)).expect("written");
+    exr::prelude::write_rgba_file(&path, width, height, pixel).expect("written");
     std::fs::read(path).expect("read")
 }
 
