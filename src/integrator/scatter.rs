@@ -11,7 +11,7 @@ use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 
 /// The first bounce after which a path may be ended by chance.
-const FIRST_ROULETTE: u32 = 4;
+const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by chance; the rest become the arriving paths of the next bounce.
@@ -68,11 +68,13 @@ impl Kernel for LambertScatter<'_> {
     }
 }
 
-/// Russian roulette by throughput: does the path go on, and the factor that makes up for those that don't.
+/// Russian roulette by the square root of the throughput (between the two extremes of never ending a path and of making
+/// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
+/// don't.
 #[inline(always)]
 fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
     let brightest = throughput.x.max(throughput.y).max(throughput.z);
-    let q = if roulette { brightest * eta_squared } else { 1.0 };
+    let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
     let q = if q < 1.0 { q } else { 1.0 };
     ((chance < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }
