@@ -11,7 +11,7 @@ use super::layout::{
 };
 use super::prepare::PreparedRay;
 use super::{sphere, triangle};
-use crate::math::{Hit, NO_HIT, Ray, Vec3};
+use crate::math::{Hit, NO_HIT, Ray};
 use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: a bit of a `u32` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
@@ -398,20 +398,6 @@ impl Flight<'_> {
             slot.instance = 0;
         }
         DONE
-    }
-}
-
-impl InstanceRecord {
-    /// A world ray in object space. The direction keeps its parametrisation.
-    #[inline(always)]
-    fn transform(&self, ray: &PreparedRay, t_max: f32) -> Ray {
-        let [o, d] = [ray.origin, ray.direction];
-        let row = |k: usize| {
-            let m = &self.object_from_world[k];
-            ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
-        };
-        let [x, y, z] = [row(0), row(1), row(2)];
-        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min: ray.t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
     }
 }
 

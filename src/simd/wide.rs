@@ -15,8 +15,8 @@ pub trait Wide: Copy {
 
     /// The boxes that a ray may meet with parameters from `t_min` to `t_max`, and where it enters them (at least
     /// `t_min`): never one box too few, whatever the roundings, if what the boxes hold is found with an error of at most 16
-    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with NaN or inverted infinite
-    /// planes are missed.
+    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with inverted infinite planes
+    /// are missed.
     fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, Self::F8);
     /// Writes the children of the lanes in `mask` with their distances (at least 0), farthest first. Distances that
     /// agree in all but their last three bits are ordered by lane. What follows the last one is unspecified.
