@@ -6,13 +6,13 @@
 //! does not depend on the others: batches of any size give the same hits.
 
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_FIRST,
-    PART_TRIANGLE, SPHERE_LINES, SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, SPHERE_LINES,
+    SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
-use super::prepare::PreparedRay;
+use super::slot::Slot;
 use super::{sphere, triangle};
 use crate::math::{Hit, NO_HIT, Ray};
-use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
+use crate::simd::{Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: a bit of a `u32` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
 pub const IN_FLIGHT: usize = 32;
@@ -43,26 +43,6 @@ impl Output for Occluded<'_> {
     fn emit(&mut self, index: usize, hit: &Hit) {
         self.0[index] = hit.prim != NO_HIT;
     }
-}
-
-/// A ray in flight. What a step at a node needs comes first.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct Slot {
-    boxes: BoxRay,
-    /// Boxes that begin behind this hold nothing nearer.
-    limit: f32,
-    /// What to visit next.
-    current: u32,
-    /// The first free entry of this ray's stack.
-    top: u32,
-    /// Which ray of the batch.
-    index: u32,
-    ray: PreparedRay,
-    /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
-    best: Hit,
-    /// The instance whose space the ray is in; 0 in the world.
-    instance: u32,
 }
 
 /// Memory that a thread keeps between calls.
@@ -398,57 +378,5 @@ impl Flight<'_> {
             slot.instance = 0;
         }
         DONE
-    }
-}
-
-impl Slot {
-    const EMPTY: Slot = Slot {
-        boxes: BoxRay::NONE,
-        limit: 0.0,
-        current: DONE,
-        top: 0,
-        index: 0,
-        ray: PreparedRay::NONE,
-        best: Hit::MISS,
-        instance: 0,
-    };
-
-    /// Tests the lanes of a packet exactly.
-    #[inline(always)]
-    fn triangles<W: Wide>(&mut self, w: W, packet: &TrianglePacket, mut lanes: u32) {
-        let t = triangle::plane_parameters(w, packet, &self.ray);
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize & 3;
-            lanes &= lanes - 1;
-            if t[lane] > self.ray.t_min && t[lane] <= self.best.t {
-                self.triangle(packet, lane, t[lane]);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
-        let Some(triangle::Weights { u, v }) = triangle::weights(packet, lane, &self.ray, &self.boxes) else {
-            return;
-        };
-        let (u, v) = match packet.part(lane) {
-            PART_TRIANGLE => (u, v),
-            PART_QUAD_FIRST => ((u + v).min(1.0), v),
-            _ => (u, (u + v).min(1.0)),
-        };
-        self.offer(t, u, v, packet.id(lane));
-    }
-
-    /// Takes a hit if it lies in the ray's range and before the nearest one, or as near with a smaller id.
-    #[inline(always)]
-    fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32) {
-        let nearer = t < self.best.t;
-        let tie = t == self.best.t
-            && self.best.prim != NO_HIT
-            && (self.instance, prim) < (self.best.instance, self.best.prim);
-        if t > self.ray.t_min && (nearer || tie) {
-            self.best = Hit { t, u, v, prim, instance: self.instance };
-            self.limit = t * WIDEN;
-        }
     }
 }
