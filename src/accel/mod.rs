@@ -13,6 +13,7 @@ mod emit;
 mod gather;
 mod layout;
 mod prepare;
+mod slot;
 mod sphere;
 mod stream;
 #[cfg(test)]

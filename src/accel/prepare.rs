@@ -1,6 +1,7 @@
 //! A ray in the form that the box and primitive tests use.
 
-use crate::math::Ray;
+use super::layout::InstanceRecord;
+use crate::math::{Ray, Vec3};
 use crate::simd::BoxRay;
 
 /// A ray whose direction is scaled by a power of two so that its largest component lies in [1, 2). All parameters are
@@ -47,6 +48,20 @@ impl PreparedRay {
         let sz = boxes.inverse(kz);
         self.shear = [self.direction[kx] * sz, self.direction[ky] * sz];
         Some(ray.t_max * scale)
+    }
+}
+
+impl InstanceRecord {
+    /// A world ray in object space. The direction keeps its parametrisation.
+    #[inline(always)]
+    pub fn transform(&self, ray: &PreparedRay, t_max: f32) -> Ray {
+        let [o, d] = [ray.origin, ray.direction];
+        let row = |k: usize| {
+            let m = &self.object_from_world[k];
+            ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
+        };
+        let [x, y, z] = [row(0), row(1), row(2)];
+        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min: ray.t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
     }
 }
 

@@ -6,13 +6,13 @@
 //! does not depend on the others: batches of any size give the same hits.
 
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_FIRST,
-    PART_TRIANGLE, SPHERE_LINES, SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, SPHERE_LINES,
+    SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
-use super::prepare::PreparedRay;
+use super::slot::Slot;
 use super::{sphere, triangle};
-use crate::math::{Hit, NO_HIT, Ray, Vec3};
-use crate::simd::{BoxRay, Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
+use crate::math::{Hit, NO_HIT, Ray};
+use crate::simd::{Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: a bit of a `u32` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
 pub const IN_FLIGHT: usize = 32;
@@ -43,26 +43,6 @@ impl Output for Occluded<'_> {
     fn emit(&mut self, index: usize, hit: &Hit) {
         self.0[index] = hit.prim != NO_HIT;
     }
-}
-
-/// A ray in flight. What a step at a node needs comes first.
-#[derive(Clone, Copy)]
-#[repr(C, align(64))]
-struct Slot {
-    boxes: BoxRay,
-    /// Boxes that begin behind this hold nothing nearer.
-    limit: f32,
-    /// What to visit next.
-    current: u32,
-    /// The first free entry of this ray's stack.
-    top: u32,
-    /// Which ray of the batch.
-    index: u32,
-    ray: PreparedRay,
-    /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
-    best: Hit,
-    /// The instance whose space the ray is in; 0 in the world.
-    instance: u32,
 }
 
 /// Memory that a thread keeps between calls.
@@ -119,29 +99,31 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             stacks,
             stack_size,
             next_ray: 0,
-            nodes: 0,
-            triangles: 0,
-            exact: 0,
+            flying: 0,
+            leaf: 0,
             special: 0,
+            exact: 0,
             candidates: [Candidates { packet: 0, lanes: 0 }; IN_FLIGHT],
         };
         for id in 0..IN_FLIGHT.min(rays.len()) {
             flight.start(id, &mut output);
         }
-        while flight.nodes | flight.triangles | flight.exact | flight.special != 0 {
-            let mut ids = Ids(std::mem::take(&mut flight.nodes));
+        while flight.flying != 0 {
+            let mut ids = Ids(flight.flying & !flight.leaf);
             while let Some(id) = ids.next() {
                 flight.node_step::<W, O>(w, id);
             }
-            let mut ids = Ids(std::mem::take(&mut flight.triangles));
+            let mut ids = Ids(flight.leaf & !flight.special);
+            flight.leaf = flight.special;
             while let Some(id) = ids.next() {
                 flight.triangle_step::<W, O>(w, id);
             }
             let mut ids = Ids(std::mem::take(&mut flight.exact));
             while let Some(id) = ids.next() {
-                flight.exact_step(w, id, &mut output);
+                flight.exact_step::<W, O>(w, id);
             }
             let mut ids = Ids(std::mem::take(&mut flight.special));
+            flight.leaf &= !ids.0;
             while let Some(id) = ids.next() {
                 flight.special_step(id, &mut output);
             }
@@ -172,14 +154,14 @@ struct Flight<'a> {
     stacks: &'a mut [Entry],
     stack_size: usize,
     next_ray: usize,
-    /// The rays whose next step is at a node.
-    nodes: u32,
-    /// The rays whose next step is at a packet of triangles.
-    triangles: u32,
+    /// The rays on their way.
+    flying: u32,
+    /// Those of them whose next step is not at a node.
+    leaf: u32,
+    /// Those of these whose next step is not at a packet of triangles either.
+    special: u32,
     /// The rays whose line meets a triangle of the packet that they have just left.
     exact: u32,
-    /// The rays whose next step is anything else.
-    special: u32,
     /// For the rays in `exact`.
     candidates: [Candidates; IN_FLIGHT],
 }
@@ -211,6 +193,7 @@ impl Flight<'_> {
             slot.best = Hit { t: t_max, ..Hit::MISS };
             slot.limit = t_max * WIDEN;
             slot.instance = 0;
+            self.flying |= 1 << id;
             return self.route(1 << id, self.root);
         }
     }
@@ -219,12 +202,9 @@ impl Flight<'_> {
     #[inline(always)]
     fn route(&mut self, bit: u32, reference: u32) {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
-        // All bits set: LEAF, SPECIAL. Nodes have neither.
-        let leaf = (reference as i32 >> 31) as u32;
-        let special = ((reference << 1) as i32 >> 31) as u32;
-        self.nodes |= bit & !leaf;
-        self.triangles |= bit & (leaf ^ special);
-        self.special |= bit & special;
+        // The top bit set means all bits set. Nodes have neither of the two.
+        self.leaf |= bit & (reference as i32 >> 31) as u32;
+        self.special |= bit & ((reference << 1) as i32 >> 31) as u32;
     }
 
     /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
@@ -282,32 +262,40 @@ impl Flight<'_> {
         self.candidates[id] = Candidates { packet: current, lanes };
         let has_candidates = u32::from(lanes != 0);
         self.exact |= has_candidates << id;
-        self.leave_packet::<O>(id, packet.next(), (has_candidates ^ 1) << id);
+        let top = self.push_next(id, packet.next());
+        self.pop_if::<O>(id, top, (has_candidates ^ 1) << id);
     }
 
     /// Tests lanes exactly. The ray has left the packet already: what it visits next is still on its stack.
     #[inline(always)]
-    fn exact_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
+    fn exact_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
         let Candidates { packet, lanes } = self.candidates[id];
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(packet)) else {
             return;
         };
         let slot = &mut self.slots[id];
         slot.triangles(w, packet, lanes);
-        if O::ANY && slot.best.prim != NO_HIT {
-            return self.finish(id, output);
-        }
         let top = slot.top as usize + 1;
+        self.pop_unless_done::<O>(id, top);
+    }
+
+    /// Takes the topmost entry, or ends the ray if any hit is enough and there is one.
+    #[inline(always)]
+    fn pop_unless_done<O: Output>(&mut self, id: usize, top: usize) {
+        let slot = &mut self.slots[id];
+        if O::ANY && slot.best.prim != NO_HIT {
+            slot.current = DONE;
+            return self.route(1 << id, DONE);
+        }
         self.pop::<O>(id, top);
     }
 
-    /// Goes on with the next packet of a leaf, if there is one.
+    /// Puts the next packet of a leaf, if there is one, on the stack, without a branch. Returns the first free entry.
     #[inline(always)]
-    fn leave_packet<O: Output>(&mut self, id: usize, next: u32, bit: u32) {
-        // It goes on the stack without a branch.
+    fn push_next(&mut self, id: usize, next: u32) -> usize {
         let top = self.slots[id].top as usize;
         self.stacks[top] = Entry { reference: next, distance: f32::NEG_INFINITY };
-        self.pop_if::<O>(id, top + usize::from(next != DONE), bit);
+        top + usize::from(next != DONE)
     }
 
     #[inline(always)]
@@ -323,10 +311,8 @@ impl Flight<'_> {
         } else {
             return self.enter_instance::<O>(id, current);
         };
-        if O::ANY && self.slots[id].best.prim != NO_HIT {
-            return self.finish(id, output);
-        }
-        self.leave_packet::<O>(id, next, 1 << id);
+        let top = self.push_next(id, next);
+        self.pop_unless_done::<O>(id, top);
     }
 
     /// Gives out the result of a ray and takes the next one.
@@ -336,6 +322,7 @@ impl Flight<'_> {
         let mut hit = slot.best;
         hit.t = if hit.prim == NO_HIT { f32::INFINITY } else { hit.t * slot.ray.unscale };
         output.emit(slot.index as usize, &hit);
+        self.flying &= !(1 << id);
         self.start(id, output);
     }
 
@@ -391,71 +378,5 @@ impl Flight<'_> {
             slot.instance = 0;
         }
         DONE
-    }
-}
-
-impl InstanceRecord {
-    /// A world ray in object space. The direction keeps its parametrisation.
-    #[inline(always)]
-    fn transform(&self, ray: &PreparedRay, t_max: f32) -> Ray {
-        let [o, d] = [ray.origin, ray.direction];
-        let row = |k: usize| {
-            let m = &self.object_from_world[k];
-            ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
-        };
-        let [x, y, z] = [row(0), row(1), row(2)];
-        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min: ray.t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
-    }
-}
-
-impl Slot {
-    const EMPTY: Slot = Slot {
-        boxes: BoxRay::NONE,
-        limit: 0.0,
-        current: DONE,
-        top: 0,
-        index: 0,
-        ray: PreparedRay::NONE,
-        best: Hit::MISS,
-        instance: 0,
-    };
-
-    /// Tests the lanes of a packet exactly.
-    #[inline(always)]
-    fn triangles<W: Wide>(&mut self, w: W, packet: &TrianglePacket, mut lanes: u32) {
-        let t = triangle::plane_parameters(w, packet, &self.ray);
-        while lanes != 0 {
-            let lane = lanes.trailing_zeros() as usize & 3;
-            lanes &= lanes - 1;
-            if t[lane] > self.ray.t_min && t[lane] <= self.best.t {
-                self.triangle(packet, lane, t[lane]);
-            }
-        }
-    }
-
-    #[inline(always)]
-    fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
-        let Some(triangle::Weights { u, v }) = triangle::weights(packet, lane, &self.ray, &self.boxes) else {
-            return;
-        };
-        let (u, v) = match packet.part(lane) {
-            PART_TRIANGLE => (u, v),
-            PART_QUAD_FIRST => ((u + v).min(1.0), v),
-            _ => (u, (u + v).min(1.0)),
-        };
-        self.offer(t, u, v, packet.id(lane));
-    }
-
-    /// Takes a hit if it lies in the ray's range and before the nearest one, or as near with a smaller id.
-    #[inline(always)]
-    fn offer(&mut self, t: f32, u: f32, v: f32, prim: u32) {
-        let nearer = t < self.best.t;
-        let tie = t == self.best.t
-            && self.best.prim != NO_HIT
-            && (self.instance, prim) < (self.best.instance, self.best.prim);
-        if t > self.ray.t_min && (nearer || tie) {
-            self.best = Hit { t, u, v, prim, instance: self.instance };
-            self.limit = t * WIDEN;
-        }
     }
 }

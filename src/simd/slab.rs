@@ -39,27 +39,6 @@ const NEAR: [[u8; 4]; 8] = {
 /// [`BoxRay::axes`] for each longest axis of the direction.
 const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
 
-/// One axis of a [`BoxRay`].
-struct Slab {
-    inverse: f32,
-    near_offset: f32,
-    far_offset: f32,
-}
-
-impl Slab {
-    #[inline(always)]
-    fn new(origin: f32, direction: f32, far_away: f32) -> Slab {
-        let length = direction.abs();
-        let inverse = 1.0 / length.max(SMALLEST).copysign(direction);
-        let offset = -(origin * inverse);
-        // Two roundings of the offset's are 2^-23 of it. A component that was replaced moves the ray aside by less than
-        // SMALLEST times the parameter, which is at most `far_away`.
-        let replaced = if length < SMALLEST { 2.0 * far_away } else { 0.0 };
-        let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
-        Slab { inverse, near_offset: offset - error, far_offset: offset + error }
-    }
-}
-
 impl BoxRay {
     /// Meets nothing in particular; fills unused slots.
     pub const NONE: BoxRay = BoxRay {
@@ -74,14 +53,27 @@ impl BoxRay {
     #[inline(always)]
     pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
         let [x, y, z] = direction.map(f32::abs);
-        let longest = if z >= x.max(y) { 2 } else { usize::from(y >= x) };
+        let longest = if (z >= x) & (z >= y) { 2 } else { usize::from(y >= x) };
         let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
-        for k in 0..3 {
-            let slab = Slab::new(origin[k], direction[k], far_away);
-            self.inverse[k] = slab.inverse;
-            self.near_offset[k] = slab.near_offset;
-            self.far_offset[k] = slab.far_offset;
+        // Four lanes, the last one idle, since that is what vectors hold.
+        let (o, d) =
+            ([origin[0], origin[1], origin[2], 0.0], [direction[0], direction[1], direction[2], 1.0]);
+        let (mut inverse, mut near, mut far) = ([0.0; 4], [0.0; 4], [0.0; 4]);
+        for k in 0..4 {
+            let length: f32 = f32::abs(d[k]);
+            let tiny = length < SMALLEST;
+            inverse[k] = 1.0 / (if tiny { SMALLEST } else { length }).copysign(d[k]);
+            let offset: f32 = -(o[k] * inverse[k]);
+            // Two roundings of the offset's are 2^-23 of it. A component that was replaced moves the ray aside by less
+            // than SMALLEST times the parameter, which is at most `far_away`.
+            let replaced = if tiny { 2.0 * far_away } else { 0.0 };
+            let error = offset.abs() * (1.0 / 4_194_304.0) + replaced;
+            near[k] = offset - error;
+            far[k] = offset + error;
         }
+        self.inverse = [inverse[0], inverse[1], inverse[2]];
+        self.near_offset = [near[0], near[1], near[2]];
+        self.far_offset = [far[0], far[1], far[2]];
         let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
         self.near = NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)];
         self.axes = AXES[longest];

@@ -15,8 +15,8 @@ pub trait Wide: Copy {
 
     /// The boxes that a ray may meet with parameters from `t_min` to `t_max`, and where it enters them (at least
     /// `t_min`): never one box too few, whatever the roundings, if what the boxes hold is found with an error of at most 16
-    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with NaN or inverted infinite
-    /// planes are missed.
+    /// roundings. Levels may differ in boxes that the ray misses by as much. Boxes with inverted infinite planes
+    /// are missed.
     fn boxes(self, planes: &Planes, ray: &BoxRay, t_min: f32, t_max: f32) -> (u32, Self::F8);
     /// Writes the children of the lanes in `mask` with their distances (at least 0), farthest first. Distances that
     /// agree in all but their last three bits are ordered by lane. What follows the last one is unspecified.
@@ -108,17 +108,20 @@ impl Wide for ScalarWide {
     #[inline(always)]
     fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32 {
         let [kx, ky, kz] = ray.axes();
-        let origin = ray.permute(*origin);
-        bits::<4>(|lane| {
-            let vertex = |k: usize| {
-                let z = rows[4 * kz + k][lane] - origin[2];
-                let x = (rows[4 * kx + k][lane] - origin[0]) - shear[0] * z;
-                let y = (rows[4 * ky + k][lane] - origin[1]) - shear[1] * z;
-                (x, y)
-            };
-            let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(1), vertex(2));
-            let edges = [ax * by - ay * bx, bx * cy - by * cx, cx * ay - cy * ax];
-            edges.iter().all(|e| *e >= 0.0) || edges.iter().all(|e| *e <= 0.0)
+        let [shear_x, shear_y] = shear;
+        let o = ray.permute(*origin);
+        let vertex = |k: usize| {
+            let z = rows[4 * kz + k].map(|z| z - o[2]);
+            let shear = |row: [f32; 4], o: f32, s: f32| map(row, z, |p, z| (p - o) - s * z);
+            (shear(rows[4 * kx + k], o[0], shear_x), shear(rows[4 * ky + k], o[1], shear_y))
+        };
+        let (a, b, c) = (vertex(0), vertex(1), vertex(2));
+        let edge = |p: ([f32; 4], [f32; 4]), q: ([f32; 4], [f32; 4])| {
+            map(map(p.0, q.1, |x, y| x * y), map(p.1, q.0, |y, x| y * x), |l, r| l - r)
+        };
+        let (u, v, w) = (edge(a, b), edge(b, c), edge(c, a));
+        bits::<4>(|i| {
+            ((u[i] >= 0.0) & (v[i] >= 0.0) & (w[i] >= 0.0)) | ((u[i] <= 0.0) & (v[i] <= 0.0) & (w[i] <= 0.0))
         })
     }
 

@@ -15,7 +15,7 @@ use std::time::Instant;
 const USAGE: &str =
     "usage: oscura-rays --tri F.tri --rays F.rays --mode closest|any [--threads N] [--reps N] \
 [--level avx512|avx2|scalar] [--batch N] [--hits out.hits]
-       oscura-rays --make rocks|terrain|FILE.obj --out DIR";
+       oscura-rays --make cornell|rocks|terrain|FILE.obj --out DIR";
 
 /// What the command line asks for.
 struct Options {

@@ -4,7 +4,7 @@ use oscura::accel::{Accel, BuildOptions, Geometry};
 use oscura::math::{Bounds3, Frame, Hit, Ray, Vec3};
 
 /// The scenes that are computed rather than read.
-pub const SCENES: [&str; 2] = ["rocks", "terrain"];
+pub const SCENES: [&str; 3] = ["cornell", "rocks", "terrain"];
 
 /// Rays along an edge of the picture.
 const SIDE: usize = 1024;
@@ -23,10 +23,38 @@ impl Random {
 /// A computed scene by its name.
 pub fn scene(name: &str) -> Option<Geometry> {
     match name {
+        "cornell" => Some(cornell()),
         "rocks" => Some(rocks()),
         "terrain" => Some(terrain()),
         _ => None,
     }
+}
+
+/// 32 triangles: a room without its front, a lamp under the ceiling and two blocks, about as in the Cornell box.
+fn cornell() -> Geometry {
+    let mut mesh = Geometry::default();
+    let mut wall = |corner: Vec3, u: Vec3, v: Vec3| {
+        sheet(&mut mesh, 1, 1, |s, t| corner + u * s + v * t);
+    };
+    let (x, y, z) = (Vec3::X, Vec3::Y, Vec3::Z);
+    wall(Vec3::ZERO, x, z);
+    wall(y, z, x);
+    wall(Vec3::ZERO, y, x);
+    wall(Vec3::ZERO, z, y);
+    wall(x, y, z);
+    wall(Vec3::new(0.4, 0.998, 0.4), x * 0.2, z * 0.2);
+    for (angle, corner, size) in [
+        (0.3f32, Vec3::new(0.15, 0.0, 0.2), Vec3::new(0.3, 0.6, 0.3)),
+        (-0.3, Vec3::new(0.52, 0.0, 0.5), Vec3::splat(0.3)),
+    ] {
+        let (u, v) = (Vec3::new(angle.cos(), 0.0, -angle.sin()), Vec3::new(angle.sin(), 0.0, angle.cos()));
+        let (u, h, v) = (u * size.x, y * size.y, v * size.z);
+        wall(corner + h, v, u);
+        for (foot, side) in [(corner, u), (corner + u, v), (corner + u + v, -u), (corner + v, -v)] {
+            wall(foot, h, side);
+        }
+    }
+    mesh
 }
 
 /// About 100,000 triangles: sixteen dented balls on a floor, in a room of five walls.
