@@ -12,8 +12,8 @@ use std::sync::OnceLock;
 /// Samples that one seed offers; beyond them, a new seed starts over.
 pub const SAMPLES_PER_SEED: u32 = 1 << 16;
 
-/// The direction vectors of four dimensions, bits reversed: `vectors[bit][dimension]`.
-pub type DirectionVectors = [[u32; 4]; 16];
+/// The direction vectors of the third and fourth dimension, bits reversed: `vectors[bit][dimension]`.
+type DirectionVectors = [[u32; 2]; 16];
 
 /// A well mixed hash of 32 bits that does not map zero to zero (the mixer is Wellons' lowbias32).
 #[inline(always)]
@@ -67,12 +67,12 @@ impl SobolPoint {
     pub fn sample_4d(self, dimensions: &Dimensions) -> [f32; 4] {
         let seed = dimensions.seed_of_set(self.seed);
         let bits = owen_scramble_rev(self.index_rev, hash32(seed ^ 0x79c6_8e4a));
-        let mut sobol = [0u32; 4];
+        let index = bits.reverse_bits() & 0xffff;
+        let mut sobol = [index, second_dimension_rev(index), 0, 0];
         for (bit, vector) in dimensions.vectors.iter().enumerate() {
             let on = ((bits << bit) as i32 >> 31) as u32;
-            for d in 0..4 {
-                sobol[d] ^= on & vector[d];
-            }
+            sobol[2] ^= on & vector[0];
+            sobol[3] ^= on & vector[1];
         }
         let base = seed.wrapping_mul(0x9c8f_2d3b);
         let salts = [0x912f_69bau32, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
@@ -110,9 +110,19 @@ fn direction_vectors() -> &'static DirectionVectors {
     static VECTORS: OnceLock<DirectionVectors> = OnceLock::new();
     VECTORS.get_or_init(|| {
         // The sequence is linear over bits: the point of a single index bit is its direction vector.
-        let vector = |bit: u32| std::array::from_fn(|d| sobol_burley::parts::sobol_rev(1 << (31 - bit), d as u32));
+        let vector = |bit: u32| [2, 3].map(|d| sobol_burley::parts::sobol_rev(1 << (31 - bit), d));
         std::array::from_fn(|bit| vector(bit as u32))
     })
+}
+
+/// The second Sobol dimension of an index below 2^16, bits reversed: its matrix is Pascal's triangle modulo 2, the
+/// product of four sparse ones. (The first dimension's, bits reversed, is the identity.)
+#[inline(always)]
+fn second_dimension_rev(mut x: u32) -> u32 {
+    x ^= (x >> 1) & 0x5555;
+    x ^= (x >> 2) & 0x3333;
+    x ^= (x >> 4) & 0x0f0f;
+    x ^ ((x >> 8) & 0x00ff)
 }
 
 /// Nested uniform scrambling of a bit-reversed number by a hash (Burley 2020; constants by Vegdahl 2021).
