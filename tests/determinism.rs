@@ -5,6 +5,7 @@ mod support;
 use oscura::film::{AovSet, Film};
 use oscura::render::RenderOptions;
 use oscura::scene::Scene;
+use oscura::simd::{Level, limit_level};
 use std::path::Path;
 use support::{options, picture};
 
@@ -25,6 +26,24 @@ fn any_number_of_threads_gives_the_same_pixels() {
         let with = |threads| bits(&picture(&scene, &RenderOptions { threads, ..options(50, 20, 100) }));
         let one = with(Some(1));
         assert!(one == with(Some(2)) && one == with(Some(7)) && one == with(None), "{name} differs");
+    }
+}
+
+#[test]
+fn every_cpu_level_gives_the_same_pixels() {
+    let available: Vec<Level> = Level::ALL.into_iter().filter(|l| l.is_available()).collect();
+    println!("levels: {:?}", available.iter().map(|l| l.name()).collect::<Vec<_>>());
+    for name in ["cornell-quads.toml", "materials.toml"] {
+        let scene = scene(name);
+        let pictures = available.iter().map(|&level| {
+            limit_level(level);
+            bits(&picture(&scene, &options(40, 12, 100)))
+        });
+        let pictures: Vec<_> = pictures.collect();
+        limit_level(Level::Avx512);
+        for (level, picture) in available.iter().zip(&pictures) {
+            assert!(*picture == pictures[0], "{name}: {} differs from scalar", level.name());
+        }
     }
 }
 

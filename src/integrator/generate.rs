@@ -34,8 +34,12 @@ impl Integrator<'_> {
     /// Gives each path its pixel's seed and its sample's number.
     fn number_samples(&self, block: &Block, first: u64, count: usize, paths: &mut Paths) {
         let mut at = Cursor::new(block, first);
+        let mut seed = pixel_seed(at.x, at.y, self.options.seed);
         for i in 0..count {
-            paths.seed[i] = pixel_seed(at.x, at.y, self.options.seed);
+            if at.sample == 0 {
+                seed = pixel_seed(at.x, at.y, self.options.seed);
+            }
+            paths.seed[i] = seed;
             paths.shuffled[i] = block.first_sample + at.sample as u32;
             paths.sample[i] = i as u32;
             at.advance(u64::from(block.samples));

@@ -18,6 +18,7 @@ pub use slab::{BoxRay, Entry, Planes};
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;
+use std::sync::atomic::{AtomicU8, Ordering};
 
 /// What the CPU can do, as far as the kernels care.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -49,10 +50,25 @@ impl Level {
     }
 }
 
-/// The best level that this CPU has.
+/// The best level that this CPU has (and that [`limit_level`] allows).
+#[inline]
 pub fn best_level() -> Level {
     static BEST: OnceLock<Level> = OnceLock::new();
-    *BEST.get_or_init(detect)
+    let detected = *BEST.get_or_init(detect);
+    if LIMITED.load(Ordering::Relaxed) < detected as u8 { limit() } else { detected }
+}
+
+/// The highest level in use, as a number.
+static LIMITED: AtomicU8 = AtomicU8::new(Level::Avx512 as u8);
+
+#[cold]
+fn limit() -> Level {
+    Level::ALL[usize::from(LIMITED.load(Ordering::Relaxed))]
+}
+
+/// Keeps the whole process from using higher levels, to compare their results: for tests and measurements.
+pub fn limit_level(level: Level) {
+    LIMITED.store(level as u8, Ordering::Relaxed);
 }
 
 #[cfg(target_arch = "x86_64")]
