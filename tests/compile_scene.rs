@@ -1,0 +1,220 @@
+//! What compiling makes of a scene: what is shared, merged and left out, and that the picture stays what it should be.
+
+mod support;
+
+use oscura::compile::{CompileOptions, CompileReport, compile};
+use oscura::film::AovSet;
+use oscura::math::{DAffine3, DVec3};
+use oscura::scene::{
+    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Microfacet,
+    Model, PbrMaterial, Scene,
+};
+use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
+
+fn report(scene: &Scene) -> CompileReport {
+    let options = CompileOptions {
+        microfacet: Microfacet::Multi,
+        camera: None,
+        width: 16,
+        height: 16,
+        needs: AovSet::default(),
+    };
+    compile(scene, &options).expect("compiles").1
+}
+
+fn look_down_z() -> oscura::scene::Camera {
+    camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 20.0)
+}
+
+/// A unit square in the xy plane, facing +z, of n x n x 2 triangles.
+fn square(n: u32, material: MaterialId) -> Mesh {
+    let at = |i: u32| i as f32 / n as f32 - 0.5;
+    let positions = (0..=n).flat_map(|y| (0..=n).map(move |x| [at(x), at(y), 0.0])).collect();
+    let cell = |x: u32, y: u32| {
+        let a = y * (n + 1) + x;
+        [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+    };
+    let triangles: Vec<[u32; 3]> = (0..n).flat_map(|y| (0..n).flat_map(move |x| cell(x, y))).collect();
+    let parts = vec![MeshPart { first_triangle: 0, triangle_count: triangles.len() as u32, material }];
+    Mesh { name: "square".into(), positions, triangles, parts, ..Mesh::default() }
+}
+
+fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
+    let name = format!("placement {}", scene.instances.len());
+    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None });
+}
+
+#[test]
+fn unplaced_meshes_are_left_out() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    scene.meshes.extend([square(1, grey), square(30, grey)]);
+    place(&mut scene, 0, DAffine3::IDENTITY);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!(report.triangles, 2);
+    assert!(report.left_out.iter().any(|l| l.contains("1800 triangles")), "{:?}", report.left_out);
+}
+
+#[test]
+fn flat_transforms_are_left_out_with_a_warning() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    scene.meshes.push(square(1, grey));
+    place(&mut scene, 0, DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)));
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.warnings.len()), (0, 1));
+    assert_eq!(report.warnings[0].place, "placement 0");
+}
+
+#[test]
+fn two_triangles_become_one_light() {
+    let mut scene = Scene::default();
+    let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
+    scene.meshes.push(square(1, light));
+    place(&mut scene, 0, DAffine3::from_translation(DVec3::new(1e3, 0.1, 7.0)));
+    scene.cameras.push(look_down_z());
+    assert_eq!(report(&scene).lights, 1);
+    scene.meshes[0].positions[0][0] -= 0.01;
+    assert_eq!(report(&scene).lights, 2, "a trapezoid stays two triangles");
+}
+
+/// A large mesh used several times is shared, and looks as if each use were a mesh of its own; turned, stretched and
+/// mirrored.
+#[test]
+fn shared_meshes_look_like_copies() {
+    let build = |shared: bool| {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let grey = material(&mut scene, Material::lambert("grey", [0.7; 3]));
+        let stretch = DAffine3::from_scale(DVec3::new(-1.0, 1.5, 0.7));
+        let placements = [
+            DAffine3::from_translation(DVec3::new(-0.4, 0.1, 0.0)) * DAffine3::from_rotation_y(0.7),
+            DAffine3::from_translation(DVec3::new(0.4, -0.1, 0.1)) * DAffine3::from_rotation_x(-0.5) * stretch,
+            DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.6)) * DAffine3::from_scale(DVec3::splat(3.0)),
+        ];
+        for (i, &placement) in placements.iter().enumerate() {
+            if i == 0 || !shared {
+                scene.meshes.push(square(24, grey));
+            }
+            place(&mut scene, if shared { 0 } else { i as u32 }, placement);
+        }
+        scene.cameras.push(look_down_z());
+        scene
+    };
+    let (shared, copies) = (build(true), build(false));
+    assert_eq!(report(&shared).triangles, 1152);
+    assert_eq!(report(&copies).triangles, 3 * 1152);
+    let ((a, ea), (b, eb)) = (measure(&shared, &options(24, 32, 8)), measure(&copies, &options(24, 32, 8)));
+    assert!(ea < 2e-3 * a && (a - b).abs() < 4.5 * ea.hypot(eb) + 1e-5, "{a} +- {ea} and {b} +- {eb}");
+}
+
+/// glTF 2.0, 3.7.4: a mirroring transform turns the winding, so that fronts stay fronts.
+#[test]
+fn mirrored_emitters_shine_from_their_front() {
+    for (mirror, front) in [(DVec3::new(-1.0, 1.0, 1.0), true), (DVec3::new(1.0, 1.0, -1.0), false)] {
+        let mut scene = Scene::default();
+        let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
+        scene.meshes.push(square(4, light));
+        place(&mut scene, 0, DAffine3::from_scale(mirror * 4.0));
+        scene.cameras.push(look_down_z());
+        let radiance = mean(&picture(&scene, &options(4, 1, 1)));
+        assert_eq!(radiance, if front { 1.0 } else { 0.0 }, "{mirror}");
+    }
+}
+
+fn curtain(scene: &mut Scene, alpha: f32, mode: AlphaMode) -> MaterialId {
+    let mut curtain = Material::new("curtain", Model::Black);
+    (curtain.alpha, curtain.alpha_mode) = (FloatSlot::constant(alpha), mode);
+    material(scene, curtain)
+}
+
+#[test]
+fn alpha_lets_light_through() {
+    for (alpha, mode, seen) in [
+        (0.25, AlphaMode::Blend, 0.75 * 0.75),
+        (0.4, AlphaMode::Mask { cutoff: 0.5 }, 1.0),
+        (0.6, AlphaMode::Mask { cutoff: 0.5 }, 0.0),
+        (0.1, AlphaMode::Opaque, 0.0),
+    ] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let curtain = curtain(&mut scene, alpha, mode);
+        for z in [0.0, -1.0] {
+            quad(&mut scene, [-9.0, -9.0, z], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], curtain);
+        }
+        scene.cameras.push(look_down_z());
+        if seen > 0.0 && seen < 1.0 {
+            assert_radiance("two curtains", &scene, &options(32, 64, 1), seen, 2e-3);
+        } else {
+            assert_eq!(mean(&picture(&scene, &options(8, 4, 1))), seen);
+        }
+    }
+}
+
+/// A curtain of alpha 0.5 in front of a light halves the irradiance.
+#[test]
+fn alpha_lets_shadow_rays_through() {
+    let lit = |with_curtain: bool| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+        quad(&mut scene, [-9.0, 0.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], grey);
+        let light = material(&mut scene, Material::emitter("light", [5.0; 3], false));
+        quad(&mut scene, [-0.5, 2.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], light);
+        if with_curtain {
+            let curtain = curtain(&mut scene, 0.5, AlphaMode::Blend);
+            quad(&mut scene, [-9.0, 1.9, -9.0], [18.0, 0.0, 0.0], [0.0, 0.0, 18.0], curtain);
+        }
+        let eye = DVec3::new(3.0, 1.0, 2.0);
+        scene.cameras.push(camera(eye, DVec3::ZERO, DVec3::Y, 0.1));
+        scene
+    };
+    let (whole, _) = measure(&lit(false), &options(16, 64, 1));
+    assert_radiance("half a curtain", &lit(true), &options(16, 64, 1), 0.5 * whole, 4e-3);
+}
+
+/// Beer's law through a slab without refraction: colour to the power of thickness over distance.
+#[test]
+fn volumes_absorb() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let glass = Material::new(
+        "tinted",
+        Model::Pbr(Box::new(PbrMaterial {
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(0.0),
+            transmission: FloatSlot::constant(1.0),
+            ior: 1.0,
+            has_volume: true,
+            attenuation_color: [0.5; 3],
+            attenuation_distance: 2.0,
+            ..PbrMaterial::default()
+        })),
+    );
+    let glass = material(&mut scene, glass);
+    // Fronts outwards; 3 thick.
+    quad(&mut scene, [-99.0, -99.0, 0.0], [198.0, 0.0, 0.0], [0.0, 198.0, 0.0], glass);
+    quad(&mut scene, [-99.0, -99.0, -3.0], [0.0, 198.0, 0.0], [198.0, 0.0, 0.0], glass);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1e-3));
+    assert_radiance("slab", &scene, &options(4, 4, 10), 0.5f64.powf(1.5), 1e-4);
+}
+
+/// The back of a one-sided surface is black, and emission stays on the front.
+#[test]
+fn one_sided_surfaces_are_black_behind() {
+    for (from_front, seen) in [(true, 0.5), (false, 0.0)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut wall = Material::lambert("wall", [0.5; 3]);
+        wall.double_sided = false;
+        wall.emission =
+            Some(Emission { radiance: oscura::scene::ColorSlot::constant([0.0; 3]), two_sided: false });
+        let wall = material(&mut scene, wall);
+        let (u, v) = ([18.0, 0.0, 0.0], [0.0, 18.0, 0.0]);
+        let (u, v) = if from_front { (u, v) } else { (v, u) };
+        quad(&mut scene, [-9.0, -9.0, 0.0], u, v, wall);
+        scene.cameras.push(look_down_z());
+        if from_front {
+            assert_radiance("front", &scene, &options(16, 64, 4), seen, 2e-3);
+        } else {
+            assert_eq!(mean(&picture(&scene, &options(8, 4, 4))), seen);
+        }
+    }
+}
