@@ -66,30 +66,126 @@ fn usage_errors_exit_with_2_before_any_work() {
     assert_eq!(names(folder.path()), ["a.gltf"]);
 }
 
+/// The Cornell box with a text replaced.
+fn cornell_with(from: &str, to: &str) -> Vec<u8> {
+    let text = fs::read_to_string(cornell()).expect("the asset");
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+/// The Cornell box as a `.glb` that claims more bytes than follow.
+fn truncated_glb() -> Vec<u8> {
+    let json = fs::read(cornell()).expect("the asset");
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((20 + json.len() as u32).to_le_bytes());
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(&json[..json.len() / 2]);
+    bytes
+}
+
+/// Names of broken inputs, their content, and words that the error must have besides the name.
+fn broken_inputs() -> Vec<(&'static str, Vec<u8>, &'static [&'static str])> {
+    let half = fs::read(cornell()).map(|b| b[..b.len() / 2].to_vec()).expect("the asset");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+               element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    vec![
+        ("text.gltf", b"this is no glTF".to_vec(), &["JSON"]),
+        ("empty.gltf", Vec::new(), &[]),
+        ("truncated.gltf", half, &["line"]),
+        ("truncated.glb", truncated_glb(), &[]),
+        ("broken.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec(), &[]),
+        ("accessor.gltf", cornell_with("\"count\": 12", "\"count\": 99999"), &["/accessors/0", "99999"]),
+        ("type.gltf", cornell_with("\"VEC3\"", "\"VEC2\""), &["/accessors/0", "VEC2"]),
+        ("header.ply", b"ply\nformat ascii 1.0\nelement vertex 9\n".to_vec(), &[]),
+        ("short.ply", format!("{ply}0 0 0\n1 0 0\n").into_bytes(), &[]),
+        ("index.ply", format!("{ply}0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n").into_bytes(), &["7"]),
+        ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), &[]),
+        ("words.obj", b"v 0 zero 0\nf 1 1 1\n".to_vec(), &["1"]),
+        (
+            "key.toml",
+            b"no_such_key = 1\n[camera]\nlook_form = [0, 0, 1]\n".to_vec(),
+            &["no_such_key", "look_form"],
+        ),
+        ("syntax.toml", b"[camera\n".to_vec(), &["1"]),
+        ("scene.xyz", b"?".to_vec(), &[".gltf"]),
+        ("folder.glb", Vec::new(), &[]),
+    ]
+}
+
 #[test]
 fn broken_inputs_exit_with_3_and_leave_no_file() {
     let folder = tempfile::tempdir().unwrap();
-    let truncated =
-        fs::read(cornell()).map_or_else(|_| b"{\"asset\": {".to_vec(), |b| b[..b.len() / 2].to_vec());
-    for (name, content) in [
-        ("text.gltf", b"this is no glTF".to_vec()),
-        ("empty.gltf", Vec::new()),
-        ("truncated.gltf", truncated),
-        ("broken.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec()),
-        ("broken.ply", b"ply\nformat ascii 1.0\nelement vertex 9\n".to_vec()),
-        ("key.toml", b"no_such_key = 1\n".to_vec()),
-        ("scene.xyz", b"?".to_vec()),
-    ] {
-        fs::write(folder.path().join(name), content).unwrap();
+    let mut inputs = broken_inputs();
+    for (name, content, _) in &inputs {
+        match *name {
+            "folder.glb" => fs::create_dir(folder.path().join(name)).unwrap(),
+            _ => fs::write(folder.path().join(name), content).unwrap(),
+        }
     }
-    let inputs = names(folder.path());
-    for name in inputs.iter().map(String::as_str).chain(["missing.gltf"]) {
+    let before = names(folder.path());
+    inputs.push(("missing.gltf", Vec::new(), &[]));
+    for (name, _, words) in &inputs {
         let output = oscura(folder.path(), &["render", name, "-o", "out.exr", "-o", "out.png"]);
-        assert_eq!(code(&output), 3, "{name}: {}", stderr(&output));
-        assert!(stderr(&output).contains(name), "{name} isn't named: {}", stderr(&output));
-        assert_eq!(stderr(&output).matches("error:").count(), 1, "{}", stderr(&output));
-        assert!(!stderr(&output).contains("panicked"), "{}", stderr(&output));
-        assert_eq!(names(folder.path()), inputs, "{name} left a file");
+        let text = stderr(&output);
+        println!("{text}");
+        assert_eq!(code(&output), 3, "{name}: {text}");
+        for word in std::iter::once(name).chain(*words) {
+            assert!(text.contains(word), "{name}: '{word}' isn't in: {text}");
+        }
+        assert_eq!(text.matches("error:").count(), 1, "{text}");
+        assert!(!text.contains("panicked") && !text.contains("warning:"), "{text}");
+        assert_eq!(names(folder.path()), before, "{name} left a file");
+    }
+}
+
+#[test]
+fn an_environment_of_the_caller_replaces_the_default_sky() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("env.exr"), 16, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
+    let shoot = |more: &[&str]| {
+        let output = oscura(
+            folder.path(),
+            &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
+        );
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(shoot(&[]).contains("default sky"));
+    assert!(!shoot(&["--env", "env.exr"]).contains("default sky"));
+    assert!(!shoot(&["--env", ""]).contains("default sky"));
+    let missing = oscura(folder.path(), &["render", "a.obj", "-o", "b.exr", "--env", "none.exr"]);
+    assert_eq!(code(&missing), 3);
+    assert!(stderr(&missing).contains("none.exr"), "{}", stderr(&missing));
+}
+
+#[test]
+fn files_outside_the_folder_need_permission() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("scene")).unwrap();
+    let asset: serde_json::Value = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "../a.bin"}]
+    });
+    fs::write(folder.path().join("scene/s.gltf"), asset.to_string()).unwrap();
+    let corners = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    fs::write(folder.path().join("a.bin"), corners.map(f32::to_le_bytes).concat()).unwrap();
+    for command in
+        [&["inspect", "scene/s.gltf"][..], &["render", "scene/s.gltf", "-o", "a.png", "--width", "8"]]
+    {
+        let refused = oscura(folder.path(), command);
+        assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+        assert!(stderr(&refused).contains("--allow-external"), "{}", stderr(&refused));
+        let allowed = oscura(folder.path(), &[command, &["--allow-external"]].concat());
+        assert_eq!(code(&allowed), 0, "{}", stderr(&allowed));
     }
 }
 
@@ -175,17 +271,18 @@ fn a_render_reports_in_plain_decimals() {
 #[test]
 fn reproducible_files_do_not_depend_on_threads() {
     let folder = tempfile::tempdir().unwrap();
-    for threads in ["1", "2", "7"] {
-        render(
-            folder.path(),
-            &format!("{threads}.exr"),
-            &["--threads", threads, "--reproducible", "--quiet"],
-        );
-    }
     let bytes = |name: &str| fs::read(folder.path().join(name)).expect("a picture");
-    assert!(bytes("1.exr") == bytes("2.exr") && bytes("1.exr") == bytes("7.exr"));
-    render(folder.path(), "seed.exr", &["--seed", "1", "--reproducible", "--quiet"]);
-    assert!(bytes("1.exr") != bytes("seed.exr"));
+    let shoot = |name: &str, more: &[&str]| {
+        render(folder.path(), name, &[&["--reproducible", "--quiet"], more].concat());
+        bytes(name)
+    };
+    for format in [&[][..], &["--float", "--aov", "depth,normal,albedo"]] {
+        let files =
+            ["1", "2", "7"].map(|t| shoot(&format!("{t}.exr"), &[&["--threads", t], format].concat()));
+        assert!(files[0] == files[1] && files[0] == files[2], "{format:?}");
+        assert!(files[0] != shoot("seed.exr", &[&["--seed", "1"], format].concat()), "{format:?}");
+    }
+    assert!(shoot("half.exr", &[]) != shoot("float.exr", &["--float"]));
 }
 
 #[test]

@@ -6,8 +6,8 @@ use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::film::AovSet;
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
-    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Microfacet,
-    Model, PbrMaterial, Scene,
+    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
+    Microfacet, Model, PbrMaterial, Scene,
 };
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
@@ -90,7 +90,9 @@ fn shared_meshes_look_like_copies() {
         let stretch = DAffine3::from_scale(DVec3::new(-1.0, 1.5, 0.7));
         let placements = [
             DAffine3::from_translation(DVec3::new(-0.4, 0.1, 0.0)) * DAffine3::from_rotation_y(0.7),
-            DAffine3::from_translation(DVec3::new(0.4, -0.1, 0.1)) * DAffine3::from_rotation_x(-0.5) * stretch,
+            DAffine3::from_translation(DVec3::new(0.4, -0.1, 0.1))
+                * DAffine3::from_rotation_x(-0.5)
+                * stretch,
             DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.6)) * DAffine3::from_scale(DVec3::splat(3.0)),
         ];
         for (i, &placement) in placements.iter().enumerate() {

@@ -46,7 +46,7 @@ fn collect(root: &Path, folder: &Path, list: &mut Vec<Source>) {
         let path = entry.expect("an entry of src").path();
         if path.is_dir() {
             collect(root, &path, list);
-        } else if path.extension().is_some_and(|e| e == "rs") {
+        } else if path.extension().is_some_and(|e| e == "rs") && !is_test_file(&path) {
             let text = fs::read_to_string(&path).expect("a source file is UTF-8");
             let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
             let uncommented = |l: &str| l.split("//").next().unwrap_or_default().to_string();
@@ -56,6 +56,17 @@ fn collect(root: &Path, folder: &Path, list: &mut Vec<Source>) {
             list.push(Source { module: first.trim_end_matches(".rs").to_string(), path, code });
         }
     }
+}
+
+/// Is it a `tests.rs` that the module file beside it includes for tests only?
+fn is_test_file(path: &Path) -> bool {
+    if path.file_name().is_none_or(|name| name != "tests.rs") {
+        return false;
+    }
+    let parent = path.with_file_name("mod.rs");
+    let declared = fs::read_to_string(&parent).unwrap_or_default().contains("#[cfg(test)]\nmod tests;");
+    assert!(declared, "{}: not declared as '#[cfg(test)] mod tests;'", path.display());
+    declared
 }
 
 /// Names of modules that follow `crate::` (or `oscura::` in the command line), also in braces.

@@ -92,6 +92,9 @@ pub(crate) struct RenderArgs {
     /// Turns the environment picture about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub env_rotation: Option<f64>,
+    /// Let glTF files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
@@ -140,6 +143,9 @@ pub(crate) struct RenderArgs {
 pub(crate) struct InspectArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
     pub scene: PathBuf,
+    /// Let glTF files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,

@@ -10,7 +10,8 @@ use oscura::math::DVec3;
 use oscura::scene::{Environment, Model, Scene, Texture};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
-    let loaded = load(&args.scene, &LoadOptions::default())?;
+    let options = LoadOptions { allow_external: args.allow_external, ..LoadOptions::default() };
+    let loaded = load(&args.scene, &options)?;
     let scene = &loaded.scene;
     if args.json {
         print_line(&to_json(scene, &loaded.warnings, &loaded.left_out).to_string());

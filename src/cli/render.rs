@@ -27,7 +27,8 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let stop = stop_flag()?;
 
     let start = Instant::now();
-    let mut loaded = load(&args.scene, &LoadOptions::default())?;
+    let options = LoadOptions { allow_external: args.allow_external, brings_environment: args.env.is_some() };
+    let mut loaded = load(&args.scene, &options)?;
     let mut warnings = std::mem::take(&mut loaded.warnings);
     warnings.extend(apply_environment(args, &mut loaded.scene)?);
     let load_s = start.elapsed().as_secs_f64();

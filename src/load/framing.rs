@@ -12,9 +12,9 @@ const VFOV_DEGREES: f64 = 40.0;
 /// of the two: (0.934, 1.0, 1.066), a luminance of 0.99.
 const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([1.068, 1.0, 0.932], [0.8, 1.0, 1.2]);
 
-/// Adds a camera that frames the model where the scene has none, and a soft sky where nothing in it shines; each with a
-/// warning that says so.
-pub fn complete(loaded: &mut Loaded) {
+/// Adds a camera that frames the model where the scene has none, and a soft sky where nothing in it shines (unless the
+/// caller brings an environment); each with a warning that says so.
+pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
     let scene = &mut loaded.scene;
     if scene.cameras.is_empty() {
         scene.cameras.push(framing_camera(scene));
@@ -22,7 +22,7 @@ pub fn complete(loaded: &mut Loaded) {
             "no camera: the whole model is shown from the front, right and above, field of view 40 degrees";
         loaded.warnings.push(Warning::general(message));
     }
-    if !has_light(scene) {
+    if !brings_environment && !has_light(scene) {
         let (nadir, zenith) = DEFAULT_SKY;
         scene.environment = Environment::Gradient { nadir, zenith };
         loaded.warnings.push(Warning::general("no light: lit by a soft default sky of mean radiance 1"));
@@ -135,7 +135,7 @@ mod tests {
     fn the_whole_model_is_in_view_and_lit() {
         let (center, radius) = (DVec3::new(100.0, -3.0, 7.0), 2.0);
         let mut loaded = ball(center, radius, Material::lambert("grey", [0.5; 3]));
-        complete(&mut loaded);
+        complete(&mut loaded, false);
         assert_eq!(loaded.warnings.len(), 2);
         let camera = &loaded.scene.cameras[0];
         let seen = camera.world_from_camera.inverse().transform_point3(center);
@@ -147,15 +147,23 @@ mod tests {
     #[test]
     fn what_shines_needs_no_sky() {
         let mut loaded = ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
-        complete(&mut loaded);
+        complete(&mut loaded, false);
         assert_eq!(loaded.scene.environment, Environment::Black);
         assert_eq!(loaded.warnings.len(), 1);
     }
 
     #[test]
+    fn a_caller_with_an_environment_gets_no_sky() {
+        let mut loaded = ball(DVec3::ZERO, 1.0, Material::lambert("grey", [0.5; 3]));
+        complete(&mut loaded, true);
+        assert_eq!(loaded.scene.environment, Environment::Black);
+        assert_eq!(loaded.warnings.len(), 1, "{:?}", loaded.warnings);
+    }
+
+    #[test]
     fn an_empty_scene_gets_a_finite_camera() {
         let mut loaded = Loaded::default();
-        complete(&mut loaded);
+        complete(&mut loaded, false);
         assert!(loaded.scene.cameras[0].world_from_camera.is_finite());
     }
 }

@@ -18,8 +18,11 @@ use std::path::Path;
 /// What the user may choose about loading.
 #[derive(Clone, Debug, Default)]
 pub struct LoadOptions {
-    /// Files that an asset refers to may lie outside its folder.
+    /// The files that a glTF asset refers to may lie outside its folder.
     pub allow_external: bool,
+    /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
+    /// sky.
+    pub brings_environment: bool,
 }
 
 /// A scene and what happened on the way to it.
@@ -47,7 +50,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
         }
     };
-    framing::complete(&mut loaded);
+    framing::complete(&mut loaded, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }
 }

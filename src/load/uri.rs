@@ -43,7 +43,8 @@ pub(super) fn resolve(uri: &str, asset: &Path, allow_external: bool) -> Result<T
     let relative = Path::new(&decoded);
     if !allow_external && leaves_folder(relative) {
         return Err(format!(
-            "'{}' leads out of the asset's folder; move the file beside the asset",
+            "'{}' leads out of the asset's folder; move the file beside the asset, or permit it by \
+             --allow-external",
             shortened(uri)
         ));
     }

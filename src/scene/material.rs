@@ -164,8 +164,8 @@ pub struct Material {
     pub model: Model,
     /// What it emits.
     pub emission: Option<Emission>,
-    /// False: the back can't be seen at all (glTF `doubleSided: false` on an emitter concerns its emission only: the
-    /// back of a one-sided surface is black but still stops light).
+    /// False: the back of the surface is black, but still stops light. Transmissive materials scatter on both sides
+    /// whatever this says, and whether the back emits is decided by [`Emission::two_sided`] alone.
     pub double_sided: bool,
     /// What alpha does.
     pub alpha_mode: AlphaMode,

@@ -240,3 +240,27 @@ fn rich() -> Value {
         });
     })
 }
+
+#[test]
+fn compressed_primitives_need_plain_copies() {
+    let compressed = |plain: bool| {
+        triangle_with(|a| {
+            let extension =
+                json!({"KHR_draco_mesh_compression": {"bufferView": 0, "attributes": {"POSITION": 0}}});
+            a["meshes"][0]["primitives"][0]["extensions"] = extension;
+            a["extensionsUsed"] = json!(["KHR_draco_mesh_compression"]);
+            if !plain {
+                for accessor in a["accessors"].as_array_mut().expect("a list") {
+                    accessor.as_object_mut().expect("an object").remove("bufferView");
+                }
+            }
+        })
+    };
+    let message = refusal(&compressed(false));
+    for word in ["/meshes/0/primitives/0", "KHR_draco_mesh_compression", "without mesh compression"] {
+        assert!(message.contains(word), "{message}");
+    }
+    let loaded = load_triangle(&compressed(true)).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
+    assert!(loaded.warnings.iter().any(|w| w.message.contains("KHR_draco_mesh_compression")));
+}

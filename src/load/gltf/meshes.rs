@@ -5,11 +5,15 @@ use super::accessor::Accessor;
 use super::document::{Document, Report, name_of, pointer};
 use super::materials::{Materials, Needs};
 use super::{repair, triangles};
+use crate::error::Problem;
 use crate::scene::{MaterialId, Mesh, MeshPart};
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Mode, Primitive, Semantic};
 use gltf::json::validation::Checked;
 use std::collections::HashMap;
+
+/// Compresses a primitive; plain copies of its data may be beside it.
+const DRACO: &str = "KHR_draco_mesh_compression";
 
 /// What the meshes of a file left out.
 #[derive(Default)]
@@ -103,6 +107,11 @@ fn add_triangles(
     materials: &mut Materials,
     report: &mut Report,
 ) -> Option<()> {
+    if is_only_compressed(doc, primitive) {
+        let message = format!("has its vertices in {DRACO} alone, which is not supported");
+        report.add(Problem::new(at, message).with_help("export the model without mesh compression"));
+        return None;
+    }
     let material =
         materials.get(doc, primitive.material.map(|m| m.value()), &format!("{at}/material"), report)?;
     let needs = materials.needs(material);
@@ -152,6 +161,16 @@ fn add_triangles(
     } else {
         None
     }
+}
+
+/// Does the primitive compress its data and lack plain copies of some? Its accessors would read as zeros.
+fn is_only_compressed(doc: &Document, primitive: &Primitive) -> bool {
+    let compressed = primitive.extensions.as_ref().is_some_and(|e| e.others.contains_key(DRACO));
+    let is_plain = |index: usize| {
+        let accessor = doc.json.pointer(&pointer("accessors", index));
+        accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())
+    };
+    compressed && !primitive.attributes.values().chain(&primitive.indices).all(|i| is_plain(i.value()))
 }
 
 /// Covers the triangles from `first` on by a part.

@@ -1,11 +1,16 @@
 //! Time against error: renders scenes at a ladder of sample counts, measures time and error against a converged
 //! reference, and writes a CSV, a markdown table and an SVG plot.
 //!
-//! `oscura-bench FOLDER SCENE... [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N]`
+//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N]`
+//!
+//! Without scenes it measures the Cornell box, glass and metal, an environment picture, and a model of 160,000 triangles.
+//! `--quick` sets a width of 96, the ladder 1,4,16 and a reference of 256 samples: a try in seconds. Results go into
+//! FOLDER, which must exist.
 //!
 //! The reference is made here, by two renders with other seeds whose difference tells its own noise.
 
 mod measure;
+mod scenes;
 mod tables;
 
 use measure::{Point, Setup, measure};
@@ -30,8 +35,15 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
+    let generated;
+    let scenes = if arguments.scenes.is_empty() {
+        generated = scenes::Generated::new()?;
+        generated.scenes()
+    } else {
+        arguments.scenes.clone()
+    };
     let mut points: Vec<Point> = Vec::new();
-    for scene in &arguments.scenes {
+    for scene in &scenes {
         eprintln!("{}", scene.display());
         points.extend(measure(scene, &arguments.setup)?);
     }
@@ -43,6 +55,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     for (name, text) in texts {
         oscura::output::write_atomically(&arguments.folder.join(name), text.as_bytes())?;
     }
+    print!("{}", tables::markdown(&points));
     Ok(())
 }
 
@@ -53,6 +66,10 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
     while let Some(argument) = arguments.next() {
         if !argument.starts_with("--") {
             paths.push(argument.into());
+            continue;
+        }
+        if argument == "--quick" {
+            setup = Setup { width: 96, ladder: vec![1, 4, 16], reference: 256, ..setup };
             continue;
         }
         let value = arguments.next().ok_or_else(|| Error::usage(format!("{argument} needs a value")))?;
@@ -68,8 +85,8 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
             _ => return Err(Error::usage(format!("unknown option {argument}"))),
         }
     }
-    if paths.len() < 2 {
-        return Err(Error::usage("needs a folder for the results and at least one scene"));
+    if paths.is_empty() {
+        return Err(Error::usage("needs a folder for the results"));
     }
     let folder = paths.remove(0);
     oscura::output::check_target(&folder.join("time-to-error.csv"))?;
