@@ -88,6 +88,8 @@ pub struct Features {
     pub alpha: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
+    /// Some textures depend on how much of a surface a path sees.
+    pub footprints: bool,
 }
 
 impl CompiledScene {
@@ -126,8 +128,11 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.count(&geometries, &lights);
-    let features =
-        Features { alpha: materials.iter().any(|m| m.alpha.is_some()), normals: geometries.has_normals() };
+    let features = Features {
+        alpha: materials.iter().any(|m| m.alpha.is_some()),
+        normals: geometries.has_normals(),
+        footprints: textures.use_footprints(),
+    };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
     Ok((CompiledScene { accel, camera, geometries, materials, textures, lights, features, emitters }, report))

@@ -44,6 +44,10 @@ pub struct Paths {
     pub pdf: Lanes,
     /// Undoes the 1 / eta^2 of refractions for the roulette.
     pub eta_squared: Lanes,
+    /// Width of what the path sees at the start of its ray, metres, and how fast that grows, metres per metre; only
+    /// where textures ask for it.
+    pub cone_width: Lanes,
+    pub cone_spread: Lanes,
     /// Sobol point: its two parts.
     pub seed: Words,
     pub shuffled: Words,
