@@ -23,6 +23,8 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
+    /// Choices about glTF assets.
+    pub gltf: gltf::GltfOptions,
 }
 
 /// A scene and what happened on the way to it.
