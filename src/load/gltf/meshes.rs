@@ -127,7 +127,7 @@ impl MeshReader<'_, '_> {
             }
         };
         if attributes.colors.is_some() {
-            self.materials.use_vertex_colors(material);
+            self.materials.use_vertex_colors(material, at, self.report);
         }
         let from = format!("{at}/indices");
         let indices = match primitive.indices {
