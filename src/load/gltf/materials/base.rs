@@ -6,6 +6,7 @@ use crate::scene::{AlphaMode, ColorSlot, Emission, FloatSlot, NormalMap, PbrMate
 use gltf::json::extensions::material as ext;
 use gltf::json::material::AlphaMode as AlphaModeJson;
 use gltf::json::validation::Checked;
+use serde_json::Value;
 
 impl Builder<'_, '_> {
     /// The base colour, white where nothing is said.
@@ -61,10 +62,7 @@ impl Builder<'_, '_> {
         extensions: &ext::Material,
     ) -> PbrMaterial {
         let pbr = &json.pbr_metallic_roughness;
-        if json.extensions.as_ref().is_none_or(|e| e.unlit.is_none())
-            && self.raw.get("pbrMetallicRoughness").is_none()
-            && self.doc.is_from_blender()
-        {
+        if self.doc.is_from_blender() && self.says_nothing() {
             return self.lost_nodes(base_color);
         }
         let texture = pbr.metallic_roughness_texture.as_ref();
@@ -103,6 +101,14 @@ impl Builder<'_, '_> {
             self.glass(&mut model);
         }
         model
+    }
+
+    /// Does the material say nothing about how its surface scatters?
+    fn says_nothing(&self) -> bool {
+        let extensions = self.raw.get("extensions").and_then(Value::as_object);
+        let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
+        self.raw.get("pbrMetallicRoughness").is_none()
+            && extensions.is_none_or(|all| all.keys().all(emits_at_most))
     }
 
     /// A material by Blender that says nothing about its surface: the exporter writes that for shader nodes that glTF
