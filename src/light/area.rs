@@ -144,7 +144,8 @@ impl AreaLight {
                 (texture, factor, [uv, uv])
             }
         };
-        let [r, g, b, _] = textures.eval_at(*texture, &TexturePoint { uv, world: point });
+        let [r, g, b, _] =
+            textures.eval_at(*texture, &TexturePoint { uv, world: point, ..TexturePoint::default() });
         *factor * Vec3::new(r, g, b)
     }
 

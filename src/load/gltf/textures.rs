@@ -192,14 +192,16 @@ fn wrap(mode: Checked<WrappingMode>) -> Wrap {
     }
 }
 
-/// The filter for magnification decides; where it is not given, that for minification.
+/// The filter for magnification decides; where it is not given, that for minification, which also tells whether ever
+/// coarser copies of the image are wanted.
 fn filter(sampler: &Sampler) -> Interpolation {
     match (sampler.mag_filter, sampler.min_filter) {
         (Some(Checked::Valid(MagFilter::Nearest)), _) => Interpolation::Nearest,
         (None, Some(Checked::Valid(MinFilter::Nearest | MinFilter::NearestMipmapNearest))) => {
             Interpolation::Nearest
         }
-        _ => Interpolation::Bilinear,
+        (_, Some(Checked::Valid(MinFilter::Linear | MinFilter::Nearest))) => Interpolation::Bilinear,
+        _ => Interpolation::Trilinear,
     }
 }
 

@@ -107,7 +107,7 @@ fn texture(statement: &str, file: &Path, loaded: &mut Loaded) -> Option<TextureI
         image,
         wrap_u: Wrap::Repeat,
         wrap_v: Wrap::Repeat,
-        interpolation: Interpolation::Bilinear,
+        interpolation: Interpolation::Trilinear,
         mapping: Mapping::default(),
     });
     Some(TextureId(scene.textures.len() as u32 - 1))
