@@ -4,7 +4,7 @@ use super::document::{Document, Report, name_of, number_of, numbers_of, pointer}
 use super::nodes::Node;
 use super::options::LightUnits;
 use crate::math::{DAffine3, DMat3};
-use crate::scene::{Camera, Light, LightKind, Projection};
+use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
 use gltf::json::camera::Type;
 use gltf::json::validation::Checked;
 use serde_json::Value;
@@ -104,6 +104,16 @@ fn divisors(units: LightUnits) -> (f64, f64) {
     }
 }
 
+/// How spot lights fade: Blender's own way in its files, which KHR_lights_punctual has no words for, unless the user
+/// wants the specification's.
+fn fade(doc: &Document) -> SpotFade {
+    if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
+        SpotFade::Smooth
+    } else {
+        SpotFade::Square
+    }
+}
+
 /// Says what was done to the numbers of so many lights.
 pub(super) fn warn_units(doc: &Document, lights: usize, report: &mut Report) {
     if lights == 0 {
@@ -111,7 +121,11 @@ pub(super) fn warn_units(doc: &Document, lights: usize, report: &mut Report) {
     }
     let message = match doc.options.light_units {
         LightUnits::Auto => {
-            let origin = if doc.is_from_blender() { ", Blender's default for exporting watts" } else { "" };
+            let origin = if doc.is_from_blender() {
+                ", Blender's default for exporting watts, and spot lights fade as in Blender"
+            } else {
+                ""
+            };
             let units = LUMENS_PER_WATT;
             format!("intensities of {lights} lights were divided by {units} lm/W{origin} (--light-units)")
         }
@@ -160,6 +174,7 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
                 direction,
                 inner_angle_rad,
                 outer_angle_rad,
+                fade: fade(doc),
             })
         }
         _ => {

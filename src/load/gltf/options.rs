@@ -22,7 +22,8 @@ pub struct GltfOptions {
 /// Units of the lights of KHR_lights_punctual. The file doesn't say which mode its exporter used.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightUnits {
-    /// What the specification says, which is also the default of Blender's exporter.
+    /// What the specification says, which is also the default of Blender's exporter; spot lights in files by Blender
+    /// fade as they do there.
     #[default]
     Auto,
     /// Candela and lux, turned into watts by 683 lm/W.
