@@ -10,7 +10,11 @@ use oscura::math::DVec3;
 use oscura::scene::{Environment, Model, Scene, Texture};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
-    let options = LoadOptions { allow_external: args.allow_external, ..LoadOptions::default() };
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        gltf: args.asset.options(),
+        ..LoadOptions::default()
+    };
     let loaded = load(&args.scene, &options)?;
     let scene = &loaded.scene;
     if args.json {

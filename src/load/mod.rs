@@ -23,6 +23,8 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
+    /// Choices about glTF assets.
+    pub gltf: gltf::GltfOptions,
 }
 
 /// A scene and what happened on the way to it.
@@ -50,6 +52,11 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
         }
     };
+    if !matches!(extension.as_str(), "gltf" | "glb" | "toml") && options.gltf != gltf::GltfOptions::default()
+    {
+        let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
     framing::complete(&mut loaded, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }
