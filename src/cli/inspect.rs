@@ -10,7 +10,12 @@ use oscura::math::DVec3;
 use oscura::scene::{Environment, Model, Scene, Texture};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
-    let options = LoadOptions { allow_external: args.allow_external, ..LoadOptions::default() };
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
+    };
     let loaded = load(&args.scene, &options)?;
     let scene = &loaded.scene;
     if args.json {

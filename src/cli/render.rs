@@ -27,7 +27,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let stop = stop_flag()?;
 
     let start = Instant::now();
-    let options = LoadOptions { allow_external: args.allow_external, brings_environment: args.env.is_some() };
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
+    };
     let mut loaded = load(&args.scene, &options)?;
     let mut warnings = std::mem::take(&mut loaded.warnings);
     warnings.extend(apply_environment(args, &mut loaded.scene)?);

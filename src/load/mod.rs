@@ -23,6 +23,10 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
+    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
+    pub point_radius: Option<f64>,
+    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
+    pub no_sidecar: bool,
 }
 
 /// A scene and what happened on the way to it.

@@ -145,9 +145,9 @@ impl Builder {
         self.objects.push(Object { mesh, runs, smooth });
     }
 
-    /// Where flat faces meet smooth ones in a mesh, gives the flat corners vertices of their own; the normals of these.
+    /// Where flat faces meet smooth ones in a mesh, gives each flat corner a vertex of its own; the normals of these.
     fn separate_flat_corners(&mut self) -> Vec<(u32, [f32; 3])> {
-        let mut normals = Vec::new();
+        let (mut normals, mut taken) = (Vec::new(), vec![false; self.vertices.corners.len()]);
         for triangle in &mut self.triangles {
             let corners = triangle.map(|v| self.vertices.corners[v as usize]);
             if corners.iter().all(|c| c.normal != NormalSource::FLAT) {
@@ -157,10 +157,14 @@ impl Builder {
                 corners.map(|c| DVec3::from(self.attributes.positions[c.position as usize].map(f64::from)));
             let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array();
             for (index, corner) in triangle.iter_mut().zip(corners) {
-                if corner.normal == NormalSource::FLAT {
-                    *index = self.vertices.push(corner);
-                    normals.push((*index, normal));
+                if corner.normal != NormalSource::FLAT {
+                    continue;
                 }
+                // The first face keeps the vertex.
+                if std::mem::replace(&mut taken[*index as usize], true) {
+                    *index = self.vertices.push(corner);
+                }
+                normals.push((*index, normal));
             }
         }
         normals
