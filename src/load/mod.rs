@@ -25,6 +25,8 @@ pub struct LoadOptions {
     pub brings_environment: bool,
     /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
     pub point_radius: Option<f64>,
+    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
+    pub geometry_only: bool,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
     pub no_sidecar: bool,
 }
@@ -54,6 +56,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
         }
     };
+    if extension != "toml" && !options.no_sidecar {
+        let beside = scene_file::sidecar::path_for(path);
+        if beside.is_file() {
+            scene_file::sidecar::apply(&beside, options, &mut loaded)?;
+        }
+    }
     framing::complete(&mut loaded, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }

@@ -44,7 +44,9 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut report = Report::new(path);
     extensions::check(&doc, &mut report);
     let hierarchy = nodes::walk(&doc, &mut report);
-    let mut builder = Builder { doc: &doc, scene: Scene::default(), materials: Materials::default() };
+    let mut materials = Materials::default();
+    materials.geometry_only = options.geometry_only;
+    let mut builder = Builder { doc: &doc, scene: Scene::default(), materials };
     let used_meshes = builder.add_meshes(&hierarchy, &mut report);
     builder.add_cameras_and_lights(&hierarchy, &mut report);
     let Builder { mut scene, materials, .. } = builder;

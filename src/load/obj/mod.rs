@@ -38,7 +38,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     for (line, message) in &parsed.warnings {
         loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
     }
-    let libraries = read_libraries(path, &parsed, options, &mut loaded.warnings);
+    let libraries = match options.geometry_only {
+        true => Vec::new(),
+        false => read_libraries(path, &parsed, options, &mut loaded.warnings),
+    };
     let Parsed { objects, materials, .. } = parsed;
     let mut palette = Palette {
         file: path,
@@ -114,7 +117,7 @@ impl Palette<'_> {
         if let Some(&id) = self.ids.get(&(name, has_colors)) {
             return id;
         }
-        let used = name.and_then(|n| self.names.get(n as usize));
+        let used = name.and_then(|n| self.names.get(n as usize)).filter(|_| !self.maps.options.geometry_only);
         // Of several materials of a name, the first counts.
         let found = used.and_then(|(name, _)| self.libraries.iter().find(|(_, m)| m.name == *name));
         let mut material = match (found, used) {
