@@ -80,7 +80,7 @@ impl Parser {
                 self.begin();
             }
             b"mtllib" => self.libraries.push((decoded(words.rest()), line)),
-            b"l" | b"p" => self.ignore(line, "lines and points: only surfaces are rendered"),
+            b"l" | b"p" => self.ignore(line, "lines and points, which have no surface"),
             b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim"
             | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"vp" => {
                 self.ignore(line, "statements of free-form curves and surfaces");

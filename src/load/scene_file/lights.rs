@@ -2,7 +2,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], power or radiance }`: a rectangle that shines from its front, which faces the target |
+//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], power or radiance }`: a rectangle that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up` |
 //! | `point` | `{ position, power or intensity }` |
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it |
 //! | `sun` | `{ direction, irradiance }`: parallel light that travels that way |
@@ -95,8 +95,10 @@ fn add_area(build: &mut Build, fields: &Fields, name: String, color: [f32; 3]) {
     let direction = direction(fields, Some(center.value));
     let strength = strength(fields, "radiance", 1.0 / (PI * width * height));
     let (Some(direction), Some(strength)) = (direction, strength) else { return };
-    // A light that shines straight up or down has no natural side.
-    let right = up.cross(direction).try_normalize().unwrap_or_else(|| direction.any_orthonormal_vector());
+    // Lights that shine along `up`, as those of ceilings do, have their width along x.
+    let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
+    let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
+    let right = right.unwrap_or_else(|| direction.any_orthonormal_vector());
     let (edge_u, edge_v) = (right * width, direction.cross(right) * height);
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
