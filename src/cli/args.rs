@@ -83,7 +83,7 @@ pub(crate) struct RenderArgs {
     /// Camera by name or number, from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
-    /// Environment picture (.exr or .hdr), equirectangular; '' for none.
+    /// Environment picture (.exr, .hdr or 8-bit), equirectangular; '' for none.
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
     /// Factor on the environment.
