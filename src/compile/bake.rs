@@ -2,10 +2,11 @@
 
 use super::geometry::{Attributes, Geometries, Placement};
 use super::material::CompiledMaterial;
+use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance};
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, Mat3};
-use crate::scene::{Instance, MaterialId, Mesh, Scene};
+use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Texture};
 
 /// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
 const MIN_SHARED_TRIANGLES: usize = 1024;
@@ -41,8 +42,16 @@ pub fn bake(
     baked.geometries.shapes.push(accel::Geometry::default());
     baked.geometries.attributes.push(Attributes::default());
     let mut shared: Vec<Option<u32>> = vec![None; scene.meshes.len()];
+    let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh.index()];
+        let made = &mut tangents[instance.mesh.index()];
+        if made.is_none()
+            && let Some(uv_set) = normal_map_set(part_materials(mesh, instance), scene)
+        {
+            *made = with_tangents(mesh, uv_set);
+        }
+        let mesh = made.as_ref().unwrap_or(mesh);
         let world_from_object = moved(&instance.world_from_object, origin);
         if !is_invertible(&world_from_object.matrix3) {
             let message = "a transform that flattens it (or is not finite) hides it; it was left out";
@@ -99,6 +108,15 @@ fn is_invertible(m: &DMat3) -> bool {
 
 fn part_materials<'a>(mesh: &'a Mesh, instance: &'a Instance) -> impl Iterator<Item = MaterialId> + 'a {
     mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
+}
+
+/// The set of texture coordinates that the first normal map among materials uses.
+fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: &Scene) -> Option<usize> {
+    let map = used.find_map(|id| scene.materials[id.index()].normal_map)?;
+    match scene.textures.get(map.texture.index())? {
+        Texture::Image { mapping: Mapping::Uv { set, .. }, .. } => Some(*set as usize),
+        _ => None,
+    }
 }
 
 fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {

@@ -5,6 +5,7 @@ mod bake;
 mod emitters;
 mod geometry;
 mod material;
+mod tangents;
 
 pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, transmittance};

@@ -1,5 +1,6 @@
 //! Direct light: one light sample a vertex, weighted against scattering, and its shadow ray.
 
+use super::environment::SampleEnvironment;
 use super::surface::{Sorted, add};
 use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
 use super::{Integrator, Purpose};
@@ -18,6 +19,10 @@ impl Integrator<'_> {
         let (wave, count) = (&mut *w.wave, sorted.lit);
         if let Some((light, edges, radiance)) = self.only_rectangle() {
             dispatch(SampleRectangle { wave, count, dimensions: &dimensions, light, edges, radiance });
+            return;
+        }
+        if let Some(map) = self.only_environment() {
+            dispatch(SampleEnvironment { wave, count, dimensions: &dimensions, map });
             return;
         }
         dispatch(DrawNumbers { wave, count, dimensions: &dimensions });

@@ -84,6 +84,7 @@ impl Integrator<'_> {
         let mut next = self.classify(bounce, is_last, w).starts();
         let [_, plain, lambert, lit, total] = next;
         let sorted = Sorted { plain, lambert, lit, total };
+        w.escaped.clear();
         w.bsdfs.clear();
         w.bsdfs.resize(total - lambert, Bsdf::Black);
         for i in 0..w.rays.len() {
@@ -91,7 +92,7 @@ impl Integrator<'_> {
             let k = next[group as usize];
             next[group as usize] += 1;
             match group {
-                Group::None if !w.hits[i].is_hit() => self.escape(bounce, i, w),
+                Group::None if !w.hits[i].is_hit() => w.escaped.push(i as u32),
                 Group::None => {
                     self.meet(bounce, i, w);
                 }
@@ -109,6 +110,7 @@ impl Integrator<'_> {
                 }
             }
         }
+        self.escape(bounce, w);
         let (wave, count) = (&mut *w.wave, sorted.plain);
         if self.scene.features.normals {
             dispatch(PlainVertices::<true> { wave, count });
@@ -163,24 +165,6 @@ impl Integrator<'_> {
             w.materials.push(material);
         }
         GroupCounts(counts)
-    }
-
-    /// The path leaves the scene.
-    fn escape(&self, bounce: u32, i: usize, w: &mut Workspace) {
-        let Some(environment) = self.scene.lights.environment() else { return };
-        let paths = &w.arriving;
-        let (radiance, pdf) = environment.radiance_and_pdf(w.rays[i].direction);
-        let weight = match paths.pdf[i] {
-            scattered if scattered > 0.0 => {
-                power_heuristic(scattered, pdf * self.scene.lights.environment_pdf_discrete())
-            }
-            _ => 1.0,
-        };
-        let sum = &mut w.radiance[paths.sample[i] as usize];
-        add(sum, get(&paths.throughput, i) * radiance * weight);
-        if bounce == 0 {
-            sum[3] = 1.0;
-        }
     }
 
     /// The path meets a surface: adds its emission and looks up how it scatters.

@@ -112,6 +112,8 @@ pub struct Workspace {
     pub(super) hits: Vec<Hit>,
     /// Shading group of each hit.
     pub(super) groups: Vec<Group>,
+    /// Paths that left the scene.
+    pub(super) escaped: Vec<u32>,
     pub(super) materials: Vec<u32>,
     /// BSDFs of the vertices that are not Lambertian.
     pub(super) bsdfs: Vec<Bsdf>,
@@ -140,6 +142,7 @@ impl Workspace {
             rays: Vec::with_capacity(WAVE),
             hits: Vec::with_capacity(WAVE),
             groups: Vec::with_capacity(WAVE),
+            escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),

@@ -6,7 +6,7 @@ mod punctual;
 mod select;
 
 pub use area::{AreaLight, AreaShape, Edges, Radiance};
-pub use environment::{EnvironmentLight, EnvironmentSample};
+pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, solid_angle_density};
 pub use punctual::PunctualLight;
 pub use select::{Lights, Selected};
 

@@ -103,6 +103,74 @@ pub struct PbrMaterial {
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
     pub attenuation_distance: f32,
+    /// Spread of the index of refraction over the spectrum, 20 / Abbe number (KHR_materials_dispersion); 0 is none.
+    pub dispersion: f32,
+    /// A clear layer on top; `None` where there is none.
+    pub clearcoat: Option<Clearcoat>,
+    /// Fibres on top; `None` where there are none.
+    pub sheen: Option<Sheen>,
+    /// Stretched highlights; `None` for the same roughness in all directions.
+    pub anisotropy: Option<Anisotropy>,
+    /// A thin film; `None` where there is none.
+    pub iridescence: Option<Iridescence>,
+    /// Light scattered through the surface; `None` where there is none.
+    pub diffuse_transmission: Option<DiffuseTransmission>,
+}
+
+/// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Clearcoat {
+    /// Its strength 0..1, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// Its perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+    /// Its own normal map; without one it follows the geometry, not the base's map.
+    pub normal_map: Option<NormalMap>,
+}
+
+/// Scattering by fibres, like velvet (KHR_materials_sheen).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sheen {
+    /// Its colour 0..1, above 0 somewhere.
+    pub color: ColorSlot,
+    /// Its perceptual roughness 0..1.
+    pub roughness: FloatSlot,
+}
+
+/// Different roughness along two directions (KHR_materials_anisotropy): alpha along the direction is
+/// mix(alpha, 1, strength^2), across it alpha.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Anisotropy {
+    /// Strength 0..1, above 0; times the texture's blue.
+    pub strength: f32,
+    /// Counter-clockwise from the tangent to the direction of the larger roughness, radians; added to the texture's.
+    pub rotation_rad: f32,
+    /// Direction in the tangent plane in red and green as (d + 1) / 2, strength in blue; linear.
+    pub texture: Option<TextureId>,
+}
+
+/// A thin film that interferes with the light (KHR_materials_iridescence).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Iridescence {
+    /// Its strength 0..1, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// The film's index of refraction, at least 1.
+    pub ior: f32,
+    /// Thickness in nanometres where the texture is 0.
+    pub thickness_min_nm: f32,
+    /// Thickness in nanometres where the texture is 1, and without a texture.
+    pub thickness_max_nm: f32,
+    /// Blends between the two; which of its channels.
+    pub thickness_texture: Option<(TextureId, u8)>,
+}
+
+/// Diffuse light that leaves on the other side (KHR_materials_diffuse_transmission).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct DiffuseTransmission {
+    /// Share 0..1 of the diffuse light that passes, above 0 somewhere.
+    pub factor: FloatSlot,
+    /// Its colour, in place of the base colour.
+    pub color: ColorSlot,
 }
 
 impl Default for PbrMaterial {
@@ -118,7 +186,39 @@ impl Default for PbrMaterial {
             has_volume: false,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
+            dispersion: 0.0,
+            clearcoat: None,
+            sheen: None,
+            anisotropy: None,
+            iridescence: None,
+            diffuse_transmission: None,
         }
+    }
+}
+
+impl PbrMaterial {
+    /// All its slots of colours.
+    pub fn color_slots(&self) -> impl Iterator<Item = &ColorSlot> {
+        let sheen = self.sheen.as_ref().map(|s| &s.color);
+        let through = self.diffuse_transmission.as_ref().map(|d| &d.color);
+        [&self.base_color, &self.specular_color].into_iter().chain(sheen).chain(through)
+    }
+
+    /// All its slots of numbers.
+    pub fn float_slots(&self) -> impl Iterator<Item = &FloatSlot> {
+        [&self.metallic, &self.roughness, &self.specular, &self.transmission]
+            .into_iter()
+            .chain(self.clearcoat.iter().flat_map(|c| [&c.factor, &c.roughness]))
+            .chain(self.sheen.as_ref().map(|s| &s.roughness))
+            .chain(self.iridescence.as_ref().map(|i| &i.factor))
+            .chain(self.diffuse_transmission.as_ref().map(|d| &d.factor))
+    }
+
+    /// Its textures that stand in no slot of a colour or number.
+    pub fn other_textures(&self) -> impl Iterator<Item = TextureId> {
+        let coat = self.clearcoat.and_then(|c| c.normal_map).map(|n| n.texture);
+        let film = self.iridescence.and_then(|i| i.thickness_texture).map(|(id, _)| id);
+        coat.into_iter().chain(self.anisotropy.and_then(|a| a.texture)).chain(film)
     }
 }
 

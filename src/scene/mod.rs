@@ -16,7 +16,8 @@ pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind};
 pub use material::{
-    AlphaMode, ColorSlot, Emission, FloatSlot, FresnelModel, Material, Model, NormalMap, PbrMaterial,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, FresnelModel,
+    Iridescence, Material, Model, NormalMap, PbrMaterial, Sheen,
 };
 pub use settings::{Filter, Microfacet, Settings};
 pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};

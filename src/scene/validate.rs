@@ -98,10 +98,11 @@ impl super::Material {
             Model::Lambert { albedo } => (vec![*albedo], vec![]),
             Model::Metal { color, roughness } => (vec![*color], vec![*roughness]),
             Model::Dielectric { tint, .. } => (vec![*tint], vec![]),
-            Model::Pbr(p) => (
-                vec![p.base_color, p.specular_color],
-                vec![p.metallic, p.roughness, p.specular, p.transmission],
-            ),
+            Model::Pbr(p) => (p.color_slots().copied().collect(), p.float_slots().copied().collect()),
+        };
+        let other: Vec<_> = match &self.model {
+            Model::Pbr(p) => p.other_textures().collect(),
+            _ => Vec::new(),
         };
         colors
             .into_iter()
@@ -109,5 +110,6 @@ impl super::Material {
             .filter_map(|c| c.texture)
             .chain(floats.into_iter().chain([self.alpha]).filter_map(|f| f.texture.map(|(id, _)| id)))
             .chain(self.normal_map.map(|n| n.texture))
+            .chain(other)
     }
 }
