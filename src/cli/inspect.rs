@@ -79,8 +79,10 @@ fn model_name(model: &Model) -> &'static str {
     match model {
         Model::Black => "black",
         Model::Lambert { .. } => "lambert",
-        Model::Metal { .. } => "metal",
-        Model::Dielectric { .. } => "dielectric",
+        Model::OrenNayar { .. } => "oren-nayar",
+        Model::Phong { .. } => "phong",
+        Model::Metal { .. } | Model::MeasuredMetal { .. } => "metal",
+        Model::Dielectric { .. } | Model::Glass { .. } => "dielectric",
         Model::Pbr(_) => "glTF",
     }
 }

@@ -128,10 +128,17 @@ impl crate::scene::Material {
                 floats.push(roughness);
             }
             Model::Dielectric { tint, .. } => colors.push(tint),
+            Model::Phong { diffuse, specular, .. } => colors.extend([diffuse, specular]),
+            Model::MeasuredMetal { roughness, .. } => floats.push(roughness),
+            Model::OrenNayar { color, roughness } | Model::Glass { tint: color, roughness, .. } => {
+                colors.push(color);
+                floats.push(roughness);
+            }
             Model::Pbr(p) => {
-                let p = &mut **p;
-                colors.extend([&mut p.base_color, &mut p.specular_color]);
-                floats.extend([&mut p.metallic, &mut p.roughness, &mut p.specular, &mut p.transmission]);
+                let slots = p.slots_mut();
+                colors.extend(slots.colors);
+                floats.extend(slots.numbers);
+                slots.others.into_iter().for_each(&mut *change);
             }
         }
         colors.extend(self.emission.iter_mut().map(|e| &mut e.radiance));
