@@ -42,6 +42,15 @@ pub(crate) enum MicrofacetArg {
     Single,
 }
 
+/// What to do about self-shadowing on shapes with shading normals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TerminatorArg {
+    /// Let light fade where it sinks below the triangles.
+    Soft,
+    /// Let the triangles cut it off.
+    Off,
+}
+
 /// View transforms of PNGs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ViewArg {
@@ -124,6 +133,9 @@ pub(crate) struct RenderArgs {
     /// Microfacet model [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
+    /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
+    #[arg(long, default_value = "soft")]
+    pub terminator: TerminatorArg,
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,
