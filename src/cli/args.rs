@@ -91,7 +91,7 @@ pub(crate) struct RenderArgs {
     /// Camera by name or number, from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
-    /// Environment picture (.exr or .hdr), equirectangular; '' for none.
+    /// Environment picture (.exr, .hdr or 8-bit), equirectangular; '' for none.
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
     /// Factor on the environment.
@@ -100,9 +100,15 @@ pub(crate) struct RenderArgs {
     /// Turns the environment picture about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub env_rotation: Option<f64>,
-    /// Let glTF files refer to files outside their folder.
+    /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
+    /// Show the points of a point cloud as spheres of this radius, metres.
+    #[arg(long, value_name = "R")]
+    pub point_radius: Option<f64>,
+    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    #[arg(long)]
+    pub no_sidecar: bool,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
@@ -153,9 +159,15 @@ pub(crate) struct RenderArgs {
 pub(crate) struct InspectArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
     pub scene: PathBuf,
-    /// Let glTF files refer to files outside their folder.
+    /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
+    /// Show the points of a point cloud as spheres of this radius, metres.
+    #[arg(long, value_name = "R")]
+    pub point_radius: Option<f64>,
+    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    #[arg(long)]
+    pub no_sidecar: bool,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,

@@ -47,6 +47,9 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         allow_external: args.allow_external,
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
     };
     let mut loaded = load(&args.scene, &options)?;
     let mut warnings = std::mem::take(&mut loaded.warnings);

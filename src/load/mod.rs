@@ -25,6 +25,12 @@ pub struct LoadOptions {
     pub brings_environment: bool,
     /// Choices about glTF assets.
     pub gltf: gltf::GltfOptions,
+    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
+    pub point_radius: Option<f64>,
+    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
+    pub geometry_only: bool,
+    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
+    pub no_sidecar: bool,
 }
 
 /// A scene and what happened on the way to it.
@@ -56,6 +62,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
+    }
+    if extension != "toml" && !options.no_sidecar {
+        let beside = scene_file::sidecar::path_for(path);
+        if beside.is_file() {
+            scene_file::sidecar::apply(&beside, options, &mut loaded)?;
+        }
     }
     framing::complete(&mut loaded, options.brings_environment);
     let problems = loaded.scene.validate();

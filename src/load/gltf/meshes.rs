@@ -111,7 +111,7 @@ impl MeshReader<'_, '_> {
             return None;
         };
         for set in (0..needs.uv_sets.len()).filter(|&set| needs.uv_sets[set]) {
-            if attributes.uv_sets.get(set).copied().flatten().is_none() {
+            if attributes.uv_sets.get(set).copied().flatten().is_none() && !self.materials.geometry_only {
                 let message = format!("has no TEXCOORD_{set}, which its material's textures use; taken as 0");
                 self.report.warn(format!("{at}/attributes"), message);
             }

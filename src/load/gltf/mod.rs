@@ -63,6 +63,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let family = Family::new(&doc, &pose);
     let hierarchy = nodes::walk(&doc, &pose, &family, &mut report);
     let mut builder = Builder::new(&doc, &pose, &family);
+    builder.materials.geometry_only = options.geometry_only;
     builder.add(&hierarchy, &mut report);
     let left_out = left_out(&doc, &builder, &pose);
     let mut scene = builder.finish(&mut report);

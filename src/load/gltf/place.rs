@@ -29,7 +29,7 @@ pub(super) struct Builder<'b, 'a> {
     pose: &'b Pose,
     family: &'b Family<'b, 'a>,
     scene: Scene,
-    materials: Materials,
+    pub materials: Materials,
     shapes: HashMap<Shape, Vec<MeshId>>,
     skipped: Skipped,
 }

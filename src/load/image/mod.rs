@@ -16,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What an image is for, which decides how its numbers are understood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
     /// Colour: integers are sRGB-encoded, floats linear.
     Color,

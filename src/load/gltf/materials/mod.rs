@@ -28,6 +28,8 @@ pub(super) struct Materials {
     pub list: Vec<Material>,
     /// Their textures.
     pub textures: Textures,
+    /// The caller replaces all materials: none is read, and the default stands for each.
+    pub geometry_only: bool,
     needs: Vec<Needs>,
     known: HashMap<Option<usize>, Option<MaterialId>>,
 }
@@ -41,12 +43,18 @@ impl Materials {
         from: &str,
         report: &mut Report,
     ) -> Option<MaterialId> {
+        let index = index.filter(|_| !self.geometry_only);
         if let Some(known) = self.known.get(&index) {
             return *known;
         }
         let built = match index {
             Some(index) => build(doc, index, from, &mut self.textures, report),
-            None => Some((default_material(), Needs::default())),
+            None => {
+                // Whatever replaces it may need the first set.
+                let mut needs = Needs::default();
+                needs.uv_sets[0] = self.geometry_only;
+                Some((default_material(), needs))
+            }
         };
         let id = built.map(|(material, needs)| {
             self.list.push(material);
