@@ -141,6 +141,28 @@ fn basis_universal_files_decode() {
     }
 }
 
+/// Each byte of the Basis Universal files changed: an error or some picture, in bounded time and memory.
+#[test]
+fn damaged_basis_universal_files_never_panic() {
+    let asset = triangle_with(|a| {
+        a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+        a["textures"] = json!([{"source": 0}]);
+        a["images"] = json!([{"uri": "a.ktx2"}]);
+    });
+    for path in files_of("extensions", "ktx2").iter().filter(|p| !p.ends_with("2d_rgba8.ktx2")) {
+        let whole = std::fs::read(path).expect("it can be read");
+        let mut refused = 0;
+        for at in 12..whole.len() {
+            let mut bytes = whole.clone();
+            bytes[at] ^= 0xff;
+            let loaded = load_with(&asset, &[("a.bin", &triangle_bytes()), ("a.ktx2", &bytes)]);
+            refused += usize::from(loaded.is_err());
+        }
+        println!("{}: {refused} of {} changes are refused", path.display(), whole.len());
+        assert!(refused > 20);
+    }
+}
+
 #[test]
 fn a_helmet_with_its_textures() {
     for path in collection("models").iter().filter(|p| p.ends_with("DamagedHelmet.glb")) {
