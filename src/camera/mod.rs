@@ -71,6 +71,13 @@ impl Camera {
         Ray::new(origin, direction.normalize())
     }
 
+    /// Width of what a camera ray stands for at its start, and its growth over a metre: half a pixel's, so that the many
+    /// rays of a pixel see more than one of them would.
+    pub fn pixel_cone(&self) -> (f32, f32) {
+        let half_pixel = 0.5 * self.step_x.length();
+        if self.is_perspective { (0.0, half_pixel) } else { (half_pixel, 0.0) }
+    }
+
     /// Distance of a point from the camera's plane: the depth that compositing programs call Z.
     #[inline(always)]
     pub fn depth(&self, p: Vec3) -> f32 {

@@ -1,5 +1,7 @@
 //! The arguments as clap parses them; nothing is decided here.
 
+use super::asset_args::AssetArgs;
+use super::frames::Frames;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -55,13 +57,19 @@ pub(crate) enum AovArg {
     Albedo,
 }
 
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
     pub scene: PathBuf,
-    /// File to write, .exr or .png; may be given several times.
+    /// File to write, .exr or .png; may be given several times. In a sequence, #### stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
+    /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps.
+    #[arg(long, value_name = "A-B", conflicts_with = "time")]
+    pub frames: Option<Frames>,
+    /// Frames a second of a sequence.
+    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second)]
+    pub fps: f64,
     /// Samples a pixel [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub spp: Option<u32>,
@@ -140,9 +148,11 @@ pub(crate) struct RenderArgs {
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
-    /// Print one JSON object about the run on standard output.
+    /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub asset: AssetArgs,
 }
 
 #[derive(Args, Debug)]
@@ -161,6 +171,8 @@ pub(crate) struct InspectArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub asset: AssetArgs,
 }
 
 #[derive(Args, Debug)]
@@ -181,6 +193,11 @@ pub(crate) struct CompareArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+fn frames_per_second(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
+    value.ok_or_else(|| "must be a number above 0".to_string())
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {

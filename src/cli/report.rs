@@ -175,8 +175,13 @@ impl Run {
             mib(c.bytes)
         );
         eprintln!(
-            "picture  {} x {}, {:.4} samples a pixel, {} paths, {} rays",
-            self.width, self.height, s.samples_per_pixel, s.samples, s.rays
+            "picture  {} x {}, {} samples a pixel, {} paths, {} rays",
+            self.width,
+            self.height,
+            // Fractions only come from stopping early.
+            (s.samples_per_pixel * 100.0).round() / 100.0,
+            s.samples,
+            s.rays
         );
         eprintln!(
             "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), write {:.3} s",

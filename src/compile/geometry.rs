@@ -61,6 +61,8 @@ pub struct Coordinates {
     /// Tangent, bitangent and shading normal as columns, for normal maps; `None` where there are no texture
     /// coordinates.
     pub tangent_frame: Option<Mat3>,
+    /// How much each set of texture coordinates changes over a metre.
+    pub uv_per_metre: [f32; 2],
 }
 
 /// Flat arrays of all geometry.
@@ -202,18 +204,21 @@ impl Geometries {
             }
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
-                let frame = frame_of(q.edge_u, surface.ns, 1.0);
-                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame: frame }
+                let tangent_frame = frame_of(q.edge_u, surface.ns, 1.0);
+                let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
+                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
-            Primitive::Sphere(index, _) => {
+            Primitive::Sphere(index, s) => {
                 let object_from_world =
                     attributes.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY);
                 let local = object_from_world * surface.ng;
                 let uv = sphere_coordinates(local);
                 // Eastwards: u grows counter-clockwise as seen from above.
                 let east = object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x);
-                let frame = frame_of(east, surface.ns, -1.0);
-                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame: frame }
+                let tangent_frame = frame_of(east, surface.ns, -1.0);
+                // At the equator: 2 pi r by pi r metres.
+                let uv_per_metre = [1.0 / (std::f32::consts::SQRT_2 * std::f32::consts::PI * s.radius); 2];
+                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
         }
     }
@@ -241,7 +246,11 @@ impl Attributes {
                 std::array::from_fn(|i| (0..3).map(|k| c[k][i] * weights[k]).sum())
             }
         };
-        let first = corner_uv(0);
+        let (first, second) = (corner_uv(0), corner_uv(1));
+        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+        let density = |uv: Option<[Vec2; 3]>| {
+            uv.map_or(0.0, |c| ((c[1] - c[0]).perp_dot(c[2] - c[0]).abs() / area).sqrt())
+        };
         let from_vertices = (!self.tangents.is_empty())
             .then(|| vertices(&self.tangents, t))
             .filter(|c| c[0] != [0.0; 4])
@@ -251,7 +260,12 @@ impl Attributes {
                 frame_of(*linear * tangent, surface.ns, c[0][3] * linear.determinant().signum())
             });
         let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
-        Coordinates { uv: [mix(first), mix(corner_uv(1))], color, tangent_frame }
+        Coordinates {
+            uv: [mix(first), mix(second)],
+            color,
+            tangent_frame,
+            uv_per_metre: [density(first), density(second)],
+        }
     }
 }
 

@@ -5,6 +5,7 @@ mod bake;
 mod emitters;
 mod geometry;
 mod material;
+mod tangents;
 
 pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, transmittance};
@@ -88,6 +89,8 @@ pub struct Features {
     pub alpha: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
+    /// Some textures depend on how much of a surface a path sees.
+    pub footprints: bool,
 }
 
 impl CompiledScene {
@@ -126,8 +129,11 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.count(&geometries, &lights);
-    let features =
-        Features { alpha: materials.iter().any(|m| m.alpha.is_some()), normals: geometries.has_normals() };
+    let features = Features {
+        alpha: materials.iter().any(|m| m.alpha.is_some()),
+        normals: geometries.has_normals(),
+        footprints: textures.use_footprints(),
+    };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
     Ok((CompiledScene { accel, camera, geometries, materials, textures, lights, features, emitters }, report))

@@ -20,6 +20,11 @@ impl Integrator<'_> {
         self.number_samples(block, first, count, paths);
         let dimensions = self.dimensions(0, Purpose::Camera);
         dispatch(StartPaths { paths, numbers, count, dimensions: &dimensions });
+        if self.scene.features.footprints {
+            let (width, spread) = self.scene.camera.pixel_cone();
+            paths.cone_width[..count].fill(width);
+            paths.cone_spread[..count].fill(spread);
+        }
         let samples = u64::from(block.samples);
         let mut at = Cursor::new(block, first);
         for i in 0..count {

@@ -13,6 +13,7 @@
 
 mod alpha;
 mod direct;
+mod environment;
 mod generate;
 mod scatter;
 mod surface;

@@ -24,6 +24,7 @@ impl Integrator<'_> {
         for i in sorted.lambert..sorted.total {
             generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);
         }
+        let uses_tree = self.scene.lights.use_tree();
         w.rays.clear();
         let Wave { paths, vertices: v } = &*w.wave;
         for i in 0..sorted.total {
@@ -31,9 +32,27 @@ impl Integrator<'_> {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k);
                 w.arriving.pdf[k] = v.next_pdf[i];
+                if uses_tree {
+                    set(&mut w.arriving.receiver_normal, k, get(&paths.receiver_normal, i));
+                }
+                if self.scene.features.footprints {
+                    widen(&mut w.arriving.cone_spread[k], v.next_pdf[i]);
+                }
                 w.rays.push(Ray::new(get(&v.origin, i), get(&v.direction, i)));
             }
         }
+    }
+}
+
+/// A scattered ray stands for a share of the directions that it might have taken: as if this many others filled the
+/// rest. After a diffuse bounce it sees a width of a fifth of the distance; after a mirror, what it saw before.
+const RAYS_OF_A_LOBE: f32 = 64.0;
+
+#[inline(always)]
+fn widen(spread: &mut f32, pdf_solid_angle: f32) {
+    if pdf_solid_angle > 0.0 {
+        let own = 1.0 / (RAYS_OF_A_LOBE * pdf_solid_angle).sqrt();
+        *spread = if own > *spread { own } else { *spread };
     }
 }
 

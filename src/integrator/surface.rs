@@ -7,7 +7,8 @@ use crate::compile::{
     CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
 };
 use crate::film::AovSample;
-use crate::math::{Hit, Vec2, Vec3};
+use crate::light::Receiver;
+use crate::math::{Hit, Vec3};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
 use crate::texture::TexturePoint;
@@ -75,9 +76,16 @@ impl Integrator<'_> {
     /// Adds what the arriving paths see to their radiance and sorts the surfaces where they go on. With `is_last` none
     /// goes on.
     pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> Sorted {
+        if self.scene.features.footprints {
+            let Workspace { arriving: paths, hits, .. } = &mut *w;
+            for (i, hit) in hits.iter().enumerate() {
+                paths.cone_width[i] += paths.cone_spread[i] * hit.t;
+            }
+        }
         let mut next = self.classify(bounce, is_last, w).starts();
         let [_, plain, lambert, lit, total] = next;
         let sorted = Sorted { plain, lambert, lit, total };
+        w.escaped.clear();
         w.bsdfs.clear();
         w.bsdfs.resize(total - lambert, Bsdf::Black);
         for i in 0..w.rays.len() {
@@ -85,7 +93,7 @@ impl Integrator<'_> {
             let k = next[group as usize];
             next[group as usize] += 1;
             match group {
-                Group::None if !w.hits[i].is_hit() => self.escape(bounce, i, w),
+                Group::None if !w.hits[i].is_hit() => w.escaped.push(i as u32),
                 Group::None => {
                     self.meet(bounce, i, w);
                 }
@@ -103,6 +111,7 @@ impl Integrator<'_> {
                 }
             }
         }
+        self.escape(bounce, w);
         let (wave, count) = (&mut *w.wave, sorted.plain);
         if self.scene.features.normals {
             dispatch(PlainVertices::<true> { wave, count });
@@ -159,24 +168,6 @@ impl Integrator<'_> {
         GroupCounts(counts)
     }
 
-    /// The path leaves the scene.
-    fn escape(&self, bounce: u32, i: usize, w: &mut Workspace) {
-        let Some(environment) = self.scene.lights.environment() else { return };
-        let paths = &w.arriving;
-        let (radiance, pdf) = environment.radiance_and_pdf(w.rays[i].direction);
-        let weight = match paths.pdf[i] {
-            scattered if scattered > 0.0 => {
-                power_heuristic(scattered, pdf * self.scene.lights.environment_pdf_discrete())
-            }
-            _ => 1.0,
-        };
-        let sum = &mut w.radiance[paths.sample[i] as usize];
-        add(sum, get(&paths.throughput, i) * radiance * weight);
-        if bounce == 0 {
-            sum[3] = 1.0;
-        }
-    }
-
     /// The path meets a surface: adds its emission and looks up how it scatters.
     fn meet(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let (ray, hit) = (&{ w.rays[i] }, &{ w.hits[i] });
@@ -192,7 +183,8 @@ impl Integrator<'_> {
         let bsdf = match constant {
             Some(bsdf) => bsdf,
             None => {
-                let (bsdf, ns) = self.textured(material, &surface, hit);
+                let width = w.arriving.cone_width[i];
+                let (bsdf, ns) = self.textured(material, &surface, hit, width);
                 surface.ns = ns;
                 bsdf
             }
@@ -217,15 +209,24 @@ impl Integrator<'_> {
     }
 
     /// Looks up textures, vertex colours and the normal map.
-    fn textured(&self, material: &CompiledMaterial, surface: &Surface, hit: &Hit) -> (Bsdf, Vec3) {
-        let Coordinates { uv, color, tangent_frame } = self.scene.geometries.coordinates(surface, hit);
-        let slots = self.slots(uv, surface.p);
-        let ns = material.shading_normal(&slots, surface, tangent_frame);
-        (material.bsdf(&slots, Vec3::from_slice(&color)), ns)
+    fn textured(
+        &self,
+        material: &CompiledMaterial,
+        surface: &Surface,
+        hit: &Hit,
+        width: f32,
+    ) -> (Bsdf, Vec3) {
+        let at = self.scene.geometries.coordinates(surface, hit);
+        let slots = self.slots(&at, surface, width);
+        let ns = material.shading_normal(&slots, surface, at.tangent_frame);
+        (material.bsdf(&slots, Vec3::from_slice(&at.color)), ns)
     }
 
-    pub(super) fn slots(&self, uv: [Vec2; 2], world: Vec3) -> TexturedSlots<'_> {
-        TexturedSlots { textures: &self.scene.textures, point: TexturePoint { uv, world } }
+    /// Texture lookups at a point that a path sees in a certain width.
+    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> TexturedSlots<'_> {
+        let (world, normal) = (surface.p, surface.ng);
+        let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
+        TexturedSlots { textures: &self.scene.textures, point }
     }
 
     /// Adds the light that a surface emits, weighted against sampling the light it is.
@@ -243,8 +244,9 @@ impl Integrator<'_> {
             None => Vec3::from_array(emission.radiance.factor),
             Some(_) => {
                 use crate::bsdf::Slots;
-                let uv = self.scene.geometries.coordinates(surface, hit).uv;
-                self.slots(uv, surface.p).color(&emission.radiance)
+                // A point: light sampling, which this is weighted against, sees points too.
+                let at = self.scene.geometries.coordinates(surface, hit);
+                self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };
         let paths = &w.arriving;
@@ -253,8 +255,10 @@ impl Integrator<'_> {
             && let Some(index) = self.scene.light_at(hit)
         {
             let light = &self.scene.lights.area()[index as usize];
-            let pdf = light.pdf_solid_angle(w.rays[i].origin, surface.p);
-            weight = power_heuristic(paths.pdf[i], pdf * self.scene.lights.pdf_discrete(index));
+            let p = w.rays[i].origin;
+            let receiver = Receiver { p, normal: get(&paths.receiver_normal, i) };
+            let chance = self.scene.lights.pdf_discrete(&receiver, index);
+            weight = power_heuristic(paths.pdf[i], light.pdf_solid_angle(p, surface.p) * chance);
         }
         add(&mut w.radiance[paths.sample[i] as usize], get(&paths.throughput, i) * radiance * weight);
     }
@@ -353,5 +357,7 @@ impl Paths {
         other.seed[k] = self.seed[i];
         other.shuffled[k] = self.shuffled[i];
         other.sample[k] = self.sample[i];
+        other.cone_width[k] = self.cone_width[i];
+        other.cone_spread[k] = self.cone_spread[i];
     }
 }

@@ -44,6 +44,13 @@ pub struct Paths {
     pub pdf: Lanes,
     /// Undoes the 1 / eta^2 of refractions for the roulette.
     pub eta_squared: Lanes,
+    /// Width of what the path sees at the start of its ray, metres, and how fast that grows, metres per metre; only
+    /// where textures ask for it.
+    pub cone_width: Lanes,
+    pub cone_spread: Lanes,
+    /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; only where that
+    /// choice depends on it.
+    pub receiver_normal: Lanes3,
     /// Sobol point: its two parts.
     pub seed: Words,
     pub shuffled: Words,
@@ -81,6 +88,9 @@ pub struct Vertices {
     pub is_infinite: Lanes,
     /// Radiance of the light.
     pub light: Lanes3,
+    /// The chosen light, and the chance of it.
+    pub light_index: Words,
+    pub light_chance: Lanes,
     /// Density with which the light's point was chosen; 0 for none; negative for lights without size.
     pub light_pdf: Lanes,
     /// What the shadow ray brings if nothing is in its way.
@@ -108,6 +118,8 @@ pub struct Workspace {
     pub(super) hits: Vec<Hit>,
     /// Shading group of each hit.
     pub(super) groups: Vec<Group>,
+    /// Paths that left the scene.
+    pub(super) escaped: Vec<u32>,
     pub(super) materials: Vec<u32>,
     /// BSDFs of the vertices that are not Lambertian.
     pub(super) bsdfs: Vec<Bsdf>,
@@ -136,6 +148,7 @@ impl Workspace {
             rays: Vec::with_capacity(WAVE),
             hits: Vec::with_capacity(WAVE),
             groups: Vec::with_capacity(WAVE),
+            escaped: Vec::with_capacity(WAVE),
             materials: Vec::with_capacity(WAVE),
             bsdfs: Vec::new(),
             shadow_rays: Vec::with_capacity(WAVE),

@@ -3,7 +3,7 @@
 use crate::color::luminance;
 use crate::image::Image;
 use crate::math::{Vec3, poly};
-use crate::sampling::{BilinearMap, warp};
+use crate::sampling::{BilinearMap, MapSample, warp};
 use crate::scene::Environment;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -40,7 +40,7 @@ enum Kind {
 
 /// An equirectangular image and the density to sample it with.
 #[derive(Clone, Debug)]
-struct ImageMap {
+pub struct ImageMap {
     width: usize,
     height: usize,
     /// Linear RGB times the strength, row by row from the top.
@@ -112,20 +112,17 @@ impl EnvironmentLight {
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         match &self.kind {
-            Kind::Image(map) => map.map.pdf_area(map.uv(direction)) * solid_angle_density(direction),
+            Kind::Image(map) => map.pdf_solid_angle(map.uv(direction), direction),
             _ => warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE,
         }
     }
 
-    /// Radiance and density of one direction, with one look at the map's coordinates.
-    #[inline]
-    pub fn radiance_and_pdf(&self, direction: Vec3) -> (Vec3, f32) {
+    /// The image, if it is one: for loops over many directions.
+    #[inline(always)]
+    pub fn image_map(&self) -> Option<&ImageMap> {
         match &self.kind {
-            Kind::Image(map) => {
-                let uv = map.uv(direction);
-                (map.lookup(uv), map.map.pdf_area(uv) * solid_angle_density(direction))
-            }
-            _ => (self.radiance(direction), warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE),
+            Kind::Image(map) => Some(map),
+            _ => None,
         }
     }
 
@@ -141,7 +138,7 @@ impl EnvironmentLight {
 
 /// Density per solid angle of a direction whose map coordinates have density 1 per area of the unit square.
 #[inline(always)]
-fn solid_angle_density(direction: Vec3) -> f32 {
+pub fn solid_angle_density(direction: Vec3) -> f32 {
     let sine = (direction.x * direction.x + direction.z * direction.z).sqrt();
     FRAC_1_PI * FRAC_1_PI * 0.5 / if sine > MIN_SIN { sine } else { MIN_SIN }
 }
@@ -186,7 +183,7 @@ impl ImageMap {
 
     /// Map coordinates of a direction, both in 0..1.
     #[inline(always)]
-    fn uv(&self, d: Vec3) -> [f32; 2] {
+    pub fn uv(&self, d: Vec3) -> [f32; 2] {
         // Turning the surroundings counter-clockwise seen from above turns the direction clockwise.
         let x = d.x * self.cosine - d.z * self.sine;
         let z = d.x * self.sine + d.z * self.cosine;
@@ -196,8 +193,9 @@ impl ImageMap {
         [u, poly::atan2(sine, d.y) * FRAC_1_PI]
     }
 
-    #[inline]
-    fn direction(&self, [u, v]: [f32; 2]) -> Vec3 {
+    /// The direction of map coordinates.
+    #[inline(always)]
+    pub fn direction(&self, [u, v]: [f32; 2]) -> Vec3 {
         let (s, c) = poly::sin_cos_turns(u - 0.5);
         let (sine, y) = poly::sin_cos_turns(0.5 * v);
         let sine = if sine > MIN_SIN { sine } else { MIN_SIN };
@@ -205,9 +203,21 @@ impl ImageMap {
         Vec3::new(x * self.cosine + z * self.sine, y, z * self.cosine - x * self.sine)
     }
 
-    /// Bilinear; wraps along u, clamps along v.
-    #[inline]
-    fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
+    /// Density per solid angle of choosing a direction whose map coordinates are `uv`.
+    #[inline(always)]
+    pub fn pdf_solid_angle(&self, uv: [f32; 2], direction: Vec3) -> f32 {
+        self.map.pdf_area(uv) * solid_angle_density(direction)
+    }
+
+    /// Chooses map coordinates by luminance.
+    #[inline(always)]
+    pub fn sample_uv(&self, u: [f32; 2]) -> MapSample {
+        self.map.sample(u)
+    }
+
+    /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
+    #[inline(always)]
+    pub fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
         let x = u * self.width as f32 - 0.5;
         let x = if x < 0.0 { x + self.width as f32 } else { x };
         let y = (v * self.height as f32 - 0.5).max(0.0);
@@ -220,9 +230,8 @@ impl ImageMap {
         top + (bottom - top) * t
     }
 
-    #[inline]
     fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
-        let chosen = self.map.sample(u);
+        let chosen = self.sample_uv(u);
         let direction = self.direction(chosen.uv);
         EnvironmentSample {
             direction,
@@ -288,7 +297,7 @@ mod tests {
         let mut random = Random::new(5);
         for _ in 0..100_000 {
             let s = light.sample([random.next(), random.next()]);
-            let (radiance, pdf) = light.radiance_and_pdf(s.direction);
+            let (radiance, pdf) = (light.radiance(s.direction), light.pdf_solid_angle(s.direction));
             // Beside the sun a texel's step is 1e5 times the sky: coordinates carry 1e-7 of the whole map.
             let relative = (s.pdf_solid_angle / pdf - 1.0).abs();
             let of_radiance = (s.radiance - radiance).length() / radiance.length();

@@ -33,6 +33,8 @@ pub struct BilinearMap {
     rows: Vec<f32>,
     /// Integral of the marginal at its breakpoints 0, 0.5, 1.5, .., height - 0.5, height, divided by the height.
     row_cumulative: Vec<f32>,
+    /// Where the search for a block starts: the largest power of two below their number.
+    first_step: usize,
 }
 
 impl BilinearMap {
@@ -63,7 +65,8 @@ impl BilinearMap {
             rows.push((sum / width as f64) as f32);
         }
         let row_cumulative = cumulative_of_rows(&rows);
-        BilinearMap { width, height, values, coarse, rows, row_cumulative }
+        let first_step = blocks.next_power_of_two() / 2;
+        BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step }
     }
 
     /// Bytes that it takes.
@@ -72,7 +75,7 @@ impl BilinearMap {
     }
 
     /// Density per area of the unit square at a position in 0..1.
-    #[inline]
+    #[inline(always)]
     pub fn pdf_area(&self, uv: [f32; 2]) -> f32 {
         let y = uv[1] * self.height as f32 - 0.5;
         let (low, high, t) = self.row_pair(y);
@@ -85,7 +88,7 @@ impl BilinearMap {
     }
 
     /// A position with density proportional to the interpolant.
-    #[inline]
+    #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> MapSample {
         let y = self.sample_row(u[1]);
         let (low, high, t) = self.row_pair(y);
@@ -96,7 +99,7 @@ impl BilinearMap {
     }
 
     /// The rows around a position in texel centres, and the second one's share.
-    #[inline]
+    #[inline(always)]
     fn row_pair(&self, y: f32) -> (usize, usize, f32) {
         let last = self.height - 1;
         let y = if y > 0.0 { y } else { 0.0 };
@@ -104,7 +107,7 @@ impl BilinearMap {
         (low, (low + 1).min(last), y - low as f32)
     }
 
-    #[inline]
+    #[inline(always)]
     fn blend(&self, low: usize, high: usize, t: f32, i: usize) -> f32 {
         let stride = self.width + 1;
         let (a, b) = (self.values[low * stride + i], self.values[high * stride + i]);
@@ -112,7 +115,7 @@ impl BilinearMap {
     }
 
     /// Inverts the marginal along v: a position in texel centres, -0.5 to height - 0.5.
-    #[inline]
+    #[inline(always)]
     fn sample_row(&self, u: f32) -> f32 {
         let target = u * self.row_cumulative[self.height + 1];
         let piece = (self.row_cumulative.partition_point(|&c| c <= target).max(1) - 1).min(self.height);
@@ -127,18 +130,20 @@ impl BilinearMap {
     }
 
     /// Inverts the density along u at a blend of two rows: a position in texel centres, 0 to width, and the density.
-    #[inline]
+    #[inline(always)]
     fn sample_column(&self, u: f32, low: usize, high: usize, t: f32) -> (f32, f32) {
         let blocks = self.width.div_ceil(BLOCK);
         let row = |j: usize| &self.coarse[j * (blocks + 1)..][..blocks + 1];
         let (c0, c1) = (row(low), row(high));
         let at = |k: usize| c0[k] + t * (c1[k] - c0[k]);
         let target = u * at(blocks);
-        // The last block whose start is at or before the target.
-        let (mut block, mut end) = (0, blocks);
-        while end - block > 1 {
-            let middle = (block + end) / 2;
-            if at(middle) <= target { block = middle } else { end = middle }
+        // The last block whose start is at or before the target; by sums, since branches would be mispredicted.
+        let (mut block, mut step) = (0, self.first_step);
+        while step > 0 {
+            let next = (block + step).min(blocks);
+            let is_before = (next < blocks) & (at(next) <= target);
+            block += step * usize::from(is_before);
+            step /= 2;
         }
         let mut rest = target - at(block);
         let last = ((block + 1) * BLOCK).min(self.width) - 1;

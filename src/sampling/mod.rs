@@ -15,7 +15,7 @@ pub mod sphere_light;
 pub mod triangle;
 pub mod warp;
 
-pub use bilinear::BilinearMap;
+pub use bilinear::{BilinearMap, MapSample};
 pub use distribution::{AliasTable, PiecewiseConstant};
 pub use mis::power_heuristic;
 pub use rectangle::SphericalRectangle;

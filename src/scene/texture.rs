@@ -18,8 +18,11 @@ pub enum Wrap {
 /// How values between texel centres come about.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Interpolation {
-    /// Linear between the four nearest texels.
+    /// Linear between the four nearest texels, and between ever coarser copies of the image where a pixel sees many
+    /// texels at once.
     #[default]
+    Trilinear,
+    /// Linear between the four nearest texels, at any distance.
     Bilinear,
     /// The nearest texel.
     Nearest,
@@ -55,6 +58,12 @@ pub enum Mapping {
     },
     /// The point in world space (procedural textures).
     World,
+    /// Three projections along the world's axes, blended by the fourth power of the normal: for meshes without texture
+    /// coordinates.
+    Triplanar {
+        /// Edge of the square that the image covers, metres.
+        size: f32,
+    },
 }
 
 impl Default for Mapping {

@@ -1,62 +1,159 @@
-//! Image lookup: wrap modes, nearest and bilinear.
+//! Image lookup: wrap modes; nearest, bilinear, and trilinear between the levels of a pyramid.
 
+use super::pyramid::coarser_levels;
+use super::texels::{Texels, WithTexels, with_texels};
 use crate::image::Image;
 use crate::math::Vec2;
 use crate::scene::{Interpolation, Wrap};
+use std::sync::Arc;
+
+/// Numbers of this size and above have no fraction.
+const NO_FRACTION: f32 = 8_388_608.0;
 
 /// An image with the way in which it is read. Texel centres lie at `(i + 0.5) / width`; v points down.
 #[derive(Clone, Debug)]
 pub struct ImageLookup {
     image: Image,
+    /// Ever coarser copies; none unless they are used.
+    coarser: Arc<[Image]>,
     wrap: [Wrap; 2],
     interpolation: Interpolation,
+    /// Geometric mean of width and height.
+    mean_size: f32,
 }
 
 impl ImageLookup {
     /// Reads `image` this way; its pixels are shared, not copied.
     pub fn new(image: Image, wrap_u: Wrap, wrap_v: Wrap, interpolation: Interpolation) -> ImageLookup {
-        ImageLookup { image, wrap: [wrap_u, wrap_v], interpolation }
+        let coarser = match interpolation {
+            Interpolation::Trilinear => coarser_levels(&image).into(),
+            _ => Arc::default(),
+        };
+        let mean_size = (f64::from(image.width) * f64::from(image.height)).sqrt() as f32;
+        ImageLookup { image, coarser, wrap: [wrap_u, wrap_v], interpolation, mean_size }
+    }
+
+    /// The same image read in another way; the pyramid, if both have one, is shared.
+    pub fn reread(&self, wrap_u: Wrap, wrap_v: Wrap, interpolation: Interpolation) -> ImageLookup {
+        if interpolation == Interpolation::Trilinear && self.coarser.is_empty() {
+            return ImageLookup::new(self.image.clone(), wrap_u, wrap_v, interpolation);
+        }
+        ImageLookup { wrap: [wrap_u, wrap_v], interpolation, ..self.clone() }
+    }
+
+    /// Bytes that the pyramid takes besides the image.
+    pub fn pyramid_bytes(&self) -> usize {
+        self.coarser.iter().map(Image::bytes).sum()
     }
 
     /// Linear RGBA at texture coordinates; values are decoded before they are blended. Coordinates that are no numbers
-    /// count as 0.
+    /// count as 0. `footprint` is the width of what is to be averaged, in texture coordinates: 0 for a point. It
+    /// concerns trilinear lookups only.
     #[inline]
-    pub fn eval(&self, uv: Vec2) -> [f32; 4] {
-        let size = [self.image.width, self.image.height];
-        let x = fold(uv.x, self.wrap[0]) * size[0] as f32;
-        let y = fold(uv.y, self.wrap[1]) * size[1] as f32;
-        match self.interpolation {
-            Interpolation::Nearest => {
-                self.image.rgba((x as u32).min(size[0] - 1), (y as u32).min(size[1] - 1))
-            }
-            Interpolation::Bilinear => {
-                let (x0, x1, s) = neighbours(x, size[0], self.wrap[0]);
-                let (y0, y1, t) = neighbours(y, size[1], self.wrap[1]);
-                let [a, b] = [self.image.rgba(x0, y0), self.image.rgba(x1, y0)];
-                let [c, d] = [self.image.rgba(x0, y1), self.image.rgba(x1, y1)];
-                std::array::from_fn(|i| {
-                    let top = a[i] + s * (b[i] - a[i]);
-                    let bottom = c[i] + s * (d[i] - c[i]);
-                    top + t * (bottom - top)
-                })
+    pub fn eval(&self, uv: Vec2, footprint: f32) -> [f32; 4] {
+        if self.interpolation == Interpolation::Trilinear {
+            let texels = footprint * self.mean_size;
+            // Also where it is no number.
+            if texels > 1.0 {
+                return self.eval_between_levels(uv, texels);
             }
         }
+        self.eval_level(&self.image, uv)
     }
+
+    /// Between the two levels whose texels are just smaller and just larger than the footprint; the larger one's share
+    /// grows linearly with it.
+    #[inline]
+    fn eval_between_levels(&self, uv: Vec2, texels: f32) -> [f32; 4] {
+        let bits = texels.to_bits();
+        let level = (bits >> 23) as usize - 127;
+        let share = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
+        let Some(coarse) = self.coarser.get(level) else {
+            return self.eval_level(self.coarser.last().unwrap_or(&self.image), uv);
+        };
+        let fine = if level == 0 { &self.image } else { &self.coarser[level - 1] };
+        let (a, b) = (self.eval_level(fine, uv), self.eval_level(coarse, uv));
+        std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
+    }
+
+    #[inline]
+    fn eval_level(&self, image: &Image, uv: Vec2) -> [f32; 4] {
+        let size = [image.width, image.height];
+        let x = fold(uv.x, self.wrap[0]) * size[0] as f32;
+        let y = fold(uv.y, self.wrap[1]) * size[1] as f32;
+        if self.interpolation == Interpolation::Nearest {
+            let (x, y) = ((x as u32).min(size[0] - 1), (y as u32).min(size[1] - 1));
+            return with_texels(image, One(y as usize * size[0] as usize + x as usize));
+        }
+        let (x0, x1, s) = neighbours(x, size[0], self.wrap[0]);
+        let (y0, y1, t) = neighbours(y, size[1], self.wrap[1]);
+        let rows = [y0, y1].map(|y| y as usize * size[0] as usize);
+        with_texels(image, Blend { columns: [x0 as usize, x1 as usize], rows, s, t })
+    }
+}
+
+/// One texel.
+struct One(usize);
+
+impl WithTexels for One {
+    type Output = [f32; 4];
+
+    #[inline(always)]
+    fn run(self, texels: impl Texels) -> [f32; 4] {
+        texels.texel(self.0)
+    }
+}
+
+/// Four texels by their shares: `s` of the second column, `t` of the second row.
+struct Blend {
+    columns: [usize; 2],
+    rows: [usize; 2],
+    s: f32,
+    t: f32,
+}
+
+impl WithTexels for Blend {
+    type Output = [f32; 4];
+
+    #[inline(always)]
+    fn run(self, texels: impl Texels) -> [f32; 4] {
+        let ([x0, x1], [y0, y1]) = (self.columns, self.rows);
+        let (a, b) = (texels.texel(y0 + x0), texels.texel(y0 + x1));
+        let (c, d) = (texels.texel(y1 + x0), texels.texel(y1 + x1));
+        std::array::from_fn(|i| {
+            let top = a[i] + self.s * (b[i] - a[i]);
+            let bottom = c[i] + self.s * (d[i] - c[i]);
+            top + self.t * (bottom - top)
+        })
+    }
+}
+
+/// The part after the point; 0 for what is no number, infinite, or too large to have one. Numbers are rounded down by
+/// conversion, which every CPU has, instead of a call of the C library.
+#[inline(always)]
+fn fraction(x: f32) -> f32 {
+    if x.abs() < NO_FRACTION { x - floor(x) } else { 0.0 }
+}
+
+/// The next whole number at or below; for numbers less than 2^31.
+#[inline(always)]
+fn floor(x: f32) -> f32 {
+    let towards_zero = x as i32 as f32;
+    if towards_zero > x { towards_zero - 1.0 } else { towards_zero }
 }
 
 /// A coordinate brought into 0..1.
 #[inline(always)]
 fn fold(x: f32, wrap: Wrap) -> f32 {
-    let x = if x.is_finite() { x } else { 0.0 };
     match wrap {
-        Wrap::Repeat => x - x.floor(),
+        Wrap::Repeat => fraction(x),
         Wrap::Mirror => {
             // A triangle wave of period 2.
-            let half = x * 0.5;
-            let saw = (half - half.floor()) * 2.0;
+            let saw = fraction(x * 0.5) * 2.0;
             if saw > 1.0 { 2.0 - saw } else { saw }
         }
-        Wrap::Clamp => x.clamp(0.0, 1.0),
+        Wrap::Clamp if x > 0.0 => x.min(1.0),
+        Wrap::Clamp => 0.0,
     }
 }
 
@@ -64,17 +161,17 @@ fn fold(x: f32, wrap: Wrap) -> f32 {
 /// continues with its own texel.
 #[inline(always)]
 fn neighbours(x: f32, size: u32, wrap: Wrap) -> (u32, u32, f32) {
-    let last = size - 1;
+    let last = size as i32 - 1;
     let shifted = x - 0.5;
-    let floor = shifted.floor();
-    let share = shifted - floor;
-    let low = floor as i64;
-    let texel = |i: i64| match wrap {
+    let low = floor(shifted);
+    let share = shifted - low;
+    let low = low as i32;
+    let texel = |i: i32| match wrap {
         Wrap::Repeat if i < 0 => last,
-        Wrap::Repeat if i > i64::from(last) => 0,
-        _ => i.clamp(0, i64::from(last)) as u32,
+        Wrap::Repeat if i > last => 0,
+        _ => i.clamp(0, last),
     };
-    (texel(low), texel(low + 1), share)
+    (texel(low) as u32, texel(low + 1) as u32, share)
 }
 
 #[cfg(test)]
@@ -90,7 +187,7 @@ mod tests {
     }
 
     fn red(wrap: Wrap, interpolation: Interpolation, u: f32) -> f32 {
-        ImageLookup::new(ramp(), wrap, wrap, interpolation).eval(Vec2::new(u, 0.5))[0]
+        ImageLookup::new(ramp(), wrap, wrap, interpolation).eval(Vec2::new(u, 0.5), 0.0)[0]
     }
 
     #[test]
@@ -129,6 +226,26 @@ mod tests {
             pixels: Arc::new(Pixels::U8(vec![0, 255])),
         };
         let lookup = ImageLookup::new(image, Wrap::Clamp, Wrap::Clamp, Interpolation::Bilinear);
-        assert!((lookup.eval(Vec2::new(0.5, 0.5))[1] - 0.5).abs() < 1e-6);
+        assert!((lookup.eval(Vec2::new(0.5, 0.5), 0.0)[1] - 0.5).abs() < 1e-6);
+    }
+
+    #[test]
+    fn footprints_blend_levels() {
+        let rgb = (0..64).flat_map(|i| [((i % 8) / 4) as f32, (i % 2) as f32, 1.0]).collect();
+        let image = Image::from_linear_rgb("stripes", 8, 8, rgb);
+        let wrap = Wrap::Repeat;
+        let lookup = ImageLookup::new(image.clone(), wrap, wrap, Interpolation::Trilinear);
+        let at = |footprint: f32| lookup.eval(Vec2::new(2.5 / 8.0, 0.5), footprint / 8.0);
+        let sharp = ImageLookup::new(image, wrap, wrap, Interpolation::Bilinear);
+        let green = |footprint: f32| at(footprint)[1];
+        // A texel centre at the finest level; stripes of one texel are grey from the next one on.
+        assert_eq!(at(0.0), sharp.eval(Vec2::new(2.5 / 8.0, 0.5), 1.0));
+        assert_eq!([green(0.5), green(1.0), green(1.5), green(2.0), green(4.0)], [0.0, 0.0, 0.25, 0.5, 0.5]);
+        // Wider than the image: its mean.
+        for footprint in [8.0, 100.0, 1e30, f32::INFINITY] {
+            assert_eq!(at(footprint), [0.5, 0.5, 1.0, 1.0], "{footprint}");
+        }
+        assert_eq!(at(f32::NAN), at(0.0));
+        assert_eq!(lookup.pyramid_bytes(), (16 + 4 + 1) * 12);
     }
 }

@@ -1,14 +1,21 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table.
 
+mod coordinates;
 mod image;
 mod noise;
+mod pyramid;
+mod texels;
 
+pub use coordinates::TexturePoint;
 pub use image::ImageLookup;
 pub use noise::{marble, perlin, turbulence};
 
 use crate::image::Image;
 use crate::math::{Vec2, Vec3, poly};
-use crate::scene::{Mapping, NoiseKind, Texture, TextureId, TextureTransform};
+use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
+use coordinates::{Coordinates, triplanar};
+use rayon::prelude::*;
+use std::collections::BTreeMap;
 
 /// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
 const MAX_DEPTH: u32 = 8;
@@ -20,69 +27,6 @@ const MAX_DEPTH: u32 = 8;
 pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
     use std::f32::consts::{FRAC_1_PI, PI};
     Vec2::new((poly::atan2(-unit.z, unit.x) + PI) * (0.5 * FRAC_1_PI), poly::acos(unit.y) * FRAC_1_PI)
-}
-
-/// What a point of a surface offers to textures.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct TexturePoint {
-    /// The first two sets of texture coordinates.
-    pub uv: [Vec2; 2],
-    /// The point in the scene's world space.
-    pub world: Vec3,
-}
-
-/// An affine map of texture coordinates with its set.
-#[derive(Clone, Copy, Debug)]
-struct UvMap {
-    set: usize,
-    x: Vec2,
-    y: Vec2,
-    offset: Vec2,
-}
-
-impl UvMap {
-    fn new(set: u32, t: &TextureTransform) -> UvMap {
-        // KHR_texture_transform: translation * rotation * scale, its rotation matrix being (cos sin; -sin cos), that
-        // is counter-clockwise in an image whose v points down.
-        let (s, c) = f64::from(t.rotation_rad).sin_cos();
-        let (s, c) = (s as f32, c as f32);
-        UvMap {
-            set: (set as usize).min(1),
-            x: Vec2::new(c * t.scale.x, s * t.scale.y),
-            y: Vec2::new(-s * t.scale.x, c * t.scale.y),
-            offset: t.offset,
-        }
-    }
-
-    #[inline(always)]
-    fn apply(&self, point: &TexturePoint) -> Vec2 {
-        let uv = point.uv[self.set];
-        self.offset + Vec2::new(self.x.dot(uv), self.y.dot(uv))
-    }
-}
-
-/// Where a pattern takes its coordinates from.
-#[derive(Clone, Copy, Debug)]
-enum Coordinates {
-    Uv(UvMap),
-    World,
-}
-
-impl Coordinates {
-    fn new(mapping: &Mapping) -> Coordinates {
-        match mapping {
-            Mapping::Uv { set, transform } => Coordinates::Uv(UvMap::new(*set, transform)),
-            Mapping::World => Coordinates::World,
-        }
-    }
-
-    #[inline(always)]
-    fn uv(&self, point: &TexturePoint) -> Vec2 {
-        match self {
-            Coordinates::Uv(map) => map.apply(point),
-            Coordinates::World => Vec2::new(point.world.x, point.world.z),
-        }
-    }
 }
 
 #[derive(Clone, Debug)]
@@ -105,7 +49,8 @@ impl CompiledTextures {
     /// Compiles textures with the images they refer to. `world_offset` is what `compile` subtracted from world
     /// positions. References that lead nowhere count as black (`Scene::validate` reports them).
     pub fn new(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
-        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images)).collect();
+        let pyramids = pyramids(textures, images);
+        let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, &pyramids)).collect();
         fold_constant_checkers(&mut compiled);
         CompiledTextures { textures: compiled, world_offset }
     }
@@ -119,10 +64,17 @@ impl CompiledTextures {
         }
     }
 
-    /// Linear RGBA of a texture with one set of texture coordinates.
+    /// Do lookups depend on how much of a surface a path sees?
+    pub fn use_footprints(&self) -> bool {
+        self.textures
+            .iter()
+            .any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.pyramid_bytes() > 0))
+    }
+
+    /// Linear RGBA of a point of a texture with one set of texture coordinates.
     #[inline]
     pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
-        self.eval_at(id, &TexturePoint { uv: [uv, uv], world })
+        self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
     }
 
     /// Linear RGBA of a texture.
@@ -137,7 +89,7 @@ impl CompiledTextures {
                     at = if is_odd { *odd } else { *even } as usize;
                 }
                 Some(Compiled::Constant(c)) => return *c,
-                Some(Compiled::Image { lookup, coordinates }) => return lookup.eval(coordinates.uv(&moved)),
+                Some(Compiled::Image { lookup, coordinates }) => return look_up(lookup, coordinates, &moved),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, moved.world * *frequency, *octaves, *seed);
                     let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
@@ -150,16 +102,58 @@ impl CompiledTextures {
     }
 }
 
-fn compile(texture: &Texture, images: &[Image]) -> Compiled {
+/// One lookup for each image that has a pyramid.
+fn pyramids(textures: &[Texture], images: &[Image]) -> BTreeMap<ImageId, ImageLookup> {
+    let mut used: Vec<(ImageId, &Image)> = Vec::new();
+    for texture in textures {
+        if let Texture::Image { image: id, interpolation: Interpolation::Trilinear, .. } = texture
+            && let Some(image) = images.get(id.index())
+            && image.width * image.height > 1
+            && !used.iter().any(|(known, _)| known == id)
+        {
+            used.push((*id, image));
+        }
+    }
+    let build = |(id, image): (ImageId, &Image)| {
+        (
+            id,
+            ImageLookup::new(image.clone(), Default::default(), Default::default(), Interpolation::Trilinear),
+        )
+    };
+    used.into_par_iter().map(build).collect()
+}
+
+#[inline]
+fn look_up(lookup: &ImageLookup, coordinates: &Coordinates, point: &TexturePoint) -> [f32; 4] {
+    match coordinates {
+        Coordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),
+        Coordinates::World => lookup.eval(Vec2::new(point.world.x, point.world.z), point.width),
+        Coordinates::Triplanar(inverse_size) => {
+            let mut sum = [0.0; 4];
+            for (uv, weight) in triplanar(point, *inverse_size) {
+                if weight > 0.0 {
+                    let value = lookup.eval(uv, point.width * inverse_size);
+                    sum = std::array::from_fn(|i| sum[i] + weight * value[i]);
+                }
+            }
+            sum
+        }
+    }
+}
+
+fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, ImageLookup>) -> Compiled {
     match texture {
         Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
         Texture::Image { image, wrap_u, wrap_v, interpolation, mapping } => match images.get(image.index()) {
             None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
             Some(image) if image.width == 1 && image.height == 1 => Compiled::Constant(image.rgba(0, 0)),
-            Some(image) => Compiled::Image {
-                lookup: ImageLookup::new(image.clone(), *wrap_u, *wrap_v, *interpolation),
-                coordinates: Coordinates::new(mapping),
-            },
+            Some(pixels) => {
+                let lookup = match pyramids.get(image) {
+                    Some(same) => same.reread(*wrap_u, *wrap_v, *interpolation),
+                    None => ImageLookup::new(pixels.clone(), *wrap_u, *wrap_v, *interpolation),
+                };
+                Compiled::Image { lookup, coordinates: Coordinates::new(mapping) }
+            }
         },
         Texture::Checker { even, odd, cell_size, mapping } => Compiled::Checker {
             even: even.0,
@@ -211,7 +205,9 @@ fn checker_is_odd(coordinates: &Coordinates, inverse_size: f32, point: &TextureP
             let uv = map.apply(point);
             cell(uv.x) + cell(uv.y)
         }
-        Coordinates::World => cell(point.world.x) + cell(point.world.y) + cell(point.world.z),
+        Coordinates::World | Coordinates::Triplanar(_) => {
+            cell(point.world.x) + cell(point.world.y) + cell(point.world.z)
+        }
     };
     let half = sum * 0.5;
     half != half.floor()
@@ -231,7 +227,7 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::ImageId;
+    use crate::scene::Mapping;
 
     fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {
         let textures = [
@@ -265,19 +261,6 @@ mod tests {
         let t = CompiledTextures::new(&[circle], &[], Vec3::ZERO);
         assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
         assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
-    }
-
-    #[test]
-    fn transforms_scale_then_rotate_then_move() {
-        let transform = TextureTransform {
-            offset: Vec2::new(0.25, 0.5),
-            rotation_rad: std::f32::consts::FRAC_PI_2,
-            scale: Vec2::new(2.0, 3.0),
-        };
-        let point = TexturePoint { uv: [Vec2::ZERO, Vec2::new(0.1, 0.2)], world: Vec3::ZERO };
-        // scale (0.2, 0.6); the extension's matrix for 90 degrees: (x, y) -> (y, -x); offset.
-        let found = UvMap::new(1, &transform).apply(&point);
-        assert!((found - Vec2::new(0.85, 0.3)).length() < 1e-6, "{found}");
     }
 
     #[test]

@@ -17,6 +17,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         allow_external: args.allow_external,
         point_radius: args.point_radius,
         no_sidecar: args.no_sidecar,
+        gltf: args.asset.options(),
         ..LoadOptions::default()
     };
     let loaded = load(&args.scene, &options)?;

@@ -120,7 +120,7 @@ fn light(light: &Light) -> Json {
     ];
     match light.kind {
         LightKind::Point { position } => fields.push(("position", vector(position))),
-        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad } => fields.extend([
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => fields.extend([
             ("position", vector(position)),
             ("direction", vector(direction)),
             ("inner_angle_deg", Json::Decimal(inner_angle_rad.to_degrees())),

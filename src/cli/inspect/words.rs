@@ -132,7 +132,7 @@ pub fn light(light: &Light) -> String {
     let (kind, unit) = light_kind(light);
     let place = match light.kind {
         LightKind::Point { position } => format!("at {}", list(&position.to_array())),
-        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad } => format!(
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => format!(
             "at {} towards {}, full to {} and dark from {} degrees off its axis",
             list(&position.to_array()),
             list(&direction.to_array()),

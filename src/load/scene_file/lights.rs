@@ -14,7 +14,7 @@
 use super::Build;
 use super::fields::Fields;
 use crate::math::DVec3;
-use crate::scene::{Light, LightKind, Material, MaterialId, Quad};
+use crate::scene::{Light, LightKind, Material, MaterialId, Quad, SpotFade};
 use std::f64::consts::PI;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
@@ -80,7 +80,7 @@ fn spot(fields: &Fields) -> Option<LightKind> {
     // glTF wants the inner angle below the outer one.
     let inner_angle_rad = outer_angle_rad * (1.0 - blend).min(0.9999);
     let direction = direction(fields, Some(position))?;
-    Some(LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad })
+    Some(LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade: SpotFade::Smooth })
 }
 
 fn add_area(build: &mut Build, fields: &Fields, name: String, color: [f32; 3]) {

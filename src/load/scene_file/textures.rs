@@ -3,7 +3,7 @@
 //! | `type` | Keys |
 //! |---|---|
 //! | `"solid"` | `color` |
-//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `bilinear` or `nearest` |
+//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `mapping` = `uv`, or `triplanar` with the `size` that the image covers (1 m) |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
@@ -145,14 +145,27 @@ fn push(build: &mut Build, texture: Texture) -> TextureId {
 fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<Texture> {
     let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
     let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
-    let interpolations = [("bilinear", Interpolation::Bilinear), ("nearest", Interpolation::Nearest)];
+    let interpolations = [
+        ("trilinear", Interpolation::Trilinear),
+        ("bilinear", Interpolation::Bilinear),
+        ("nearest", Interpolation::Nearest),
+    ];
     let interpolation = fields.choice("interpolation", &interpolations).unwrap_or_default();
     let file = fields.require("file", fields.string("file"))?;
     let image = match checking {
         true => ImageId(0),
         false => read_image(build, file.value, file.span, Use::Color)?,
     };
-    Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping: Mapping::default() })
+    let mappings = [("uv", 0), ("triplanar", 1)];
+    let is_triplanar = fields.choice("mapping", &mappings) == Some(1);
+    if !is_triplanar && fields.has("size") {
+        fields.problems.push(fields.span(), "'size' of an image needs mapping = \"triplanar\"");
+    }
+    let mapping = match is_triplanar {
+        true => Mapping::Triplanar { size: fields.number_in("size", 1e-9..1e9, 1.0) as f32 },
+        false => Mapping::default(),
+    };
+    Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping })
 }
 
 fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
