@@ -41,3 +41,16 @@ fn triangles_of_astronomic_size_are_dropped() {
     let said = report.warnings.iter().any(|w| w.message.starts_with("100 primitives with coordinates"));
     assert!(said, "{:?}", report.warnings);
 }
+
+/// The parser of the header panics on numbers beyond 64 bits, also where letters follow them.
+#[test]
+fn gigantic_counts_in_a_ply_header_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.ply");
+    for count in ["6".repeat(80), format!("{}nt i4.rty", "6".repeat(80)), format!("x{}", "9".repeat(40))] {
+        let text = format!("ply\nformat ascii 06.0\nelement vertex {count}\nproperty float x\nend_header\n");
+        std::fs::write(&path, text).expect("written");
+        let error = check(&path).err().expect("it is refused").to_string();
+        assert!(error.contains("line 3: holds a number that is too large"), "{error}");
+    }
+}

@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Render a scene to EXR and PNG files.
-    Render(RenderArgs),
+    Render(Box<RenderArgs>),
     /// Say what is in a scene and what would not be rendered.
     Inspect(InspectArgs),
     /// Measure how far a picture is from a reference.
