@@ -172,7 +172,7 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
             report.warnings.push(Warning::general(format!("{count} {what} were dropped")));
         }
     };
-    warn(dropped.not_finite, "primitives with coordinates that are not finite");
+    warn(dropped.not_finite, "primitives with coordinates that are not finite or beyond 1e18 m");
     warn(dropped.degenerate, "primitives without area");
     warn(dropped.instances, "placements with singular transforms");
 }
