@@ -144,8 +144,9 @@ impl AreaLight {
                 (texture, factor, [uv, uv])
             }
         };
+        let normal = self.normal_at(point);
         let [r, g, b, _] =
-            textures.eval_at(*texture, &TexturePoint { uv, world: point, ..TexturePoint::default() });
+            textures.eval_at(*texture, &TexturePoint { uv, world: point, normal, ..TexturePoint::default() });
         *factor * Vec3::new(r, g, b)
     }
 
