@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `"lambert"` | `color` (0.8) |
 //! | `"metal"` | `color` (0.8), `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5), `fresnel` = `exact` or `schlick`, `tint` (1) |
+//! | `"dielectric"` | `ior` (1.5; inside over outside, so 0.667 is a bubble of air in glass), `fresnel` = `exact` or `schlick`, `tint` (1) |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | `base_color` (1), `metallic` (0), `roughness` (1), `ior` (1.5), `specular` (1), `specular_color` (1), `transmission` (0), `emission`, `two_sided` (true) |
 //!
@@ -137,7 +137,7 @@ fn read<'a>(
         Kind::Dielectric => {
             let fresnel = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
             let model = Model::Dielectric {
-                ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
+                ior: fields.number_in("ior", 0.1..10.0, 1.5) as f32,
                 tint: slot("tint", 1.0),
                 fresnel: fields.choice("fresnel", &fresnel).unwrap_or_default(),
             };
