@@ -65,7 +65,6 @@ pub const ENTRIES: &[Entry] = &[
     entry("triplanar.toml", "tri-planar", "a picture on a mesh without texture coordinates"),
     entry("many-lights.toml", "300 lamps", "many small lights"),
     entry("materials.toml", "materials", "the materials of scene files"),
-    entry("cornell-spheres.toml", "glass and metal", "caustics in the Cornell box"),
 ];
 
 /// The picture at the head of the README.
