@@ -4,7 +4,8 @@ mod support;
 
 use oscura::math::DVec3;
 use oscura::scene::{
-    ColorSlot, Environment, FresnelModel, Light, LightKind, Material, Model, Projection, Scene,
+    AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
+    Projection, Scene,
 };
 use support::{assert_radiance, camera, material, options, quad, sphere};
 
@@ -81,6 +82,73 @@ fn rectangle_light_on_a_plane() {
         let what = format!("rectangle {a} x {b} at {height}");
         assert_radiance(&what, &scene, &options(8, 64, 1), 0.8 * 3.0 * form_factor, 2e-3);
     }
+}
+
+/// A lamp that is there with a chance of a quarter gives a quarter of the light; one that is nowhere gives none.
+#[test]
+fn lamps_that_are_partly_absent() {
+    let form_factor = |x: f64, y: f64| {
+        let (rx, ry) = ((1.0 + x * x).sqrt(), (1.0 + y * y).sqrt());
+        (x / rx * (y / rx).atan() + y / ry * (x / ry).atan()) / std::f64::consts::TAU
+    };
+    let full = 0.8 * 3.0 * form_factor(4.0, 4.0);
+    for (mode, truth) in [
+        (AlphaMode::Blend, 0.25 * full),
+        (AlphaMode::Mask { cutoff: 0.2 }, full),
+        (AlphaMode::Mask { cutoff: 0.5 }, 0.0),
+    ] {
+        let mut scene = floor_scene();
+        let lamp = Material::emitter("lamp", [3.0; 3], false);
+        let lamp = Material { alpha_mode: mode, alpha: FloatSlot::constant(0.25), ..lamp };
+        let lamp = material(&mut scene, lamp);
+        quad(&mut scene, [0.0, 1.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 4.0], lamp);
+        let what = format!("lamp with alpha 0.25, {mode:?}");
+        assert_radiance(&what, &scene, &options(16, 256, 1), truth, 4e-3);
+    }
+}
+
+/// The light of many lamps of all kinds, below, above and across the floor's plane, is the sum of their lights.
+#[test]
+fn many_lights_of_all_kinds() {
+    let mut scene = floor_scene();
+    let lamp = material(&mut scene, Material::emitter("lamp", [2.0; 3], false));
+    let dim = material(&mut scene, Material::emitter("dim", [0.05; 3], true));
+    let mut truth = 0.0;
+    for i in 0..60 {
+        let (s, c) = (f64::from(i) * 2.4).sin_cos();
+        let distance = 0.4 + 0.1 * f64::from(i);
+        let center = DVec3::new(distance * c, 0.2 + 0.05 * f64::from(i % 17), distance * s);
+        let radius = 0.02 + 0.002 * f64::from(i % 7);
+        let (which, radiance) = if i % 3 == 0 { (dim, 0.05) } else { (lamp, 2.0) };
+        sphere(&mut scene, center.into(), radius, which);
+        truth += 0.8 * radiance * radius * radius / center.length_squared() * center.y / center.length();
+        // Its twin below the floor lights nothing.
+        sphere(&mut scene, [center.x, -center.y, center.z], radius, lamp);
+    }
+    let point = |position: DVec3| Light {
+        name: "point".into(),
+        intensity: [0.3; 3],
+        kind: LightKind::Point { position },
+    };
+    for i in 0..20 {
+        let position = DVec3::new(f64::from(i) * 0.2 - 2.0, 1.0 + 0.1 * f64::from(i), 1.0);
+        scene.lights.push(point(position));
+        scene.lights.push(point(-position));
+        truth += 0.8 / std::f64::consts::PI * 0.3 * position.y / position.length().powi(3);
+    }
+    let sun = LightKind::Directional { direction: DVec3::new(0.3, -1.0, 0.2) };
+    scene.lights.push(Light { name: "sun".into(), intensity: [0.2; 3], kind: sun });
+    truth += 0.8 / std::f64::consts::PI * 0.2 / DVec3::new(0.3, -1.0, 0.2).length();
+    scene.environment = Environment::Constant([0.1; 3]);
+    truth += 0.8 * 0.1;
+    // Lamps hide a little of the surroundings behind them; each takes away what it would give at radiance 0.1.
+    let hidden: f64 = scene
+        .spheres
+        .iter()
+        .filter(|s| s.center.y > 0.0)
+        .map(|s| 0.8 * 0.1 * s.radius * s.radius / s.center.length_squared() * s.center.y / s.center.length())
+        .sum();
+    assert_radiance("many lights", &scene, &options(16, 256, 1), truth - hidden, 4e-3);
 }
 
 /// The same light as a parallelogram of a skew kind has no table entry, but its two halves do: triangles by Lambert's

@@ -1,7 +1,7 @@
 //! Finds what shines: emitting primitives become area lights, pairs of triangles that form a parallelogram one light.
 
 use super::geometry::{Attributes, Geometries};
-use super::material::CompiledMaterial;
+use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel;
 use crate::light::{AreaLight, AreaShape, Edges, Radiance};
 use crate::math::{Mat3, Vec2, Vec3};
@@ -23,11 +23,12 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     }
     let (shapes, attributes) = (&geometries.shapes[0], &geometries.attributes[0]);
     let material = |prim: usize| attributes.materials[prim] as usize;
+    let emits = |prim: usize| sampled_emission(&materials[material(prim)]).is_some();
     let (triangles, quads) = (shapes.triangles.len(), shapes.quads.len());
     let mut prim = 0;
     while prim < triangles {
         let shape = triangle_edges(shapes, prim);
-        if materials[material(prim)].emission.is_none() || shape.is_none() {
+        if !emits(prim) || shape.is_none() {
             prim += 1;
             continue;
         }
@@ -63,6 +64,11 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     emitters
 }
 
+/// The emission that light sampling knows of. Where a surface is partly absent only paths that meet it find its light.
+fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
+    material.emission.filter(|_| material.alpha.is_none())
+}
+
 impl Emitters {
     fn add(
         &mut self,
@@ -71,7 +77,7 @@ impl Emitters {
         uv: Option<[[Vec2; 3]; 2]>,
         prims: &[usize],
     ) {
-        let Some(emission) = material.emission else { return };
+        let Some(emission) = sampled_emission(material) else { return };
         let factor = Vec3::from_array(emission.radiance.factor);
         let radiance = match (emission.radiance.texture, uv) {
             (Some(texture), Some(uv)) => Radiance::Flat { texture, factor, uv },
@@ -87,7 +93,7 @@ impl Emitters {
         object_from_world: Mat3,
         prim: usize,
     ) {
-        let Some(emission) = material.emission else { return };
+        let Some(emission) = sampled_emission(material) else { return };
         let factor = Vec3::from_array(emission.radiance.factor);
         let radiance = match emission.radiance.texture {
             Some(texture) => Radiance::Sphere { texture, factor, object_from_world },

@@ -5,7 +5,7 @@ use super::surface::{Sorted, add};
 use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
 use super::{Integrator, Purpose};
 use crate::bsdf::Bsdf;
-use crate::light::{AreaLight, AreaShape, Edges, LightSample, Radiance};
+use crate::light::{AreaLight, AreaShape, Edges, LightSample, Lights, Radiance, Receiver};
 use crate::math::{Frame, Ray, Vec3, offset_along, offset_ray_origin};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::sampling::{SphericalRectangle, power_heuristic};
@@ -25,14 +25,16 @@ impl Integrator<'_> {
             dispatch(SampleEnvironment { wave, count, dimensions: &dimensions, map });
             return;
         }
-        dispatch(DrawNumbers { wave, count, dimensions: &dimensions });
-        let lights = &self.scene.lights;
+        let (lights, lambert) = (&self.scene.lights, sorted.lambert);
+        dispatch(SelectLights { wave, count, lambert, lights, dimensions: &dimensions });
         for i in 0..count {
-            let u = get(&wave.vertices.light, i);
-            let chosen = lights.select(u.z);
-            let p = get(&wave.vertices.p, i);
-            let sample = lights.sample(&self.scene.textures, chosen.index, p, [u.x, u.y]);
-            store(&mut wave.vertices, i, &sample, chosen.pdf_discrete);
+            let v = &wave.vertices;
+            let (p, u, chance) = (get(&v.p, i), get(&v.light, i), v.light_chance[i]);
+            let sample = match chance > 0.0 {
+                true => lights.sample(&self.scene.textures, v.light_index[i], p, [u.x, u.y]),
+                false => LightSample::NONE,
+            };
+            store(&mut wave.vertices, i, &sample, chance);
         }
     }
 
@@ -92,23 +94,35 @@ fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
     v.light_pdf[i] = if sample.is_delta { -pdf } else { pdf };
 }
 
-/// Fills `vertices.light` with three random numbers.
-struct DrawNumbers<'a> {
+/// Chooses a light for each vertex. Two random numbers for a point on it go to `vertices.light`.
+struct SelectLights<'a> {
     wave: &'a mut Wave,
     count: usize,
+    /// So many Lambertian vertices come first: light from behind does nothing there.
+    lambert: usize,
+    lights: &'a Lights,
     dimensions: &'a Dimensions,
 }
 
-impl Kernel for DrawNumbers<'_> {
+impl Kernel for SelectLights<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Wave { paths, vertices: v } = self.wave;
-        for i in 0..self.count.min(WAVE) {
+        let count = self.count.min(WAVE);
+        for i in 0..count {
             let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
-            let [a, b, c, _] = point.sample_4d(self.dimensions);
+            let [a, b, c, d] = point.sample_4d(self.dimensions);
             set(&mut v.light, i, Vec3::new(a, b, c));
+            v.light_chance[i] = d;
+        }
+        for i in 0..count {
+            let normal = if i < self.lambert { get(&v.ns, i) } else { Vec3::ZERO };
+            set(&mut paths.receiver_normal, i, normal);
+            let receiver = Receiver { p: get(&v.p, i), normal };
+            let chosen = self.lights.select(&receiver, [v.light[2][i], v.light_chance[i]]);
+            (v.light_index[i], v.light_chance[i]) = (chosen.index, chosen.pdf_discrete);
         }
     }
 }

@@ -24,6 +24,7 @@ impl Integrator<'_> {
         for i in sorted.lambert..sorted.total {
             generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);
         }
+        let uses_tree = self.scene.lights.use_tree();
         w.rays.clear();
         let Wave { paths, vertices: v } = &*w.wave;
         for i in 0..sorted.total {
@@ -31,6 +32,9 @@ impl Integrator<'_> {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k);
                 w.arriving.pdf[k] = v.next_pdf[i];
+                if uses_tree {
+                    set(&mut w.arriving.receiver_normal, k, get(&paths.receiver_normal, i));
+                }
                 if self.scene.features.footprints {
                     widen(&mut w.arriving.cone_spread[k], v.next_pdf[i]);
                 }

@@ -7,6 +7,7 @@ use crate::compile::{
     CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
 };
 use crate::film::AovSample;
+use crate::light::Receiver;
 use crate::math::{Hit, Vec3};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
@@ -254,8 +255,10 @@ impl Integrator<'_> {
             && let Some(index) = self.scene.light_at(hit)
         {
             let light = &self.scene.lights.area()[index as usize];
-            let pdf = light.pdf_solid_angle(w.rays[i].origin, surface.p);
-            weight = power_heuristic(paths.pdf[i], pdf * self.scene.lights.pdf_discrete(index));
+            let p = w.rays[i].origin;
+            let receiver = Receiver { p, normal: get(&paths.receiver_normal, i) };
+            let chance = self.scene.lights.pdf_discrete(&receiver, index);
+            weight = power_heuristic(paths.pdf[i], light.pdf_solid_angle(p, surface.p) * chance);
         }
         add(&mut w.radiance[paths.sample[i] as usize], get(&paths.throughput, i) * radiance * weight);
     }

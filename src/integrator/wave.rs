@@ -48,6 +48,9 @@ pub struct Paths {
     /// where textures ask for it.
     pub cone_width: Lanes,
     pub cone_spread: Lanes,
+    /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; only where that
+    /// choice depends on it.
+    pub receiver_normal: Lanes3,
     /// Sobol point: its two parts.
     pub seed: Words,
     pub shuffled: Words,
@@ -85,6 +88,9 @@ pub struct Vertices {
     pub is_infinite: Lanes,
     /// Radiance of the light.
     pub light: Lanes3,
+    /// The chosen light, and the chance of it.
+    pub light_index: Words,
+    pub light_chance: Lanes,
     /// Density with which the light's point was chosen; 0 for none; negative for lights without size.
     pub light_pdf: Lanes,
     /// What the shadow ray brings if nothing is in its way.

@@ -1,8 +1,8 @@
 //! Surfaces that shine: rectangles, parallelograms, triangles and spheres.
 
-use super::LightSample;
+use super::{LightBounds, LightSample};
 use crate::color::luminance;
-use crate::math::{Mat3, Vec2, Vec3, gamma, offset_ray_origin};
+use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, offset_ray_origin};
 use crate::sampling::{
     LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle, warp,
 };
@@ -109,6 +109,29 @@ impl AreaLight {
         self.mean_luminance(textures) * self.area() * PI * sides
     }
 
+    /// Where its light comes from and goes.
+    pub fn bounds(&self, textures: &CompiledTextures) -> LightBounds {
+        let corners = |e: &Edges| [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];
+        let (bounds, area) = match &self.shape {
+            AreaShape::Triangle(e) => (Bounds3::of(corners(e)), self.area()),
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => {
+                (Bounds3::of(corners(e)).with(e.corner + e.edge_u + e.edge_v), self.area())
+            }
+            AreaShape::Sphere { center, radius } => {
+                let half = Vec3::splat(*radius);
+                (Bounds3 { min: *center - half, max: *center + half }, PI * radius * radius)
+            }
+        };
+        let is_round = matches!(self.shape, AreaShape::Sphere { .. });
+        LightBounds {
+            bounds,
+            weight: self.mean_luminance(textures) * area,
+            axis: self.normal,
+            normals_rad: if is_round || self.two_sided { PI } else { 0.0 },
+            emission_rad: 0.5 * PI,
+        }
+    }
+
     fn mean_luminance(&self, textures: &CompiledTextures) -> f32 {
         const GRID: usize = 8;
         let cell = |i: usize| (i as f32 + 0.5) / GRID as f32;
@@ -144,9 +167,10 @@ impl AreaLight {
                 (texture, factor, [uv, uv])
             }
         };
-        let normal = self.normal_at(point);
-        let [r, g, b, _] =
-            textures.eval_at(*texture, &TexturePoint { uv, world: point, normal, ..TexturePoint::default() });
+        let [r, g, b, _] = textures.eval_at(
+            *texture,
+            &TexturePoint { uv, world: point, normal: self.normal_at(point), ..TexturePoint::default() },
+        );
         *factor * Vec3::new(r, g, b)
     }
 

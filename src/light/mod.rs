@@ -1,14 +1,18 @@
 //! What shines: emitting surfaces, lights without a surface, the surroundings, and the choice among them.
 
 mod area;
+mod bounds;
 mod environment;
 mod punctual;
 mod select;
+mod tree;
 
 pub use area::{AreaLight, AreaShape, Edges, Radiance};
+pub use bounds::LightBounds;
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, solid_angle_density};
 pub use punctual::PunctualLight;
 pub use select::{Lights, Selected};
+pub use tree::{LightTree, Receiver};
 
 use crate::math::Vec3;
 

@@ -1,8 +1,8 @@
 //! Lights without a surface (KHR_lights_punctual).
 
-use super::LightSample;
+use super::{LightBounds, LightSample};
 use crate::color::luminance;
-use crate::math::{DVec3, Vec3};
+use crate::math::{Bounds3, DVec3, Vec3, poly};
 use crate::scene;
 use std::f32::consts::PI;
 
@@ -60,6 +60,22 @@ impl PunctualLight {
             Kind::Directional { .. } => PI * scene_radius * scene_radius,
         };
         luminance(self.intensity.to_array()) * solid_angle
+    }
+
+    /// Where its light comes from and goes; `None` for one infinitely far away.
+    pub fn bounds(&self) -> Option<LightBounds> {
+        let (position, axis, normals_rad, emission_rad) = match self.kind {
+            Kind::Directional { .. } => return None,
+            Kind::Point(position) => (position, Vec3::Z, PI, 0.5 * PI),
+            Kind::Spot { position, axis, scale, offset } => {
+                let inner = poly::acos(((1.0 - offset) / scale).clamp(-1.0, 1.0));
+                let outer = poly::acos((-offset / scale).clamp(-1.0, 1.0));
+                // A little wider, for rounding.
+                (position, axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
+            }
+        };
+        let weight = luminance(self.intensity.to_array());
+        Some(LightBounds { bounds: Bounds3::of([position]), weight, axis, normals_rad, emission_rad })
     }
 
     /// What arrives at `reference`.

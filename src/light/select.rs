@@ -1,21 +1,32 @@
 //! All lights of a scene and the choice of one of them.
 
-use super::{AreaLight, EnvironmentLight, LightSample, PunctualLight};
+use super::{AreaLight, EnvironmentLight, LightBounds, LightSample, LightTree, PunctualLight, Receiver};
 use crate::math::Vec3;
 use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
 /// All lights; their indices run through the area lights, the punctual ones, then the surroundings.
+///
+/// First it is chosen by power between the lights at some place, all together, and each of those infinitely far away;
+/// among the former then by a [`LightTree`].
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// By power.
+    /// Over the lights at some place.
+    tree: LightTree,
+    /// The tree (if there are such lights), then each light infinitely far away.
     table: AliasTable,
-    /// No light at all.
-    is_empty: bool,
+    /// What the table's entries are.
+    entries: Vec<Entry>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Entry {
+    Tree,
+    Light(u32),
 }
 
 /// A chosen light.
@@ -23,13 +34,16 @@ pub struct Lights {
 pub struct Selected {
     /// Its index.
     pub index: u32,
-    /// The chance of choosing it.
+    /// The chance of choosing it; 0 if none was found to choose.
     pub pdf_discrete: f32,
 }
 
+impl Selected {
+    const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
+}
+
 impl Lights {
-    /// Lights that are chosen by their power; the surroundings' is what falls on a disk of `scene_radius` from all
-    /// directions.
+    /// Prepares the choice. The power of surroundings and directional lights is what falls on a disk of `scene_radius`.
     pub fn new(
         area: Vec<AreaLight>,
         punctual: Vec<PunctualLight>,
@@ -37,23 +51,47 @@ impl Lights {
         textures: &CompiledTextures,
         scene_radius: f32,
     ) -> Lights {
+        let (mut bounds, mut power_of_tree) = (Vec::new(), 0.0);
+        let mut far: Vec<(Entry, f32)> = Vec::new();
+        for light in &area {
+            bounds.push(light.bounds(textures));
+            power_of_tree += light.power(textures);
+        }
+        for (i, light) in punctual.iter().enumerate() {
+            let power = light.power(scene_radius);
+            match light.bounds() {
+                Some(b) => {
+                    bounds.push(b);
+                    power_of_tree += power;
+                }
+                None => {
+                    // Its place in the tree stays dark.
+                    bounds.push(LightBounds::DARK);
+                    far.push((Entry::Light((area.len() + i) as u32), power));
+                }
+            }
+        }
+        let index = (area.len() + punctual.len()) as u32;
         let disk = PI * scene_radius * scene_radius;
-        let powers: Vec<f32> = (area.iter().map(|l| l.power(textures)))
-            .chain(punctual.iter().map(|l| l.power(scene_radius)))
-            .chain(environment.iter().map(|e| e.mean_luminance() * 4.0 * PI * disk))
-            .collect();
-        Lights { is_empty: powers.is_empty(), table: AliasTable::new(&powers), area, punctual, environment }
+        far.extend(environment.iter().map(|e| (Entry::Light(index), e.mean_luminance() * 4.0 * PI * disk)));
+        if far.len() < bounds.len() + usize::from(environment.is_some()) {
+            far.insert(0, (Entry::Tree, power_of_tree));
+        }
+        let (entries, powers): (Vec<Entry>, Vec<f32>) = far.into_iter().unzip();
+        let tree = LightTree::new(&bounds);
+        let table = AliasTable::new(if powers.is_empty() { &[1.0] } else { &powers });
+        Lights { area, punctual, environment, tree, table, entries }
     }
 
     /// Is there nothing to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.is_empty
+        self.entries.is_empty()
     }
 
     /// How many there are, the surroundings included.
     pub fn len(&self) -> usize {
-        if self.is_empty { 0 } else { self.table.len() }
+        self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
 
     /// The lights with a surface.
@@ -68,20 +106,43 @@ impl Lights {
         self.environment.as_ref()
     }
 
-    /// Chooses a light.
-    #[inline(always)]
-    pub fn select(&self, u: f32) -> Selected {
-        if self.table.len() == 1 {
-            return Selected { index: 0, pdf_discrete: 1.0 };
-        }
-        let chosen = self.table.sample(u);
-        Selected { index: chosen.index as u32, pdf_discrete: chosen.pdf_discrete }
+    /// Does the choice depend on the receiver? It doesn't for a single light.
+    pub fn use_tree(&self) -> bool {
+        self.len() > 1 && self.entries.contains(&Entry::Tree)
     }
 
-    /// The chance of choosing a light.
+    /// Chooses a light by two numbers in 0..1.
     #[inline(always)]
-    pub fn pdf_discrete(&self, index: u32) -> f32 {
-        self.table.pdf_discrete(index as usize)
+    pub fn select(&self, receiver: &Receiver, u: [f32; 2]) -> Selected {
+        if self.len() == 1 {
+            return Selected { index: 0, pdf_discrete: 1.0 };
+        }
+        let (entry, chance, rest) = match &self.entries[..] {
+            [only] => (*only, 1.0, u[1]),
+            entries => {
+                let chosen = self.table.sample(u[1]);
+                (entries[chosen.index], chosen.pdf_discrete, chosen.remapped)
+            }
+        };
+        match entry {
+            Entry::Light(index) => Selected { index, pdf_discrete: chance },
+            // The second number adds digits below the first one's 24.
+            Entry::Tree => {
+                match self.tree.sample(receiver, f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24)) {
+                    Some((index, pdf)) => Selected { index, pdf_discrete: chance * pdf },
+                    None => Selected::NONE,
+                }
+            }
+        }
+    }
+
+    /// The chance of choosing an area light.
+    #[inline(always)]
+    pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
+        if self.len() == 1 {
+            return 1.0;
+        }
+        self.table.pdf_discrete(0) * self.tree.pdf_discrete(receiver, index)
     }
 
     /// The chance of choosing the surroundings.
