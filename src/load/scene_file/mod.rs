@@ -19,6 +19,7 @@ mod environment;
 mod fields;
 mod materials;
 mod objects;
+pub mod reference;
 mod settings;
 mod textures;
 mod transform;
