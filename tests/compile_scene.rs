@@ -57,6 +57,62 @@ fn unplaced_meshes_are_left_out() {
 }
 
 #[test]
+fn what_is_fully_transparent_is_left_out() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let hidden = curtain(&mut scene, 0.0, AlphaMode::Mask { cutoff: 0.5 });
+    let gone = curtain(&mut scene, 0.0, AlphaMode::Blend);
+    // Alpha 0 is not below this cutoff.
+    let seen = curtain(&mut scene, 0.0, AlphaMode::Mask { cutoff: 0.0 });
+    let mut two_parts = square(2, grey);
+    let half = |first_triangle, material| MeshPart { first_triangle, triangle_count: 4, material };
+    two_parts.parts = vec![half(0, gone), half(4, grey)];
+    scene.meshes.extend([square(30, hidden), square(1, seen), two_parts]);
+    for mesh in 0..3 {
+        place(&mut scene, mesh, DAffine3::IDENTITY);
+    }
+    quad(&mut scene, [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], gone);
+    quad(&mut scene, [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], grey);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.quads), (2 + 4, 1));
+    assert!(report.left_out.iter().any(|l| l.contains("fully transparent")), "{:?}", report.left_out);
+}
+
+/// An f32 matrix would take rays to object space with errors as uneven as the stretch.
+#[test]
+fn unevenly_stretched_meshes_are_copied() {
+    let triangles = |stretch: f64| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        scene.meshes.push(square(30, grey));
+        for x in [0.0, 2.0, 4.0] {
+            let scale = DVec3::new(1.0, 1.0, stretch);
+            place(&mut scene, 0, DAffine3::from_translation(DVec3::X * x) * DAffine3::from_scale(scale));
+        }
+        scene.cameras.push(look_down_z());
+        report(&scene).triangles
+    };
+    assert_eq!((triangles(10.0), triangles(1e5)), (1800, 3 * 1800));
+}
+
+#[test]
+fn nearly_flat_transforms_are_warned_of() {
+    let warnings = |height: f64| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        scene.meshes.push(square(1, grey));
+        let mut sheared = DAffine3::IDENTITY;
+        sheared.matrix3.y_axis = DVec3::new(1.0, height, 0.0);
+        place(&mut scene, 0, sheared);
+        scene.cameras.push(look_down_z());
+        let report = report(&scene);
+        (report.triangles, report.warnings.len())
+    };
+    assert_eq!((warnings(0.5), warnings(1e-9), warnings(0.0)), ((2, 0), (2, 1), (0, 1)));
+}
+
+#[test]
 fn flat_transforms_are_left_out_with_a_warning() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));

@@ -10,7 +10,7 @@ use super::layout::{
     PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, SpherePacket, TrianglePacket, leaf_ref, view_mut,
 };
 use crate::math::{Bounds3, Vec3};
-use crate::simd::Line;
+use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
 
 /// What is written.
@@ -58,6 +58,7 @@ impl Emit<'_> {
         }
         let (places, line_of_node, depth) = self.places(start);
         let end = places.last().map_or(start, |last| last.line + self.lines_of(last.node as usize));
+        reserve_lines(lines, end - start);
         lines.resize(end, Line::ZERO);
         let mut jobs = Vec::with_capacity(places.len() / CHUNK + 1);
         let mut rest = &mut lines[start..];

@@ -1,5 +1,7 @@
 //! The arguments as clap parses them; nothing is decided here.
 
+use super::asset_args::AssetArgs;
+use super::frames::Frames;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
@@ -104,13 +106,19 @@ pub(crate) enum AovArg {
     Albedo,
 }
 
-#[derive(Args, Debug)]
+#[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
     pub scene: PathBuf,
-    /// File to write, .exr or .png; may be given several times.
+    /// File to write, .exr or .png; may be given several times. In a sequence, #### stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
+    /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps.
+    #[arg(long, value_name = "A-B", conflicts_with = "time")]
+    pub frames: Option<Frames>,
+    /// Frames a second of a sequence.
+    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second)]
+    pub fps: f64,
     /// Samples a pixel [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub spp: Option<u32>,
@@ -132,7 +140,7 @@ pub(crate) struct RenderArgs {
     /// Camera by name or number, from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
     pub camera: Option<String>,
-    /// Environment picture (.exr or .hdr), equirectangular; '' for none.
+    /// Environment picture (.exr, .hdr or 8-bit), equirectangular; '' for none.
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
     /// Factor on the environment.
@@ -141,9 +149,15 @@ pub(crate) struct RenderArgs {
     /// Turns the environment picture about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
     pub env_rotation: Option<f64>,
-    /// Let glTF files refer to files outside their folder.
+    /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
+    /// Show the points of a point cloud as spheres of this radius, metres.
+    #[arg(long, value_name = "R")]
+    pub point_radius: Option<f64>,
+    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    #[arg(long)]
+    pub no_sidecar: bool,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
@@ -183,21 +197,31 @@ pub(crate) struct RenderArgs {
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
-    /// Print one JSON object about the run on standard output.
+    /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub asset: AssetArgs,
 }
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
     pub scene: PathBuf,
-    /// Let glTF files refer to files outside their folder.
+    /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
+    /// Show the points of a point cloud as spheres of this radius, metres.
+    #[arg(long, value_name = "R")]
+    pub point_radius: Option<f64>,
+    /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
+    #[arg(long)]
+    pub no_sidecar: bool,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub asset: AssetArgs,
 }
 
 #[derive(Args, Debug)]
@@ -218,6 +242,11 @@ pub(crate) struct CompareArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+fn frames_per_second(text: &str) -> Result<f64, String> {
+    let value = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
+    value.ok_or_else(|| "must be a number above 0".to_string())
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {

@@ -29,7 +29,7 @@ pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
 }
 
 fn shown(chapter: &Chapter) -> String {
-    format!("{}\n\n{}", chapter.title.to_uppercase(), markdown::to_text(&chapter.markdown()))
+    format!("{}\n\n{}", chapter.title, markdown::to_text(&chapter.markdown()))
 }
 
 fn topics() -> String {

@@ -2,7 +2,9 @@
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
 mod args;
+mod asset_args;
 mod compare;
+mod frames;
 mod help;
 mod inspect;
 mod json;

@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::args::RenderArgs;
+use super::frames::Frames;
 use super::process::{peak_memory, stop_flag};
 use super::progress::Progress;
 use super::report::{self, Run};
@@ -17,6 +18,22 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Instant, SystemTime};
 
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
+    let stop = stop_flag()?;
+    let Some(frames) = args.frames else { return run_one(args, stop) };
+    for number in frames.numbers() {
+        let mut frame = args.clone();
+        frame.output = args.output.iter().map(|path| Frames::file(path, number)).collect();
+        frame.asset.time = Some(f64::from(number) / args.fps);
+        match run_one(&frame, stop)? {
+            Outcome::Done => {}
+            other => return Ok(other),
+        }
+    }
+    Ok(Outcome::Done)
+}
+
+/// Renders one picture.
+fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     let formats = args.output.iter().map(|p| Format::of(p)).collect::<Result<Vec<Format>>>()?;
     for (i, path) in args.output.iter().enumerate() {
         if args.output[..i].contains(path) {
@@ -24,10 +41,16 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
         }
         check_target(path)?;
     }
-    let stop = stop_flag()?;
 
     let start = Instant::now();
-    let options = LoadOptions { allow_external: args.allow_external, brings_environment: args.env.is_some() };
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        gltf: args.asset.options(),
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
+    };
     let mut loaded = load(&args.scene, &options)?;
     let mut warnings = std::mem::take(&mut loaded.warnings);
     warnings.extend(apply_environment(args, &mut loaded.scene)?);

@@ -11,6 +11,10 @@ use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Texture};
 /// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
 const MIN_SHARED_TRIANGLES: usize = 1024;
 
+/// Meshes whose transform stretches less evenly than this are copied: rays that an f32 matrix takes to object space would
+/// lose as much precision.
+const MAX_SHARED_CONDITION: f64 = 1e3;
+
 /// Where geometry ended up.
 #[derive(Debug, Default)]
 pub struct Baked {
@@ -43,8 +47,15 @@ pub fn bake(
     baked.geometries.attributes.push(Attributes::default());
     let mut shared: Vec<Option<u32>> = vec![None; scene.meshes.len()];
     let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
+    let mut placements = vec![0; scene.meshes.len()];
+    let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+    let mut invisible = 0;
     for instance in &scene.instances {
         let mesh = &scene.meshes[instance.mesh.index()];
+        if part_materials(mesh, instance).all(is_hidden) {
+            invisible += 1;
+            continue;
+        }
         let made = &mut tangents[instance.mesh.index()];
         if made.is_none()
             && let Some(uv_set) = normal_map_set(part_materials(mesh, instance), scene)
@@ -58,20 +69,30 @@ pub fn bake(
             warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
             continue;
         }
+        if flatness(&world_from_object.matrix3) < NEARLY_FLAT {
+            let message = "a transform that nearly flattens it makes its position and normals imprecise";
+            warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
+        }
         let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
-        let is_shared =
-            uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= MIN_SHARED_TRIANGLES && !emits;
+        let is_shared = uses[instance.mesh.index()] > 1
+            && mesh.triangles.len() >= MIN_SHARED_TRIANGLES
+            && !emits
+            && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
         if is_shared {
             let slot = &mut shared[instance.mesh.index()];
             let geometry = *slot.get_or_insert_with(|| baked.geometries.share(mesh, materials));
             baked.place(geometry, &world_from_object, instance.material);
+            placements[instance.mesh.index()] += 1;
         } else {
             let needs = needs_of(part_materials(mesh, instance), materials);
-            baked.geometries.append(mesh, instance.material, &world_from_object, needs);
+            baked.geometries.append(mesh, instance.material, &world_from_object, needs, is_hidden);
         }
     }
     baked.geometries.append_shapes(scene, materials, origin);
-    report(scene, &uses, &shared, left_out);
+    if invisible > 0 {
+        left_out.push(format!("{invisible} placements whose materials are fully transparent"));
+    }
+    report(scene, &uses, &placements, left_out);
     baked
 }
 
@@ -83,14 +104,14 @@ fn count_uses(scene: &Scene) -> Vec<usize> {
     uses
 }
 
-fn report(scene: &Scene, uses: &[usize], shared: &[Option<u32>], left_out: &mut Vec<String>) {
+fn report(scene: &Scene, uses: &[usize], placements: &[usize], left_out: &mut Vec<String>) {
     let unused = || scene.meshes.iter().zip(uses).filter(|&(_, &n)| n == 0).map(|(mesh, _)| mesh);
     if unused().next().is_some() {
         let triangles: usize = unused().map(|m| m.triangles.len()).sum();
         left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
     }
-    for (index, mesh) in scene.meshes.iter().enumerate().filter(|(i, _)| shared[*i].is_some()) {
-        let (n, copies) = (mesh.triangles.len(), uses[index] - 1);
+    for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| **placed > 1) {
+        let (n, copies) = (mesh.triangles.len(), placed - 1);
         left_out.push(format!("{copies} copies of mesh '{}' ({n} triangles): its uses share one", mesh.name));
     }
 }
@@ -100,10 +121,22 @@ fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
 }
 
 fn is_invertible(m: &DMat3) -> bool {
-    let determinant = m.determinant();
-    let volume = m.x_axis.length() * m.y_axis.length() * m.z_axis.length();
-    // Rounding of a flat matrix leaves about 1e-16 of the volume.
-    determinant.is_finite() && determinant.abs() > 1e-14 * volume
+    // Rounding of a flat matrix leaves about 1e-16.
+    m.determinant().is_finite() && flatness(m) > 1e-14
+}
+
+/// Transforms below this [`flatness`] are warned of.
+const NEARLY_FLAT: f64 = 1e-6;
+
+/// The volume that the axes span, over that of a box with such edges: 1 where they are orthogonal, 0 in a plane.
+fn flatness(m: &DMat3) -> f64 {
+    m.determinant().abs() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length())
+}
+
+/// The condition number of a matrix in the Frobenius norm, over its least value: 1 for rotations and even scales.
+fn condition(m: &DMat3) -> f64 {
+    let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
+    norm(m) * norm(&m.inverse()) / 3.0
 }
 
 fn part_materials<'a>(mesh: &'a Mesh, instance: &'a Instance) -> impl Iterator<Item = MaterialId> + 'a {
@@ -167,14 +200,21 @@ impl Geometries {
             colors: any(|m| m.uses_vertex_colors),
             ..needs
         };
-        own.append(mesh, None, &DAffine3::IDENTITY, needs);
+        own.append(mesh, None, &DAffine3::IDENTITY, needs, |_| false);
         self.shapes.append(&mut own.shapes);
         self.attributes.append(&mut own.attributes);
         (self.shapes.len() - 1) as u32
     }
 
     /// Appends a placed mesh to the world's own geometry.
-    fn append(&mut self, mesh: &Mesh, material: Option<MaterialId>, placed: &DAffine3, needs: Needs) {
+    fn append(
+        &mut self,
+        mesh: &Mesh,
+        material: Option<MaterialId>,
+        placed: &DAffine3,
+        needs: Needs,
+        is_hidden: impl Fn(MaterialId) -> bool,
+    ) {
         let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
         let first = shapes.positions.len() as u32;
         let as_is = *placed == DAffine3::IDENTITY;
@@ -191,10 +231,13 @@ impl Geometries {
         let turned = |&[a, b, c]: &[u32; 3]| {
             if mirrors { [a + first, c + first, b + first] } else { [a + first, b + first, c + first] }
         };
-        shapes.triangles.extend(mesh.triangles.iter().map(turned));
         for part in &mesh.parts {
-            let id = material.unwrap_or(part.material).0;
-            attributes.materials.extend(std::iter::repeat_n(id, part.triangle_count as usize));
+            let id = material.unwrap_or(part.material);
+            if !is_hidden(id) {
+                let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
+                shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(turned));
+                attributes.materials.resize(shapes.triangles.len(), id.0);
+            }
         }
         attributes.append(mesh, placed, needs, first as usize);
     }
@@ -202,7 +245,8 @@ impl Geometries {
     /// Appends quads and spheres to the world's own geometry.
     fn append_shapes(&mut self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) {
         let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
-        for quad in &scene.quads {
+        let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
+        for quad in scene.quads.iter().filter(|quad| is_seen(quad.material)) {
             shapes.quads.push(accel::Quad {
                 corner: (quad.corner - origin).as_vec3(),
                 edge_u: quad.edge_u.as_vec3(),
@@ -211,7 +255,7 @@ impl Geometries {
             attributes.materials.push(quad.material.0);
         }
         let turns = scene.spheres.iter().any(|s| materials[s.material.index()].uses_uv);
-        for sphere in &scene.spheres {
+        for sphere in scene.spheres.iter().filter(|sphere| is_seen(sphere.material)) {
             shapes.spheres.push(accel::Sphere {
                 center: (sphere.center - origin).as_vec3(),
                 radius: sphere.radius as f32,

@@ -117,6 +117,11 @@ impl CompiledMaterial {
         }
     }
 
+    /// Is it absent everywhere?
+    pub fn is_invisible(&self) -> bool {
+        self.alpha.is_some_and(|alpha| alpha.is_never_present())
+    }
+
     /// Do the normals of vertices matter?
     pub fn uses_normals(&self) -> bool {
         self.class != BsdfClass::Black
@@ -149,6 +154,11 @@ impl CompiledMaterial {
 }
 
 impl Alpha {
+    /// Zero alpha stays zero whatever vertices and textures multiply it with.
+    fn is_never_present(&self) -> bool {
+        self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
+    }
+
     /// The chance that the surface is present at a point.
     #[inline]
     pub fn presence(&self, slots: &TexturedSlots<'_>, vertex_alpha: f32) -> f32 {

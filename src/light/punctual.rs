@@ -3,7 +3,7 @@
 use super::{LightBounds, LightSample};
 use crate::color::luminance;
 use crate::math::{Bounds3, DVec3, Vec3, poly};
-use crate::scene;
+use crate::scene::{self, SpotFade};
 use std::f32::consts::PI;
 
 /// A light without a surface, ready for rendering.
@@ -16,12 +16,13 @@ pub struct PunctualLight {
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Point(Vec3),
-    /// Angular attenuation is (scale cos + offset)^2, clamped to 0..1.
+    /// Angular attenuation is `fade` of scale * cos + offset, clamped to 0..1.
     Spot {
         position: Vec3,
         axis: Vec3,
         scale: f32,
         offset: f32,
+        fade: SpotFade,
     },
     Directional {
         to_light: Vec3,
@@ -34,14 +35,21 @@ impl PunctualLight {
         let local = |p: DVec3| (p - world_origin).as_vec3();
         let kind = match light.kind {
             scene::LightKind::Point { position } => Kind::Point(local(position)),
-            scene::LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad } => {
-                // KHR_lights_punctual, "Inner and Outer Cone Angles".
-                let scale = 1.0 / (inner_angle_rad.cos() - outer_angle_rad.cos()).max(1e-3);
+            scene::LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade } => {
+                let range = match fade {
+                    // KHR_lights_punctual, "Inner and Outer Cone Angles".
+                    SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
+                    SpotFade::Smooth => {
+                        (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad)
+                    }
+                };
+                let scale = 1.0 / range.max(1e-3);
                 Kind::Spot {
                     position: local(position),
                     axis: direction.normalize().as_vec3(),
                     scale: scale as f32,
                     offset: (-outer_angle_rad.cos() * scale) as f32,
+                    fade,
                 }
             }
             scene::LightKind::Directional { direction } => {
@@ -67,7 +75,7 @@ impl PunctualLight {
         let (position, axis, normals_rad, emission_rad) = match self.kind {
             Kind::Directional { .. } => return None,
             Kind::Point(position) => (position, Vec3::Z, PI, 0.5 * PI),
-            Kind::Spot { position, axis, scale, offset } => {
+            Kind::Spot { position, axis, scale, offset, .. } => {
                 let inner = poly::acos(((1.0 - offset) / scale).clamp(-1.0, 1.0));
                 let outer = poly::acos((-offset / scale).clamp(-1.0, 1.0));
                 // A little wider, for rounding.
@@ -93,10 +101,14 @@ impl PunctualLight {
                 };
             }
             Kind::Point(position) => (position, 1.0),
-            Kind::Spot { position, axis, scale, offset } => {
+            Kind::Spot { position, axis, scale, offset, fade } => {
                 let cosine = (reference - position).normalize_or_zero().dot(axis);
                 let a = (cosine * scale + offset).clamp(0.0, 1.0);
-                (position, a * a)
+                let attenuation = match fade {
+                    SpotFade::Square => a * a,
+                    SpotFade::Smooth => a * a * (3.0 - 2.0 * a),
+                };
+                (position, attenuation)
             }
         };
         let to_light = position - reference;
@@ -112,5 +124,39 @@ impl PunctualLight {
             radiance: self.intensity * (attenuation / distance_squared),
             pdf_solid_angle: 1.0,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::{Light, LightKind};
+
+    /// What a spot light of intensity 1 that looks down -z sends to a point at an angle, one metre away.
+    fn spot(fade: SpotFade, angle: f64) -> f32 {
+        let kind = LightKind::Spot {
+            position: DVec3::ZERO,
+            direction: DVec3::NEG_Z,
+            inner_angle_rad: 0.3,
+            outer_angle_rad: 0.6,
+            fade,
+        };
+        let light =
+            PunctualLight::new(&Light { name: String::new(), kind, intensity: [1.0; 3] }, DVec3::ZERO);
+        light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3()).radiance.x
+    }
+
+    #[test]
+    fn cones_fade_between_their_angles() {
+        for fade in [SpotFade::Square, SpotFade::Smooth] {
+            assert!((spot(fade, 0.0) - 1.0).abs() < 1e-5);
+            assert!(spot(fade, 0.61) == 0.0 && spot(fade, 0.59) > 0.0);
+        }
+        assert!((spot(SpotFade::Square, 0.29) - 1.0).abs() < 1e-5);
+        // Halfway in the cosine: a quarter, and of the smooth step a half.
+        let middle = (0.5 * (0.3f64.cos() + 0.6f64.cos())).acos();
+        assert!((spot(SpotFade::Square, middle) - 0.25).abs() < 1e-5);
+        let middle = (0.6f64.cos() + 0.25 * (1.0 - 0.6f64.cos())).acos();
+        assert!((spot(SpotFade::Smooth, middle) - 0.5).abs() < 1e-5);
     }
 }

@@ -74,8 +74,7 @@ impl LightTree {
             let node = self.nodes.get(at)?;
             let estimates = node.estimates(receiver);
             let sum = sum(&estimates);
-            // Also false where it is no number.
-            if !(sum > 0.0) {
+            if sum <= 0.0 || sum.is_nan() {
                 return None;
             }
             let target = u * f64::from(sum);
@@ -110,7 +109,7 @@ impl LightTree {
             let node = &self.nodes[at];
             let estimates = node.estimates(receiver);
             let sum = sum(&estimates);
-            if !(sum > 0.0) {
+            if sum <= 0.0 || sum.is_nan() {
                 return 0.0;
             }
             let place = trail as usize & (WIDTH - 1);
@@ -192,7 +191,7 @@ impl Node {
         let (p, n) = (receiver.p, receiver.normal);
         let any_side = if n == Vec3::ZERO { 1.0 } else { 0.0 };
         let mut estimates = [0.0; WIDTH];
-        for i in 0..WIDTH {
+        for (i, estimate) in estimates.iter_mut().enumerate() {
             let (x, y, z) = (p.x - self.center[0][i], p.y - self.center[1][i], p.z - self.center[2][i]);
             let distance_squared = x * x + y * y + z * z;
             let r2 = self.radius_squared[i];
@@ -214,7 +213,7 @@ impl Node {
             // Where the cosines are all but 0 so is the light: a floor keeps the chance from vanishing first.
             let cosines = floor(cos_light) * floor(cos_surface);
             let near = if safe > r2 { safe } else { r2 };
-            estimates[i] = if is_lit { self.weight[i] * cosines / near } else { 0.0 };
+            *estimate = if is_lit { self.weight[i] * cosines / near } else { 0.0 };
         }
         estimates
     }
@@ -354,7 +353,7 @@ mod tests {
         let receiver = |i: usize| {
             let p = Vec3::new(random.next(), random.next(), random.next()) * 14.0 - 2.0;
             let normal = warp::uniform_sphere([random.next(), random.next()]);
-            Receiver { p, normal: if i % 4 == 0 { Vec3::ZERO } else { normal } }
+            Receiver { p, normal: if i.is_multiple_of(4) { Vec3::ZERO } else { normal } }
         };
         (0..40).map(receiver).collect()
     }

@@ -23,6 +23,14 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
+    /// Choices about glTF assets.
+    pub gltf: gltf::GltfOptions,
+    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
+    pub point_radius: Option<f64>,
+    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
+    pub geometry_only: bool,
+    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
+    pub no_sidecar: bool,
 }
 
 /// A scene and what happened on the way to it.
@@ -50,6 +58,17 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
                 .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
         }
     };
+    if !matches!(extension.as_str(), "gltf" | "glb" | "toml") && options.gltf != gltf::GltfOptions::default()
+    {
+        let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
+    if extension != "toml" && !options.no_sidecar {
+        let beside = scene_file::sidecar::path_for(path);
+        if beside.is_file() {
+            scene_file::sidecar::apply(&beside, options, &mut loaded)?;
+        }
+    }
     framing::complete(&mut loaded, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }

@@ -2,33 +2,123 @@
 
 use crate::math::{DVec3, Vec2};
 
+/// Comparisons of a corner with a candidate ear that any polygon may cost; a hostile file may hold one of a million
+/// corners. Honest ones of some ten thousand corners stay below.
+const COMPARISONS: u64 = 1 << 27;
+
 /// Splits a polygon into triangles of indices into `corners`, keeping its orientation.
 ///
-/// Ears are clipped in the plane of the polygon's area vector (Newell's method); where rounding or self-intersection
-/// leaves no ear, the rest becomes a fan. Fewer than three corners give nothing.
+/// Ears are clipped (Meisters 1975, "Polygons Have Ears") in the plane of the polygon's area vector (Newell's method);
+/// only reflex corners can lie in an ear, so the cost is O(n r) for r of these where ears are found at once, and bounded
+/// always. Where rounding or self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Fewer than
+/// three corners give nothing.
 pub(super) fn triangulate(corners: &[[f32; 3]]) -> Vec<[usize; 3]> {
     match corners.len() {
         0..=2 => return Vec::new(),
         3 => return vec![[0, 1, 2]],
         _ => {}
     }
-    let flat = project(corners);
-    let mut rest: Vec<usize> = (0..corners.len()).collect();
     let mut triangles = Vec::with_capacity(corners.len() - 2);
-    // Ears are looked for from where the last one was, which keeps convex polygons linear.
-    let mut at = 0;
-    while rest.len() > 3 {
-        let n = rest.len();
-        let ear = (0..n).map(|k| (at + k) % n).find(|&i| is_ear(&flat, &rest, i));
-        let Some(i) = ear else { break };
-        triangles.push([rest[(i + n - 1) % n], rest[i], rest[(i + 1) % n]]);
-        rest.remove(i);
-        at = i % rest.len();
-    }
+    let rest = Ring::new(project(corners)).clip(&mut triangles);
     for k in 1..rest.len() - 1 {
         triangles.push([rest[0], rest[k], rest[k + 1]]);
     }
     triangles
+}
+
+/// The corners that are left, as a doubly linked ring.
+struct Ring {
+    flat: Vec<Vec2>,
+    next: Vec<usize>,
+    before: Vec<usize>,
+    /// Corners that are not convex, in no order.
+    reflex: Vec<usize>,
+    /// Place of each corner in `reflex`, or `usize::MAX`.
+    place: Vec<usize>,
+    left: usize,
+}
+
+impl Ring {
+    fn new(flat: Vec<Vec2>) -> Ring {
+        let n = flat.len();
+        let next = (1..n).chain([0]).collect();
+        let before = [n - 1].into_iter().chain(0..n - 1).collect();
+        let mut ring = Ring { flat, next, before, reflex: Vec::new(), place: vec![usize::MAX; n], left: n };
+        for i in 0..n {
+            if !ring.is_convex(i) {
+                ring.place[i] = ring.reflex.len();
+                ring.reflex.push(i);
+            }
+        }
+        ring
+    }
+
+    fn corners(&self, i: usize) -> [Vec2; 3] {
+        [self.before[i], i, self.next[i]].map(|k| self.flat[k])
+    }
+
+    fn is_convex(&self, i: usize) -> bool {
+        let [a, b, c] = self.corners(i);
+        cross(a, b, c) > 0.0
+    }
+
+    /// Is the corner convex, with no other corner inside its triangle?
+    fn is_ear(&self, i: usize) -> bool {
+        if !self.is_convex(i) {
+            return false;
+        }
+        let [a, b, c] = self.corners(i);
+        self.reflex.iter().all(|&k| {
+            let p = self.flat[k];
+            let inside = cross(a, b, p) >= 0.0 && cross(b, c, p) >= 0.0 && cross(c, a, p) >= 0.0;
+            !inside || p == a || p == b || p == c
+        })
+    }
+
+    /// Clips ears until three corners are left, or none is an ear, or it took too long; gives the corners left.
+    fn clip(mut self, triangles: &mut Vec<[usize; 3]>) -> Vec<usize> {
+        let (mut at, mut misses, mut comparisons) = (0, 0, 0u64);
+        while self.left > 3 && misses < self.left && comparisons < COMPARISONS {
+            comparisons += self.reflex.len() as u64 + 1;
+            if !self.is_ear(at) {
+                misses += 1;
+                at = self.next[at];
+                continue;
+            }
+            let (before, next) = (self.before[at], self.next[at]);
+            triangles.push([before, at, next]);
+            self.next[before] = next;
+            self.before[next] = before;
+            self.left -= 1;
+            misses = 0;
+            self.settle(at, true);
+            self.settle(before, self.is_convex(before));
+            self.settle(next, self.is_convex(next));
+            // The corner after the next: triangles that don't all share one corner are less thin.
+            at = self.next[next];
+        }
+        let start = at;
+        let mut rest = vec![start];
+        let mut i = self.next[start];
+        while i != start {
+            rest.push(i);
+            i = self.next[i];
+        }
+        rest
+    }
+
+    /// Takes a corner that has become convex, or has gone, from the reflex ones. A convex corner never becomes reflex
+    /// when an ear beside it is clipped, but rounding may say so; then it stays where it was.
+    fn settle(&mut self, i: usize, convex: bool) {
+        let place = self.place[i];
+        if convex && place != usize::MAX {
+            self.reflex.swap_remove(place);
+            self.place[i] = usize::MAX;
+            if let Some(&moved) = self.reflex.get(place) {
+                self.place[moved] = place;
+            }
+        }
+    }
 }
 
 /// The corners in two dimensions, counter-clockwise.
@@ -50,22 +140,6 @@ fn cross(a: Vec2, b: Vec2, c: Vec2) -> f32 {
     (b - a).perp_dot(c - a)
 }
 
-/// Is corner `i` of `rest` convex, with no other corner inside its triangle?
-fn is_ear(flat: &[Vec2], rest: &[usize], i: usize) -> bool {
-    let n = rest.len();
-    let (before, after) = ((i + n - 1) % n, (i + 1) % n);
-    let (a, b, c) = (flat[rest[before]], flat[rest[i]], flat[rest[after]]);
-    if cross(a, b, c) <= 0.0 {
-        return false;
-    }
-    let corners = [before, i, after];
-    (0..n).filter(|k| !corners.contains(k)).all(|k| {
-        let p = flat[rest[k]];
-        let inside = cross(a, b, p) >= 0.0 && cross(b, c, p) >= 0.0 && cross(c, a, p) >= 0.0;
-        !inside || p == a || p == b || p == c
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -85,6 +159,31 @@ mod tests {
             assert_eq!(triangles.len(), 2);
             assert!((area(&p, &triangles) - 2.0).abs() < 1e-5, "start {turn}");
         }
+    }
+
+    #[test]
+    fn a_long_comb_is_cut_without_overlap() {
+        // Teeth up and down: half of the corners are reflex.
+        let teeth = 3000;
+        let mut p: Vec<[f32; 3]> = vec![[teeth as f32, -1.0, 0.0]];
+        p.extend((0..=2 * teeth).rev().map(|i| [i as f32 * 0.5, (i % 2) as f32, 0.0]));
+        p.push([0.0, -1.0, 0.0]);
+        let triangles = triangulate(&p);
+        assert_eq!(triangles.len(), p.len() - 2);
+        let truth = teeth as f32 * 1.5;
+        assert!((area(&p, &triangles) / truth - 1.0).abs() < 1e-4, "{}", area(&p, &triangles));
+    }
+
+    #[test]
+    fn a_polygon_that_would_take_for_ever_ends() {
+        // A star whose arms hide one another's ears.
+        let n = 200_000;
+        let corner = |i: i32| {
+            let (angle, radius) = (f64::from(i) * 0.618, if i % 2 == 0 { 1.0 } else { 0.9 });
+            [(angle.cos() * radius) as f32, (angle.sin() * radius) as f32, 0.0]
+        };
+        let p: Vec<[f32; 3]> = (0..n).map(corner).collect();
+        assert_eq!(triangulate(&p).len(), p.len() - 2);
     }
 
     #[test]

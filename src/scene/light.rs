@@ -31,10 +31,24 @@ pub enum LightKind {
         inner_angle_rad: f64,
         /// Half angle where it ends, radians.
         outer_angle_rad: f64,
+        /// How it fades in between.
+        fade: SpotFade,
     },
     /// Parallel light from infinitely far.
     Directional {
         /// The way the light travels.
         direction: DVec3,
     },
+}
+
+/// How a spot light fades from its inner cone to its outer one.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum SpotFade {
+    /// The square of a line in the cosine of the angle, from 1 at the inner cone to 0 at the outer
+    /// (KHR_lights_punctual).
+    #[default]
+    Square,
+    /// A smooth step in the cosine of the angle, as Blender fades; the inner cone stands for its blend, which is
+    /// 1 - inner / outer of the cone's cap.
+    Smooth,
 }

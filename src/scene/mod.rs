@@ -14,7 +14,7 @@ pub use camera::{Camera, Projection, ThinLens};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
-pub use light::{Light, LightKind};
+pub use light::{Light, LightKind, SpotFade};
 pub use material::{
     AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, FresnelModel,
     Iridescence, Material, Model, NormalMap, PbrMaterial, Sheen,

@@ -58,6 +58,11 @@ pub fn corners(count: usize, bytes: usize) -> Value {
 
 /// Loads `a.gltf` with files beside it.
 pub fn load_with(asset: &Value, files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
+    load_by(asset, files, &LoadOptions::default())
+}
+
+/// The same with options.
+pub fn load_by(asset: &Value, files: &[(&str, &[u8])], options: &LoadOptions) -> Result<Loaded, Error> {
     let folder = tempfile::tempdir().expect("a temporary folder");
     for (name, content) in files {
         let path = folder.path().join(name);
@@ -66,7 +71,7 @@ pub fn load_with(asset: &Value, files: &[(&str, &[u8])]) -> Result<Loaded, Error
     }
     let path = folder.path().join("a.gltf");
     std::fs::write(&path, asset.to_string()).expect("written");
-    open(&path)
+    load(&path, options)
 }
 
 /// Loads an asset over the triangle's bytes.

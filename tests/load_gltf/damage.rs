@@ -262,5 +262,5 @@ fn compressed_primitives_need_plain_copies() {
     }
     let loaded = load_triangle(&compressed(true)).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
-    assert!(loaded.warnings.iter().any(|w| w.message.contains("KHR_draco_mesh_compression")));
+    assert!(loaded.warnings.iter().any(|w| w.place.contains("KHR_draco_mesh_compression")));
 }

@@ -1,8 +1,13 @@
 //! glTF files: collections of real, valid and damaged files, and small cases of the format's corners.
 
 mod asset;
+mod choices;
 mod collections;
 mod damage;
 mod geometry;
+mod images;
+mod layers;
 mod materials;
+mod motion;
 mod nodes;
+mod packed;

@@ -7,7 +7,7 @@ use oscura::scene::{AlphaMode, Interpolation, Mapping, Material, Model, PbrMater
 use serde_json::{Value, json};
 
 /// A PNG of one red pixel.
-const RED: &[u8] = &[
+pub const RED: &[u8] = &[
     0x89, 0x50, 0x4e, 0x47, 0x0d, 0x0a, 0x1a, 0x0a, 0x00, 0x00, 0x00, 0x0d, 0x49, 0x48, 0x44, 0x52, 0x00,
     0x00, 0x00, 0x01, 0x00, 0x00, 0x00, 0x01, 0x08, 0x02, 0x00, 0x00, 0x00, 0x90, 0x77, 0x53, 0xde, 0x00,
     0x00, 0x00, 0x0c, 0x49, 0x44, 0x41, 0x54, 0x78, 0x9c, 0x63, 0xf8, 0xcf, 0xc0, 0x00, 0x00, 0x03, 0x01,
@@ -48,7 +48,8 @@ fn factors_and_extensions() {
             "KHR_materials_ior": {"ior": 1.33},
             "KHR_materials_specular": {"specularFactor": 0.7, "specularColorFactor": [2, 1, 0]},
             "KHR_materials_transmission": {"transmissionFactor": 0.9},
-            "KHR_materials_volume": {"attenuationColor": [0.1, 0.2, 0.3], "attenuationDistance": 2}
+            "KHR_materials_volume":
+                {"attenuationColor": [0.1, 0.2, 0.3], "attenuationDistance": 2, "thicknessFactor": 0.1}
         }
     }));
     let p = pbr(&m);
@@ -63,10 +64,12 @@ fn factors_and_extensions() {
 }
 
 #[test]
-fn a_volume_of_any_thickness_is_solid_and_clear_by_default() {
-    let m = material(json!({"extensions": {"KHR_materials_volume": {}}}));
+fn a_volume_has_a_thickness_and_is_clear_by_default() {
+    let m = material(json!({"extensions": {"KHR_materials_volume": {"thicknessFactor": 1e-3}}}));
     assert!(pbr(&m).has_volume && pbr(&m).attenuation_distance == f32::INFINITY);
-    assert!(!pbr(&material(json!({"extensions": {"KHR_materials_transmission": {}}}))).has_volume);
+    for thin in ["KHR_materials_transmission", "KHR_materials_volume"] {
+        assert!(!pbr(&material(json!({"extensions": {thin: {}}}))).has_volume);
+    }
 }
 
 #[test]

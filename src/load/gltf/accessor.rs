@@ -1,6 +1,6 @@
 //! Accessors: typed numbers in buffers. [`Accessor::open`] checks everything, reading can't fail.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, Report, Unpacked, pointer};
 use gltf::json::accessor::{self, ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -61,7 +61,9 @@ impl<'d> Accessor<'d> {
             sparse: None,
             pointer: at.clone(),
         };
-        if let Some(view) = json.buffer_view {
+        if let Some(unpacked) = doc.accessors.get(index).and_then(|cell| cell.get()) {
+            accessor.dense = Some(accessor.open_unpacked(unpacked, report)?);
+        } else if let Some(view) = json.buffer_view {
             let place = Place {
                 view: view.value(),
                 offset: json.byte_offset.unwrap_or_default().0,
@@ -79,6 +81,25 @@ impl<'d> Accessor<'d> {
             accessor.sparse = Some(accessor.open_sparse(doc, &sparse, report)?);
         }
         Some(accessor)
+    }
+
+    /// The elements that a compressed primitive holds.
+    fn open_unpacked(&mut self, unpacked: &'d Unpacked, report: &mut Report) -> Option<Elements<'d>> {
+        if unpacked.count != self.count {
+            let (says, holds) = (self.count, unpacked.count);
+            let message =
+                format!("has {says} elements, but the compressed primitive {holds}; the latter counts");
+            report.warn(self.pointer.clone(), message);
+        }
+        (self.count, self.component) = (unpacked.count, unpacked.component);
+        let stride = self.element_size();
+        if unpacked.count.checked_mul(stride) != Some(unpacked.bytes.len()) {
+            let message =
+                format!("holds {}, which is not what the compressed primitive holds", self.contents());
+            report.problem(self.pointer.clone(), message);
+            return None;
+        }
+        Some(Elements { bytes: &unpacked.bytes, stride })
     }
 
     fn open_sparse(
@@ -128,7 +149,7 @@ impl<'d> Accessor<'d> {
         format!("{} of {:?}", format!("{:?}", self.kind).to_uppercase(), self.component)
     }
 
-    /// Bytes of one element. Columns of matrices start at multiples of four bytes, but nothing here reads matrices.
+    /// Bytes of one element. Columns of matrices start at multiples of four bytes; only matrices of floats are read.
     fn element_size(&self) -> usize {
         self.kind.multiplicity() * self.component.size()
     }

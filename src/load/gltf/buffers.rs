@@ -1,8 +1,10 @@
 //! Buffers and buffer views, checked before anything looks into them.
 
 use super::document::{Document, Report, pointer};
+use super::meshopt;
 use crate::load::uri::{self, Target};
 use gltf::json::{Buffer, buffer};
+use serde_json::Value;
 use std::borrow::Cow;
 use std::path::PathBuf;
 
@@ -20,16 +22,29 @@ impl<'a> Document<'a> {
     pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Option<View<'_>> {
         let view: buffer::View = self.entry("bufferViews", index, from, report)?;
         let at = pointer("bufferViews", index);
-        let compressed = self
-            .json
-            .pointer(&format!("{at}/extensions"))
-            .is_some_and(|e| e.get("EXT_meshopt_compression").is_some());
-        if compressed {
-            report.problem(at, "is compressed by EXT_meshopt_compression, which is not supported");
+        let stride = view.byte_stride.map(|s| s.0);
+        if stride.is_some_and(|s| !(4..=252).contains(&s)) {
+            report.problem(format!("{at}/byteStride"), "is not in 4..252");
             return None;
         }
-        let bytes = self.buffer(view.buffer.value(), &format!("{at}/buffer"), report)?;
+        if let Some((place, packed)) = meshopt::packed(&self.json, &at) {
+            let cell = self.views.get(index)?;
+            let bytes = cell.get_or_init(|| self.unpack(packed, &place, report)).as_deref()?;
+            if view.byte_length.0 != bytes.len() as u64 {
+                let (says, holds) = (view.byte_length.0, bytes.len());
+                report.problem(place, format!("holds {holds} bytes for a bufferView of {says}"));
+                return None;
+            }
+            return Some(View { bytes, stride });
+        }
         let (offset, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
+        let bytes = self.range(view.buffer.value(), offset, length, &at, report)?;
+        Some(View { bytes, stride })
+    }
+
+    /// Bytes of a buffer; `at` points to what asks for them.
+    fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Option<&[u8]> {
+        let bytes = self.buffer(buffer, &format!("{at}/buffer"), report)?;
         let range = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
         let Some(end) = range else {
             let size = bytes.len();
@@ -39,12 +54,27 @@ impl<'a> Document<'a> {
             );
             return None;
         };
-        let stride = view.byte_stride.map(|s| s.0);
-        if stride.is_some_and(|s| !(4..=252).contains(&s)) {
-            report.problem(format!("{at}/byteStride"), "is not in 4..252");
+        Some(&bytes[offset as usize..end as usize])
+    }
+
+    /// Decompresses a buffer view.
+    fn unpack(&self, packed: &Value, at: &str, report: &mut Report) -> Option<Vec<u8>> {
+        let layout = meshopt::Layout::new(packed, at, report)?;
+        let bytes = self.range(layout.buffer, layout.offset, layout.length, at, report)?;
+        if !self.may_decode(layout.size()) {
+            report.problem(
+                at,
+                format!("{} elements are more than the size of the file justifies", layout.count),
+            );
             return None;
         }
-        Some(View { bytes: &bytes[offset as usize..end as usize], stride })
+        match layout.decode(bytes) {
+            Ok(bytes) => Some(bytes),
+            Err(message) => {
+                report.problem(at, format!("can't be decompressed: {message}"));
+                None
+            }
+        }
     }
 
     /// The contents of a buffer, read when first asked for.

@@ -2,19 +2,20 @@
 
 use super::document::{Document, Report, name_of, number_of, numbers_of, pointer};
 use super::nodes::Node;
+use super::options::LightUnits;
 use crate::math::{DAffine3, DMat3};
-use crate::scene::{Camera, Light, LightKind, Projection};
+use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
 use gltf::json::camera::Type;
 use gltf::json::validation::Checked;
 use serde_json::Value;
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// The list of KHR_lights_punctual.
-pub(super) const LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
+const LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
 
 /// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela). glTF gives lights in
 /// candela and lux, the scene wants W/sr and W/m2; Blender's exporter multiplies by the same number in its default mode.
-pub(super) const LUMENS_PER_WATT: f64 = 683.0;
+const LUMENS_PER_WATT: f64 = 683.0;
 
 /// The camera of a node; `None` with a warning where it shows nothing.
 pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Camera> {
@@ -91,6 +92,49 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
     placed.is_finite().then_some(placed)
 }
 
+/// What the intensities of lights are divided by: of point and spot lights, and of directional ones.
+///
+/// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
+/// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
+fn divisors(units: LightUnits) -> (f64, f64) {
+    match units {
+        LightUnits::Auto | LightUnits::Spec => (LUMENS_PER_WATT, LUMENS_PER_WATT),
+        LightUnits::Compat => (1.0, 1.0),
+        LightUnits::Raw => (4.0 * PI, 1.0),
+    }
+}
+
+/// How spot lights fade: Blender's own way in its files, which KHR_lights_punctual has no words for, unless the user
+/// wants the specification's.
+fn fade(doc: &Document) -> SpotFade {
+    if doc.is_from_blender() && doc.options.light_units != LightUnits::Spec {
+        SpotFade::Smooth
+    } else {
+        SpotFade::Square
+    }
+}
+
+/// Says what was done to the numbers of so many lights.
+pub(super) fn warn_units(doc: &Document, lights: usize, report: &mut Report) {
+    if lights == 0 {
+        return;
+    }
+    let message = match doc.options.light_units {
+        LightUnits::Auto => {
+            let origin = if doc.is_from_blender() {
+                ", Blender's default for exporting watts, and spot lights fade as in Blender"
+            } else {
+                ""
+            };
+            let units = LUMENS_PER_WATT;
+            format!("intensities of {lights} lights were divided by {units} lm/W{origin} (--light-units)")
+        }
+        // The user knows.
+        LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,
+    };
+    report.warn(format!("/{LIGHTS}"), message);
+}
+
 /// The light of a node.
 pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Light> {
     let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
@@ -104,7 +148,10 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
         Some(_) => number_of(raw, "intensity", &at, report)?,
         None => 1.0,
     };
-    let intensity = color.map(|c| (c * strength / LUMENS_PER_WATT) as f32);
+    let is_directional = raw.get("type").and_then(Value::as_str) == Some("directional");
+    let (local, directional) = divisors(doc.options.light_units);
+    let divisor = if is_directional { directional } else { local };
+    let intensity = color.map(|c| (c * strength / divisor) as f32);
     if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
         report.problem(at, "has a colour or an intensity that is negative or beyond the range of numbers");
         return None;
@@ -127,6 +174,7 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
                 direction,
                 inner_angle_rad,
                 outer_angle_rad,
+                fade: fade(doc),
             })
         }
         _ => {

@@ -2,7 +2,10 @@
 //! needs them. So a broken object that nothing uses does no harm, and each problem has its JSON pointer.
 
 use super::container::Parts;
+use super::options::GltfOptions;
 use crate::error::{Problem, Warning};
+use crate::load::LoadOptions;
+use gltf::json::accessor::ComponentType;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::borrow::Cow;
@@ -104,12 +107,28 @@ pub(super) struct Document<'a> {
     pub binary: Option<&'a [u8]>,
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
+    /// What the user chose.
+    pub options: &'a GltfOptions,
     /// The contents of each buffer, once read; `None` for those with problems.
     pub(super) buffers: Vec<OnceCell<Option<Cow<'a, [u8]>>>>,
+    /// The contents of compressed buffer views, once decoded; `None` for those with problems.
+    pub(super) views: Vec<OnceCell<Option<Vec<u8>>>>,
+    /// The contents of accessors that compressed primitives bring along, once decoded.
+    pub(super) accessors: Vec<OnceCell<Unpacked>>,
     /// Bytes of all the files read so far.
     read: Cell<u64>,
     /// Bytes that accessors were decoded into.
     decoded: Cell<u64>,
+}
+
+/// What a compressed primitive holds for an accessor: elements without gaps.
+pub(super) struct Unpacked {
+    /// The elements.
+    pub bytes: Vec<u8>,
+    /// Their number.
+    pub count: usize,
+    /// What their components are stored as.
+    pub component: ComponentType,
 }
 
 /// Decoded bytes that any file may take.
@@ -119,12 +138,15 @@ const BUDGET_PER_BYTE: u64 = 64;
 
 impl<'a> Document<'a> {
     /// A document of a file of `size` bytes.
-    pub fn new(path: &'a Path, parts: Parts<'a>, size: usize, allow_external: bool) -> Document<'a> {
+    pub fn new(path: &'a Path, parts: Parts<'a>, size: usize, options: &'a LoadOptions) -> Document<'a> {
         let Parts { json, binary } = parts;
-        let count = json.get("buffers").and_then(Value::as_array).map_or(0, Vec::len);
-        let buffers = (0..count).map(|_| OnceCell::new()).collect();
+        let count = |list: &str| json.get(list).and_then(Value::as_array).map_or(0, Vec::len);
+        let buffers = (0..count("buffers")).map(|_| OnceCell::new()).collect();
+        let views = (0..count("bufferViews")).map(|_| OnceCell::new()).collect();
+        let accessors = (0..count("accessors")).map(|_| OnceCell::new()).collect();
         let (read, decoded) = (Cell::new(size as u64), Cell::new(0));
-        Document { path, json, binary, allow_external, buffers, read, decoded }
+        let (allow_external, options) = (options.allow_external, &options.gltf);
+        Document { path, json, binary, allow_external, options, buffers, views, accessors, read, decoded }
     }
 
     /// Notes that another file of this many bytes was read.
@@ -145,6 +167,12 @@ impl<'a> Document<'a> {
             self.decoded.set(total);
         }
         total <= allowed
+    }
+
+    /// Is the file written by Blender's exporter?
+    pub fn is_from_blender(&self) -> bool {
+        let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);
+        generator.is_some_and(|g| g.contains("Blender I/O"))
     }
 
     /// How many entries a list of the document has; `list` is its pointer without the leading slash.
@@ -188,9 +216,32 @@ impl<'a> Document<'a> {
     }
 }
 
+/// The names of all entries of a list; empty for those without.
+pub(super) fn names_of(doc: &Document, list: &str) -> Vec<String> {
+    let name = |entry: &Value| entry.get("name").and_then(Value::as_str).unwrap_or_default().to_string();
+    doc.list(list).into_iter().flatten().map(name).collect()
+}
+
 /// The JSON pointer of an entry of a list.
 pub(super) fn pointer(list: &str, index: usize) -> String {
     format!("/{list}/{index}")
+}
+
+/// A list of indices held by an object; entries that are none are problems.
+pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut Report) -> Vec<usize> {
+    let Some(value) = object.get(key) else { return Vec::new() };
+    let Some(list) = value.as_array() else {
+        report.problem(format!("{at}/{key}"), "is not a list of indices");
+        return Vec::new();
+    };
+    let mut indices = Vec::with_capacity(list.len());
+    for (i, value) in list.iter().enumerate() {
+        match value.as_u64().and_then(|v| usize::try_from(v).ok()) {
+            Some(index) => indices.push(index),
+            None => report.problem(format!("{at}/{key}/{i}"), "is not an index"),
+        }
+    }
+    indices
 }
 
 /// An optional index held by an object of the document: absent, an index, or a noted problem (`None` too).

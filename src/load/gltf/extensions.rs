@@ -7,23 +7,35 @@ use std::collections::BTreeMap;
 
 /// Extensions that are read.
 const READ: &[&str] = &[
+    "EXT_mesh_gpu_instancing",
+    "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
+    "KHR_materials_anisotropy",
+    "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_transmission",
+    "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
     "KHR_materials_ior",
+    "KHR_materials_iridescence",
+    "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
     "KHR_materials_unlit",
+    "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_mesh_quantization",
+    "KHR_meshopt_compression",
     "KHR_node_visibility",
+    "KHR_texture_basisu",
     "KHR_texture_transform",
 ];
 
 /// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
 const HARMLESS: &[(&str, &str)] = &[
-    ("KHR_animation_pointer", "animations are not played"),
-    ("KHR_materials_variants", "the default materials are shown"),
+    ("KHR_animation_pointer", "what it animates stands still"),
     ("KHR_xmp_json_ld", "metadata are not read"),
 ];
 
@@ -56,9 +68,12 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
         match name.as_str() {
             None => report.problem(at, "is not a name"),
             Some(name) if READ.contains(&name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
+            Some(name) if doc.options.force => {
+                report.warn(at, format!("the file demands {name}, which is not supported; --force goes on"));
+            }
             Some(name) => report.add(
                 Problem::new(at, format!("the file demands {name}, which is not supported"))
-                    .with_help("export it without this extension"),
+                    .with_help("export it without this extension, or go on without it by --force"),
             ),
         }
     }

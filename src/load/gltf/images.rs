@@ -8,6 +8,7 @@ use crate::image::{Encoding, Image, Pixels};
 use crate::load::image::{Use, decode};
 use rayon::prelude::*;
 use std::path::Path;
+use std::sync::Arc;
 
 /// An image before decoding.
 struct Source<'d> {
@@ -41,10 +42,30 @@ pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> 
                 Pixels::F32(_) => Encoding::Linear,
                 Pixels::U8(_) | Pixels::U16(_) => need.encoding,
             };
-            images.push(Image { encoding, ..image.clone() });
+            let image = Image { encoding, ..image.clone() };
+            images.push(match need.gloss {
+                Some(gloss) => roughness(&image, gloss.factor()),
+                None => image,
+            });
         }
     }
     images
+}
+
+/// The roughness 1 - factor * alpha of an image of glossiness, as an image of one channel.
+fn roughness(image: &Image, factor: f32) -> Image {
+    let pixels = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    let rough = |(x, y)| {
+        let [.., alpha] = image.rgba(x, y);
+        ((1.0 - factor * alpha) * 65535.0).round().clamp(0.0, 65535.0) as u16
+    };
+    Image {
+        name: format!("{} (roughness)", image.name),
+        channels: 1,
+        encoding: Encoding::Linear,
+        pixels: Arc::new(Pixels::U16(pixels.map(rough).collect())),
+        ..image.clone()
+    }
 }
 
 fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Option<Source<'d>> {

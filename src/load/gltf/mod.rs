@@ -9,29 +9,41 @@
 //! `extensions.rs`. `extras` of the scene may hold `width`, `height` and `bounces`.
 
 mod accessor;
+mod animation;
 mod buffers;
 mod cameras;
 mod container;
 mod document;
+mod draco;
 mod extensions;
 mod images;
+mod instancing;
 mod materials;
 mod meshes;
+mod meshopt;
+mod morph;
 mod nodes;
+mod options;
+mod place;
 mod repair;
+mod skin;
 mod textures;
+mod transform;
 mod triangles;
+mod variants;
+mod vertices;
+
+pub use options::{Glass, GltfOptions, LightUnits};
 
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result};
-use crate::scene::{Instance, MeshId, Scene};
+use crate::scene::Scene;
+use animation::Pose;
 use document::{Document, Report, pointer};
-use materials::Materials;
-use meshes::Skipped;
-use nodes::Hierarchy;
+use place::Builder;
 use serde_json::Value;
-use std::collections::HashMap;
 use std::path::Path;
+use transform::Family;
 
 /// Loads a `.gltf` or `.glb` file (told apart by content).
 ///
@@ -40,18 +52,21 @@ use std::path::Path;
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
-    let doc = Document::new(path, parts, bytes.len(), options.allow_external);
+    let doc = Document::new(path, parts, bytes.len(), options);
     let mut report = Report::new(path);
     extensions::check(&doc, &mut report);
-    let hierarchy = nodes::walk(&doc, &mut report);
-    let mut builder = Builder { doc: &doc, scene: Scene::default(), materials: Materials::default() };
-    let used_meshes = builder.add_meshes(&hierarchy, &mut report);
-    builder.add_cameras_and_lights(&hierarchy, &mut report);
-    let Builder { mut scene, materials, .. } = builder;
-    let left_out = left_out(&doc, used_meshes, &materials);
-    scene.images = images::read(&doc, &materials.textures.images, &mut report);
-    scene.materials = materials.list;
-    scene.textures = materials.textures.list;
+    variants::check(&doc, &mut report);
+    let pose = match options.gltf.time_s {
+        Some(time_s) => animation::pose(&doc, time_s, &mut report),
+        None => Pose::default(),
+    };
+    let family = Family::new(&doc, &pose);
+    let hierarchy = nodes::walk(&doc, &pose, &family, &mut report);
+    let mut builder = Builder::new(&doc, &pose, &family);
+    builder.materials.geometry_only = options.geometry_only;
+    builder.add(&hierarchy, &mut report);
+    let left_out = left_out(&doc, &builder, &pose);
+    let mut scene = builder.finish(&mut report);
     read_scene(&doc, hierarchy.scene, &mut scene, &mut report);
     extensions::warn_unread(&doc, &mut report);
     let problems = report.take_problems();
@@ -59,79 +74,6 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         return Err(Error::input_problems(path, problems));
     }
     Ok(Loaded { scene, warnings: report.into_warnings(), left_out })
-}
-
-/// The scene being put together.
-struct Builder<'b, 'a> {
-    doc: &'b Document<'a>,
-    scene: Scene,
-    materials: Materials,
-}
-
-impl Builder<'_, '_> {
-    /// Reads the meshes of all nodes, each once, and places them; gives how many of the file's meshes that were.
-    fn add_meshes(&mut self, hierarchy: &Hierarchy, report: &mut Report) -> usize {
-        let mut known: HashMap<usize, Vec<MeshId>> = HashMap::new();
-        let mut skipped = Skipped::default();
-        let mut skinned = 0usize;
-        for (entry, node) in hierarchy.nodes.iter().enumerate() {
-            let Some(index) = node.mesh else { continue };
-            if node.world_from_node.matrix3.determinant() == 0.0 {
-                report.warn(node.pointer(), "flattens its mesh to nothing (a scale of 0); it is left out");
-                continue;
-            }
-            let meshes = known.entry(index).or_insert_with(|| {
-                let from = format!("{}/mesh", node.pointer());
-                let materials = &mut self.materials;
-                let meshes = meshes::read(self.doc, index, &from, materials, &mut skipped, report);
-                let first = self.scene.meshes.len() as u32;
-                self.scene.meshes.extend(meshes);
-                (first..self.scene.meshes.len() as u32).map(MeshId).collect()
-            });
-            skinned += usize::from(node.skinned && !meshes.is_empty());
-            for &mesh in meshes.iter() {
-                let name = hierarchy.path(self.doc, entry);
-                let world_from_object = node.world_from_node;
-                self.scene.instances.push(Instance { name, mesh, world_from_object, material: None });
-            }
-        }
-        warn_skipped(&skipped, skinned, report);
-        known.len()
-    }
-
-    fn add_cameras_and_lights(&mut self, hierarchy: &Hierarchy, report: &mut Report) {
-        for node in &hierarchy.nodes {
-            if let Some(index) = node.camera {
-                self.scene.cameras.extend(cameras::camera(self.doc, node, index, report));
-            }
-            if let Some(index) = node.light {
-                self.scene.lights.extend(cameras::light(self.doc, node, index, report));
-            }
-        }
-        let count = self.scene.lights.len();
-        if count > 0 {
-            let blender = self.doc.json.pointer("/asset/generator").and_then(Value::as_str);
-            let origin = match blender.filter(|g| g.contains("Blender I/O")) {
-                Some(_) => ", Blender's default for exporting watts",
-                None => "",
-            };
-            let units = cameras::LUMENS_PER_WATT;
-            let message = format!("intensities of {count} lights were divided by {units} lm/W{origin}");
-            report.warn(format!("/{}", cameras::LIGHTS), message);
-        }
-    }
-}
-
-fn warn_skipped(skipped: &Skipped, skinned: usize, report: &mut Report) {
-    let mut warn = |count: usize, what: &str| {
-        if count > 0 {
-            report.warn("/meshes", format!("{count} {what}"));
-        }
-    };
-    warn(skipped.points, "primitives are points, which have no surface, and are skipped");
-    warn(skipped.lines, "primitives are lines, which have no surface, and are skipped");
-    warn(skipped.morphs, "primitives have morph targets; they are shown without");
-    warn(skinned, "placed meshes have skins; they are shown in the pose in which they were modelled");
 }
 
 /// What the scene's `extras` say about the picture.
@@ -153,21 +95,19 @@ fn read_scene(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &
 }
 
 /// What was not read because nothing that is seen uses it.
-fn left_out(doc: &Document, used_meshes: usize, materials: &Materials) -> Vec<String> {
-    let mut images: Vec<usize> = materials.textures.images.iter().map(|need| need.index).collect();
-    images.sort_unstable();
-    images.dedup();
+fn left_out(doc: &Document, builder: &Builder, pose: &Pose) -> Vec<String> {
+    let images = builder.images();
     let used_buffers = doc.buffers.iter().filter(|b| b.get().is_some()).count();
     let unused = |used: usize, kind: &str, why: &str| {
         let total = doc.count(kind);
         (used < total).then(|| format!("{} of {total} {kind}: {why}", total - used))
     };
     [
-        unused(used_meshes, "meshes", "no visible node uses them"),
-        unused(materials.used(), "materials", "nothing visible uses them"),
+        unused(builder.used_meshes(), "meshes", "no visible node uses them"),
+        unused(builder.used_materials(), "materials", "nothing visible uses them"),
         unused(images.len(), "images", "no visible material uses them; not decoded"),
         unused(used_buffers, "buffers", "nothing visible uses them; not read"),
-        unused(0, "animations", "the file's rest state is shown"),
+        unused(pose.animations, "animations", "no time is asked for; the file's rest state is shown"),
     ]
     .into_iter()
     .flatten()

@@ -1,8 +1,12 @@
-//! The node hierarchy: which nodes are seen, and where they stand. Transforms are taken from the JSON in full precision
-//! and composed in f64.
+//! The node hierarchy: which nodes are seen, and where they stand.
 
-use super::document::{Document, Report, index_of, name_of, numbers_of, pointer};
-use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+use super::animation::Pose;
+use super::document::{Document, Report, index_of, list_of_indices, name_of, names_of, pointer};
+use super::instancing;
+use super::options::GltfOptions;
+use super::transform::{self, Family};
+use crate::error::Problem;
+use crate::math::DAffine3;
 use serde_json::Value;
 
 /// A node that is seen.
@@ -19,8 +23,10 @@ pub(super) struct Node {
     pub camera: Option<usize>,
     /// Its light (KHR_lights_punctual).
     pub light: Option<usize>,
-    /// Does a skin move its mesh?
-    pub skinned: bool,
+    /// The skin that moves its mesh.
+    pub skin: Option<usize>,
+    /// Where copies of its mesh stand in the node's space, in place of the one mesh.
+    pub instances: Option<Vec<DAffine3>>,
 }
 
 impl Node {
@@ -60,9 +66,19 @@ impl Hierarchy {
     }
 }
 
-/// Walks the scene that is shown. A node that is reached twice (a cycle, or a child of two parents) is a problem.
-pub(super) fn walk(doc: &Document, report: &mut Report) -> Hierarchy {
-    let (scene, roots) = roots(doc, report);
+/// Walks the scene or the node that is shown. A node that is reached twice (a cycle, or a child of two parents) is a
+/// problem.
+pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Report) -> Hierarchy {
+    let (scene, roots) = match &doc.options.node {
+        Some(wanted) => (None, root(doc, wanted, report)),
+        None => roots(doc, report),
+    };
+    let above = match roots.as_slice() {
+        [Step { node, .. }] if doc.options.node.is_some() => {
+            family.parent(*node).and_then(|parent| family.world_from_node(parent, report))
+        }
+        _ => None,
+    };
     let mut hierarchy = Hierarchy { nodes: Vec::new(), scene };
     let mut reached = vec![false; doc.count("nodes")];
     let mut stack: Vec<Step> = roots.into_iter().rev().collect();
@@ -80,8 +96,8 @@ pub(super) fn walk(doc: &Document, report: &mut Report) -> Hierarchy {
             hidden += 1;
             continue;
         }
-        let parent = step.parent.map_or(DAffine3::IDENTITY, |p| hierarchy.nodes[p].world_from_node);
-        let Some(local) = local_transform(raw, &at, report) else { continue };
+        let parent = step.parent.map(|p| hierarchy.nodes[p].world_from_node).or(above).unwrap_or_default();
+        let Some(local) = transform::local(raw, pose.node(step.node), &at, report) else { continue };
         let world_from_node = parent * local;
         if !world_from_node.is_finite() {
             report.problem(at, "stands beyond the range of numbers");
@@ -100,7 +116,8 @@ pub(super) fn walk(doc: &Document, report: &mut Report) -> Hierarchy {
             mesh: index_of(raw, "mesh", &at, report),
             camera: index_of(raw, "camera", &at, report),
             light: light.and_then(|l| index_of(l, "light", &light_at, report)),
-            skinned: raw.get("skin").is_some(),
+            skin: index_of(raw, "skin", &at, report),
+            instances: instancing::placements(doc, raw, &at, report),
         });
     }
     if hidden > 0 {
@@ -116,12 +133,33 @@ struct Step {
     from: String,
 }
 
-/// The roots of the default scene; of the first, where none is the default; without scenes, all nodes that are no
+/// The one root when a node is shown alone.
+fn root(doc: &Document, wanted: &str, report: &mut Report) -> Vec<Step> {
+    match GltfOptions::find(&names_of(doc, "nodes"), wanted) {
+        Ok(node) => vec![Step { node, parent: None, from: String::new() }],
+        Err(help) => {
+            let message = format!("there is no node '{wanted}'");
+            report.add(Problem::new("/nodes", message).with_help(help));
+            Vec::new()
+        }
+    }
+}
+
+/// The roots of the scene that the options name; of the default scene; of the first, where none is the default; without scenes, all nodes that are no
 /// one's child.
 fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     let step = |node, from| Step { node, parent: None, from };
-    let chosen = index_of(&doc.json, "scene", "", report);
     let scenes = doc.count("scenes");
+    let chosen =
+        match doc.options.scene.as_deref().map(|s| (s, GltfOptions::find(&names_of(doc, "scenes"), s))) {
+            None => index_of(&doc.json, "scene", "", report),
+            Some((_, Ok(index))) => Some(index),
+            Some((wanted, Err(help))) => {
+                let message = format!("there is no scene '{wanted}'");
+                report.add(Problem::new("/scenes", message).with_help(help));
+                return (None, Vec::new());
+            }
+        };
     if chosen.is_none() && scenes > 1 {
         report.warn(
             "/scenes",
@@ -146,67 +184,4 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
         }
     }
     (None, (0..count).filter(|&i| !is_child[i]).map(|i| step(i, String::new())).collect())
-}
-
-/// A list of indices held by an object; entries that are none are problems.
-fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut Report) -> Vec<usize> {
-    let Some(value) = object.get(key) else { return Vec::new() };
-    let Some(list) = value.as_array() else {
-        report.problem(format!("{at}/{key}"), "is not a list of indices");
-        return Vec::new();
-    };
-    let mut indices = Vec::with_capacity(list.len());
-    for (i, value) in list.iter().enumerate() {
-        match value.as_u64().and_then(|v| usize::try_from(v).ok()) {
-            Some(index) => indices.push(index),
-            None => report.problem(format!("{at}/{key}/{i}"), "is not an index"),
-        }
-    }
-    indices
-}
-
-/// A node's own transform: its matrix, or translation * rotation * scale.
-fn local_transform(node: &Value, at: &str, report: &mut Report) -> Option<DAffine3> {
-    let transform = if node.get("matrix").is_some() {
-        if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
-            report.problem(at, "has a matrix and also a translation, rotation or scale");
-            return None;
-        }
-        let m: [f64; 16] = numbers_of(node, "matrix", at, report)?;
-        if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
-            report.warn(format!("{at}/matrix"), "is a projection; its last row is taken as 0 0 0 1");
-        }
-        let column = |i: usize| DVec3::new(m[i], m[i + 1], m[i + 2]);
-        DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
-    } else {
-        let vector = |key: &str, default: [f64; 3], report: &mut Report| match node.get(key) {
-            Some(_) => numbers_of(node, key, at, report),
-            None => Some(default),
-        };
-        let translation = vector("translation", [0.0; 3], report)?;
-        let scale = vector("scale", [1.0; 3], report)?;
-        let rotation = rotation(node, at, report)?;
-        DAffine3::from_scale_rotation_translation(scale.into(), rotation, translation.into())
-    };
-    if !transform.is_finite() {
-        report.problem(at, "has a transform beyond the range of numbers");
-        return None;
-    }
-    Some(transform)
-}
-
-fn rotation(node: &Value, at: &str, report: &mut Report) -> Option<DQuat> {
-    if node.get("rotation").is_none() {
-        return Some(DQuat::IDENTITY);
-    }
-    let rotation = DQuat::from_array(numbers_of(node, "rotation", at, report)?);
-    let length = rotation.length();
-    if !(length > 1e-6 && length.is_finite()) {
-        report.problem(format!("{at}/rotation"), "is no rotation: a unit quaternion is needed");
-        return None;
-    }
-    if (length - 1.0).abs() > 1e-3 {
-        report.warn(format!("{at}/rotation"), format!("has the length {length:.4}; it was normalised"));
-    }
-    Some(rotation.normalize())
 }

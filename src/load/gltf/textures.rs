@@ -23,13 +23,31 @@ pub(super) struct Reference {
     pub transform: Option<TransformJson>,
     /// JSON pointer of the reference.
     pub at: String,
+    /// The texture's alpha is glossiness, and roughness is wanted.
+    pub gloss: Option<Gloss>,
+}
+
+/// Asks for an image of the roughness 1 - factor * alpha in place of the image itself.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+pub(super) struct Gloss(u32);
+
+impl Gloss {
+    /// With a factor on the glossiness, 0..1.
+    pub fn new(factor: f32) -> Gloss {
+        Gloss(factor.to_bits())
+    }
+
+    /// The factor.
+    pub fn factor(self) -> f32 {
+        f32::from_bits(self.0)
+    }
 }
 
 impl Reference {
     /// The reference of a texture info.
     pub fn new(info: &gltf::json::texture::Info, at: String) -> Reference {
         let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
-        Reference { texture: info.index.value(), uv_set: info.tex_coord, transform, at }
+        Reference { texture: info.index.value(), uv_set: info.tex_coord, transform, at, gloss: None }
     }
 
     /// The set of texture coordinates that counts.
@@ -45,6 +63,8 @@ pub(super) struct ImageNeed {
     pub index: usize,
     /// sRGB for colours, linear for data.
     pub encoding: Encoding,
+    /// It is turned into roughness.
+    pub gloss: Option<Gloss>,
 }
 
 /// The textures found so far.
@@ -64,6 +84,7 @@ struct Key {
     uv_set: u32,
     transform: [u32; 5],
     is_color: bool,
+    gloss: Option<Gloss>,
 }
 
 impl Textures {
@@ -82,6 +103,7 @@ impl Textures {
             uv_set: reference.effective_uv_set(),
             transform: [o[0], o[1], s[0], s[1], transform.rotation_rad].map(f32::to_bits),
             is_color: encoding == Encoding::Srgb,
+            gloss: reference.gloss,
         };
         if let Some(known) = self.known.get(&key) {
             return *known;
@@ -138,7 +160,7 @@ impl Textures {
             return None;
         }
         let mapping = Mapping::Uv { set, transform };
-        let image = self.image(ImageNeed { index, encoding });
+        let image = self.image(ImageNeed { index, encoding, gloss: reference.gloss });
         let (wrap_u, wrap_v) = wraps;
         self.list.push(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping });
         Some(TextureId(self.list.len() as u32 - 1))
@@ -154,10 +176,11 @@ impl Textures {
     }
 }
 
-/// The image of a texture: that of EXT_texture_webp, or the plain source.
+/// The image of a texture: that of KHR_texture_basisu, of EXT_texture_webp, or the plain source.
 fn source(texture: &Value) -> Option<usize> {
-    let webp = texture.pointer("/extensions/EXT_texture_webp/source");
-    let index = webp.or_else(|| texture.get("source"))?.as_u64()?;
+    let of = |name: &str| texture.pointer(&format!("/extensions/{name}/source"));
+    let special = of("KHR_texture_basisu").or_else(|| of("EXT_texture_webp"));
+    let index = special.or_else(|| texture.get("source"))?.as_u64()?;
     usize::try_from(index).ok()
 }
 

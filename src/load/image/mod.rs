@@ -1,8 +1,9 @@
-//! The one reader of images: PNG, JPEG, WebP, BMP, TGA and TIFF by the crate `image`, Radiance HDR, and EXR.
+//! The one reader of images: PNG, JPEG, WebP, BMP, TGA and TIFF by the crate `image`, Radiance HDR, EXR, and KTX2.
 //!
 //! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
+mod ktx2;
 mod limits;
 mod openexr;
 
@@ -15,7 +16,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What an image is for, which decides how its numbers are understood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(crate) enum Use {
     /// Colour: integers are sRGB-encoded, floats linear.
     Color,
@@ -72,10 +73,13 @@ pub(crate) fn decode(
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
     let source = Source { bytes, file, pointer };
-    let format = format_of(&source, mime, warnings)?;
-    let mut image = match format {
-        ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color)?,
-        _ => decode_common(&source, format, purpose, warnings)?,
+    let mut image = if ktx2::is_ktx2(bytes) {
+        ktx2::decode(&source, purpose)?
+    } else {
+        match format_of(&source, mime, warnings)? {
+            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color)?,
+            format => decode_common(&source, format, purpose, warnings)?,
+        }
     };
     if let Some(Pixels::F32(numbers)) = Arc::get_mut(&mut image.pixels) {
         repair(&source, numbers, purpose, warnings);
@@ -149,7 +153,7 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
     format.filter(readable).ok_or_else(|| {
         source
             .error(if source.bytes.is_empty() { "is empty" } else { "is not an image of a known format" })
-            .with_help("oscura reads PNG, JPEG, WebP, BMP, TGA, TIFF, HDR and EXR")
+            .with_help("oscura reads PNG, JPEG, WebP, KTX2, BMP, TGA, TIFF, HDR and EXR")
     })
 }
 

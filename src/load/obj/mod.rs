@@ -1,166 +1,188 @@
-//! OBJ meshes with MTL materials, parsed by `tobj`; what it can't take is mended beforehand (`text`).
+//! OBJ meshes with MTL materials, read in one pass over the file.
 //!
-//! Polygons of any size, concave ones included; negative indices; normals; texture coordinates (turned so that v grows
-//! downwards); vertex colours (sRGB-encoded, as exporters write them). Without normals, shading is flat. Lines and
-//! points are left out.
+//! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
+//! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);
+//! vertex colours (sRGB-encoded, as exporters write them). Lines, points and free-form surfaces are left out, with a
+//! count. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
+//!
+//! The parser is our own: `tobj` fans out polygons, ignores smoothing groups and keeps about 100 bytes for each face.
 
+mod build;
+mod files;
+mod lines;
+mod maps;
 mod materials;
-mod text;
+mod mtl;
+mod parse;
+mod vertices;
 
-use super::polygon::triangulate;
 use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
-use crate::color::linear_from_srgb;
-use crate::error::{Error, Problem, Result, Warning};
+use crate::error::{Error, Result, Warning};
 use crate::math::DAffine3;
-use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
-use std::cell::RefCell;
+use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
+use build::{MaterialName, Object};
+use maps::Maps;
+use mtl::Mtl;
+use parse::Parsed;
 use std::collections::HashMap;
 use std::fs::File;
-use std::path::Path;
-use text::Text;
+use std::path::{Path, PathBuf};
 
-/// Reads an OBJ file and its material libraries: a mesh for each object and material.
-pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
+/// Reads an OBJ file and its material libraries: a mesh for each object and group.
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let parsed = parse::parse(file).map_err(|problems| Error::input_problems(path, problems))?;
     let mut loaded = Loaded::default();
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let options =
-        tobj::LoadOptions { single_index: true, triangulate: false, ignore_points: true, ignore_lines: true };
-    let mut text = Text::new(file);
-    let warnings = RefCell::new(Vec::new());
-    let parsed = tobj::load_obj_buf(&mut text, &options, |names| {
-        read_library(path, &names.to_string_lossy(), &mut warnings.borrow_mut())
-    });
-    loaded.warnings = warnings.into_inner();
-    let (models, mtl) = parsed.map_err(|e| {
-        let problem = Problem::new(format!("line {}", text.line()), format!("is not valid OBJ: {e}"));
-        Error::input_problems(path, vec![problem])
-    })?;
-    drop(text);
-    // The reader of libraries never fails.
-    build(path, models, &mtl.unwrap_or_default(), &mut loaded);
-    if loaded.scene.meshes.is_empty() {
-        return Err(Error::input(path, "has no faces").with_help("only surfaces can be rendered"));
+    for (line, message) in &parsed.warnings {
+        loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
     }
-    Ok(loaded)
-}
-
-/// The materials of the libraries that one statement names; a missing or broken library is a warning.
-fn read_library(path: &Path, names: &str, warnings: &mut Vec<Warning>) -> tobj::MTLLoadResult {
-    let folder = path.parent().unwrap_or(path);
-    // The parser cuts at the first space, which may stand before the keyword.
-    let names = names.strip_prefix("mtllib ").unwrap_or(names).trim();
-    if names.is_empty() {
-        let message = "a statement 'mtllib' without a file name behind a space is ignored";
-        warnings.push(Warning::new(path, "", message));
-    }
-    // A name may hold spaces, and a line several names.
-    let parts: Vec<&str> = match names {
-        whole if folder.join(whole).is_file() => vec![whole],
-        several => several.split_whitespace().collect(),
+    let libraries = match options.geometry_only {
+        true => Vec::new(),
+        false => read_libraries(path, &parsed, options, &mut loaded.warnings),
     };
-    let mut all = String::new();
-    for name in parts {
-        match std::fs::read(folder.join(name.replace('\\', "/"))) {
-            Ok(bytes) => {
-                all.push_str(&text::clean(&bytes));
-                all.push('\n');
-            }
-            Err(e) => {
-                let message =
-                    format!("material library '{name}' can't be read ({e}); its materials are grey");
-                warnings.push(Warning::new(path, "", message));
-            }
-        }
-    }
-    let broken = |e| {
-        let message = format!("material library '{names}' can't be read ({e}); its materials are grey");
-        warnings.push(Warning::new(path, "", message));
-        Ok(Default::default())
+    let Parsed { objects, materials, .. } = parsed;
+    let mut palette = Palette {
+        file: path,
+        names: &materials,
+        libraries: &libraries,
+        maps: Maps::new(options),
+        ids: HashMap::new(),
     };
-    tobj::load_mtl_buf(&mut all.as_bytes()).or_else(broken)
-}
-
-/// Identifies a material of the scene: its place among the MTL materials, and whether vertex colours multiply it.
-type MaterialKey = (Option<usize>, bool);
-
-fn build(path: &Path, models: Vec<tobj::Model>, mtl: &[tobj::Material], loaded: &mut Loaded) {
-    let mut ids: HashMap<MaterialKey, MaterialId> = HashMap::new();
     let mut dropped = 0;
-    for model in models {
-        let mut mesh = convert(&model);
-        dropped += drop_unusable_triangles(&mut mesh);
-        if mesh.triangles.is_empty() {
-            continue;
-        }
-        let key = (model.mesh.material_id.filter(|&i| i < mtl.len()), !mesh.colors.is_empty());
-        let material = *ids.entry(key).or_insert_with(|| {
-            let mut material = match key.0 {
-                Some(i) => materials::convert(&mtl[i], path, loaded),
-                None => Material::lambert("default", [0.8; 3]),
-            };
-            material.use_vertex_colors = key.1;
-            loaded.scene.materials.push(material);
-            MaterialId(loaded.scene.materials.len() as u32 - 1)
-        });
-        let triangle_count = mesh.triangles.len() as u32;
-        mesh.parts = vec![MeshPart { first_triangle: 0, triangle_count, material }];
-        let scene = &mut loaded.scene;
-        scene.instances.push(Instance {
-            name: model.name,
-            mesh: MeshId(scene.meshes.len() as u32),
-            world_from_object: DAffine3::IDENTITY,
-            material: None,
-        });
-        scene.meshes.push(mesh);
+    for object in objects {
+        dropped += add(object, &mut palette, &mut loaded);
     }
     if dropped > 0 {
         let message = format!("{dropped} triangles with corners that are not finite numbers were dropped");
         loaded.warnings.push(Warning::new(path, "", message));
     }
-    for (i, m) in mtl.iter().enumerate() {
-        if !ids.keys().any(|k| k.0 == Some(i)) {
+    for (_, m) in &libraries {
+        if !materials.iter().any(|used| used.0 == m.name) {
             loaded.left_out.push(format!("material '{}': no face uses it", m.name));
         }
     }
+    Ok(loaded)
 }
 
-fn convert(model: &tobj::Model) -> Mesh {
-    let source = &model.mesh;
-    let triples = |v: &[f32]| -> Vec<[f32; 3]> { v.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect() };
-    let mut mesh =
-        Mesh { name: model.name.clone(), positions: triples(&source.positions), ..Mesh::default() };
-    let count = mesh.positions.len();
-    // Attributes that only some faces carry come out shorter than the positions; they can't be used.
-    mesh.normals = Some(triples(&source.normals)).filter(|n| n.len() == count).unwrap_or_default();
-    let uv: Vec<[f32; 2]> = source.texcoords.chunks_exact(2).map(|c| [c[0], 1.0 - c[1]]).collect();
-    if uv.len() == count && count > 0 {
-        mesh.uv_sets = vec![uv];
-    }
-    let color = |c: [f32; 3]| {
-        let [r, g, b] = c.map(linear_from_srgb);
-        [r, g, b, 1.0]
+/// Adds an object to the scene; the number of triangles that had to be dropped.
+fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded) -> usize {
+    let Object { mut mesh, runs, .. } = object;
+    let total = mesh.triangles.len() as u32;
+    let ends: Vec<u32> = runs.iter().skip(1).map(|r| r.first_triangle).chain([total]).collect();
+    let kept = |from: u32, to: u32| {
+        let finite = |&i: &u32| mesh.positions[i as usize].iter().all(|x| x.is_finite());
+        mesh.triangles[from as usize..to as usize].iter().filter(|t| t.iter().all(finite)).count() as u32
     };
-    let colors: Vec<[f32; 4]> = triples(&source.vertex_color).into_iter().map(color).collect();
-    mesh.colors = Some(colors).filter(|c| c.len() == count).unwrap_or_default();
-    mesh.triangles.reserve_exact(source.indices.len() / 3);
-    let mut first = 0;
-    let faces = source.indices.len() / 3;
-    let arities: &[u32] = &source.face_arities;
-    for i in 0..if arities.is_empty() { faces } else { arities.len() } {
-        let arity = arities.get(i).map_or(3, |a| *a as usize);
-        let Some(face) = source.indices.get(first..first + arity) else { break };
-        first += arity;
-        if face.iter().any(|&v| v as usize >= count) {
-            continue;
-        }
-        if let [a, b, c] = *face {
-            mesh.triangles.push([a, b, c]);
-            continue;
-        }
-        let corners: Vec<[f32; 3]> = face.iter().map(|&v| mesh.positions[v as usize]).collect();
-        mesh.triangles.extend(triangulate(&corners).iter().map(|t| t.map(|k| face[k])));
+    let counts: Vec<u32> = runs.iter().zip(&ends).map(|(r, &end)| kept(r.first_triangle, end)).collect();
+    let dropped = drop_unusable_triangles(&mut mesh);
+    if mesh.triangles.is_empty() {
+        return dropped;
     }
-    mesh
+    let (mut first_triangle, has_colors) = (0, !mesh.colors.is_empty());
+    for (run, triangle_count) in runs.iter().zip(counts).filter(|(_, n)| *n > 0) {
+        let material = palette.id(run.material, has_colors, loaded);
+        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+        first_triangle += triangle_count;
+    }
+    let scene = &mut loaded.scene;
+    if mesh.name.is_empty() {
+        mesh.name = "mesh".to_string();
+    }
+    scene.instances.push(Instance {
+        name: mesh.name.clone(),
+        mesh: MeshId(scene.meshes.len() as u32),
+        world_from_object: DAffine3::IDENTITY,
+        material: None,
+    });
+    scene.meshes.push(mesh);
+    dropped
+}
+
+/// The materials of a file's libraries, each converted when a face first needs it.
+struct Palette<'a> {
+    file: &'a Path,
+    /// The names that the file uses, with their lines.
+    names: &'a [(String, usize)],
+    /// All materials with their library's file.
+    libraries: &'a [(PathBuf, Mtl)],
+    maps: Maps<'a>,
+    /// By name and by whether vertex colours multiply it.
+    ids: HashMap<(MaterialName, bool), MaterialId>,
+}
+
+impl Palette<'_> {
+    fn id(&mut self, name: MaterialName, has_colors: bool, loaded: &mut Loaded) -> MaterialId {
+        if let Some(&id) = self.ids.get(&(name, has_colors)) {
+            return id;
+        }
+        let used = name.and_then(|n| self.names.get(n as usize)).filter(|_| !self.maps.options.geometry_only);
+        // Of several materials of a name, the first counts.
+        let found = used.and_then(|(name, _)| self.libraries.iter().find(|(_, m)| m.name == *name));
+        let mut material = match (found, used) {
+            (Some((library, mtl)), _) => materials::convert(mtl, library, &mut self.maps, loaded),
+            (None, Some((name, line))) => {
+                let message = format!("there is no material '{name}'; what it should cover is grey");
+                loaded.warnings.push(Warning::new(self.file, format!("line {line}"), message));
+                Material::lambert(name, [0.8; 3])
+            }
+            // Vertex colours alone are the whole colour.
+            (None, None) => Material::lambert("default", [if has_colors { 1.0 } else { 0.8 }; 3]),
+        };
+        material.use_vertex_colors = has_colors;
+        loaded.scene.materials.push(material);
+        let id = MaterialId(loaded.scene.materials.len() as u32 - 1);
+        self.ids.insert((name, has_colors), id);
+        id
+    }
+}
+
+/// All materials of the libraries that the file names; a missing library is a warning.
+fn read_libraries(
+    path: &Path,
+    parsed: &Parsed,
+    options: &LoadOptions,
+    warnings: &mut Vec<Warning>,
+) -> Vec<(PathBuf, Mtl)> {
+    let (mut all, mut seen) = (Vec::new(), Vec::new());
+    for (statement, line) in &parsed.libraries {
+        let place = format!("line {line}");
+        if statement.is_empty() {
+            warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
+        }
+        // A name may hold blanks, and a statement several names.
+        let names = match files::find(path, statement, options.allow_external) {
+            Ok(_) => vec![statement.as_str()],
+            Err(_) => statement.split_whitespace().collect(),
+        };
+        for name in names {
+            let (file, bytes) = match read_library(path, name, options) {
+                Ok((file, _)) if seen.contains(&file) => continue,
+                Ok(read) => read,
+                Err(message) => {
+                    let message = format!("material library {message}; its materials are grey");
+                    warnings.push(Warning::new(path, &place, message));
+                    continue;
+                }
+            };
+            let (materials, ignored) = mtl::parse(&bytes);
+            let ignored = ignored.into_iter();
+            warnings
+                .extend(ignored.map(|(line, message)| Warning::new(&file, format!("line {line}"), message)));
+            all.extend(materials.into_iter().map(|m| (file.clone(), m)));
+            seen.push(file);
+        }
+    }
+    all
+}
+
+fn read_library(
+    path: &Path,
+    name: &str,
+    options: &LoadOptions,
+) -> std::result::Result<(PathBuf, Vec<u8>), String> {
+    let file = files::find(path, name, options.allow_external)?;
+    let bytes = std::fs::read(&file).map_err(|e| format!("'{name}' can't be read: {e}"))?;
+    Ok((file, bytes))
 }

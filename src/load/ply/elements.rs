@@ -1,10 +1,12 @@
-//! Typed records that are filled property by property: by `ply-rs` from text, by `binary` from bytes.
+//! Typed records that are filled property by property: from text by `ascii`, from bytes by `binary`.
 
 use crate::color::{linear_from_srgb, srgb_table};
 use ply_rs::ply::{Property, PropertyAccess};
 
 /// What a row of an element becomes.
-pub(super) trait Record: PropertyAccess {
+pub(super) trait Record {
+    /// A record with defaults for what the file lacks.
+    fn new() -> Self;
     /// Where a scalar property goes, if anywhere.
     fn slot(name: &str) -> Option<Slot>;
     /// Stores a scalar property.
@@ -34,6 +36,10 @@ pub(super) struct Vertex {
 }
 
 impl Record for Vertex {
+    fn new() -> Vertex {
+        Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4] }
+    }
+
     fn slot(name: &str) -> Option<Slot> {
         Some(match name {
             "x" => Slot::Position(0),
@@ -42,11 +48,11 @@ impl Record for Vertex {
             "nx" => Slot::Normal(0),
             "ny" => Slot::Normal(1),
             "nz" => Slot::Normal(2),
-            "s" | "u" | "texture_u" => Slot::Uv(0),
-            "t" | "v" | "texture_v" => Slot::Uv(1),
-            "red" | "r" => Slot::Color(0),
-            "green" | "g" => Slot::Color(1),
-            "blue" | "b" => Slot::Color(2),
+            "s" | "u" | "texture_u" | "texture_s" => Slot::Uv(0),
+            "t" | "v" | "texture_v" | "texture_t" => Slot::Uv(1),
+            "red" | "r" | "diffuse_red" => Slot::Color(0),
+            "green" | "g" | "diffuse_green" => Slot::Color(1),
+            "blue" | "b" | "diffuse_blue" => Slot::Color(2),
             "alpha" | "a" => Slot::Alpha,
             _ => return None,
         })
@@ -68,24 +74,16 @@ impl Record for Vertex {
     }
 }
 
-impl PropertyAccess for Vertex {
-    fn new() -> Vertex {
-        Vertex { position: [0.0; 3], normal: [0.0; 3], uv: [0.0; 2], color: [1.0; 4] }
-    }
-
-    fn set_property(&mut self, name: String, value: Property) {
-        if let Some(slot) = Vertex::slot(&name) {
-            self.set(slot, &value);
-        }
-    }
-}
-
 /// One polygon or strip: indices as the file says, not yet checked.
 pub(super) struct Face {
     pub indices: Vec<i64>,
 }
 
 impl Record for Face {
+    fn new() -> Face {
+        Face { indices: Vec::new() }
+    }
+
     fn slot(_: &str) -> Option<Slot> {
         None
     }
@@ -97,30 +95,14 @@ impl Record for Face {
     }
 }
 
-impl PropertyAccess for Face {
-    fn new() -> Face {
-        Face { indices: Vec::new() }
-    }
-
-    fn set_property(&mut self, name: String, value: Property) {
-        let Some(indices) = self.list(&name) else { return };
-        *indices = match value {
-            Property::ListChar(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUChar(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListShort(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUShort(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListInt(v) => v.into_iter().map(i64::from).collect(),
-            Property::ListUInt(v) => v.into_iter().map(i64::from).collect(),
-            // The header check refuses other types.
-            _ => Vec::new(),
-        };
-    }
-}
-
 /// An element that nothing is taken from.
 pub(super) struct Skipped;
 
 impl Record for Skipped {
+    fn new() -> Skipped {
+        Skipped
+    }
+
     fn slot(_: &str) -> Option<Slot> {
         None
     }
@@ -132,6 +114,7 @@ impl Record for Skipped {
     }
 }
 
+/// The parser of the header wants a type of rows.
 impl PropertyAccess for Skipped {
     fn new() -> Skipped {
         Skipped

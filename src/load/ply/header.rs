@@ -3,6 +3,7 @@
 //! `ply-rs` panics on numbers beyond 64 bits, trusts counts and reports wrong lines, so the header's shape and counts
 //! are checked here against the bytes that the file really holds, and lines are counted here.
 
+use super::ascii::{self, Lines};
 use super::binary;
 use super::elements::Record;
 use crate::error::Problem;
@@ -17,10 +18,10 @@ const LONGEST_HEADER: usize = 1 << 20;
 /// A file whose header has been read; element lists are read in file order.
 pub(super) struct Source<'a> {
     header: Header,
-    /// What is left of the payload.
+    /// What is left of a binary payload.
     rest: &'a [u8],
-    /// Line of the next ascii element, from 1.
-    line: usize,
+    /// What is left of an ascii payload.
+    lines: Lines<'a>,
 }
 
 /// Which attributes the vertex element defines completely.
@@ -38,7 +39,8 @@ impl<'a> Source<'a> {
         let header = Parser::<super::Skipped>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
-        let source = Source { header, rest: &bytes[length..], line: lines + 1 };
+        let rest = &bytes[length..];
+        let source = Source { header, rest, lines: Lines::new(rest, lines) };
         source.check_counts()?;
         source.check_types()?;
         Ok(source)
@@ -53,59 +55,34 @@ impl<'a> Source<'a> {
     pub fn vertex_layout(&self) -> VertexLayout {
         let has =
             |name: &str| self.header.elements.get("vertex").is_some_and(|v| v.properties.contains_key(name));
-        let all = |names: &[&str]| names.iter().all(|n| has(n));
+        let all = |names: &[&str]| names.iter().all(|name| has(name));
         VertexLayout {
             position: all(&["x", "y", "z"]),
             normal: all(&["nx", "ny", "nz"]),
-            uv: all(&["s", "t"]) || all(&["u", "v"]) || all(&["texture_u", "texture_v"]),
-            color: all(&["red", "green", "blue"]) || all(&["r", "g", "b"]),
+            uv: [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]]
+                .iter()
+                .any(|names| all(names)),
+            color: [
+                ["red", "green", "blue"],
+                ["r", "g", "b"],
+                ["diffuse_red", "diffuse_green", "diffuse_blue"],
+            ]
+            .iter()
+            .any(|names| all(names)),
         }
     }
 
     /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.
-    pub fn read<E: Record>(
-        &mut self,
-        definition: &ElementDef,
-        mut each: impl FnMut(usize, &E),
-    ) -> Result<()> {
+    pub fn read<E: Record>(&mut self, definition: &ElementDef, each: impl FnMut(usize, &E)) -> Result<()> {
         if definition.properties.is_empty() {
             return Ok(());
         }
-        if self.header.encoding == Encoding::Ascii {
-            let parser = Parser::<E>::new();
-            for i in 0..definition.count {
-                each(i, &self.read_line(&parser, definition, i)?);
-            }
-            return Ok(());
-        }
-        let big = self.header.encoding == Encoding::BinaryBigEndian;
+        let big = match self.header.encoding {
+            Encoding::Ascii => return ascii::read(&mut self.lines, definition, each),
+            Encoding::BinaryBigEndian => true,
+            Encoding::BinaryLittleEndian => false,
+        };
         binary::read(&mut self.rest, definition, big, each).map_err(|i| cut(definition, i))
-    }
-
-    fn read_line<E: Record>(&mut self, parser: &Parser<E>, definition: &ElementDef, i: usize) -> Result<E> {
-        loop {
-            if self.rest.is_empty() {
-                return Err(cut(definition, i));
-            }
-            let line = self.line;
-            let (content, next) = split_line(self.rest);
-            self.rest = &self.rest[next..];
-            self.line += 1;
-            let text = String::from_utf8_lossy(content);
-            let text = text.trim();
-            if text.is_empty() {
-                continue;
-            }
-            // The parser knows no capital exponents.
-            let text = text.replace('E', "e");
-            return parser.read_ascii_element(&text, definition).map_err(|_| {
-                let shown: String = text.chars().take(60).collect();
-                Problem::new(
-                    format!("line {line}"),
-                    format!("'{shown}' is not a '{}' as the header defines it", definition.name),
-                )
-            });
-        }
     }
 
     fn check_counts(&self) -> Result<()> {
@@ -156,7 +133,7 @@ impl<'a> Source<'a> {
     }
 }
 
-fn cut(definition: &ElementDef, i: usize) -> Problem {
+pub(super) fn cut(definition: &ElementDef, i: usize) -> Problem {
     let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
     Problem::new("", message).with_help("export or download the file again")
 }
@@ -166,7 +143,7 @@ fn first_line(text: &str) -> String {
 }
 
 /// The line's content and the offset of the next line; ends are LF, CR LF or CR.
-fn split_line(bytes: &[u8]) -> (&[u8], usize) {
+pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
     match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
         None => (bytes, bytes.len()),
         Some(end) => {

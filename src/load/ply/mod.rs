@@ -1,14 +1,17 @@
-//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header and rows of text; binary rows are
-//! decoded here. Both fill typed records, which become the mesh row by row.
+//! PLY meshes: ascii and binary of either byte order. `ply-rs` parses the header; the rows fill typed records here,
+//! which become the mesh one by one.
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
-//! `red green blue alpha` (integers are sRGB-encoded, floats linear), faces of any size (`vertex_index` or
-//! `vertex_indices`) and `tristrips`. Everything else is skipped.
+//! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
+//! (`vertex_index` or `vertex_indices`) and `tristrips`. Everything else is skipped. Vertices without faces are a point
+//! cloud, which becomes spheres if the caller gives their radius.
 
+mod ascii;
 mod binary;
 mod elements;
 mod faces;
 mod header;
+mod points;
 
 use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
@@ -21,15 +24,17 @@ use header::Source;
 use std::path::Path;
 
 /// Reads a PLY file as one mesh with a white diffuse material.
-pub(super) fn load(path: &Path, _options: &LoadOptions) -> Result<Loaded> {
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let mut loaded = parse(path, &bytes)?;
+    let mesh = parse(path, &bytes)?;
+    drop(bytes);
+    let mut loaded = finish(path, mesh, options)?;
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(loaded)
 }
 
 /// Reads the content of a PLY file; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded> {
+fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
@@ -79,19 +84,15 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Loaded> {
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    finish(path, mesh)
+    Ok(mesh)
 }
 
-fn finish(path: &Path, mut mesh: Mesh) -> Result<Loaded> {
+fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> {
+    if mesh.positions.is_empty() {
+        return Err(Error::input(path, "is empty: it has no vertices"));
+    }
     if mesh.triangles.is_empty() {
-        let message = if mesh.positions.is_empty() {
-            "is empty: it has no vertices".to_string()
-        } else {
-            format!("is a point cloud: {} vertices and no faces", mesh.positions.len())
-        };
-        return Err(
-            Error::input(path, message).with_help("only surfaces can be rendered; mesh the points first")
-        );
+        return points::spheres(path, &mesh, options);
     }
     let mut loaded = Loaded::default();
     let dropped = drop_unusable_triangles(&mut mesh);

@@ -1,10 +1,14 @@
-//! Mesh files that a scene file refers to: each is read once, however often it is placed.
+//! Mesh files that a scene file refers to: each is read once, however often it is placed, and only what the scene uses
+//! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
 
 use super::Build;
 use crate::error::Result;
-use crate::load::{Loaded, gltf, obj, ply};
-use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture, TextureId};
-use std::collections::HashMap;
+use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
+use crate::scene::{
+    Anisotropy, Camera, Clearcoat, DiffuseTransmission, Instance, Iridescence, MaterialId, MeshId, Scene,
+    Sheen, Texture, TextureId,
+};
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -20,41 +24,80 @@ struct Asset {
 #[derive(Default)]
 pub(super) struct Assets {
     files: HashMap<PathBuf, Option<Asset>>,
+    /// Files that some object places with their own materials.
+    with_materials: HashSet<PathBuf>,
 }
 
 impl Assets {
+    /// Says that a file will be placed with its own materials. To be called for all of them before the first is read.
+    pub fn expect_materials(&mut self, build: &Build, name: &str) {
+        self.with_materials.insert(key(&beside(build, name)));
+    }
+
     /// The placements of a file's meshes; `None` where it has problems, which have been noted.
     pub fn instances(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&[Instance]> {
-        self.asset(build, name, span).map(|a| a.instances.as_slice())
+        let path = beside(build, name);
+        let key = key(&path);
+        if !self.files.contains_key(&key) {
+            let geometry_only = !self.with_materials.contains(&key);
+            if geometry_only {
+                build.loaded.left_out.push(format!("materials of '{name}': every object replaces them"));
+            }
+            let loaded = self.read(build, &path, name, &span, geometry_only);
+            let asset = loaded.map(|l| absorb(build, l));
+            self.files.insert(key.clone(), asset);
+        }
+        self.files.get(&key)?.as_ref().map(|a| a.instances.as_slice())
     }
 
     /// The cameras of a file.
     pub fn cameras(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<Vec<Camera>> {
-        self.asset(build, name, span).map(|a| a.cameras.clone())
+        let path = beside(build, name);
+        if let Some(known) = self.files.get(&key(&path)) {
+            return known.as_ref().map(|a| a.cameras.clone());
+        }
+        let loaded = self.read(build, &path, name, &span, true)?;
+        build.loaded.left_out.push(format!("meshes of '{name}': only its camera is used"));
+        Some(loaded.scene.cameras)
     }
 
-    fn asset(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
-        let path = build.file.parent().unwrap_or(build.file).join(name);
-        let key = path.canonicalize().unwrap_or_else(|_| path.clone());
-        let entry = self.files.entry(key).or_insert_with(|| match read(&path, build) {
-            Ok(loaded) => Some(absorb(build, loaded)),
+    fn read(
+        &self,
+        build: &Build,
+        path: &Path,
+        name: &str,
+        span: &Range<usize>,
+        geometry_only: bool,
+    ) -> Option<Loaded> {
+        let options = LoadOptions { geometry_only, ..build.options.clone() };
+        match read(path, &options) {
+            Ok(loaded) => Some(loaded),
             Err(e) => {
                 for problem in &e.problems {
                     build.problems.push(span.clone(), format!("'{name}': {problem}"));
                 }
                 None
             }
-        });
-        entry.as_ref()
+        }
     }
 }
 
-fn read(path: &Path, build: &Build) -> Result<Loaded> {
+/// The path of a file that the scene file names.
+fn beside(build: &Build, name: &str) -> PathBuf {
+    build.file.parent().unwrap_or(build.file).join(name)
+}
+
+/// The same for all names of a file.
+fn key(path: &Path) -> PathBuf {
+    path.canonicalize().unwrap_or_else(|_| path.to_path_buf())
+}
+
+fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     match extension.as_str() {
-        "gltf" | "glb" => gltf::load(path, build.options),
-        "obj" => obj::load(path, build.options),
-        "ply" => ply::load(path, build.options),
+        "gltf" | "glb" => gltf::load(path, options),
+        "obj" => obj::load(path, options),
+        "ply" => ply::load(path, options),
         _ => {
             Err(crate::error::Error::input(path, "is no mesh file")
                 .with_help("use .gltf, .glb, .obj or .ply"))
@@ -132,6 +175,14 @@ impl crate::scene::Material {
                 let p = &mut **p;
                 colors.extend([&mut p.base_color, &mut p.specular_color]);
                 floats.extend([&mut p.metallic, &mut p.roughness, &mut p.specular, &mut p.transmission]);
+                let layers = Layers {
+                    clearcoat: p.clearcoat.as_mut(),
+                    sheen: p.sheen.as_mut(),
+                    anisotropy: p.anisotropy.as_mut(),
+                    iridescence: p.iridescence.as_mut(),
+                    diffuse_transmission: p.diffuse_transmission.as_mut(),
+                };
+                layers.for_each_texture(change);
             }
         }
         colors.extend(self.emission.iter_mut().map(|e| &mut e.radiance));
@@ -139,6 +190,38 @@ impl crate::scene::Material {
         floats.into_iter().filter_map(|f| f.texture.as_mut()).for_each(|(id, _)| change(id));
         if let Some(n) = &mut self.normal_map {
             change(&mut n.texture);
+        }
+    }
+}
+
+/// The optional layers of a glTF material.
+struct Layers<'a> {
+    clearcoat: Option<&'a mut Clearcoat>,
+    sheen: Option<&'a mut Sheen>,
+    anisotropy: Option<&'a mut Anisotropy>,
+    iridescence: Option<&'a mut Iridescence>,
+    diffuse_transmission: Option<&'a mut DiffuseTransmission>,
+}
+
+impl Layers<'_> {
+    fn for_each_texture(self, change: &mut dyn FnMut(&mut TextureId)) {
+        if let Some(c) = self.clearcoat {
+            c.factor.texture.iter_mut().chain(&mut c.roughness.texture).for_each(|(id, _)| change(id));
+            c.normal_map.iter_mut().for_each(|n| change(&mut n.texture));
+        }
+        if let Some(s) = self.sheen {
+            s.color.texture.iter_mut().for_each(&mut *change);
+            s.roughness.texture.iter_mut().for_each(|(id, _)| change(id));
+        }
+        if let Some(a) = self.anisotropy {
+            a.texture.iter_mut().for_each(&mut *change);
+        }
+        if let Some(i) = self.iridescence {
+            i.factor.texture.iter_mut().chain(&mut i.thickness_texture).for_each(|(id, _)| change(id));
+        }
+        if let Some(d) = self.diffuse_transmission {
+            d.factor.texture.iter_mut().for_each(|(id, _)| change(id));
+            d.color.texture.iter_mut().for_each(change);
         }
     }
 }

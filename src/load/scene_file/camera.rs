@@ -8,19 +8,78 @@
 //! | `aspect_ratio` | width over height | of the picture |
 //! | `width`, `height` | picture in pixels; `[render]` has precedence | |
 //! | `defocus_angle` | full angle of the cone from a point in focus to the lens's edge, degrees; 0 is a pinhole | 0 |
+//! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
 //! | `focus_distance` | distance of the plane in focus | distance of `look_at` |
+//! | `focus_at` | instead: a point of that plane | |
 //!
-//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera.
+//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The four keys of the lens
+//! may follow; `focus_distance` or `focus_at` is then required with the first two.
 
 use super::Build;
 use super::assets::Assets;
 use super::fields::{Fields, nearest};
 use crate::load::framing::looking_at;
-use crate::math::DVec3;
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{Camera, Projection, ThinLens};
 
+/// Reads the camera of a scene file.
 pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
-    let camera = match fields.string("from") {
+    let camera = chosen(build, fields, assets);
+    finish(build, fields);
+    build.loaded.scene.cameras = camera.into_iter().collect();
+}
+
+/// Reads what the file beside a model says about its cameras.
+pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
+    if fields.has("look_from") || fields.has("from") {
+        let camera = chosen(build, fields, assets);
+        finish(build, fields);
+        build.loaded.scene.cameras.splice(0..0, camera);
+        return;
+    }
+    let name = fields.string("name");
+    let cameras = &mut build.loaded.scene.cameras;
+    let mut found = false;
+    for camera in cameras.iter_mut().filter(|c| name.as_ref().is_none_or(|n| n.value == c.name)) {
+        found = true;
+        // Its problems are the same for every camera: once is enough.
+        let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
+        camera.lens = lens.or(camera.lens);
+    }
+    if !found {
+        match name {
+            Some(name) => {
+                let message = format!("the model has no camera '{}'", name.value);
+                let help = match nearest(name.value, cameras.iter().map(|c| c.name.as_str())) {
+                    Some(near) => format!("did you mean '{near}'?"),
+                    None => format!("it has {} cameras", cameras.len()),
+                };
+                fields.problems.push_help(name.span, message, help);
+            }
+            None => fields.problems.push_help(
+                fields.span(),
+                "the model has no camera to adjust",
+                "place one by 'look_from' and 'look_at'",
+            ),
+        }
+        // The keys are known all the same.
+        lens(fields, &DAffine3::IDENTITY, Some(1.0));
+    }
+    finish(build, fields);
+}
+
+/// Reads the picture's size and ends the table.
+fn finish(build: &mut Build, fields: &Fields) {
+    let settings = &mut build.loaded.scene.settings;
+    let (width, height) = (fields.integer("width", 1, 65_536), fields.integer("height", 1, 65_536));
+    settings.width = settings.width.or(width);
+    settings.height = settings.height.or(height);
+    fields.finish();
+}
+
+/// The camera of a file, or the one that the table places.
+fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+    let mut camera = match fields.string("from") {
         Some(file) => {
             let name = fields.string("name");
             let cameras = assets.cameras(build, file.value, file.span.clone());
@@ -48,14 +107,53 @@ pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
                 }
             }
         }
-        None => placed(fields),
+        None => return placed(fields),
+    }?;
+    camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
+    Some(camera)
+}
+
+/// The keys of the lens; `None` if they have a problem, and none inside for a pinhole. `focus` is the distance of the
+/// plane in focus where the table doesn't say.
+fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Option<Option<ThinLens>> {
+    let distance =
+        fields.has("focus_distance").then(|| fields.number_in("focus_distance", 1e-9..f64::INFINITY, 1.0));
+    let point = fields.vector("focus_at");
+    let angle = fields.has("defocus_angle").then(|| fields.number_in("defocus_angle", 0.0..179.0, 0.0));
+    let f_stop = fields.has("f_stop").then(|| fields.number_in("f_stop", 1e-3..1e6, 8.0));
+    let focal_length = fields.number_in("focal_length", 1e-3..1e6, 50.0) / 1000.0;
+    let to_point = match &point {
+        Some(p) => {
+            let depth = -world_from_camera.inverse().transform_point3(p.value).z;
+            if depth <= 0.0 {
+                fields.problems.push(p.span.clone(), "'focus_at' lies behind the camera");
+                return None;
+            }
+            Some(depth)
+        }
+        None => None,
     };
-    let settings = &mut build.loaded.scene.settings;
-    let (width, height) = (fields.integer("width", 1, 65_536), fields.integer("height", 1, 65_536));
-    settings.width = settings.width.or(width);
-    settings.height = settings.height.or(height);
-    fields.finish();
-    build.loaded.scene.cameras = camera.into_iter().collect();
+    let complain = |message: &str| {
+        fields.problems.push(fields.span(), message);
+        None
+    };
+    if point.is_some() && distance.is_some() {
+        return complain("'focus_distance' and 'focus_at' say the same: leave one out");
+    }
+    if angle.is_some() && f_stop.is_some() {
+        return complain("'defocus_angle' and 'f_stop' say the same: leave one out");
+    }
+    if angle.is_none() && f_stop.is_none() || angle == Some(0.0) {
+        return Some(None);
+    }
+    let Some(focus_distance) = distance.or(to_point).or(focus) else {
+        return complain("depth of field needs 'focus_distance' or 'focus_at'");
+    };
+    let defocus_angle_rad = match f_stop {
+        Some(stop) => 2.0 * (focal_length / (2.0 * stop) / focus_distance).atan(),
+        None => angle.unwrap_or(0.0).to_radians(),
+    };
+    Some(Some(ThinLens { defocus_angle_rad, focus_distance }))
 }
 
 fn placed(fields: &Fields) -> Option<Camera> {
@@ -64,9 +162,6 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let up = fields.vector("view_up").map_or(DVec3::Y, |v| v.value);
     let vfov = fields.number_in("vfov", 1e-3..179.999, 40.0);
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
-    let defocus_angle = fields.number_in("defocus_angle", 0.0..179.0, 0.0);
-    let focus =
-        fields.has("focus_distance").then(|| fields.number_in("focus_distance", 1e-9..f64::INFINITY, 1.0));
     let (eye, target) = (eye?, target?.value);
     let placement = looking_at(eye.value, target, up);
     if !placement.is_finite() {
@@ -74,13 +169,12 @@ fn placed(fields: &Fields) -> Option<Camera> {
         fields.problems.push(eye.span, message);
         return None;
     }
-    let focus_distance = focus.unwrap_or_else(|| eye.value.distance(target));
-    let lens = ThinLens { defocus_angle_rad: defocus_angle.to_radians(), focus_distance };
+    let lens = lens(fields, &placement, Some(eye.value.distance(target)))?;
     Some(Camera {
         name: "camera".to_string(),
         world_from_camera: placement,
         projection: Projection::Perspective { vfov_rad: vfov.to_radians() },
         aspect_ratio,
-        lens: (defocus_angle > 0.0).then_some(lens),
+        lens,
     })
 }

@@ -1,9 +1,10 @@
 //! Typed access to the keys of a TOML table that notes every problem instead of stopping at the first.
 
-use crate::error::Problem;
+use crate::error::{Error, Problem, Result};
 use crate::math::DVec3;
 use std::cell::RefCell;
 use std::ops::Range;
+use std::path::Path;
 use toml::Spanned;
 use toml::de::{DeTable, DeValue};
 
@@ -37,9 +38,14 @@ impl<'a> Problems<'a> {
         self.list.borrow_mut().push(problem);
     }
 
-    /// All of them.
-    pub fn into_vec(self) -> Vec<Problem> {
-        self.list.into_inner()
+    /// All of them, in the order of the text, as an error of the file; nothing if there are none.
+    pub fn into_result(self, file: &Path, text: &str) -> Result<()> {
+        let mut problems = self.list.into_inner();
+        if problems.is_empty() {
+            return Ok(());
+        }
+        problems.sort_by_key(|p| p.span.as_ref().map_or(0, |s| s.start));
+        Err(Error::input_problems(file, problems).with_source(text))
     }
 }
 

@@ -8,19 +8,22 @@
 //! | `[textures.NAME]` | `textures` |
 //! | `[materials.NAME]` | `materials` |
 //! | `[[objects]]` | `objects`, `transform` |
+//! | `[[lights]]` | `lights` |
 //!
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
-//! What nothing refers to is not loaded.
+//! What nothing refers to is not loaded. A file beside a model may say what the model can't (`sidecar`).
 
 mod assets;
 mod camera;
 mod environment;
 mod fields;
+mod lights;
 mod materials;
 mod objects;
 pub mod reference;
 mod settings;
+pub mod sidecar;
 mod textures;
 mod transform;
 
@@ -44,6 +47,14 @@ struct Build<'a> {
 
 /// Reads a scene file and the files that it refers to.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let text = read_text(path)?;
+    let problems = Problems::new(&text);
+    let loaded = build(path, &text, options, &problems);
+    problems.into_result(path, &text)?;
+    Ok(loaded)
+}
+
+fn read_text(path: &Path) -> Result<String> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let text = String::from_utf8(bytes).map_err(|e| {
         let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];
@@ -52,14 +63,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
             Problem::new(format!("line {line}"), "is not UTF-8 text").with_help("save the file as UTF-8");
         Error::input_problems(path, vec![problem])
     })?;
-    let problems = Problems::new(&text);
-    let loaded = build(path, &text, options, &problems);
-    let mut problems = problems.into_vec();
-    if problems.is_empty() {
-        return Ok(loaded);
-    }
-    problems.sort_by_key(|p| p.span.as_ref().map_or(0, |s| s.start));
-    Err(Error::input_problems(path, problems).with_source(text))
+    // Editors of some systems begin a file with a byte order mark.
+    Ok(text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text))
 }
 
 fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) -> Loaded {
@@ -73,22 +78,36 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
     let mut build = Build { file: path, options, problems, loaded: Loaded::default() };
     build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
+    root.require("objects", root.list("objects"));
     let mut assets = Assets::default();
+    read_parts(&mut build, &root, &mut assets, |build, assets| {
+        // The camera comes last: it may be taken from a mesh file that the objects have loaded already.
+        if let Some(fields) = root.table("camera") {
+            camera::read(build, &fields, assets);
+        }
+    });
+    build.loaded
+}
+
+/// Reads all parts of a file; `camera` reads that table, which means different things.
+fn read_parts<'a>(
+    build: &mut Build,
+    root: &Fields<'a>,
+    assets: &mut Assets,
+    camera: impl FnOnce(&mut Build, &mut Assets),
+) {
     if let Some(fields) = root.table("render") {
         build.loaded.scene.settings = settings::read(&fields);
     }
     let mut textures = Textures::new(root.table("textures"));
     let mut materials = Materials::new(root.table("materials"));
     if let Some(fields) = root.table("environment") {
-        environment::read(&mut build, &fields);
+        environment::read(build, &fields);
     }
-    objects::read(&mut build, &root, &mut materials, &mut textures, &mut assets);
-    // The camera comes last: it may be taken from a mesh file that the objects have loaded already.
-    if let Some(fields) = root.table("camera") {
-        camera::read(&mut build, &fields, &mut assets);
-    }
+    objects::read(build, root, &mut materials, &mut textures, assets);
+    lights::read(build, root);
+    camera(build, assets);
     root.finish();
-    materials.check_unused(&mut build, &mut textures);
-    textures.check_unused(&mut build);
-    build.loaded
+    materials.check_unused(build, &mut textures);
+    textures.check_unused(build);
 }

@@ -33,7 +33,13 @@ pub(super) fn read<'a>(
     textures: &mut Textures<'a>,
     assets: &mut Assets,
 ) {
-    let Some(list) = root.require("objects", root.list("objects")) else { return };
+    let Some(list) = root.list("objects") else { return };
+    for table in list.iter().filter_map(|v| v.get_ref().as_table()) {
+        let file = table.get("mesh").and_then(|v| v.get_ref().as_str());
+        if let Some(file) = file.filter(|_| !table.contains_key("material")) {
+            assets.expect_materials(build, file);
+        }
+    }
     for (i, value) in list.iter().enumerate() {
         let Some(table) = value.get_ref().as_table() else {
             root.problems.push(value.span(), "an object must be a table");

@@ -6,6 +6,7 @@ pub mod cornell;
 mod json;
 pub mod mesh;
 pub mod random;
+pub mod reed;
 pub mod scenes;
 pub mod world_map;
 

@@ -2,16 +2,17 @@
 //!
 //! ```text
 //! oscura-assets cornell FILE.gltf              the Cornell box, as committed in assets/
+//! oscura-assets reed FILE.gltf                 an animated reed that uses most of glTF, as committed in assets/
 //! oscura-assets mesh FOLDER [TRIANGLES]        a wavy torus as mesh.ply, mesh.obj and mesh.glb; 1,300,000 triangles
 //! oscura-assets ply FILE.ply [TRIANGLES]       the torus as PLY alone; 1,000,000 triangles
 //! oscura-assets scenes FOLDER                  the generated scenes, textures and meshes of scenes/
 //! ```
 
-use oscura_assets::{cornell, mesh, write_scenes};
+use oscura_assets::{cornell, mesh, reed, write_scenes};
 use std::path::Path;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | \
+const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | \
 scenes FOLDER";
 
 fn main() -> ExitCode {
@@ -19,6 +20,7 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = match words[..] {
         ["cornell", file] => std::fs::write(file, cornell::gltf()).map_err(|e| format!("{file}: {e}")),
+        ["reed", file] => std::fs::write(file, reed::gltf()).map_err(|e| format!("{file}: {e}")),
         ["mesh", folder] => mesh::write_all(Path::new(folder), 1_300_000),
         ["mesh", folder, n] => triangles(n).and_then(|n| mesh::write_all(Path::new(folder), n)),
         ["ply", file] => mesh::write_ply(Path::new(file), 1_000_000),

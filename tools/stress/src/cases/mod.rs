@@ -5,6 +5,7 @@ mod grazing;
 mod leaks;
 mod levels;
 mod meshes;
+mod picture;
 mod spheres;
 mod transforms;
 
@@ -25,5 +26,5 @@ pub struct Row {
 pub type Case = fn(f64) -> Vec<Row>;
 
 /// All cases in the order of the table.
-pub const CASES: [Case; 6] =
-    [leaks::run, contacts::run, spheres::run, grazing::run, transforms::run, levels::run];
+pub const CASES: [Case; 7] =
+    [leaks::run, contacts::run, spheres::run, grazing::run, transforms::run, picture::run, levels::run];

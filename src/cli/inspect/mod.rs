@@ -1,0 +1,30 @@
+//! `oscura inspect`: what is in a scene, and what would not be rendered.
+
+mod facts;
+mod objects;
+mod text;
+mod to_json;
+mod words;
+
+use super::Outcome;
+use super::args::InspectArgs;
+use super::report::print_line;
+use oscura::error::Result;
+use oscura::load::{LoadOptions, load};
+
+pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        gltf: args.asset.options(),
+        ..LoadOptions::default()
+    };
+    let loaded = load(&args.scene, &options)?;
+    if args.json {
+        print_line(&to_json::of(&args.scene, &loaded).to_string());
+    } else {
+        text::lines(&args.scene, &loaded).iter().for_each(|l| print_line(l));
+    }
+    Ok(Outcome::Done)
+}

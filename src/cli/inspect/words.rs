@@ -1,0 +1,202 @@
+//! Materials, lights, cameras and the environment in words and units.
+
+use super::facts::material_images;
+use oscura::scene::{
+    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial,
+    Projection, Scene,
+};
+
+/// Up to four digits behind the point.
+pub fn number(x: f64) -> String {
+    let text = format!("{x:.4}");
+    let trimmed = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
+    match trimmed {
+        "0" | "-0" if x != 0.0 => format!("{x:.3e}"),
+        "-0" => "0".to_string(),
+        _ => trimmed.to_string(),
+    }
+}
+
+/// Numbers in brackets.
+pub fn list<T: Into<f64> + Copy>(values: &[T]) -> String {
+    let shown: Vec<String> = values.iter().map(|&v| number(v.into())).collect();
+    format!("({})", shown.join(", "))
+}
+
+/// The name of a material's model.
+pub fn model_name(model: &Model) -> &'static str {
+    match model {
+        Model::Black => "black",
+        Model::Lambert { .. } => "lambert",
+        Model::Metal { .. } => "metal",
+        Model::Dielectric { .. } => "dielectric",
+        Model::Pbr(_) => "glTF",
+    }
+}
+
+/// A material's properties that differ from the default.
+pub fn material(scene: &Scene, m: &Material) -> String {
+    let mut parts = vec![match &m.model {
+        Model::Black => "black".to_string(),
+        Model::Lambert { albedo } => format!("lambert, colour {}", color(albedo)),
+        Model::Metal { color: c, roughness } => {
+            format!("metal, colour {}, roughness {}", color(c), share(roughness))
+        }
+        Model::Dielectric { ior, tint, .. } => {
+            format!("glass of index {}, tint {}", number((*ior).into()), color(tint))
+        }
+        Model::Pbr(p) => pbr(p),
+    }];
+    if let Some(e) = &m.emission {
+        let sides = if e.two_sided { "both sides" } else { "its front" };
+        parts.push(format!("emits {} W/sr/m2 from {sides}", color(&e.radiance)));
+    }
+    match m.alpha_mode {
+        AlphaMode::Opaque => {}
+        AlphaMode::Mask { cutoff } => {
+            parts.push(format!("alpha {} cut at {}", share(&m.alpha), number(cutoff.into())))
+        }
+        AlphaMode::Blend => parts.push(format!("alpha {}", share(&m.alpha))),
+    }
+    if m.normal_map.is_some() {
+        parts.push("normal map".to_string());
+    }
+    if !m.double_sided {
+        parts.push("one-sided".to_string());
+    }
+    if m.use_vertex_colors {
+        parts.push("vertex colours".to_string());
+    }
+    let images: Vec<String> =
+        material_images(scene, m).into_iter().map(|i| format!("'{}'", scene.images[i].name)).collect();
+    if !images.is_empty() {
+        parts.push(format!("images {}", images.join(", ")));
+    }
+    parts.join("; ")
+}
+
+fn pbr(p: &PbrMaterial) -> String {
+    let mut parts = vec![format!(
+        "glTF, base colour {}, metallic {}, roughness {}",
+        color(&p.base_color),
+        share(&p.metallic),
+        share(&p.roughness)
+    )];
+    if p.transmission.factor > 0.0 {
+        let wall = if p.has_volume { "solid" } else { "thin-walled" };
+        let ior = number(p.ior.into());
+        parts.push(format!("transmission {} ({wall}, index {ior})", share(&p.transmission)));
+    }
+    if p.specular.factor != 1.0 || p.specular.texture.is_some() {
+        parts.push(format!("specular {}", share(&p.specular)));
+    }
+    let layers = [
+        ("clearcoat", p.clearcoat.is_some()),
+        ("sheen", p.sheen.is_some()),
+        ("anisotropy", p.anisotropy.is_some()),
+        ("iridescence", p.iridescence.is_some()),
+        ("diffuse transmission", p.diffuse_transmission.is_some()),
+        ("dispersion", p.dispersion > 0.0),
+    ];
+    parts.extend(layers.iter().filter(|l| l.1).map(|l| l.0.to_string()));
+    parts.join(", ")
+}
+
+fn color(slot: &ColorSlot) -> String {
+    match (slot.texture, slot.factor) {
+        (None, c) => list(&c),
+        (Some(_), [1.0, 1.0, 1.0]) => "texture".to_string(),
+        (Some(_), c) => format!("texture x {}", list(&c)),
+    }
+}
+
+fn share(slot: &FloatSlot) -> String {
+    match (slot.texture, slot.factor) {
+        (None, x) => number(x.into()),
+        (Some(_), 1.0) => "texture".to_string(),
+        (Some(_), x) => format!("texture x {}", number(x.into())),
+    }
+}
+
+/// The kind of a light, and the unit of its strength.
+pub fn light_kind(light: &Light) -> (&'static str, &'static str) {
+    match light.kind {
+        LightKind::Point { .. } => ("point", "W/sr"),
+        LightKind::Spot { .. } => ("spot", "W/sr"),
+        LightKind::Directional { .. } => ("directional", "W/m2"),
+    }
+}
+
+/// A light with its strength and place.
+pub fn light(light: &Light) -> String {
+    let (kind, unit) = light_kind(light);
+    let place = match light.kind {
+        LightKind::Point { position } => format!("at {}", list(&position.to_array())),
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => format!(
+            "at {} towards {}, full to {} and dark from {} degrees off its axis",
+            list(&position.to_array()),
+            list(&direction.to_array()),
+            number(inner_angle_rad.to_degrees()),
+            number(outer_angle_rad.to_degrees())
+        ),
+        LightKind::Directional { direction } => format!("towards {}", list(&direction.to_array())),
+    };
+    format!("{kind}, {} {unit}, {place}", list(&light.intensity))
+}
+
+/// The kind of the environment.
+pub fn environment_name(environment: &Environment) -> &'static str {
+    match environment {
+        Environment::Black => "none",
+        Environment::Constant(_) => "constant",
+        Environment::Gradient { .. } => "gradient",
+        Environment::Image { .. } => "image",
+    }
+}
+
+/// The environment with its radiance.
+pub fn environment(scene: &Scene) -> String {
+    match &scene.environment {
+        Environment::Black => "none".to_string(),
+        Environment::Constant(c) => format!("constant, {} W/sr/m2", list(c)),
+        Environment::Gradient { nadir, zenith } => {
+            format!("gradient, {} W/sr/m2 below to {} above", list(nadir), list(zenith))
+        }
+        Environment::Image { image, strength, rotation_rad } => format!(
+            "image '{}', strength {}, turned by {} degrees",
+            scene.images[image.index()].name,
+            number((*strength).into()),
+            number(rotation_rad.to_degrees())
+        ),
+    }
+}
+
+/// A camera with its projection, place and lens.
+pub fn camera(camera: &Camera) -> String {
+    let projection = match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            format!("perspective, {} degrees high", number(vfov_rad.to_degrees()))
+        }
+        Projection::Orthographic { half_height } => {
+            format!("orthographic, {} m high", number(2.0 * half_height))
+        }
+    };
+    let placement = camera.world_from_camera;
+    let mut text = format!(
+        "{projection}, at {} towards {}",
+        list(&placement.translation.to_array()),
+        list(&(-placement.matrix3.z_axis).to_array())
+    );
+    if let Some(aspect) = camera.aspect_ratio {
+        text += &format!(", {} times as wide", number(aspect));
+    }
+    if let Some(lens) = camera.lens {
+        let radius = lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan();
+        text += &format!(
+            ", lens of radius {} mm in focus at {} m",
+            number(radius * 1000.0),
+            number(lens.focus_distance)
+        );
+    }
+    text
+}

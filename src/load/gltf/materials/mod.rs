@@ -1,0 +1,140 @@
+//! Materials: the metallic-roughness model with its extensions, and the older specular-glossiness model in its terms.
+//! Each is built when the first primitive that is seen asks for it.
+
+mod base;
+mod builder;
+mod layers;
+mod specular_glossiness;
+
+use super::document::{Document, Report, name_of, pointer};
+use super::textures::{LAST_UV_SET, Textures};
+use crate::scene::{AlphaMode, Emission, FloatSlot, Material, MaterialId, Model};
+use builder::Builder;
+use std::collections::HashMap;
+
+/// What a material needs from a mesh.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Needs {
+    /// Which sets of texture coordinates its textures use.
+    pub uv_sets: [bool; LAST_UV_SET as usize + 1],
+    /// Tangents.
+    pub tangents: bool,
+}
+
+/// The materials found so far.
+#[derive(Default)]
+pub(super) struct Materials {
+    /// The scene's materials.
+    pub list: Vec<Material>,
+    /// Their textures.
+    pub textures: Textures,
+    /// The caller replaces all materials: none is read, and the default stands for each.
+    pub geometry_only: bool,
+    needs: Vec<Needs>,
+    known: HashMap<Option<usize>, Option<MaterialId>>,
+}
+
+impl Materials {
+    /// The material of an index, or glTF's default; `from` points to what refers to it. Problems are noted.
+    pub fn get(
+        &mut self,
+        doc: &Document,
+        index: Option<usize>,
+        from: &str,
+        report: &mut Report,
+    ) -> Option<MaterialId> {
+        let index = index.filter(|_| !self.geometry_only);
+        if let Some(known) = self.known.get(&index) {
+            return *known;
+        }
+        let built = match index {
+            Some(index) => build(doc, index, from, &mut self.textures, report),
+            None => {
+                // Whatever replaces it may need the first set.
+                let mut needs = Needs::default();
+                needs.uv_sets[0] = self.geometry_only;
+                Some((default_material(), needs))
+            }
+        };
+        let id = built.map(|(material, needs)| {
+            self.list.push(material);
+            self.needs.push(needs);
+            MaterialId(self.list.len() as u32 - 1)
+        });
+        self.known.insert(index, id);
+        id
+    }
+
+    /// What a material needs from the meshes that it is on.
+    pub fn needs(&self, material: MaterialId) -> Needs {
+        self.needs[material.index()]
+    }
+
+    /// The primitive at a pointer with this material has vertex colours.
+    pub fn use_vertex_colors(&mut self, material: MaterialId, at: &str, report: &mut Report) {
+        let material = &mut self.list[material.index()];
+        material.use_vertex_colors = true;
+        if material.model == Model::Black {
+            report.warn(at, "has vertex colours, which its unlit material doesn't show");
+        }
+    }
+
+    /// How many materials of the file are in use.
+    pub fn used(&self) -> usize {
+        self.known.keys().flatten().count()
+    }
+}
+
+/// What glTF gives to primitives without a material.
+fn default_material() -> Material {
+    let model = Model::Pbr(Box::default());
+    Material { double_sided: false, ..Material::new("default", model) }
+}
+
+fn build(
+    doc: &Document,
+    index: usize,
+    from: &str,
+    textures: &mut Textures,
+    report: &mut Report,
+) -> Option<(Material, Needs)> {
+    let json: gltf::json::Material = doc.entry("materials", index, from, report)?;
+    let raw = doc.raw("materials", index, from, report)?;
+    let name = name_of(raw, "material", index);
+    let at = pointer("materials", index);
+    let mut builder = Builder { doc, raw, at, textures, report, needs: Needs::default() };
+    let extensions = json.extensions.clone().unwrap_or_default();
+    let old = builder.specular_glossiness();
+    let base = match &old {
+        Some(old) => old.diffuse,
+        None => builder.base_color(&json),
+    };
+    let mut material = Material {
+        double_sided: json.double_sided,
+        alpha: FloatSlot { factor: base.alpha, texture: base.color.texture.map(|texture| (texture, 3)) },
+        ..Material::new(name, Model::Black)
+    };
+    material.alpha_mode = builder.alpha_mode(&json);
+    if material.alpha_mode == AlphaMode::Opaque {
+        material.alpha = FloatSlot::constant(1.0);
+    }
+    if extensions.unlit.is_some() {
+        builder.report.warn(&*builder.at, "is unlit: it shines with its base colour, whatever lights it");
+        material.emission = Some(Emission { radiance: base.color, two_sided: json.double_sided });
+    } else {
+        material.emission = builder.emission(&json, &extensions);
+        let mut model = match &old {
+            Some(old) => old.model(),
+            None => builder.model(&json, base.color, &extensions),
+        };
+        builder.add_layers(&mut model);
+        material.model = Model::Pbr(Box::new(model));
+        material.normal_map = builder.normal_map(&json);
+    }
+    let tangents = match &material.model {
+        Model::Pbr(p) => p.anisotropy.is_some() || p.clearcoat.is_some_and(|c| c.normal_map.is_some()),
+        _ => false,
+    };
+    let needs = Needs { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
+    Some((material, needs))
+}

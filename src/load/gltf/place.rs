@@ -1,0 +1,188 @@
+//! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
+
+use super::cameras;
+use super::document::{Document, Report};
+use super::materials::Materials;
+use super::meshes::{MeshReader, Skipped};
+use super::nodes::{Hierarchy, Node};
+use super::skin::{self, SkinPose};
+use super::transform::Family;
+use super::vertices::Deformation;
+use super::{animation::Pose, images};
+use crate::math::DAffine3;
+use crate::scene::{Instance, MeshId, Scene};
+use std::collections::{HashMap, HashSet};
+
+/// What makes two placed meshes the same mesh of the scene.
+#[derive(PartialEq, Eq, Hash)]
+struct Shape {
+    mesh: usize,
+    /// Weights of morph targets, as bits.
+    weights: Vec<u32>,
+    /// The skin, and the node whose transform holds for what the skin doesn't move.
+    skin: Option<(usize, usize)>,
+}
+
+/// The scene being put together.
+pub(super) struct Builder<'b, 'a> {
+    doc: &'b Document<'a>,
+    pose: &'b Pose,
+    family: &'b Family<'b, 'a>,
+    scene: Scene,
+    pub materials: Materials,
+    shapes: HashMap<Shape, Vec<MeshId>>,
+    skipped: Skipped,
+}
+
+impl<'b, 'a> Builder<'b, 'a> {
+    /// An empty scene.
+    pub fn new(doc: &'b Document<'a>, pose: &'b Pose, family: &'b Family<'b, 'a>) -> Builder<'b, 'a> {
+        Builder {
+            doc,
+            pose,
+            family,
+            scene: Scene::default(),
+            materials: Materials::default(),
+            shapes: HashMap::new(),
+            skipped: Skipped::default(),
+        }
+    }
+
+    /// Adds what all nodes show.
+    pub fn add(&mut self, hierarchy: &Hierarchy, report: &mut Report) {
+        for (entry, node) in hierarchy.nodes.iter().enumerate() {
+            if let Some(mesh) = node.mesh {
+                self.add_mesh(hierarchy, entry, node, mesh, report);
+            }
+            if let Some(index) = node.camera {
+                self.scene.cameras.extend(cameras::camera(self.doc, node, index, report));
+            }
+            if let Some(index) = node.light {
+                self.scene.lights.extend(cameras::light(self.doc, node, index, report));
+            }
+        }
+        cameras::warn_units(self.doc, self.scene.lights.len(), report);
+        self.skipped.warn(report);
+    }
+
+    fn add_mesh(
+        &mut self,
+        hierarchy: &Hierarchy,
+        entry: usize,
+        node: &Node,
+        mesh: usize,
+        report: &mut Report,
+    ) -> Option<()> {
+        let skin = match node.skin {
+            Some(index) => {
+                let from = format!("{}/skin", node.pointer());
+                let world = node.world_from_node;
+                Some(skin::pose(self.doc, index, &from, world, self.family, report)?)
+            }
+            None if node.world_from_node.matrix3.determinant() == 0.0 => {
+                report.warn(node.pointer(), "flattens its mesh to nothing (a scale of 0); it is left out");
+                return None;
+            }
+            None => None,
+        };
+        let weights = self.weights(node, mesh, report);
+        let meshes = self.meshes(node, mesh, &weights, skin.as_ref(), report);
+        let placements = match (&skin, &node.instances) {
+            (Some(skin), instances) => {
+                if instances.is_some() {
+                    report.warn(
+                        node.pointer(),
+                        "has a skin and instances; instances of skinned meshes are one",
+                    );
+                }
+                vec![DAffine3::from_translation(skin.origin)]
+            }
+            (None, None) => vec![node.world_from_node],
+            (None, Some(instances)) => instances.iter().map(|i| node.world_from_node * *i).collect(),
+        };
+        let name = hierarchy.path(self.doc, entry);
+        for (i, &world_from_object) in placements.iter().enumerate() {
+            for &mesh in &meshes {
+                let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
+                self.scene.instances.push(Instance { name, mesh, world_from_object, material: None });
+            }
+        }
+        Some(())
+    }
+
+    /// The meshes of the scene for a mesh of the file in a shape; read when first asked for.
+    fn meshes(
+        &mut self,
+        node: &Node,
+        mesh: usize,
+        weights: &[f32],
+        skin: Option<&SkinPose>,
+        report: &mut Report,
+    ) -> Vec<MeshId> {
+        let shape = Shape {
+            mesh,
+            weights: weights.iter().map(|w| w.to_bits()).collect(),
+            skin: node.skin.map(|skin| (skin, node.index)),
+        };
+        if let Some(known) = self.shapes.get(&shape) {
+            return known.clone();
+        }
+        let reader = MeshReader {
+            doc: self.doc,
+            materials: &mut self.materials,
+            skipped: &mut self.skipped,
+            report,
+            deformation: Deformation { weights, skin },
+        };
+        let read = reader.read(mesh, &format!("{}/mesh", node.pointer()));
+        let first = self.scene.meshes.len() as u32;
+        self.scene.meshes.extend(read);
+        let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
+        self.shapes.insert(shape, ids.clone());
+        ids
+    }
+
+    /// The weights of a node's morph targets: those of its animation, else its own, else its mesh's. None if all are 0.
+    fn weights(&self, node: &Node, mesh: usize, report: &mut Report) -> Vec<f32> {
+        let animated = self.pose.node(node.index).and_then(|p| p.weights.clone());
+        let list = |pointer: String| {
+            let list = self.doc.json.pointer(&pointer)?.as_array()?;
+            Some(list.iter().map(|w| w.as_f64().unwrap_or(f64::NAN) as f32).collect::<Vec<f32>>())
+        };
+        let own = || list(format!("{}/weights", node.pointer()));
+        let weights = animated.or_else(own).or_else(|| list(format!("/meshes/{mesh}/weights")));
+        let mut weights = weights.unwrap_or_default();
+        if weights.iter().any(|w| !w.is_finite()) {
+            report.problem(node.pointer(), "shows morph targets with weights that are not finite numbers");
+            return Vec::new();
+        }
+        while weights.last() == Some(&0.0) {
+            weights.pop();
+        }
+        weights
+    }
+
+    /// How many meshes of the file are shown.
+    pub fn used_meshes(&self) -> usize {
+        self.shapes.keys().map(|shape| shape.mesh).collect::<HashSet<_>>().len()
+    }
+
+    /// How many materials of the file are shown.
+    pub fn used_materials(&self) -> usize {
+        self.materials.used()
+    }
+
+    /// The images of the file that are needed.
+    pub fn images(&self) -> HashSet<usize> {
+        self.materials.textures.images.iter().map(|need| need.index).collect()
+    }
+
+    /// Decodes the images and gives the scene.
+    pub fn finish(self, report: &mut Report) -> Scene {
+        let Builder { mut scene, materials, doc, .. } = self;
+        scene.images = images::read(doc, &materials.textures.images, report);
+        scene.materials = materials.list;
+        scene.textures = materials.textures.list;
+        scene
+    }
+}

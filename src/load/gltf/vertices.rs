@@ -1,0 +1,306 @@
+//! Vertices of primitives: their attributes, checked, read, morphed and skinned.
+
+use super::accessor::Accessor;
+use super::document::{Document, Report};
+use super::materials::Needs;
+use super::morph::{self, Target};
+use super::skin::{self, SkinPose};
+use crate::math::Vec3;
+use crate::scene::Mesh;
+use gltf::json::accessor::{ComponentType, Type};
+use gltf::json::mesh::{Primitive, Semantic};
+use gltf::json::validation::Checked;
+
+/// The accessors of a primitive's vertices, by what they are read as; primitives with the same share vertices.
+#[derive(Clone, PartialEq, Eq, Hash)]
+pub(super) struct Attributes {
+    positions: usize,
+    /// Normals; without them the primitive is flat.
+    pub normals: Option<usize>,
+    /// Tangents, where the material needs them.
+    pub tangents: Option<usize>,
+    /// Vertex colours.
+    pub colors: Option<usize>,
+    /// Sets of texture coordinates.
+    pub uv_sets: Vec<Option<usize>>,
+    /// Morph targets that show.
+    targets: Vec<Target>,
+    /// Accessors of joints and of weights; empty without a skin.
+    influences: Vec<(usize, usize)>,
+}
+
+/// Four joints and their weights for each vertex.
+pub(super) struct Influence {
+    /// Indices into the skin's joints.
+    pub joints: Vec<[f32; 4]>,
+    /// How far each moves the vertex.
+    pub weights: Vec<[f32; 4]>,
+}
+
+/// How a mesh is deformed.
+pub(super) struct Deformation<'s> {
+    /// A weight for each morph target.
+    pub weights: &'s [f32],
+    /// The joints that move the vertices.
+    pub skin: Option<&'s SkinPose>,
+}
+
+/// Most sets of four joints a vertex; files with more are not known.
+const MOST_INFLUENCE_SETS: u32 = 4;
+
+/// What a primitive's vertices are made of, as far as its material needs it; `None` without positions. Tangents mean
+/// nothing without normals.
+///
+/// The first set of texture coordinates is always read: a scene file may replace the material.
+pub(super) fn attributes(
+    primitive: &Primitive,
+    needs: Needs,
+    deformation: &Deformation,
+) -> Option<Attributes> {
+    let accessor =
+        |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
+    let normals = accessor(Semantic::Normals);
+    let sets = deformation.skin.map_or(0..0, |_| 0u32..MOST_INFLUENCE_SETS);
+    let influences =
+        sets.map_while(|set| Some((accessor(Semantic::Joints(set))?, accessor(Semantic::Weights(set))?)));
+    Some(Attributes {
+        positions: accessor(Semantic::Positions)?,
+        normals,
+        tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
+        colors: accessor(Semantic::Colors(0)),
+        uv_sets: (0u32..)
+            .zip(needs.uv_sets)
+            .map(|(set, used)| accessor(Semantic::TexCoords(set)).filter(|_| used || set == 0))
+            .collect(),
+        targets: morph::shown(primitive.targets.as_ref(), deformation.weights),
+        influences: influences.collect(),
+    })
+}
+
+/// Appends vertices to a mesh; gives the first and their number.
+pub(super) fn add_vertices(
+    doc: &Document,
+    attributes: &Attributes,
+    skin: Option<&SkinPose>,
+    at: &str,
+    mesh: &mut Mesh,
+    report: &mut Report,
+) -> Option<(u32, usize)> {
+    let base = mesh.positions.len();
+    let mut opener = Opener::new(doc, at, "/attributes", None, report);
+    let positions = opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], Kind::Signed);
+    let normals = opener.open(attributes.normals, "NORMAL", &[Type::Vec3], Kind::Signed);
+    let tangents = opener.open(attributes.tangents, "TANGENT", &[Type::Vec4], Kind::Signed);
+    let colors = opener.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], Kind::Unsigned);
+    let mut uv = |(set, &index): (usize, &Option<usize>)| {
+        opener.open(index, &format!("TEXCOORD_{set}"), &[Type::Vec2], Kind::Coordinate)
+    };
+    let uv_sets: Vec<_> = attributes.uv_sets.iter().enumerate().map(&mut uv).collect();
+    let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_sets.len() as u64)?;
+    positions?.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
+    if let Some(normals) = normals {
+        normals.read_floats(tail(&mut mesh.normals, base, count, [0.0; 3]));
+    }
+    if let Some(tangents) = tangents {
+        tangents.read_floats(tail(&mut mesh.tangents, base, count, [0.0; 4]));
+    }
+    if let Some(colors) = colors {
+        read_colors(&colors, tail(&mut mesh.colors, base, count, [1.0; 4]));
+    }
+    for (set, uv) in uv_sets.into_iter().enumerate() {
+        let Some(uv) = uv else { continue };
+        if mesh.uv_sets.len() <= set {
+            mesh.uv_sets.resize(set + 1, Vec::new());
+        }
+        uv.read_floats(tail(&mut mesh.uv_sets[set], base, count, [0.0; 2]));
+    }
+    for target in &attributes.targets {
+        morph::apply(doc, target, at, mesh, base, report)?;
+    }
+    if let Some(skin) = skin {
+        add_skin(doc, attributes, skin, at, mesh, base, report)?;
+    } else if !attributes.targets.is_empty() {
+        unit_length(mesh, base);
+    }
+    Some((base as u32, count))
+}
+
+/// Gives morphed normals and tangents the length 1 again.
+fn unit_length(mesh: &mut Mesh, base: usize) {
+    for normal in mesh.normals.iter_mut().skip(base) {
+        *normal = Vec3::from_array(*normal).normalize_or_zero().to_array();
+    }
+    for tangent in mesh.tangents.iter_mut().skip(base) {
+        let [x, y, z] = Vec3::new(tangent[0], tangent[1], tangent[2]).normalize_or_zero().to_array();
+        *tangent = [x, y, z, tangent[3]];
+    }
+}
+
+/// Moves the vertices from `base` on by a skin.
+fn add_skin(
+    doc: &Document,
+    attributes: &Attributes,
+    skin: &SkinPose,
+    at: &str,
+    mesh: &mut Mesh,
+    base: usize,
+    report: &mut Report,
+) -> Option<()> {
+    let count = mesh.positions.len() - base;
+    let mut influences = Vec::new();
+    for (set, &(joints, weights)) in attributes.influences.iter().enumerate() {
+        let mut opener = Opener::new(doc, at, "/attributes", Some(count), report);
+        let joints = opener.open(Some(joints), &format!("JOINTS_{set}"), &[Type::Vec4], Kind::Joints);
+        let weights = opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], Kind::Unsigned);
+        opener.finish(0, 32)?;
+        let mut influence = Influence { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
+        let (joints, weights) = (joints?, weights?);
+        joints.read_floats(&mut influence.joints);
+        weights.read_floats(&mut influence.weights);
+        let used = influence.joints.iter().zip(&influence.weights);
+        let largest = used.flat_map(|(j, w)| j.iter().zip(w)).filter(|(_, w)| **w > 0.0).map(|(j, _)| *j);
+        let largest = largest.fold(-1.0, f32::max);
+        if largest >= skin.joint_count() as f32 {
+            let message = format!("holds the joint {largest}, but the skin has {}", skin.joint_count());
+            report.problem(joints.pointer, message);
+            return None;
+        }
+        influences.push(influence);
+    }
+    if influences.is_empty() {
+        report.warn(at, "hangs on a skin, but has no JOINTS_0 and WEIGHTS_0; it is shown unskinned");
+    }
+    let uneven = skin::apply(skin, &influences, mesh, base);
+    if uneven > 0 && !influences.is_empty() {
+        let message = format!("{uneven} vertices have weights of joints that do not add up to 1; normalised");
+        report.warn(at, message);
+    }
+    Some(())
+}
+
+/// Opens the accessors of one primitive's attributes, all of them even if one has problems.
+pub(super) struct Opener<'d, 'a, 'r> {
+    doc: &'d Document<'a>,
+    at: &'r str,
+    /// Between the primitive's pointer and the attribute's name.
+    inside: &'r str,
+    report: &'r mut Report,
+    quantized: bool,
+    /// The number of vertices, known from the first attribute on.
+    count: Option<usize>,
+    sound: bool,
+}
+
+impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
+    /// For attributes that stand at `at` + `inside` in the file, and that have `count` elements each, if that is known.
+    pub fn new(
+        doc: &'d Document<'a>,
+        at: &'r str,
+        inside: &'r str,
+        count: Option<usize>,
+        report: &'r mut Report,
+    ) -> Opener<'d, 'a, 'r> {
+        let quantized = doc.extension_used("KHR_mesh_quantization");
+        Opener { doc, at, inside, report, quantized, count, sound: true }
+    }
+
+    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (then `sound` is false).
+    pub fn open(
+        &mut self,
+        index: Option<usize>,
+        name: &str,
+        types: &[Type],
+        kind: Kind,
+    ) -> Option<Accessor<'d>> {
+        let from = format!("{}{}/{name}", self.at, self.inside);
+        let opened = Accessor::open(self.doc, index?, &from, self.report);
+        let usable = opened.filter(|accessor| {
+            let expected = *self.count.get_or_insert(accessor.count);
+            if accessor.count != expected {
+                let message = format!("has {} elements for {expected} vertices", accessor.count);
+                self.report.problem(accessor.pointer.clone(), message);
+            }
+            checked(accessor, types, kind, self.quantized, self.report) && accessor.count == expected
+        });
+        self.sound &= usable.is_some();
+        usable
+    }
+
+    /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
+    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Option<usize> {
+        let count = self.count.filter(|_| self.sound)?;
+        let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
+        if fits && self.doc.may_decode(bytes_per_vertex.saturating_mul(count as u64)) {
+            return Some(count);
+        }
+        let message = format!("{count} vertices are more than the size of the file justifies");
+        self.report.problem(self.at, message);
+        None
+    }
+}
+
+fn read_colors(accessor: &Accessor, out: &mut [[f32; 4]]) {
+    if accessor.kind == Type::Vec4 {
+        accessor.read_floats(out);
+        return;
+    }
+    let mut rgb = vec![[0.0; 3]; accessor.count];
+    accessor.read_floats(&mut rgb);
+    for (out, [r, g, b]) in out.iter_mut().zip(rgb) {
+        *out = [r, g, b, 1.0];
+    }
+}
+
+/// Makes `list` end with `count` entries from `base` on and gives those.
+fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &mut [T] {
+    if base == 0 {
+        // Fresh zeros come from the system without being written.
+        *list = vec![default; count];
+    } else {
+        list.resize(base, default);
+        list.resize(base + count, default);
+    }
+    &mut list[base..]
+}
+
+/// Which component types an attribute may have.
+#[derive(Clone, Copy)]
+pub(super) enum Kind {
+    /// Floats; signed or unsigned small integers with KHR_mesh_quantization.
+    Signed,
+    /// Floats and normalised unsigned integers.
+    Unsigned,
+    /// The same, and any small integers with KHR_mesh_quantization.
+    Coordinate,
+    /// Small unsigned integers as they are.
+    Joints,
+}
+
+/// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
+fn checked(accessor: &Accessor, types: &[Type], kind: Kind, quantized: bool, report: &mut Report) -> bool {
+    let small = matches!(
+        accessor.component,
+        ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
+    );
+    let unsigned =
+        matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && accessor.normalized;
+    let component = match kind {
+        Kind::Signed => small && quantized,
+        Kind::Unsigned => unsigned,
+        Kind::Coordinate => unsigned || small && quantized,
+        // Normalised indices are wrong, but what they mean is clear only if they are not.
+        Kind::Joints => {
+            matches!(accessor.component, ComponentType::U8 | ComponentType::U16) && !accessor.normalized
+        }
+    };
+    let is_float = accessor.component == ComponentType::F32 && !matches!(kind, Kind::Joints);
+    let fits = types.contains(&accessor.kind) && (component || is_float);
+    if !fits {
+        let named: Vec<String> = types.iter().map(|t| format!("{t:?}").to_uppercase()).collect();
+        let component = if matches!(kind, Kind::Joints) { "U8 or U16" } else { "F32" };
+        let (held, named) = (accessor.contents(), named.join(" or "));
+        let message = format!("holds {held}; this attribute needs {named} of {component}");
+        report.problem(accessor.pointer.clone(), message);
+    }
+    fits
+}

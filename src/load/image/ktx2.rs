@@ -1,0 +1,139 @@
+//! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
+//! pixels. The first level of the first layer is read.
+
+use super::{Source, Use, limits};
+use crate::error::Result;
+use crate::image::{Encoding, Image, Pixels};
+use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
+use half::f16;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::sync::Arc;
+
+/// The first bytes of each KTX2 file.
+const IDENTIFIER: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
+/// Bytes of the header before the index of levels.
+const HEADER: usize = 80;
+
+/// Is it a KTX2 file?
+pub(super) fn is_ktx2(bytes: &[u8]) -> bool {
+    bytes.starts_with(&IDENTIFIER)
+}
+
+/// What the header says (KTX 2.0, sections 3.1 to 3.9).
+struct Header {
+    /// Vulkan's number for the format; 0 for Basis Universal.
+    format: u32,
+    width: u32,
+    height: u32,
+    depth: u32,
+    supercompression: u32,
+    /// Of the first level: first byte, length, and length when inflated.
+    level: [u64; 3],
+}
+
+/// Decodes the largest level.
+pub(super) fn decode(source: &Source, purpose: Use) -> Result<Image> {
+    let header =
+        Header::read(source.bytes).ok_or_else(|| source.error("is a KTX2 file cut off in its header"))?;
+    if header.depth > 0 {
+        return Err(source.error("is a KTX2 file with a volume, not an image"));
+    }
+    // A height of 0 marks a one-dimensional texture.
+    let (width, height) = (u64::from(header.width), u64::from(header.height.max(1)));
+    limits::check(source, width, height)?;
+    if header.level[2] > 16 * width * height + 4096 {
+        return Err(source.error(format!("claims {} bytes for {width} x {height} pixels", header.level[2])));
+    }
+    let (channels, pixels) = match plain_channels(header.format) {
+        Some(channels) => (channels, plain(source, &header, channels)?),
+        None => basis(source, width * height)?,
+    };
+    let is_linear = purpose == Use::Data || matches!(pixels, Pixels::F32(_));
+    Ok(Image {
+        name: source.name(),
+        width: header.width,
+        height: header.height.max(1),
+        channels,
+        encoding: if is_linear { Encoding::Linear } else { Encoding::Srgb },
+        pixels: Arc::new(pixels),
+    })
+}
+
+impl Header {
+    fn read(bytes: &[u8]) -> Option<Header> {
+        let word = |at: usize| Some(u32::from_le_bytes(bytes.get(at..at + 4)?.try_into().ok()?));
+        let long = |at: usize| Some(u64::from_le_bytes(bytes.get(at..at + 8)?.try_into().ok()?));
+        Some(Header {
+            format: word(12)?,
+            width: word(20)?,
+            height: word(24)?,
+            depth: word(28)?,
+            supercompression: word(44)?,
+            level: [long(HEADER)?, long(HEADER + 8)?, long(HEADER + 16)?],
+        })
+    }
+}
+
+/// Channels of the plain 8-bit formats, UNORM and SRGB: R, RGB and RGBA. (Two channels would be taken for grey and
+/// alpha.)
+fn plain_channels(format: u32) -> Option<u32> {
+    match format {
+        9 | 15 => Some(1),
+        23 | 29 => Some(3),
+        37 | 43 => Some(4),
+        _ => None,
+    }
+}
+
+/// Pixels as they stand in the file.
+fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
+    if header.supercompression != 0 {
+        return Err(source.error("is a KTX2 file of plain pixels under a compression that is not supported"));
+    }
+    let [offset, length, _] = header.level;
+    let size = u64::from(header.width) * u64::from(header.height.max(1)) * u64::from(channels);
+    let range = usize::try_from(offset).ok().zip(usize::try_from(size).ok());
+    let pixels = range.and_then(|(start, size)| source.bytes.get(start..start.checked_add(size)?));
+    match pixels {
+        Some(pixels) if length >= size => Ok(Pixels::U8(pixels.to_vec())),
+        _ => Err(source.error(format!("promises {size} bytes of pixels that are not there"))),
+    }
+}
+
+/// Basis Universal as RGB(A), 8-bit or float. The transcoder returns errors for damaged files; should it panic all the
+/// same, that is one, too.
+fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
+    let transcode = || {
+        let texture = Transcoder::new(source.bytes).map_err(|e| format!("{e:?}"))?;
+        let is_hdr = matches!(
+            texture.source_format(),
+            SourceFormat::UastcHdr4x4 | SourceFormat::AstcHdr6x6 | SourceFormat::UastcHdr6x6
+        );
+        let target = if is_hdr { TargetFormat::RgbaHalf } else { TargetFormat::Rgba32 };
+        let bytes =
+            texture.transcode_image(0, 0, 0, target, DecodeFlags::NONE).map_err(|e| format!("{e:?}"))?;
+        Ok((is_hdr, texture.has_alpha(), bytes))
+    };
+    let outcome =
+        catch_unwind(AssertUnwindSafe(transcode)).unwrap_or_else(|_| Err("it is damaged".to_string()));
+    let (is_hdr, has_alpha, bytes) = outcome
+        .map_err(|e: String| source.error(format!("can't be read as a Basis Universal texture: {e}")))?;
+    let expected = pixels * if is_hdr { 8 } else { 4 };
+    if bytes.len() as u64 != expected {
+        let found = bytes.len();
+        return Err(source.error(format!("holds {found} bytes of pixels in place of {expected}")));
+    }
+    let kept = if has_alpha { 4 } else { 3 };
+    let pixels = if is_hdr {
+        let halves = bytes.as_chunks::<8>().0.iter().flat_map(|pixel| {
+            let channel = |c: usize| f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32();
+            (0..kept).map(channel)
+        });
+        Pixels::F32(halves.collect())
+    } else if has_alpha {
+        Pixels::U8(bytes)
+    } else {
+        Pixels::U8(bytes.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect())
+    };
+    Ok((kept as u32, pixels))
+}

@@ -1,0 +1,181 @@
+//! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
+//! joined where a `\` says that a line goes on.
+
+use std::io::{BufRead, BufReader, Read, Result};
+
+/// Bytes that are read at a time.
+const CHUNK: usize = 1 << 18;
+
+/// The lines of a file, read one after another so that the whole is never in memory.
+pub(super) struct Lines<R> {
+    inner: BufReader<R>,
+    /// What was read up to a line feed; a carriage return may end lines inside it.
+    raw: Vec<u8>,
+    /// Where the next line begins in `raw`.
+    at: usize,
+    /// A line that goes on in the next, so far.
+    joined: Vec<u8>,
+    /// Lines taken so far.
+    number: usize,
+}
+
+impl<R: Read> Lines<R> {
+    /// Starts at the beginning of a file.
+    pub fn new(inner: R) -> Lines<R> {
+        let inner = BufReader::with_capacity(CHUNK, inner);
+        Lines { inner, raw: Vec::new(), at: 0, joined: Vec::new(), number: 0 }
+    }
+
+    /// The next line without its end, and the number of its first line in the file, from 1.
+    ///
+    /// # Errors
+    /// Those of reading.
+    pub fn next(&mut self) -> Result<Option<(usize, &[u8])>> {
+        self.joined.clear();
+        let mut first = 0;
+        while let Some((from, to)) = self.physical()? {
+            self.number += 1;
+            if first == 0 {
+                first = self.number;
+            }
+            let line = self.raw[from..to].trim_ascii_end();
+            let is_comment = self.joined.is_empty() && line.trim_ascii_start().starts_with(b"#");
+            match line.strip_suffix(b"\\") {
+                // Paths in comments end in backslashes, too.
+                Some(start) if !is_comment => {
+                    self.joined.extend_from_slice(start);
+                    self.joined.push(b' ');
+                }
+                _ if self.joined.is_empty() => return Ok(Some((first, self.raw[from..to].trim_ascii_end()))),
+                _ => {
+                    self.joined.extend_from_slice(line);
+                    return Ok(Some((first, &self.joined)));
+                }
+            }
+        }
+        Ok((first > 0).then_some((first, self.joined.as_slice())))
+    }
+
+    /// The range of the next line of the file in `raw`; `None` at the file's end.
+    fn physical(&mut self) -> Result<Option<(usize, usize)>> {
+        if self.at == self.raw.len() {
+            self.raw.clear();
+            self.at = 0;
+            if self.inner.read_until(b'\n', &mut self.raw)? == 0 {
+                return Ok(None);
+            }
+            if self.number == 0 && self.raw.starts_with(b"\xef\xbb\xbf") {
+                self.at = 3;
+            }
+        }
+        let from = self.at;
+        let rest = &self.raw[from..];
+        let end = rest.strip_suffix(b"\n").unwrap_or(rest);
+        let end = end.strip_suffix(b"\r").unwrap_or(end);
+        // `contains` is fast where there is none, which is nearly always.
+        let inner_end = end.contains(&b'\r').then(|| end.iter().position(|&b| b == b'\r')).flatten();
+        let to = match inner_end {
+            Some(length) => {
+                self.at = from + length + 1;
+                from + length
+            }
+            None => {
+                self.at = self.raw.len();
+                from + end.len()
+            }
+        };
+        Ok(Some((from, to)))
+    }
+}
+
+/// Text of a name: UTF-8, else Latin-1.
+pub(super) fn decoded(bytes: &[u8]) -> String {
+    match std::str::from_utf8(bytes) {
+        Ok(text) => text.to_string(),
+        Err(_) => bytes.iter().map(|&b| char::from(b)).collect(),
+    }
+}
+
+/// The words of a statement, up to a comment.
+#[derive(Clone)]
+pub(super) struct Words<'a>(pub &'a [u8]);
+
+impl<'a> Words<'a> {
+    /// Everything behind the words taken so far, without blanks around it; comments included.
+    pub fn rest(&self) -> &'a [u8] {
+        self.0.trim_ascii()
+    }
+}
+
+impl<'a> Iterator for Words<'a> {
+    type Item = &'a [u8];
+
+    #[inline]
+    fn next(&mut self) -> Option<&'a [u8]> {
+        let start = self.0.iter().position(|b| !b.is_ascii_whitespace())?;
+        let text = &self.0[start..];
+        if text[0] == b'#' {
+            return None;
+        }
+        let length = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+        let (word, rest) = text.split_at(length);
+        self.0 = rest;
+        Some(word)
+    }
+}
+
+/// The number that a word is.
+#[inline]
+pub(super) fn float(word: &[u8]) -> Option<f32> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Gives a few bytes at a time.
+    struct Drops<'a>(&'a [u8]);
+
+    impl Read for Drops<'_> {
+        fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+            let n = out.len().min(3);
+            self.0.read(&mut out[..n])
+        }
+    }
+
+    fn all(bytes: &[u8]) -> Vec<(usize, String)> {
+        let (mut lines, mut out) = (Lines::new(Drops(bytes)), Vec::new());
+        while let Some((number, line)) = lines.next().expect("it can be read") {
+            out.push((number, decoded(line)));
+        }
+        out
+    }
+
+    #[test]
+    fn lines_end_in_every_way_and_go_on_behind_a_backslash() {
+        let text = b"\xef\xbb\xbfa\nb \\\r\n c\\\n\nd\r\ne\rf\r\r# C:\\x\\\ng \\";
+        let numbered: Vec<(usize, String)> = all(text);
+        let expected =
+            [(1, "a"), (2, "b   c "), (5, "d"), (6, "e"), (7, "f"), (8, ""), (9, "# C:\\x\\"), (10, "g  ")];
+        assert_eq!(numbered.len(), expected.len(), "{numbered:?}");
+        for ((line, text), (expected_line, expected_text)) in numbered.iter().zip(expected) {
+            assert_eq!((*line, text.as_str()), (expected_line, expected_text));
+        }
+        assert!(all(b"").is_empty());
+    }
+
+    #[test]
+    fn names_are_utf8_or_latin1() {
+        assert_eq!(decoded("caf\u{e9}".as_bytes()), "caf\u{e9}");
+        assert_eq!(decoded(b"caf\xe9"), "caf\u{e9}");
+    }
+
+    #[test]
+    fn words_end_at_a_comment() {
+        let mut words = Words(b" v  1 2.5e-1# 3 #x");
+        assert_eq!(words.next(), Some(&b"v"[..]));
+        assert_eq!(words.clone().map(float).collect::<Vec<_>>(), [Some(1.0), None, Some(3.0)]);
+        assert_eq!(words.rest(), b"1 2.5e-1# 3 #x");
+    }
+}

@@ -1,0 +1,81 @@
+//! `model.oscura.toml` beside `model.glb`: what the model's format can't carry. Its parts are those of scene files, all
+//! optional, and added to the model:
+//!
+//! | Part | Effect |
+//! |---|---|
+//! | `[environment]` | the world |
+//! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
+//! | `[camera]` with `look_from` | a camera before those of the model |
+//! | `[camera]` otherwise | depth of field (`super::camera`) of the model's cameras, or only of that called `name`; `width`, `height` |
+//! | `[render]` | settings of rendering |
+
+use super::assets::Assets;
+use super::fields::{Fields, Problems};
+use super::{Build, camera, read_parts, read_text};
+use crate::error::{Result, Warning};
+use crate::load::{LoadOptions, Loaded};
+use crate::scene::Settings;
+use std::path::{Path, PathBuf};
+use toml::de::DeTable;
+
+/// Where the settings of a model would be: its name with `.oscura.toml` for the extension.
+pub fn path_for(model: &Path) -> PathBuf {
+    model.with_extension("oscura.toml")
+}
+
+/// Adds what the file at `path` says to a model that has been loaded, with a warning that says so.
+///
+/// # Errors
+/// All problems of that file.
+pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+    let text = read_text(path)?;
+    let problems = Problems::new(&text);
+    let message = add(path, &text, options, &problems, loaded);
+    problems.into_result(path, &text)?;
+    loaded.warnings.push(Warning::new(path, "", message));
+    Ok(())
+}
+
+/// What was added, in words.
+fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, loaded: &mut Loaded) -> String {
+    let (root, errors) = DeTable::parse_recoverable(text);
+    for e in &errors {
+        problems.push(e.span().unwrap_or(0..0), e.message());
+    }
+    if !errors.is_empty() {
+        return String::new();
+    }
+    let own = std::mem::take(&mut loaded.scene.settings);
+    let mut build = Build { file: path, options, problems, loaded: std::mem::take(loaded) };
+    let root = Fields::new("the file", root.get_ref(), 0..0, problems);
+    let mut assets = Assets::default();
+    read_parts(&mut build, &root, &mut assets, |build, assets| {
+        if let Some(fields) = root.table("camera") {
+            camera::adjust(build, &fields, assets);
+        }
+    });
+    *loaded = build.loaded;
+    loaded.scene.settings = either(std::mem::take(&mut loaded.scene.settings), own);
+    let parts: Vec<&str> = ["environment", "lights", "objects", "camera", "render"]
+        .into_iter()
+        .filter(|p| root.has(p))
+        .collect();
+    format!(
+        "lies beside the model and was used: {} (--no-sidecar leaves it out)",
+        if parts.is_empty() { "it is empty".to_string() } else { parts.join(", ") }
+    )
+}
+
+/// Each setting of the first that is given, else of the second.
+fn either(first: Settings, second: Settings) -> Settings {
+    Settings {
+        width: first.width.or(second.width),
+        height: first.height.or(second.height),
+        samples: first.samples.or(second.samples),
+        depth: first.depth.or(second.depth),
+        seed: first.seed.or(second.seed),
+        filter: first.filter.or(second.filter),
+        microfacet: first.microfacet.or(second.microfacet),
+        exposure: first.exposure.or(second.exposure),
+    }
+}

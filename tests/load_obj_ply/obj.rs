@@ -1,0 +1,169 @@
+//! What OBJ files may hold.
+
+use super::{load_files, obj_scene};
+use oscura::math::Vec3;
+use oscura::scene::{Mesh, Scene};
+
+#[test]
+fn corners() {
+    // A byte order mark, a continued line, negative indices, and a quad.
+    let scene = obj_scene("\u{feff}v 0 0 0\nv 1 0 \\\n0\nv 1 1 0\nv 0 1 0\nf -4 -3 -2 -1\n");
+    assert_eq!(scene.meshes[0].triangles.len(), 2);
+    assert!(scene.meshes[0].normals.is_empty());
+    // v grows downwards here, upwards in the file.
+    let scene =
+        obj_scene("v 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 0.75\nvn 0 0 2\nf 1/1/1 2/2/1 3/3/1\n");
+    assert_eq!(scene.meshes[0].uv_sets[0][2], [0.0, 0.25]);
+    assert_eq!(scene.meshes[0].normals[0], [0.0, 0.0, 1.0]);
+    // Vertex colours are sRGB-encoded.
+    let scene = obj_scene("v 0 0 0 1 0.5 0\nv 1 0 0 1 0.5 0\nv 0 1 0 1 0.5 0\nf 1 2 3\n");
+    assert!((scene.meshes[0].colors[0][1] - 0.214_041).abs() < 1e-5);
+    assert!(scene.materials[0].use_vertex_colors);
+}
+
+#[test]
+fn errors_name_the_line() {
+    let error = load_files(&[("a.obj", b"v 0 0 0\nv 1 x 0\n")]).expect_err("a bad number");
+    assert_eq!(error.problems[0].place, "line 2");
+    assert!(load_files(&[("a.obj", b"v 0 0 0\n")]).expect_err("no faces").to_string().contains("no faces"));
+    assert!(load_files(&[("a.obj", b"v 0 0 0\nf 1 2 3\n")]).is_err());
+}
+
+#[test]
+fn all_problems_come_at_once() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1\nv 0 1 0\nf 1 2 9\nf 1 0 2\nf a b c\nvn 1 0\nf 1 2 -4\n";
+    let error = load_files(&[("a.obj", text.as_bytes())]).expect_err("it is broken");
+    let places: Vec<&str> = error.problems.iter().map(|p| p.place.as_str()).collect();
+    assert_eq!(places, ["line 3", "line 5", "line 6", "line 7", "line 8", "line 9"], "{error}");
+    assert!(error.to_string().contains("refers to vertex 9, but 3 stand before it"), "{error}");
+    let many = format!("v 0 0 0\n{}", "f 1 2 3\n".repeat(1000));
+    let error = load_files(&[("a.obj", many.as_bytes())]).expect_err("it is broken");
+    assert_eq!(error.problems.len(), 11);
+    assert!(error.to_string().contains("990 more"), "{error}");
+}
+
+fn area(mesh: &Mesh) -> f32 {
+    let corner = |i: u32| Vec3::from(mesh.positions[i as usize]);
+    let signed = |t: &[u32; 3]| 0.5 * (corner(t[1]) - corner(t[0])).cross(corner(t[2]) - corner(t[0])).z;
+    mesh.triangles.iter().map(signed).sum()
+}
+
+#[test]
+fn concave_polygons_keep_their_outline() {
+    // An arrow whose third corner is reflex: a fan from the first corner would reach outside.
+    let scene = obj_scene("v 2 2 0\nv 0 1 0\nv -2 2 0\nv 0 0 0\nf 4 1 2 3\n");
+    let mesh = &scene.meshes[0];
+    assert!((area(mesh) - 2.0).abs() < 1e-6);
+    let every_front = mesh.triangles.iter().all(|t| {
+        let one = Mesh { triangles: vec![*t], ..mesh.clone() };
+        area(&one) > 0.0
+    });
+    assert!(every_front);
+}
+
+#[test]
+fn line_ends_comments_and_encodings_of_other_systems() {
+    let expected = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]];
+    let unix = "# caf\u{e9} C:\\models\\\nv 0 0 0 # origin\nv 1 \\\n 0 0\n\n  v 0 1 0\nf 1 \\\n2 3";
+    let latin1: Vec<u8> = unix.chars().map(|c| c as u8).collect();
+    for text in [unix.as_bytes().to_vec(), unix.replace('\n', "\r\n").into_bytes(), latin1] {
+        assert_eq!(obj_scene(&text).meshes[0].positions, expected, "{}", String::from_utf8_lossy(&text));
+    }
+    let mac = "v 0 0 0\rv 1 0 0\rv 0 1 0\rf 1 2 3\r";
+    assert_eq!(obj_scene(mac).meshes[0].positions, expected);
+    let error = load_files(&[("a.obj", b"v 0 0 0\rv 1 0 0\rv 0 x 0\r")]).expect_err("a bad number");
+    assert_eq!(error.problems[0].place, "line 3");
+}
+
+/// A roof: two squares that meet at a ridge along x.
+const ROOF: &str = "v 0 1 0\nv 1 1 0\nv 0 0 1\nv 1 0 1\nv 0 0 -1\nv 1 0 -1\n";
+
+#[test]
+fn smoothing_groups_shade_across_edges_and_objects() {
+    let (left, right) = ("f 1 3 4 2\n", "f 1 2 6 5\n");
+    let normal_at = |scene: &Scene, mesh: usize, position: [f32; 3]| -> Vec<Vec3> {
+        let mesh = &scene.meshes[mesh];
+        let at = mesh.positions.iter().zip(&mesh.normals).filter(|(p, _)| **p == position);
+        at.map(|(_, n)| Vec3::from(*n)).collect()
+    };
+    let (ridge, foot) = ([0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+    let slope = Vec3::new(0.0, 1.0, 1.0).normalize();
+    // One group, also where it spans two objects.
+    for between in ["", "o other\n", "g roof\nusemtl a\n"] {
+        let scene = obj_scene(format!("{ROOF}s 1\n{left}{between}{right}"));
+        let normals = normal_at(&scene, 0, ridge);
+        assert!(normals.len() == 1 && normals[0].distance(Vec3::Y) < 1e-6, "{normals:?}");
+        assert!(normal_at(&scene, 0, foot)[0].distance(slope) < 1e-6);
+    }
+    // Two groups: the ridge is an edge, and has two normals.
+    let scene = obj_scene(format!("{ROOF}s 1\n{left}s 2\n{right}"));
+    let normals = normal_at(&scene, 0, ridge);
+    assert_eq!(normals.len(), 2);
+    assert!(normals.iter().all(|n| n.distance(Vec3::Y) > 0.5));
+    // Off: flat, without any normals.
+    assert!(obj_scene(format!("{ROOF}s off\n{left}s 0\n{right}")).meshes[0].normals.is_empty());
+    // A flat face beside a smooth one has corners of its own.
+    let scene = obj_scene(format!("{ROOF}s 1\n{left}s off\n{right}"));
+    let normals = normal_at(&scene, 0, ridge);
+    assert!(normals.iter().all(|n| (n.y - slope.y).abs() < 1e-6), "{normals:?}");
+    assert!(normals.iter().any(|n| n.z > 0.5) && normals.iter().any(|n| n.z < -0.5));
+}
+
+#[test]
+fn normals_of_the_file_precede_smoothing_groups() {
+    let scene = obj_scene(format!("{ROOF}vn 1 0 0\ns 1\nf 1//1 3//1 4//-1\nf 1 2 6\n"));
+    let mesh = &scene.meshes[0];
+    let given = mesh.normals.iter().filter(|n| **n == [1.0, 0.0, 0.0]).count();
+    assert_eq!((mesh.positions.len(), given), (6, 3));
+    assert!(mesh.normals.iter().all(|n| (Vec3::from(*n).length() - 1.0).abs() < 1e-6));
+}
+
+#[test]
+fn objects_and_groups_become_instances_and_materials_parts() {
+    let points = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+    let face = "f 1 2 3\n";
+    let text = format!(
+        "{points}o table\ng legs\nusemtl wood\n{face}usemtl steel\n{face}usemtl wood\n{face}g top\n{face}o lamp\n"
+    );
+    let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
+    let scene = loaded.scene;
+    let names: Vec<&str> = scene.instances.iter().map(|i| i.name.as_str()).collect();
+    assert_eq!(names, ["table/legs", "table/top"]);
+    let parts: Vec<(u32, u32)> =
+        scene.meshes[0].parts.iter().map(|p| (p.first_triangle, p.triangle_count)).collect();
+    assert_eq!(parts, [(0, 2), (2, 1)]);
+    assert_eq!(scene.materials.len(), 2);
+    let warned = |name: &str| loaded.warnings.iter().any(|w| w.message.contains(name) && w.place != "");
+    assert!(warned("'wood'") && warned("'steel'"), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn what_is_left_out_is_counted_with_its_place() {
+    let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 nan 0\nl 1 2\np 1\nf 1 2\nf 1 2 2\nf 1/7 2/7 3/7\nf 1//1 2 3\nf 1 2 4\n\
+                curv 0 1 1 2\nxyz 1\n";
+    let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.meshes[0].triangles.len(), 2);
+    let shown: Vec<String> = loaded.warnings.iter().map(|w| format!("{}: {}", w.place, w.message)).collect();
+    for part in [
+        "line 5: 2 lines and points",
+        "line 7: 2 faces of fewer than three corners",
+        "line 9: 3 references to texture coordinates",
+        "line 10: 1 references to normals",
+        "line 12: 1 statements of free-form",
+        "line 13: 1 statements 'xyz'",
+        "1 triangles with corners that are not finite",
+    ] {
+        assert!(shown.iter().any(|w| w.contains(part)), "'{part}' is not in {shown:?}");
+    }
+    let error = load_files(&[("a.obj", b"xyz 1\n\xff\xfe")]).expect_err("no OBJ");
+    assert!(error.to_string().contains("has no faces, but 1 statements"), "{error}");
+}
+
+#[test]
+fn colours_of_some_vertices_leave_the_others_white() {
+    let scene = obj_scene("v 0 0 0\nv 1 0 0 0 0 0\nv 0 1 0\nv 1 1 0 1.0\nf 1 2 3\nf 2 4 3\n");
+    let mesh = &scene.meshes[0];
+    let color = |p: [f32; 3]| mesh.colors[mesh.positions.iter().position(|q| *q == p).expect("it is there")];
+    assert_eq!(color([1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0]);
+    assert_eq!((color([0.0, 0.0, 0.0]), color([1.0, 1.0, 0.0])), ([1.0; 4], [1.0; 4]));
+}

@@ -1,0 +1,97 @@
+//! What PLY files may hold.
+
+use super::{binary_ply, load_ply};
+use oscura::load::{LoadOptions, load};
+
+#[test]
+fn ply_reads_both_byte_orders_alike_and_refuses_every_truncation() {
+    for big in [false, true] {
+        let whole = binary_ply(big);
+        let scene = load_ply(&whole).unwrap_or_else(|e| panic!("{e}")).scene;
+        let mesh = &scene.meshes[0];
+        assert_eq!(mesh.positions[2], [2.0, 1.0, 0.0]);
+        assert_eq!(mesh.triangles.len(), 2);
+        assert_eq!(mesh.uv_sets[0][0], [0.5, 0.75]);
+        assert!(mesh.colors[0][0] == 1.0 && (mesh.colors[0][2] - 0.502_886).abs() < 1e-5);
+        for length in 0..whole.len() {
+            assert!(load_ply(&whole[..length]).is_err(), "{length} bytes");
+        }
+    }
+}
+
+#[test]
+fn ply_ascii_strips_and_errors() {
+    let head =
+        "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n";
+    let points = "0 0 0\n\n1E0 0 0\n0 1 0\n1 1 0\n";
+    let strips = "element tristrips 1\nproperty list int int vertex_indices\nend_header\n";
+    let text = format!("{head}{strips}{points}7 0 1 2 3 -1 0 1\n");
+    let scene = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.meshes[0].triangles, [[0, 1, 2], [2, 1, 3]]);
+    let fails = |text: String, part: &str| {
+        let shown = load_ply(text.as_bytes()).expect_err(part).to_string();
+        assert!(shown.contains(part), "'{part}' is not in: {shown}");
+    };
+    let faces = "element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    fails(format!("{head}end_header\n{points}"), "point cloud");
+    fails(format!("{head}{faces}{points}3 0 1 9\n"), "refers to vertex 9");
+    fails(format!("{head}{faces}{points}3 0 1\n"), "line 15");
+    fails(format!("{head}{faces}0 0 0\n"), "cut short");
+    fails(head.replace("vertex 4", "vertex 18446744073709551616"), "too large");
+    fails(format!("{}{faces}{points}", head.replace("vertex 4", "vertex 4000000000000")), "cut short");
+    fails("plx".to_string(), "not a PLY file");
+}
+
+#[test]
+fn ply_names_types_and_strange_text() {
+    let head = "ply\rformat ascii 1.0\rcomment caf\u{e9}\r";
+    let latin1 = |text: String| -> Vec<u8> { text.chars().map(|c| c as u8).collect() };
+    let faces = "element face 1\rproperty list uchar int vertex_indices\rend_header\r";
+    for (u, v) in [("s", "t"), ("u", "v"), ("texture_u", "texture_v"), ("texture_s", "texture_t")] {
+        let text = latin1(format!(
+            "{head}element vertex 3\rproperty double x\rproperty float64 y\rproperty float32 z\r\
+             property float nx\rproperty float ny\rproperty float nz\rproperty float {u}\rproperty float {v}\r\
+             property uchar diffuse_red\rproperty uint8 diffuse_green\rproperty uchar diffuse_blue\r{faces}\
+             0 0 0 0 0 2 0 0.25 255 0 0\r\r1e0 0 0 0 0 1 0 0 255 0 0\r0 1E0 0 0 0 1 0 0 255 0 0\r3 0 1 2\r"
+        ));
+        let scene = load_ply(&text).unwrap_or_else(|e| panic!("{e}")).scene;
+        let mesh = &scene.meshes[0];
+        assert_eq!(mesh.positions, [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]]);
+        assert_eq!((mesh.uv_sets[0][0], mesh.normals[0]), ([0.0, 0.75], [0.0, 0.0, 1.0]));
+        assert_eq!(mesh.colors[1], [1.0, 0.0, 0.0, 1.0]);
+    }
+}
+
+#[test]
+fn colours_as_floats_are_linear() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                property float red\nproperty float green\nproperty float blue\nproperty float alpha\n\
+                element face 1\nproperty list uchar int vertex_indices\nend_header\n\
+                0 0 0 0.5 0.25 2 0.5\n1 0 0 0 0 0 1\n0 nan 0 0 0 0 1\n3 0 1 2\n";
+    let error = load_ply(text.as_bytes()).map(|l| l.warnings.len());
+    // The triangle's corner is not a number, so that it is dropped; the file itself is no error.
+    assert_eq!(error.expect("it can be read"), 3);
+    let scene = load_ply(text.replace("nan", "1").as_bytes()).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.meshes[0].colors[0], [0.5, 0.25, 2.0, 0.5]);
+}
+
+#[test]
+fn point_clouds_become_spheres_of_the_wanted_radius() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
+                property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
+                0 0 0 255 255 255\n1 0 0 0 0 0\n0 2 0 255 255 255\nnan 0 0 9 9 9\n";
+    let refused = load_ply(text.as_bytes()).expect_err("no radius").to_string();
+    assert!(refused.contains("4 vertices and no faces") && refused.contains("--point-radius"), "{refused}");
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.ply");
+    std::fs::write(&path, text).expect("written");
+    let with = |radius| load(&path, &LoadOptions { point_radius: Some(radius), ..LoadOptions::default() });
+    let loaded = with(0.25).unwrap_or_else(|e| panic!("{e}"));
+    let scene = &loaded.scene;
+    assert_eq!((scene.spheres.len(), scene.materials.len()), (3, 2));
+    assert!(scene.spheres.iter().all(|s| s.radius == 0.25));
+    assert_eq!(scene.spheres[0].material, scene.spheres[2].material);
+    assert_eq!(scene.spheres[2].center.y, 2.0);
+    assert!(loaded.warnings.iter().any(|w| w.message.contains("1 points")), "{:?}", loaded.warnings);
+    assert!(with(0.0).is_err() && with(f64::NAN).is_err());
+}

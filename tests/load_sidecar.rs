@@ -1,0 +1,218 @@
+//! Settings that lie beside a model, lights of scene files, and materials that a scene file replaces.
+
+use oscura::error::Error;
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::math::DVec3;
+use oscura::scene::{Environment, Filter, LightKind};
+use std::f64::consts::PI;
+
+/// A triangle with a material whose image is missing, and two cameras; the second stands at z = 5 and looks at the origin.
+const MODEL: &str = r#"{
+    "asset": {"version": "2.0"}, "scene": 0,
+    "scenes": [{"nodes": [0, 1, 2], "extras": {"width": 320, "bounces": 7}}],
+    "nodes": [{"mesh": 0}, {"name": "left", "camera": 0}, {"name": "front", "camera": 0, "translation": [0, 0, 5]}],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+    "materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    "textures": [{"source": 0}], "images": [{"uri": "IMAGE"}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+}"#;
+
+/// A PNG of one black pixel.
+const PIXEL: &str = "data:image/png;base64,iVBORw0KGgoAAAANSUhEUgAAAAEAAAABCAIAAACQd1PeAAAADElEQVR4nGNgYGAAAAAEAAH2FzhVAAAAAElFTkSuQmCC";
+
+fn load_first(files: &[(&str, &str)], options: &LoadOptions) -> Result<Loaded, Error> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).expect("written");
+    }
+    load(&folder.path().join(files[0].0), options)
+}
+
+fn with_sidecar(toml: &str) -> Result<Loaded, Error> {
+    let model = MODEL.replace("IMAGE", PIXEL);
+    load_first(&[("model.gltf", &model), ("model.oscura.toml", toml)], &LoadOptions::default())
+}
+
+const FULL: &str = r#"
+[environment]
+background = [1, 2, 3]
+[camera]
+name = "front"
+f_stop = 2
+focal_length = 40
+focus_at = [7, 8, 1]
+[render]
+samples = 9
+width = 640
+filter = "box"
+[[lights]]
+name = "key"
+area = { center = [0, 3, 0], direction = [0, -1, 0], size = [2, 0.5], power = 10 }
+color = [1, 0.5, 0]
+"#;
+
+#[test]
+fn a_model_gets_what_its_format_cannot_carry() {
+    let loaded = with_sidecar(FULL).unwrap_or_else(|e| panic!("{e}"));
+    let scene = loaded.scene;
+    assert_eq!(scene.environment, Environment::Constant([1.0, 2.0, 3.0]));
+    assert_eq!((scene.settings.samples, scene.settings.filter), (Some(9), Some(Filter::Box)));
+    // The sidecar's width precedes the model's; its depth is the model's.
+    assert_eq!((scene.settings.width, scene.settings.depth), (Some(640), Some(7)));
+    assert_eq!(scene.instances.len(), 1);
+    let lens = scene.cameras[1].lens.expect("depth of field");
+    assert!((lens.focus_distance - 4.0).abs() < 1e-12);
+    // 40 mm at f/2: a radius of 10 mm, seen from 4 m.
+    assert!((lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan() - 0.01).abs() < 1e-12);
+    assert!(scene.cameras[0].lens.is_none());
+    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        said.iter()
+            .any(|w| w.contains("model.oscura.toml") && w.contains("environment, lights, camera, render")),
+        "{said:?}"
+    );
+    assert!(!said.iter().any(|w| w.contains("no light")), "{said:?}");
+}
+
+#[test]
+fn an_area_light_is_a_quad_that_faces_its_target() {
+    let scene = with_sidecar(FULL).unwrap_or_else(|e| panic!("{e}")).scene;
+    let quad = &scene.quads[0];
+    let normal = quad.edge_u.cross(quad.edge_v);
+    assert!(normal.distance(DVec3::NEG_Y) < 1e-12, "{normal}");
+    assert!((quad.corner + (quad.edge_u + quad.edge_v) / 2.0).distance(DVec3::Y * 3.0) < 1e-12);
+    assert_eq!((quad.edge_u.length(), quad.edge_v.length()), (2.0, 0.5));
+    let emission = scene.materials[quad.material.index()].emission.expect("it shines");
+    let radiance = (10.0 / PI) as f32;
+    assert_eq!(emission.radiance.factor, [radiance, radiance * 0.5, 0.0]);
+    assert!(!emission.two_sided);
+}
+
+#[test]
+fn sidecars_can_be_left_alone() {
+    let model = MODEL.replace("IMAGE", PIXEL);
+    let files = [("model.gltf", model.as_str()), ("model.oscura.toml", "this is no TOML")];
+    assert!(load_first(&files, &LoadOptions::default()).is_err());
+    let options = LoadOptions { no_sidecar: true, ..LoadOptions::default() };
+    let loaded = load_first(&files, &options).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.settings.width, Some(320));
+}
+
+#[test]
+fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
+    let toml = "[camera]\nname = \"frnt\"\ndefocus_angle = 2\n[environmnt]\nbackground = 1\n[[lights]]\n\
+                area = { center = [0, 0, 0], direction = [0, 0, 0], size = [1, 1], power = 1 }\n\
+                [[lights]]\npoint = { position = [0, 0, 0] }\n[[lights]]\nspot = {}\nsun = {}\n\
+                [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
+    let error = with_sidecar(toml).expect_err("it is wrong");
+    let shown = error.to_string();
+    assert!(error.file.as_ref().is_some_and(|f| f.ends_with("model.oscura.toml")), "{shown}");
+    for part in [
+        "line 2: the model has no camera 'frnt' (did you mean 'front'?)",
+        "line 4: the file has no key 'environmnt' (did you mean 'environment'?)",
+        "line 7: the light has no direction",
+        "line 9: the light needs either 'power' or 'intensity'",
+        "line 10: light 3 needs exactly one of area, point, spot, sun",
+        "line 13: object 1 needs 'material'",
+    ] {
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+}
+
+#[test]
+fn depth_of_field_says_what_it_lacks() {
+    let fails = |camera: &str, part: &str| {
+        let shown = with_sidecar(&format!("[camera]\n{camera}\n")).expect_err(part).to_string();
+        assert!(shown.contains(part), "'{part}' is not in: {shown}");
+    };
+    fails("f_stop = 2", "needs 'focus_distance' or 'focus_at'");
+    fails("f_stop = 2\ndefocus_angle = 1\nfocus_distance = 3", "'defocus_angle' and 'f_stop'");
+    fails("f_stop = 2\nfocus_at = [0, 0, -1]\nfocus_distance = 3", "'focus_distance' and 'focus_at'");
+    fails("name = \"front\"\nf_stop = 2\nfocus_at = [0, 0, 9]", "behind the camera");
+}
+
+#[test]
+fn a_placed_camera_comes_before_those_of_the_model() {
+    let toml = "[camera]\nlook_from = [0, 0, 9]\nlook_at = [0, 0, 0]\ndefocus_angle = 2\n";
+    let scene = with_sidecar(toml).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.cameras.len(), 3);
+    assert_eq!(scene.cameras[0].world_from_camera.translation.z, 9.0);
+    // Without more it is sharp at what it looks at.
+    assert_eq!(scene.cameras[0].lens.expect("a lens").focus_distance, 9.0);
+}
+
+#[test]
+fn lights_without_a_surface() {
+    let toml = r#"
+        [[lights]]
+        point = { position = [1, 2, 3], power = 100 }
+        [[lights]]
+        spot = { position = [0, 4, 0], target = [0, 0, 0], angle = 60, blend = 0.5, intensity = 3 }
+        [[lights]]
+        sun = { direction = [0, -2, 0], irradiance = 5 }
+        color = [1, 0.5, 0.25]
+        "#;
+    let lights = with_sidecar(toml).unwrap_or_else(|e| panic!("{e}")).scene.lights;
+    assert!(matches!(lights[0].kind, LightKind::Point { position } if position == DVec3::new(1.0, 2.0, 3.0)));
+    assert!((f64::from(lights[0].intensity[0]) - 100.0 / (4.0 * PI)).abs() < 1e-5);
+    let LightKind::Spot { direction, inner_angle_rad, outer_angle_rad, .. } = lights[1].kind else {
+        panic!("no spot")
+    };
+    assert_eq!((direction, lights[1].intensity), (DVec3::NEG_Y, [3.0; 3]));
+    assert!((outer_angle_rad - PI / 6.0).abs() < 1e-12 && (inner_angle_rad - PI / 12.0).abs() < 1e-12);
+    assert!(matches!(lights[2].kind, LightKind::Directional { direction } if direction == DVec3::NEG_Y));
+    assert_eq!(lights[2].intensity, [5.0, 2.5, 1.25]);
+}
+
+/// A scene file with one object for each of `objects`, behind the model's file and an OBJ with a missing texture.
+fn scene_of(objects: &str) -> Result<Loaded, Error> {
+    let toml = format!(
+        "environment.background = 1\nmaterials.own = {{ type = \"lambert\" }}\n\
+         camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\n{objects}"
+    );
+    let files = [
+        ("scene.toml", toml.as_str()),
+        ("model.gltf", &MODEL.replace("IMAGE", "missing.png")),
+        (
+            "b.obj",
+            "mtllib b.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nusemtl m\nf 1/1 2/2 3/3\n",
+        ),
+        ("b.mtl", "newmtl m\nmap_Kd missing.png\n"),
+    ];
+    load_first(&files, &LoadOptions::default())
+}
+
+#[test]
+fn replaced_materials_and_their_images_are_not_read() {
+    for file in ["model.gltf", "b.obj"] {
+        let object = format!("[[objects]]\nmesh = \"{file}\"\n");
+        let replaced = format!("{object}material = \"own\"\n");
+        let loaded = scene_of(&format!("{replaced}{replaced}")).unwrap_or_else(|e| panic!("{file}: {e}"));
+        assert!(
+            loaded.scene.images.is_empty() && loaded.warnings.is_empty(),
+            "{file}: {:?}",
+            loaded.warnings
+        );
+        assert!(loaded.left_out.iter().any(|l| l.contains(file)), "{file}: {:?}", loaded.left_out);
+        // One object that needs them is enough for the missing image to count.
+        match scene_of(&format!("{replaced}{object}")) {
+            Ok(loaded) => assert!(!loaded.warnings.is_empty(), "{file}"),
+            Err(e) => assert!(e.to_string().contains("missing.png"), "{file}: {e}"),
+        }
+    }
+}
+
+#[test]
+fn a_file_that_only_gives_its_camera_adds_no_meshes() {
+    let toml = "environment.background = 1\nmaterials.default = { type = \"lambert\" }\n\
+                camera = { from = \"model.gltf\", name = \"front\", defocus_angle = 1, focus_distance = 2 }\n\
+                [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
+    let files = [("scene.toml", toml), ("model.gltf", &MODEL.replace("IMAGE", "missing.png"))];
+    let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.scene.meshes.is_empty() && loaded.scene.images.is_empty());
+    assert_eq!(loaded.scene.cameras[0].name, "front");
+    assert_eq!(loaded.scene.cameras[0].lens.expect("a lens").focus_distance, 2.0);
+}

@@ -1,0 +1,61 @@
+//! What all targets share: bytes become files, which are loaded and compiled as the command line would.
+
+use oscura::compile::{CompileOptions, compile};
+use oscura::film::AovSet;
+use oscura::load::{LoadOptions, load};
+use oscura::scene::Microfacet;
+use std::cell::OnceCell;
+use std::path::Path;
+use tempfile::TempDir;
+
+thread_local! {
+    static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
+}
+
+/// Writes files into a folder and loads the first. An error is a good answer if it says something; a scene must be
+/// consistent, and compiling it must not panic.
+pub fn check(files: &[(&str, &[u8])]) {
+    FOLDER.with(|folder| {
+        let folder = folder.get_or_init(|| memory_folder().expect("a temporary folder"));
+        for (name, bytes) in files {
+            std::fs::write(folder.path().join(name), bytes).expect("written");
+        }
+        load_and_compile(&folder.path().join(files[0].0));
+    });
+}
+
+/// A folder that lies in memory where the system has such a place: thousands of files a second are written.
+fn memory_folder() -> std::io::Result<TempDir> {
+    let shared_memory = Path::new("/dev/shm");
+    if shared_memory.is_dir() { TempDir::new_in(shared_memory) } else { TempDir::new() }
+}
+
+fn load_and_compile(path: &Path) {
+    let options = LoadOptions { point_radius: Some(0.01), ..LoadOptions::default() };
+    match load(path, &options) {
+        Err(error) => {
+            assert!(!error.problems.is_empty(), "an error without a problem");
+            assert!(error.problems.iter().all(|p| !p.message.is_empty()), "a problem without words");
+        }
+        Ok(loaded) => {
+            assert_eq!(loaded.scene.validate(), [], "the scene is inconsistent");
+            let options = CompileOptions {
+                microfacet: Microfacet::Multi,
+                camera: None,
+                width: 16,
+                height: 16,
+                needs: AovSet::default(),
+            };
+            // A scene may be refused here, with reasons.
+            let _ = compile(&loaded.scene, &options);
+        }
+    }
+}
+
+/// The part before a separator, and the part behind it (empty without one).
+pub fn split<'a>(bytes: &'a [u8], separator: &[u8]) -> (&'a [u8], &'a [u8]) {
+    match bytes.windows(separator.len()).position(|w| w == separator) {
+        Some(at) => (&bytes[..at], &bytes[at + separator.len()..]),
+        None => (bytes, &[]),
+    }
+}
