@@ -116,6 +116,13 @@ fn objects_and_transforms_are_explained() {
     }
     let shapes = first_column(&chapter("objects"), "Shape");
     assert!(shapes.is_subset(&object), "{shapes:?} {object:?}");
+    let light = known_keys(&format!("[[lights]]\n{WRONG} = 1\npoint = {{}}\n[[objects]]\n"));
+    assert_explained(&light, "lights", "a light");
+    for shape in first_column(&chapter("lights"), "Shape") {
+        assert!(light.contains(&shape), "{shape} {light:?}");
+        let scene = format!("[[lights]]\n{shape} = {{ {WRONG} = 1 }}\n[[objects]]\n");
+        assert_explained(&known_keys(&scene), "lights", &shape);
+    }
     let step = known_keys(&format!("[[objects]]\ntransform = [{{ {WRONG} = 1 }}]\n"));
     assert_explained(&step, "transform", "a step");
 }

@@ -26,11 +26,12 @@ pub(crate) fn to_text(markdown: &str) -> String {
             let _ = writeln!(text, "{}", plain(title.trim_start_matches('#').trim()));
             i += 1;
         } else {
-            let is_more = |l: &&&str| !l.trim().is_empty() && !l.starts_with(['|', '#', '-']);
+            let is_more =
+                |l: &&&str| !l.trim().is_empty() && !l.starts_with(['|', '#']) && !l.starts_with("- ");
             let count = 1 + rest[1..].iter().take_while(is_more).count();
             let paragraph = rest[..count].iter().map(|l| l.trim()).collect::<Vec<_>>().join(" ");
             for (n, line) in wrapped(&plain(&paragraph), WIDTH).iter().enumerate() {
-                let indent = if n > 0 && paragraph.starts_with('-') { "  " } else { "" };
+                let indent = if n > 0 && paragraph.starts_with("- ") { "  " } else { "" };
                 let _ = writeln!(text, "{indent}{line}");
             }
             i += count;

@@ -24,12 +24,15 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[materials]", include_str!("materials.rs")),
     chapter("[[objects]]", include_str!("objects.rs")),
     chapter("transform", include_str!("transform.rs")),
+    chapter("[[lights]]", include_str!("lights.rs")),
+    chapter("sidecar", include_str!("sidecar.rs")),
 ];
 
 impl Chapter {
-    /// The module's documentation, in markdown.
+    /// The module's documentation in markdown, up to its first heading: derivations follow there.
     pub fn markdown(&self) -> String {
         let lines = self.source.lines().map_while(|l| l.strip_prefix("//!"));
+        let lines = lines.take_while(|l| !l.starts_with(" #"));
         lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n")
     }
 
