@@ -42,7 +42,8 @@ fn main() -> ExitCode {
 }
 
 fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments> {
-    let usage = || Error::usage("usage: oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]");
+    let usage =
+        || Error::usage("usage: oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]");
     let mut quality = Quality { shrink: 1, fewer: 1, threads: None };
     let (mut folder, mut chosen) = (None, Vec::new());
     while let Some(word) = words.next() {
