@@ -25,6 +25,11 @@
 
 #![deny(unsafe_code)]
 
+/// The README's example, as a test.
+#[cfg(doctest)]
+#[doc = include_str!("../README.md")]
+struct Readme;
+
 pub mod color;
 pub mod error;
 pub mod math;

@@ -7,11 +7,12 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use std::path::PathBuf;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
-130 interrupted. A setting comes from the command line, else from the scene file, else from its default.";
+130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
+scene-file' explains scene files; NO_COLOR turns colours off.";
 
 /// An offline path tracer: glTF, OBJ, PLY and scene files in, EXR and PNG out.
 #[derive(Debug, Parser)]
-#[command(name = "oscura", version, after_help = AFTER)]
+#[command(name = "oscura", version, after_help = AFTER, disable_help_subcommand = true)]
 pub(crate) struct Arguments {
     #[command(subcommand)]
     pub command: Command,
@@ -25,6 +26,54 @@ pub(crate) enum Command {
     Inspect(InspectArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Write a commented scene file to start from.
+    New(NewArgs),
+    /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
+    Help(HelpArgs),
+    /// Print completions for a shell.
+    Completions(CompletionsArgs),
+    /// Print the manual page of the program or of a command.
+    Man(ManArgs),
+}
+
+/// Shells with completions.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ShellArg {
+    Bash,
+    Elvish,
+    Fish,
+    Powershell,
+    Zsh,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct NewArgs {
+    /// The file to write, .toml.
+    pub scene: PathBuf,
+    /// Replace a file that exists.
+    #[arg(long)]
+    pub force: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct HelpArgs {
+    /// A command, 'scene-file', or a part of scene files.
+    pub topic: Option<String>,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct CompletionsArgs {
+    /// Which shell.
+    pub shell: ShellArg,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ManArgs {
+    /// The command; without one, the program.
+    pub command: Option<String>,
 }
 
 /// Reconstruction filters.

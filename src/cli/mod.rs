@@ -5,8 +5,11 @@ mod args;
 mod asset_args;
 mod compare;
 mod frames;
+mod help;
 mod inspect;
 mod json;
+mod markdown;
+mod new;
 mod process;
 mod progress;
 mod render;
@@ -36,6 +39,10 @@ pub(crate) fn main() -> ExitCode {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
+        Command::New(a) => (false, new::run(&a)),
+        Command::Help(a) => (false, help::run(&a)),
+        Command::Completions(a) => (false, help::completions(&a)),
+        Command::Man(a) => (false, help::man(&a)),
     };
     match result {
         Ok(Outcome::Done) => ExitCode::SUCCESS,

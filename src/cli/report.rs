@@ -110,6 +110,11 @@ pub(crate) fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
 }
 
+/// Prints text that ends its own lines.
+pub(crate) fn print_text(text: &str) {
+    let _ = std::io::stdout().write_all(text.as_bytes());
+}
+
 /// Prints warnings.
 pub(crate) fn warnings(list: &[Warning]) {
     for warning in list {

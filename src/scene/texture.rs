@@ -113,6 +113,8 @@ pub enum Texture {
         /// Coordinates.
         mapping: Mapping,
     },
+    /// The surface's unit geometric normal n in world space as a colour, (n + 1) / 2: its front's, whichever side is seen.
+    Normal,
     /// Noise in world space.
     Noise {
         /// Which noise.

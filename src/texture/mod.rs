@@ -34,6 +34,7 @@ enum Compiled {
     Constant([f32; 4]),
     Image { lookup: ImageLookup, coordinates: Coordinates },
     Checker { even: u32, odd: u32, inverse_size: f32, coordinates: Coordinates },
+    Normal,
     Noise { kind: NoiseKind, frequency: f32, octaves: u32, low: [f32; 3], high: [f32; 3], seed: u32 },
 }
 
@@ -90,6 +91,10 @@ impl CompiledTextures {
                 }
                 Some(Compiled::Constant(c)) => return *c,
                 Some(Compiled::Image { lookup, coordinates }) => return look_up(lookup, coordinates, &moved),
+                Some(Compiled::Normal) => {
+                    let [r, g, b] = (0.5 + 0.5 * point.normal).to_array();
+                    return [r, g, b, 1.0];
+                }
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, moved.world * *frequency, *octaves, *seed);
                     let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
@@ -161,6 +166,7 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
             inverse_size: 1.0 / cell_size,
             coordinates: Coordinates::new(mapping),
         },
+        Texture::Normal => Compiled::Normal,
         Texture::Noise { kind, frequency, octaves, low, high, seed } => {
             if low == high {
                 return Compiled::Constant([low[0], low[1], low[2], 1.0]);
@@ -279,6 +285,17 @@ mod tests {
         let value = moved.eval(TextureId(0), Vec2::ZERO, p);
         assert_eq!(value, here.eval(TextureId(0), Vec2::ZERO, p + 8.0));
         assert!((value[1] - 2.0 * value[0]).abs() < 1e-6);
+    }
+
+    #[test]
+    fn normals_become_colours() {
+        let t = CompiledTextures::new(&[Texture::Normal], &[], Vec3::ZERO);
+        assert_eq!(t.constant(TextureId(0)), None);
+        let point = TexturePoint { normal: Vec3::new(0.6, 0.0, -0.8), ..TexturePoint::default() };
+        let value = t.eval_at(TextureId(0), &point);
+        for (found, expected) in value.into_iter().zip([0.8, 0.5, 0.1, 1.0]) {
+            assert!((found - expected).abs() < 1e-6, "{value:?}");
+        }
     }
 
     #[test]

@@ -148,7 +148,7 @@ impl Shift {
                 even.0 += self.texture;
                 odd.0 += self.texture;
             }
-            Texture::Solid(_) | Texture::Noise { .. } => {}
+            Texture::Solid(_) | Texture::Normal | Texture::Noise { .. } => {}
         }
         texture
     }

@@ -6,7 +6,7 @@
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
+//! | `"dielectric"` | `ior` (1.5; inside over outside, so 0.667 is a bubble of air in glass), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | see [`super::pbr`] |
 //!
@@ -173,12 +173,15 @@ fn read<'a>(
 
 fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
     let models = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
-    let ior = fields.number_in("ior", 1.0..10.0, 1.5) as f32;
+    let ior = fields.number_in("ior", 0.1..10.0, 1.5) as f32;
     let fresnel = fields.choice("fresnel", &models).unwrap_or_default();
     let roughness = fields.number_in("roughness", 0.0..1.0, 0.0) as f32;
     let is_thin = fields.flag("thin", false);
     if roughness == 0.0 && !is_thin {
         return Model::Dielectric { ior, tint, fresnel };
+    }
+    if ior < 1.0 {
+        fields.problems.push(fields.span(), "the 'ior' of rough or thin glass must be at least 1");
     }
     if fresnel != FresnelModel::Exact {
         fields.problems.push(fields.span(), "rough or thin glass has exact reflectance: leave 'fresnel' out");

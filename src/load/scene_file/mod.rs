@@ -23,6 +23,7 @@ mod materials;
 mod metals;
 mod objects;
 mod pbr;
+pub mod reference;
 mod settings;
 pub mod sidecar;
 mod textures;

@@ -5,6 +5,7 @@
 //! | `"solid"` | `color` |
 //! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `mapping` = `uv`, or `triplanar` with the `size` that the image covers (1 m) |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
+//! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
 use super::Build;
@@ -15,6 +16,25 @@ use std::collections::HashMap;
 use std::ops::Range;
 use toml::Spanned;
 use toml::de::DeValue;
+
+#[derive(Clone, Copy)]
+enum Kind {
+    Solid,
+    Image,
+    Checker,
+    Normal,
+    Noise(NoiseKind),
+}
+
+const KINDS: [(&str, Kind); 7] = [
+    ("solid", Kind::Solid),
+    ("image", Kind::Image),
+    ("checker", Kind::Checker),
+    ("normal", Kind::Normal),
+    ("perlin", Kind::Noise(NoiseKind::Perlin)),
+    ("turbulence", Kind::Noise(NoiseKind::Turbulence)),
+    ("marble", Kind::Noise(NoiseKind::Marble)),
+];
 
 /// The named textures and which of them have been read.
 pub(super) struct Textures<'a> {
@@ -72,16 +92,13 @@ impl<'a> Textures<'a> {
         };
         let problems = self.fields.as_ref()?.problems;
         let fields = Fields::new(format!("texture '{name}'"), table, value.span(), problems);
-        let kinds =
-            [("solid", 0), ("image", 1), ("checker", 2), ("perlin", 3), ("turbulence", 4), ("marble", 5)];
         fields.require("type", fields.string("type"));
-        let texture = match fields.choice("type", &kinds)? {
-            0 => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
-            1 => image_texture(build, &fields, self.checking),
-            2 => self.checker(build, &fields, name),
-            3 => Some(noise(&fields, NoiseKind::Perlin)),
-            4 => Some(noise(&fields, NoiseKind::Turbulence)),
-            _ => Some(noise(&fields, NoiseKind::Marble)),
+        let texture = match fields.choice("type", &KINDS)? {
+            Kind::Solid => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
+            Kind::Image => image_texture(build, &fields, self.checking),
+            Kind::Checker => self.checker(build, &fields, name),
+            Kind::Normal => Some(Texture::Normal),
+            Kind::Noise(kind) => Some(noise(&fields, kind)),
         };
         fields.finish();
         texture

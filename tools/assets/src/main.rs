@@ -3,20 +3,17 @@
 //! ```text
 //! oscura-assets cornell FILE.gltf              the Cornell box, as committed in assets/
 //! oscura-assets reed FILE.gltf                 an animated reed that uses most of glTF, as committed in assets/
-//! oscura-assets mesh FOLDER [TRIANGLES]        a knotted torus as mesh.ply, mesh.obj and mesh.glb; 1,300,000 triangles
+//! oscura-assets mesh FOLDER [TRIANGLES]        a wavy torus as mesh.ply, mesh.obj and mesh.glb; 1,300,000 triangles
+//! oscura-assets ply FILE.ply [TRIANGLES]       the torus as PLY alone; 1,000,000 triangles
+//! oscura-assets scenes FOLDER                  the generated scenes, textures and meshes of scenes/
 //! ```
 
-mod base64;
-mod cornell;
-mod json;
-mod mesh;
-mod reed;
-
+use oscura_assets::{cornell, mesh, reed, write_scenes};
 use std::path::Path;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | oscura-assets reed FILE.gltf | oscura-assets mesh FOLDER [TRIANGLES]";
-const TRIANGLES: usize = 1_300_000;
+const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | \
+scenes FOLDER";
 
 fn main() -> ExitCode {
     let arguments: Vec<String> = std::env::args().skip(1).collect();
@@ -24,11 +21,11 @@ fn main() -> ExitCode {
     let done = match words[..] {
         ["cornell", file] => std::fs::write(file, cornell::gltf()).map_err(|e| format!("{file}: {e}")),
         ["reed", file] => std::fs::write(file, reed::gltf()).map_err(|e| format!("{file}: {e}")),
-        ["mesh", folder] => mesh::write_all(Path::new(folder), TRIANGLES),
-        ["mesh", folder, triangles] => match triangles.parse() {
-            Ok(n @ 8..=1_000_000_000) => mesh::write_all(Path::new(folder), n),
-            _ => Err(format!("'{triangles}' is no number of triangles between 8 and 1,000,000,000")),
-        },
+        ["mesh", folder] => mesh::write_all(Path::new(folder), 1_300_000),
+        ["mesh", folder, n] => triangles(n).and_then(|n| mesh::write_all(Path::new(folder), n)),
+        ["ply", file] => mesh::write_ply(Path::new(file), 1_000_000),
+        ["ply", file, n] => triangles(n).and_then(|n| mesh::write_ply(Path::new(file), n)),
+        ["scenes", folder] => write_scenes(Path::new(folder)),
         _ => Err(USAGE.to_string()),
     };
     match done {
@@ -37,5 +34,12 @@ fn main() -> ExitCode {
             eprintln!("{message}");
             ExitCode::from(if message == USAGE { 2 } else { 4 })
         }
+    }
+}
+
+fn triangles(text: &str) -> Result<usize, String> {
+    match text.parse() {
+        Ok(n @ 8..=1_000_000_000) => Ok(n),
+        _ => Err(format!("'{text}' is no number of triangles between 8 and 1,000,000,000")),
     }
 }

@@ -138,14 +138,20 @@ impl Mesh {
 /// Writes `mesh.ply` (binary), `mesh.obj` and `mesh.glb` into a folder.
 pub fn write_all(folder: &Path, triangles: usize) -> Result<(), String> {
     let mesh = Mesh::torus(triangles);
-    let file = |name: &str, write: &dyn Fn(&mut BufWriter<File>) -> std::io::Result<()>| {
-        let path = folder.join(name);
-        let mut out = BufWriter::new(File::create(&path).map_err(|e| format!("{}: {e}", path.display()))?);
-        write(&mut out).and_then(|()| out.flush()).map_err(|e| format!("{}: {e}", path.display()))
-    };
-    file("mesh.ply", &|out| mesh.ply(out))?;
-    file("mesh.obj", &|out| mesh.obj(out))?;
-    file("mesh.glb", &|out| mesh.glb(out))
+    to_file(&folder.join("mesh.ply"), |out| mesh.ply(out))?;
+    to_file(&folder.join("mesh.obj"), |out| mesh.obj(out))?;
+    to_file(&folder.join("mesh.glb"), |out| mesh.glb(out))
+}
+
+/// Writes the torus as a binary PLY file.
+pub fn write_ply(path: &Path, triangles: usize) -> Result<(), String> {
+    to_file(path, |out| Mesh::torus(triangles).ply(out))
+}
+
+fn to_file(path: &Path, write: impl Fn(&mut BufWriter<File>) -> std::io::Result<()>) -> Result<(), String> {
+    let failed = |e: std::io::Error| format!("{}: {e}", path.display());
+    let mut out = BufWriter::new(File::create(path).map_err(failed)?);
+    write(&mut out).and_then(|()| out.flush()).map_err(failed)
 }
 
 #[cfg(test)]

@@ -1,0 +1,28 @@
+//! `oscura new`: a commented scene to start from.
+
+use super::Outcome;
+use super::args::NewArgs;
+use oscura::error::{Error, Result};
+use oscura::output::{check_target, write_atomically};
+
+/// The scene that is written.
+const STARTER: &str = include_str!("starter.toml");
+
+pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
+    let path = &args.scene;
+    if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
+        return Err(Error::usage(format!("{}: scene files end in .toml", path.display())));
+    }
+    if path.exists() && !args.force {
+        let message = format!("{} exists already", path.display());
+        return Err(Error::usage(message).with_help("choose another name, or replace it by --force"));
+    }
+    check_target(path)?;
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    write_atomically(path, STARTER.replace("THIS-FILE.toml", &name).as_bytes())?;
+    if !args.quiet {
+        eprintln!("wrote    {}", path.display());
+        eprintln!("next     oscura render {0} -o {1}.png", path.display(), name.trim_end_matches(".toml"));
+    }
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,54 @@
+//! What scene files may hold, in words: the documentation of the modules that read them, which is beside the code that
+//! reads each key. `tests/scene_reference.rs` holds it against what the parser takes.
+
+/// One part of the reference.
+#[derive(Clone, Copy, Debug)]
+pub struct Chapter {
+    /// What it is about, as written in a scene file.
+    pub title: &'static str,
+    /// The sources of the modules that read it.
+    sources: &'static [&'static str],
+}
+
+const fn chapter(title: &'static str, sources: &'static [&'static str]) -> Chapter {
+    Chapter { title, sources }
+}
+
+/// All parts, in the order of a scene file.
+pub const CHAPTERS: &[Chapter] = &[
+    chapter("scene files", &[include_str!("mod.rs")]),
+    chapter("[camera]", &[include_str!("camera.rs")]),
+    chapter("[environment]", &[include_str!("environment.rs")]),
+    chapter("[render]", &[include_str!("settings.rs")]),
+    chapter("[textures]", &[include_str!("textures.rs")]),
+    chapter(
+        "[materials]",
+        &[include_str!("materials.rs"), include_str!("pbr.rs"), include_str!("metals.rs")],
+    ),
+    chapter("[[objects]]", &[include_str!("objects.rs")]),
+    chapter("transform", &[include_str!("transform.rs")]),
+    chapter("[[lights]]", &[include_str!("lights.rs")]),
+    chapter("sidecar", &[include_str!("sidecar.rs")]),
+];
+
+impl Chapter {
+    /// The modules' documentation in markdown, each up to its first heading: derivations follow there.
+    pub fn markdown(&self) -> String {
+        let of_module = |source: &&'static str| {
+            let lines = source.lines().map_while(|l| l.strip_prefix("//!"));
+            let lines = lines.take_while(|l| !l.starts_with(" #"));
+            lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n")
+        };
+        self.sources.iter().map(of_module).collect::<Vec<_>>().join("\n\n")
+    }
+
+    /// The chapter of a title, with or without its brackets.
+    pub fn find(title: &str) -> Option<&'static Chapter> {
+        CHAPTERS.iter().find(|c| c.name() == title || c.title == title)
+    }
+
+    /// The title without brackets.
+    pub fn name(&self) -> &'static str {
+        self.title.trim_matches(['[', ']'])
+    }
+}

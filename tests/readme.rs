@@ -1,0 +1,302 @@
+//! Every command and snippet of README.md, carried out in a folder like the one it speaks of.
+//!
+//! Pictures are made small: of `render`, `--width`, `--height` and `--spp` are given again with small values in place of
+//! the README's. `cargo run --release --` becomes the program that is under test; other commands of cargo are not
+//! repeated here. Files that the README's user has are made by [`fixtures`].
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+const ROOT: &str = env!("CARGO_MANIFEST_DIR");
+
+/// Starts of commands that are not repeated: they build or test the whole project.
+const NOT_REPEATED: [&str; 2] = ["cargo test --release --workspace", "cargo install --path ."];
+
+/// What a fenced block holds.
+struct Block {
+    language: String,
+    text: String,
+    /// The paragraph before it.
+    before: String,
+}
+
+fn readme() -> String {
+    fs::read_to_string(Path::new(ROOT).join("README.md")).expect("README.md")
+}
+
+fn blocks(markdown: &str) -> Vec<Block> {
+    let mut list = Vec::new();
+    let mut paragraph = String::new();
+    let mut lines = markdown.lines();
+    while let Some(line) = lines.next() {
+        if let Some(language) = line.strip_prefix("```") {
+            let text: Vec<&str> = lines.by_ref().take_while(|l| *l != "```").collect();
+            let before = std::mem::take(&mut paragraph);
+            list.push(Block { language: language.to_string(), text: text.join("\n"), before });
+        } else if !line.trim().is_empty() {
+            paragraph.push_str(line);
+            paragraph.push('\n');
+        } else if !paragraph.ends_with("\n\n") {
+            // A block belongs to the paragraph right before it.
+            let next_is_block = lines.clone().next().is_some_and(|l| l.starts_with("```"));
+            if !next_is_block {
+                paragraph.clear();
+            }
+        }
+    }
+    list
+}
+
+/// Words of a command line, quotes understood.
+fn words(line: &str) -> Vec<String> {
+    let mut words: Vec<String> = Vec::new();
+    let mut word: Option<String> = None;
+    let mut quote = None;
+    for c in line.chars() {
+        match (quote, c) {
+            (Some(q), c) if c == q => quote = None,
+            (Some(_), c) => word.get_or_insert_default().push(c),
+            (None, '\'' | '"') => {
+                quote = Some(c);
+                word.get_or_insert_default();
+            }
+            (None, ' ') => words.extend(word.take()),
+            (None, c) => word.get_or_insert_default().push(c),
+        }
+    }
+    assert!(quote.is_none(), "a quote stays open: {line}");
+    words.extend(word);
+    words
+}
+
+/// The files that the README's user has: the project's assets and scenes, an export, a scan, surroundings, and pictures
+/// of another renderer.
+fn fixtures(folder: &Path) {
+    for name in ["assets/cornell-box.gltf", "scenes/meshes/torus.ply"] {
+        let target = folder.join(name);
+        fs::create_dir_all(target.parent().expect("a folder")).expect("made");
+        fs::copy(Path::new(ROOT).join(name), &target).unwrap_or_else(|e| panic!("{name}: {e}"));
+    }
+    fs::copy(folder.join("scenes/meshes/torus.ply"), folder.join("scan.ply")).expect("copied");
+    let json = fs::read_to_string(folder.join("assets/cornell-box.gltf")).expect("the Cornell box");
+    let mut value: serde_json::Value = serde_json::from_str(&json).expect("JSON");
+    value["cameras"][0]["name"] = "front".into();
+    for node in value["nodes"].as_array_mut().expect("nodes") {
+        if node.get("camera").is_some() {
+            node["name"] = "front".into();
+        }
+    }
+    fs::write(folder.join("room.glb"), glb(&value)).expect("written");
+    for name in ["studio.exr", "studio.hdr"] {
+        let path = folder.join(name);
+        let sky = image::Rgb32FImage::from_fn(16, 8, |_, y| image::Rgb([1.0, 1.0, 0.3 + 0.1 * y as f32]));
+        match name.ends_with("hdr") {
+            true => image::DynamicImage::from(sky).save(&path).expect("an HDR picture"),
+            false => {
+                exr::prelude::write_rgb_file(&path, 16, 8, |_, y| (1.0f32, 1.0f32, 0.3 + 0.1 * y as f32))
+                    .expect("an EXR picture")
+            }
+        }
+    }
+}
+
+/// A binary glTF file without a binary chunk: the buffers are data URIs.
+fn glb(value: &serde_json::Value) -> Vec<u8> {
+    let mut json = value.to_string().into_bytes();
+    json.resize(json.len().next_multiple_of(4), b' ');
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((20 + json.len() as u32).to_le_bytes());
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(json);
+    bytes
+}
+
+/// Where the README compares with another renderer's picture: one that agrees, with a variance.
+fn reference_pictures(folder: &Path) {
+    for (name, value) in [("mitsuba.exr", None), ("mitsuba-variance.exr", Some(0.01f32))] {
+        let path = folder.join(name);
+        if path.exists() {
+            continue;
+        }
+        match value {
+            None => fs::copy(folder.join("a.exr"), &path).map(|_| ()).expect("the picture before"),
+            Some(v) => {
+                exr::prelude::write_rgb_file(&path, SIZE, SIZE, |_, _| (v, v, v)).expect("an EXR picture")
+            }
+        }
+    }
+}
+
+/// Edge of pictures, pixels.
+const SIZE: usize = 24;
+
+/// Arguments with a small size and few samples.
+fn small(arguments: &[String]) -> Vec<String> {
+    let mut result = Vec::new();
+    let mut rest = arguments.iter();
+    while let Some(word) = rest.next() {
+        if ["--width", "--height", "--spp"].contains(&word.as_str()) {
+            rest.next();
+        } else {
+            result.push(word.clone());
+        }
+    }
+    let size = SIZE.to_string();
+    for word in ["--width", &size, "--height", &size, "--spp", "2"] {
+        result.push(word.to_string());
+    }
+    result
+}
+
+fn oscura(folder: &Path, arguments: &[String]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(arguments)
+        .current_dir(folder)
+        .output()
+        .expect("the program starts")
+}
+
+/// Carries out a line of a block for shells; gives false for what isn't repeated.
+fn carry_out(folder: &Path, line: &str) -> bool {
+    if NOT_REPEATED.iter().any(|start| line.starts_with(start)) {
+        return false;
+    }
+    let program = ["cargo run --release -- ", "oscura "].into_iter().find_map(|p| line.strip_prefix(p));
+    let Some(arguments) = program else { panic!("what is this command? {line}") };
+    let (arguments, target) = match arguments.split_once(" > ") {
+        Some((arguments, target)) => (arguments, Some(target.trim())),
+        None => (arguments, None),
+    };
+    let arguments = words(arguments);
+    let is_render = arguments.first().is_some_and(|a| a == "render");
+    if arguments.first().is_some_and(|a| a == "compare") {
+        reference_pictures(folder);
+    }
+    let output = oscura(folder, &if is_render { small(&arguments) } else { arguments.clone() });
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(output.status.code(), Some(0), "{line}\n{errors}");
+    match target {
+        Some(target) => {
+            assert!(!output.stdout.is_empty(), "{line} prints nothing");
+            fs::write(folder.join(target), &output.stdout).expect("written");
+        }
+        None if is_render => {
+            for pair in arguments.windows(2).filter(|p| p[0] == "-o") {
+                assert!(folder.join(&pair[1]).is_file(), "{line} wrote no {}", pair[1]);
+            }
+        }
+        None => {}
+    }
+    true
+}
+
+/// The file that a paragraph tells to write a snippet into.
+fn file_named(paragraph: &str) -> Option<&str> {
+    paragraph.split('`').skip(1).step_by(2).find(|word| word.ends_with(".toml") && !word.contains(' '))
+}
+
+#[test]
+fn every_command_and_snippet_works() {
+    let folder = tempfile::tempdir().expect("a folder");
+    fixtures(folder.path());
+    let (mut commands, mut snippets) = (0, Vec::new());
+    for block in blocks(&readme()) {
+        match block.language.as_str() {
+            "sh" => {
+                for line in block.text.lines().filter(|l| !l.is_empty() && !l.starts_with('#')) {
+                    commands += u32::from(carry_out(folder.path(), line));
+                }
+            }
+            "toml" => {
+                let name = file_named(&block.before);
+                let name = name.unwrap_or_else(|| panic!("no file is named before: {}", block.text));
+                fs::write(folder.path().join(name), &block.text).expect("written");
+                // Settings beside a model are used with the model.
+                let scene = name.replace(".oscura.toml", ".glb");
+                assert!(carry_out(folder.path(), &format!("oscura render {scene} -o snippet.png")));
+                snippets.push(name.to_string());
+            }
+            "text" | "rust" => {}
+            other => panic!("a block of '{other}': nothing tries it"),
+        }
+    }
+    assert!(commands >= 12, "only {commands} commands were found");
+    assert!(snippets.len() >= 2, "{snippets:?}");
+}
+
+/// Options in marks of code, `--like-this`.
+fn options_in(text: &str) -> BTreeSet<String> {
+    let starts = text.match_indices("--").filter(|&(at, _)| {
+        let before = text[..at].chars().next_back();
+        before.is_none_or(|c| " `[\n(".contains(c))
+    });
+    let name = |at: usize| -> String {
+        text[at..].chars().take_while(|c| c.is_ascii_lowercase() || *c == '-').collect()
+    };
+    starts.map(|(at, _)| name(at)).filter(|n| n.len() > 3).collect()
+}
+
+fn help_of(command: &str) -> String {
+    let output = oscura(Path::new(ROOT), &["help".to_string(), command.to_string()]);
+    assert!(output.status.success(), "help {command}");
+    String::from_utf8_lossy(&output.stdout).into_owned()
+}
+
+#[test]
+fn options_are_those_of_the_program() {
+    let readme = readme();
+    let own: BTreeSet<String> = ["render", "inspect", "compare", "new", "help"]
+        .iter()
+        .flat_map(|command| options_in(&help_of(command)))
+        .collect();
+    let oscura_lines = readme.lines().filter(|l| !l.contains("cargo ") && !l.contains("oscura-"));
+    let mentioned = options_in(&oscura_lines.collect::<Vec<_>>().join("\n"));
+    let unknown: Vec<_> = mentioned.difference(&own).collect();
+    assert!(unknown.is_empty(), "README.md has options that the program hasn't: {unknown:?}");
+    let rendering = options_in(&help_of("render"));
+    let missing: Vec<_> =
+        rendering.difference(&mentioned).filter(|o| *o != "--help" && *o != "--output").collect();
+    assert!(missing.is_empty(), "README.md doesn't explain: {missing:?}");
+}
+
+#[test]
+fn pictures_and_files_of_the_readme_exist() {
+    let readme = readme();
+    let links = readme.match_indices("](").filter_map(|(at, _)| readme[at + 2..].split(')').next());
+    let files = readme.split('`').skip(1).step_by(2).filter(|word| {
+        let is_own = ["src/", "tests/", "tools/", "assets/", "scenes/"].iter().any(|f| word.starts_with(f));
+        is_own && !word.contains([' ', '*'])
+    });
+    let mut count = 0;
+    for file in links.filter(|l| !l.contains("://")).chain(files) {
+        let path: PathBuf = Path::new(ROOT).join(file);
+        if file.starts_with("tools/") && !Path::new(ROOT).join("tools").exists() {
+            println!("skipped: {file}; the package on crates.io is without tools");
+            continue;
+        }
+        assert!(path.exists(), "README.md names {file}, which doesn't exist");
+        if path.extension().is_some_and(|e| e == "jpg" || e == "png") {
+            let bytes = fs::metadata(&path).expect("a picture").len();
+            assert!(bytes < 300_000, "{file} has {bytes} bytes");
+        }
+        count += 1;
+    }
+    assert!(count >= 10, "only {count} files were found");
+}
+
+#[test]
+fn words_and_blocks_are_understood() {
+    assert_eq!(words("a --env '' \"b c\"  d"), ["a", "--env", "", "b c", "d"]);
+    let found = blocks("One `x.toml`:\n\n```toml\na = 1\n```\n\nTwo.\n\nThree\n```sh\nls\n```\n");
+    assert_eq!((found[0].text.as_str(), file_named(&found[0].before)), ("a = 1", Some("x.toml")));
+    assert_eq!((found[1].language.as_str(), found[1].before.as_str()), ("sh", "Three\n"));
+    assert_eq!(
+        small(&words("render a --spp 9 -o b")).join(" "),
+        "render a -o b --width 24 --height 24 --spp 2"
+    );
+    let options = options_in("`--spp N`, `--a-b` [--json] x--no -- |---|");
+    assert_eq!(options.into_iter().collect::<Vec<_>>(), ["--a-b", "--json", "--spp"]);
+}

@@ -1,0 +1,144 @@
+//! The reference of scene files against the parser: each key that the parser knows is explained, and each key that the
+//! tables explain is known.
+
+use oscura::load::load;
+use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
+use std::collections::BTreeSet;
+use std::path::Path;
+
+/// A key that is none, and like none.
+const WRONG: &str = "xxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxxx";
+
+/// All messages and remedies about a scene file.
+fn complaints(text: &str) -> Vec<(String, String)> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    let error = load(&path, &Default::default()).expect_err("the scene has a wrong key");
+    error.problems.into_iter().map(|p| (p.message, p.help.unwrap_or_default())).collect()
+}
+
+fn list_after(help: &str, words: &str) -> Option<BTreeSet<String>> {
+    Some(help.strip_prefix(words)?.split(", ").map(str::to_string).collect())
+}
+
+/// The keys that the parser knows where a scene has the wrong one.
+fn known_keys(text: &str) -> BTreeSet<String> {
+    assert!(text.contains(WRONG));
+    let found = complaints(text);
+    let keys = found
+        .iter()
+        .filter(|(message, _)| message.contains(WRONG))
+        .find_map(|(_, help)| list_after(help, "known keys: "));
+    keys.unwrap_or_else(|| panic!("{text}\n{found:?}"))
+}
+
+/// The types that the parser knows of a texture or material.
+fn known_types(part: &str) -> BTreeSet<String> {
+    let found = complaints(&format!("[{part}.a]\ntype = \"{WRONG}\"\n[[objects]]\n"));
+    found.iter().find_map(|(_, help)| list_after(help, "one of: ")).unwrap_or_else(|| panic!("{found:?}"))
+}
+
+/// Words in marks of code, split at what no key contains.
+fn code_words(markdown: &str) -> BTreeSet<String> {
+    let code = markdown.split('`').skip(1).step_by(2);
+    let words = code.flat_map(|c| c.split(|c: char| !(c.is_alphanumeric() || "_-".contains(c))));
+    words.filter(|w| !w.is_empty()).map(str::to_string).collect()
+}
+
+/// The words in code of the first column of tables whose head is `head`.
+fn first_column(markdown: &str, head: &str) -> BTreeSet<String> {
+    let mut words = BTreeSet::new();
+    let mut is_inside = false;
+    for line in markdown.lines() {
+        let cell = line.strip_prefix('|').and_then(|l| l.split(" |").next()).map(str::trim);
+        match cell {
+            None => is_inside = false,
+            Some(cell) if cell == head || cell == format!("`{head}`") => is_inside = true,
+            Some(cell) if is_inside => words.extend(code_words(cell)),
+            Some(_) => {}
+        }
+    }
+    words
+}
+
+fn chapter(name: &str) -> String {
+    Chapter::find(name).unwrap_or_else(|| panic!("no chapter {name}")).markdown()
+}
+
+fn assert_explained(keys: &BTreeSet<String>, chapter_name: &str, about: &str) {
+    let words = code_words(&chapter(chapter_name));
+    let missing: Vec<_> = keys.difference(&words).collect();
+    assert!(missing.is_empty(), "'{chapter_name}' doesn't explain {missing:?} of {about}");
+}
+
+#[test]
+fn every_part_and_its_keys_are_explained() {
+    let parts = known_keys(&format!("{WRONG} = 1\n[[objects]]\n"));
+    assert!(parts.contains("camera") && parts.contains("objects"), "{parts:?}");
+    for part in &parts {
+        assert!(Chapter::find(part).is_some(), "no chapter on '{part}'");
+    }
+    // The lens is read with a placed camera only.
+    let placed = "look_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n";
+    for (part, needs) in [("camera", placed), ("environment", ""), ("render", "")] {
+        let keys = known_keys(&format!("[{part}]\n{needs}{WRONG} = 1\n[[objects]]\n"));
+        assert_explained(&keys, part, part);
+        let listed = first_column(&chapter(part), "Key");
+        let unknown: Vec<_> = listed.difference(&keys).collect();
+        assert!(unknown.is_empty(), "'{part}' explains {unknown:?}, which the parser doesn't know: {keys:?}");
+    }
+}
+
+#[test]
+fn every_type_of_texture_and_material_is_explained() {
+    for part in ["textures", "materials"] {
+        let types = known_types(part);
+        assert!(types.len() >= 5, "{types:?}");
+        assert_explained(&types, part, "types");
+        let listed = first_column(&chapter(part), "type");
+        assert_eq!(listed, types, "types in the table of '{part}'");
+        for kind in &types {
+            let scene = format!("[{part}.a]\ntype = \"{kind}\"\n{WRONG} = 1\n[[objects]]\n");
+            assert_explained(&known_keys(&scene), part, kind);
+        }
+    }
+}
+
+#[test]
+fn objects_and_transforms_are_explained() {
+    let object = known_keys(&format!("[[objects]]\n{WRONG} = 1\nmaterials = []\n"));
+    assert_explained(&object, "objects", "an object");
+    for shape in ["sphere", "quad", "box", "pyramid"] {
+        assert!(object.contains(shape), "{object:?}");
+        let scene = format!(
+            "[materials]\na = {{ type = \"lambert\" }}\n[[objects]]\n{shape} = {{ {WRONG} = 1 }}\nmaterial = \"a\"\n"
+        );
+        assert_explained(&known_keys(&scene), "objects", shape);
+    }
+    let shapes = first_column(&chapter("objects"), "Shape");
+    assert!(shapes.is_subset(&object), "{shapes:?} {object:?}");
+    let light = known_keys(&format!("[[lights]]\n{WRONG} = 1\npoint = {{}}\n[[objects]]\n"));
+    assert_explained(&light, "lights", "a light");
+    for shape in first_column(&chapter("lights"), "Shape") {
+        assert!(light.contains(&shape), "{shape} {light:?}");
+        let scene = format!("[[lights]]\n{shape} = {{ {WRONG} = 1 }}\n[[objects]]\n");
+        assert_explained(&known_keys(&scene), "lights", &shape);
+    }
+    let step = known_keys(&format!("[[objects]]\ntransform = [{{ {WRONG} = 1 }}]\n"));
+    assert_explained(&step, "transform", "a step");
+}
+
+/// A module that explains keys in a table has a chapter.
+#[test]
+fn every_module_with_a_table_has_a_chapter() {
+    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/load/scene_file");
+    let chapters: Vec<String> = CHAPTERS.iter().map(Chapter::markdown).collect();
+    for entry in std::fs::read_dir(folder).expect("the parser's folder") {
+        let path = entry.expect("an entry").path();
+        let Ok(source) = std::fs::read_to_string(&path) else { continue };
+        let table = source.lines().find(|l| l.starts_with("//! | `"));
+        let Some(row) = table.and_then(|l| l.strip_prefix("//! ")) else { continue };
+        assert!(chapters.iter().any(|c| c.contains(row)), "{} has no chapter", path.display());
+    }
+}

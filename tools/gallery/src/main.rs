@@ -1,0 +1,169 @@
+//! Renders the gallery.
+//!
+//! `oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]`
+//!
+//! Every scene of the gallery (or those named) becomes `NAME.exr` and `NAME.png` in FOLDER, which must exist, beside
+//! `contact-sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of
+//! the samples: a try in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
+//!
+//! It is run from anywhere: the scenes are those of the source tree it was built from.
+
+mod entries;
+mod sheet;
+mod shoot;
+mod table;
+
+use entries::{ENTRIES, Entry, HERO, THREADS};
+use image::RgbImage;
+use image::codecs::jpeg::JpegEncoder;
+use oscura::error::{Error, Result};
+use oscura::output::{encode_png_rgb8, write_atomically};
+use shoot::{Quality, Shot, srgb_byte};
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+use table::{Row, Threads};
+
+const JPEG_QUALITY: u8 = 82;
+
+struct Arguments {
+    folder: PathBuf,
+    entries: Vec<&'static Entry>,
+    quality: Quality,
+}
+
+fn main() -> ExitCode {
+    match parse(std::env::args().skip(1)).and_then(|arguments| run(&arguments)) {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(error) => {
+            eprintln!("error: {error}");
+            ExitCode::FAILURE
+        }
+    }
+}
+
+fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments> {
+    let usage =
+        || Error::usage("usage: oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]");
+    let mut quality = Quality { shrink: 1, fewer: 1, threads: None };
+    let (mut folder, mut chosen) = (None, Vec::new());
+    while let Some(word) = words.next() {
+        match word.as_str() {
+            "--quick" => (quality.shrink, quality.fewer) = (3, 8),
+            "--draft" => (quality.shrink, quality.fewer) = (1, 4),
+            "--threads" => {
+                let number = words.next().and_then(|n| n.parse().ok()).filter(|n| (1..=1024).contains(n));
+                quality.threads = Some(number.ok_or_else(usage)?);
+            }
+            option if option.starts_with('-') => return Err(usage()),
+            _ if folder.is_none() => folder = Some(PathBuf::from(word)),
+            name => chosen.push(ENTRIES.iter().find(|e| e.name() == name).ok_or_else(|| unknown(name))?),
+        }
+    }
+    let entries = if chosen.is_empty() { ENTRIES.iter().collect() } else { chosen };
+    Ok(Arguments { folder: folder.ok_or_else(usage)?, entries, quality })
+}
+
+fn unknown(name: &str) -> Error {
+    let names: Vec<&str> = ENTRIES.iter().map(Entry::name).collect();
+    Error::usage(format!("there is no picture '{name}'; there are: {}", names.join(", ")))
+}
+
+/// The folder of the scenes.
+fn scenes() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../../scenes")
+}
+
+fn run(arguments: &Arguments) -> Result<()> {
+    make_million_triangles(&arguments.entries)?;
+    let (mut rows, mut tiles) = (Vec::new(), Vec::new());
+    for entry in &arguments.entries {
+        let shot = Shot::take(&scenes().join(entry.scene), arguments.quality)?;
+        eprintln!("{}: {:.1} s", entry.name(), shot.render_s);
+        shot.write(&arguments.folder, entry.name())?;
+        if entry.name() == HERO {
+            let size = (shot.film.width(), shot.film.height());
+            let hero = RgbImage::from_fn(size.0, size.1, |x, y| image::Rgb(shot.linear(x, y).map(srgb_byte)));
+            write_jpeg(&arguments.folder.join("hero.jpg"), &hero)?;
+        }
+        rows.push(Row::new(entry, &shot));
+        tiles.push(sheet::Tile::new(&shot, entry.label));
+    }
+    let sheet = sheet::contact_sheet(&tiles);
+    write_jpeg(&arguments.folder.join("contact-sheet.jpg"), &sheet)?;
+    let path = arguments.folder.join("contact-sheet.png");
+    let png = encode_png_rgb8(&sheet, sheet.width(), sheet.height()).map_err(|e| Error::output(&path, e))?;
+    write_atomically(&path, &png)?;
+    let threads = compare_threads(arguments.quality)?;
+    let text = table::markdown(&rows, Some(&threads));
+    write_atomically(&arguments.folder.join("times.md"), text.as_bytes())?;
+    print!("{text}");
+    if !threads.is_equal {
+        return Err(Error::usage("the number of threads changes the picture"));
+    }
+    Ok(())
+}
+
+/// The large mesh is not in the repository: writes it where it is missing.
+fn make_million_triangles(entries: &[&Entry]) -> Result<()> {
+    let path = scenes().join("meshes/million.ply");
+    if path.exists() || !entries.iter().any(|e| e.name() == "million-triangles") {
+        return Ok(());
+    }
+    oscura_assets::mesh::write_ply(&path, 1_000_000).map_err(|message| Error::output(&path, message))
+}
+
+/// The same scene with one thread and with all.
+fn compare_threads(quality: Quality) -> Result<Threads> {
+    let many = quality.threads.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
+    let shoot = |threads| Shot::take(&scenes().join(THREADS), Quality { threads: Some(threads), ..quality });
+    let (one, all) = (shoot(1)?, shoot(many)?);
+    let bits = |shot: &Shot, x, y| shot.film.mean_rgba(x, y).map(f32::to_bits);
+    let (w, h) = (one.film.width(), one.film.height());
+    let is_equal =
+        (0..h).flat_map(|y| (0..w).map(move |x| (x, y))).all(|(x, y)| bits(&one, x, y) == bits(&all, x, y));
+    Ok(Threads { scene: THREADS, threads: many, seconds: [one.render_s, all.render_s], is_equal })
+}
+
+fn write_jpeg(path: &Path, picture: &RgbImage) -> Result<()> {
+    let mut bytes = Vec::new();
+    JpegEncoder::new_with_quality(&mut bytes, JPEG_QUALITY)
+        .encode_image(picture)
+        .map_err(|e| Error::output(path, e.to_string()))?;
+    write_atomically(path, &bytes)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn words(line: &str) -> Result<Arguments> {
+        parse(line.split_whitespace().map(str::to_string))
+    }
+
+    #[test]
+    fn arguments_are_understood_or_refused() {
+        let all = words("out --quick --threads 3").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!((all.entries.len(), all.quality.fewer, all.quality.threads), (ENTRIES.len(), 8, Some(3)));
+        let some = words("out metals pyramid").unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(some.entries.iter().map(|e| e.name()).collect::<Vec<_>>(), ["metals", "pyramid"]);
+        for wrong in ["", "--quick", "out --threads", "out --threads 0", "out --slow", "out metal"] {
+            assert!(words(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    /// Every scene of the gallery loads without a warning, and every thesis scene is in it.
+    #[test]
+    fn scenes_and_entries_match() {
+        for entry in ENTRIES.iter().filter(|e| e.name() != "million-triangles") {
+            let loaded = oscura::load::load(&scenes().join(entry.scene), &Default::default());
+            let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
+            assert!(loaded.warnings.is_empty(), "{}: {}", entry.scene, loaded.warnings[0]);
+            assert!(entry.label.len() * 8 <= 256, "{}", entry.label);
+        }
+        for file in std::fs::read_dir(scenes().join("thesis")).expect("the thesis's scenes") {
+            let name = file.expect("an entry").file_name().to_string_lossy().into_owned();
+            let scene = format!("thesis/{name}");
+            assert!(ENTRIES.iter().any(|e| e.scene == scene), "{scene} is not in the gallery");
+        }
+    }
+}

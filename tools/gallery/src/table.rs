@@ -1,0 +1,85 @@
+//! Times as a table.
+
+use crate::entries::Entry;
+use crate::shoot::Shot;
+use std::fmt::Write;
+
+/// What a picture took.
+pub struct Row {
+    entry: &'static Entry,
+    size: [u32; 2],
+    samples: u32,
+    load_s: f64,
+    render_s: f64,
+    render_cpu_s: f64,
+}
+
+impl Row {
+    /// The row of a picture.
+    pub fn new(entry: &'static Entry, shot: &Shot) -> Row {
+        Row {
+            entry,
+            size: [shot.options.width, shot.options.height],
+            samples: shot.options.samples,
+            load_s: shot.load_s,
+            render_s: shot.render_s,
+            render_cpu_s: shot.render_cpu_s,
+        }
+    }
+}
+
+/// Two runs of one scene.
+pub struct Threads {
+    /// Which.
+    pub scene: &'static str,
+    /// Threads of the second run.
+    pub threads: usize,
+    /// Seconds with one thread, and with that many.
+    pub seconds: [f64; 2],
+    /// Are all bits of the pictures the same?
+    pub is_equal: bool,
+}
+
+/// A table in markdown, with the sum of the times.
+pub fn markdown(rows: &[Row], threads: Option<&Threads>) -> String {
+    let mut text = String::from(
+        "| Picture | Shows | Pixels | Samples | Load s | Render s | Core s | Thesis, one core |\n\
+         |---|---|---|---:|---:|---:|---:|---:|\n",
+    );
+    for r in rows {
+        let thesis = r.entry.thesis_s.map_or(String::new(), |t| format!("{:.0} s", t));
+        let _ = writeln!(
+            text,
+            "| {} | {} | {} x {} | {} | {:.2} | {:.1} | {:.1} | {thesis} |",
+            r.entry.name(),
+            r.entry.shows,
+            r.size[0],
+            r.size[1],
+            r.samples,
+            r.load_s,
+            r.render_s,
+            r.render_cpu_s,
+        );
+    }
+    let sum = |value: fn(&Row) -> f64| rows.iter().map(value).sum::<f64>();
+    let _ = writeln!(
+        text,
+        "| all | | | | {:.2} | {:.1} | {:.1} | |",
+        sum(|r| r.load_s),
+        sum(|r| r.render_s),
+        sum(|r| r.render_cpu_s),
+    );
+    if let Some(t) = threads {
+        let [one, many] = t.seconds;
+        let verdict = if t.is_equal { "the same in every bit" } else { "DIFFERENT" };
+        let _ = writeln!(
+            text,
+            "\n`scenes/{}` with 1 thread: {one:.2} s, with {}: {many:.2} s ({:.2} times the speed); the pictures are \
+             {verdict}.",
+            t.scene,
+            t.threads,
+            one / many.max(1e-9),
+        );
+    }
+    text
+}
