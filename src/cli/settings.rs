@@ -1,6 +1,6 @@
 //! From arguments, scene file and defaults to settled options.
 
-use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, ViewArg};
+use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::load::image::load_environment;
@@ -51,6 +51,7 @@ pub(crate) fn settle(args: &RenderArgs, scene: &Scene) -> Result<Settled> {
         threads: args.threads.map(usize::from),
         filter: filter.or(from_file.filter).unwrap_or_default(),
         aovs: AovSet { depth: has(AovArg::Depth), normal: has(AovArg::Normal), albedo: has(AovArg::Albedo) },
+        soft_terminator: args.terminator == TerminatorArg::Soft,
         time_limit: args.time_limit,
     };
     let view = match args.view {

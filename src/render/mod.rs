@@ -37,6 +37,8 @@ pub struct RenderOptions {
     pub filter: Filter,
     /// What to record besides colour.
     pub aovs: AovSet,
+    /// Soften the edges of self-shadowing on shapes with shading normals, which otherwise follow the triangles.
+    pub soft_terminator: bool,
     /// No pass starts after this time. The number of samples then depends on the machine.
     pub time_limit: Option<Duration>,
 }
@@ -111,6 +113,7 @@ fn run(
         seed: options.seed,
         filter: &filter,
         aovs: options.aovs.any(),
+        soft_terminator: options.soft_terminator,
     };
     let integrator = Integrator::new(scene, paths);
     let mut film = Film::new(options.width, options.height, options.aovs);

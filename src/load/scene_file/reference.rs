@@ -6,34 +6,35 @@
 pub struct Chapter {
     /// What it is about, as written in a scene file.
     pub title: &'static str,
-    /// The source of the module that reads it.
-    source: &'static str,
+    /// The sources of the modules that read it.
+    sources: &'static [&'static str],
 }
 
-const fn chapter(title: &'static str, source: &'static str) -> Chapter {
-    Chapter { title, source }
+const fn chapter(title: &'static str, sources: &'static [&'static str]) -> Chapter {
+    Chapter { title, sources }
 }
 
 /// All parts, in the order of a scene file.
 pub const CHAPTERS: &[Chapter] = &[
-    chapter("scene files", include_str!("mod.rs")),
-    chapter("[camera]", include_str!("camera.rs")),
-    chapter("[environment]", include_str!("environment.rs")),
-    chapter("[render]", include_str!("settings.rs")),
-    chapter("[textures]", include_str!("textures.rs")),
-    chapter("[materials]", include_str!("materials.rs")),
-    chapter("[[objects]]", include_str!("objects.rs")),
-    chapter("transform", include_str!("transform.rs")),
-    chapter("[[lights]]", include_str!("lights.rs")),
-    chapter("sidecar", include_str!("sidecar.rs")),
+    chapter("scene files", &[include_str!("mod.rs")]),
+    chapter("[camera]", &[include_str!("camera.rs")]),
+    chapter("[environment]", &[include_str!("environment.rs")]),
+    chapter("[render]", &[include_str!("settings.rs")]),
+    chapter("[textures]", &[include_str!("textures.rs")]),
+    chapter(
+        "[materials]",
+        &[include_str!("materials.rs"), include_str!("metals.rs"), include_str!("pbr.rs")],
+    ),
+    chapter("[[objects]]", &[include_str!("objects.rs")]),
+    chapter("transform", &[include_str!("transform.rs")]),
+    chapter("[[lights]]", &[include_str!("lights.rs")]),
+    chapter("sidecar", &[include_str!("sidecar.rs")]),
 ];
 
 impl Chapter {
-    /// The module's documentation in markdown, up to its first heading: derivations follow there.
+    /// The modules' documentation in markdown, of each up to its first heading: derivations follow there.
     pub fn markdown(&self) -> String {
-        let lines = self.source.lines().map_while(|l| l.strip_prefix("//!"));
-        let lines = lines.take_while(|l| !l.starts_with(" #"));
-        lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n")
+        self.sources.iter().map(|s| documentation(s)).collect::<Vec<_>>().join("\n\n")
     }
 
     /// The chapter of a title, with or without its brackets.
@@ -45,4 +46,12 @@ impl Chapter {
     pub fn name(&self) -> &'static str {
         self.title.trim_matches(['[', ']'])
     }
+}
+
+fn documentation(source: &str) -> String {
+    let lines = source.lines().map_while(|l| l.strip_prefix("//!"));
+    let lines = lines.take_while(|l| !l.starts_with(" #"));
+    let text = lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n");
+    // Links to neighbours become their names.
+    text.replace("[`super::", "`").replace("`]", "`").trim_end().to_string()
 }

@@ -97,6 +97,7 @@ fn picture(
         threads: setup.threads,
         filter: Filter::Box,
         aovs: AovSet::default(),
+        soft_terminator: true,
         time_limit: None,
     };
     let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {});
