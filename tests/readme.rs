@@ -195,7 +195,8 @@ fn carry_out(folder: &Path, line: &str) -> bool {
 
 /// The file that a paragraph tells to write a snippet into.
 fn file_named(paragraph: &str) -> Option<&str> {
-    paragraph.split('`').skip(1).step_by(2).find(|word| word.ends_with(".toml") && !word.contains(' '))
+    let words = paragraph.split('`').skip(1).step_by(2);
+    words.filter(|w| w.len() > ".toml".len() && w.ends_with(".toml") && !w.contains(' ')).last()
 }
 
 #[test]

@@ -23,7 +23,7 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[textures]", &[include_str!("textures.rs")]),
     chapter(
         "[materials]",
-        &[include_str!("materials.rs"), include_str!("pbr.rs"), include_str!("metals.rs")],
+        &[include_str!("materials.rs"), include_str!("metals.rs"), include_str!("pbr.rs")],
     ),
     chapter("[[objects]]", &[include_str!("objects.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
@@ -32,14 +32,9 @@ pub const CHAPTERS: &[Chapter] = &[
 ];
 
 impl Chapter {
-    /// The modules' documentation in markdown, each up to its first heading: derivations follow there.
+    /// The modules' documentation in markdown, of each up to its first heading: derivations follow there.
     pub fn markdown(&self) -> String {
-        let of_module = |source: &&'static str| {
-            let lines = source.lines().map_while(|l| l.strip_prefix("//!"));
-            let lines = lines.take_while(|l| !l.starts_with(" #"));
-            lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n")
-        };
-        self.sources.iter().map(of_module).collect::<Vec<_>>().join("\n\n")
+        self.sources.iter().map(|s| documentation(s)).collect::<Vec<_>>().join("\n\n")
     }
 
     /// The chapter of a title, with or without its brackets.
@@ -51,4 +46,12 @@ impl Chapter {
     pub fn name(&self) -> &'static str {
         self.title.trim_matches(['[', ']'])
     }
+}
+
+fn documentation(source: &str) -> String {
+    let lines = source.lines().map_while(|l| l.strip_prefix("//!"));
+    let lines = lines.take_while(|l| !l.starts_with(" #"));
+    let text = lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n");
+    // Links to neighbours become their names.
+    text.replace("[`super::", "`").replace("`]", "`").trim_end().to_string()
 }

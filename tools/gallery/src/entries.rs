@@ -62,6 +62,7 @@ pub const ENTRIES: &[Entry] = &[
         ..entry("thesis/final-scene.toml", "everything", "every component of the thesis in one picture")
     },
     entry("million-triangles.toml", "4 x a million", "a mesh of a million triangles, placed four times"),
+    entry("plastics.toml", "Phong above GGX", "Phong's plastics at the back, microfacets in front"),
     entry("triplanar.toml", "tri-planar", "a picture on a mesh without texture coordinates"),
     entry("many-lights.toml", "300 lamps", "many small lights"),
     entry("materials.toml", "materials", "the materials of scene files"),

@@ -1,14 +1,17 @@
 //! Renders the gallery.
 //!
-//! `oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]`
+//! `oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N] [--publish]`
 //!
 //! Every scene of the gallery (or those named) becomes `NAME.exr` and `NAME.png` in FOLDER, which must exist, beside
 //! `contact-sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of
 //! the samples: a try in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
 //!
+//! `--publish` also puts the hero and the contact sheet into `assets/` and the table into README.md.
+//!
 //! It is run from anywhere: the scenes are those of the source tree it was built from.
 
 mod entries;
+mod publish;
 mod sheet;
 mod shoot;
 mod table;
@@ -29,6 +32,7 @@ struct Arguments {
     folder: PathBuf,
     entries: Vec<&'static Entry>,
     quality: Quality,
+    publish: bool,
 }
 
 fn main() -> ExitCode {
@@ -42,14 +46,18 @@ fn main() -> ExitCode {
 }
 
 fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments> {
-    let usage =
-        || Error::usage("usage: oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N]");
+    let usage = || {
+        Error::usage(
+            "usage: oscura-gallery FOLDER [PICTURE...] [--quick | --draft] [--threads N] [--publish]",
+        )
+    };
     let mut quality = Quality { shrink: 1, fewer: 1, threads: None };
-    let (mut folder, mut chosen) = (None, Vec::new());
+    let (mut folder, mut chosen, mut publish) = (None, Vec::new(), false);
     while let Some(word) = words.next() {
         match word.as_str() {
             "--quick" => (quality.shrink, quality.fewer) = (3, 8),
             "--draft" => (quality.shrink, quality.fewer) = (1, 4),
+            "--publish" => publish = true,
             "--threads" => {
                 let number = words.next().and_then(|n| n.parse().ok()).filter(|n| (1..=1024).contains(n));
                 quality.threads = Some(number.ok_or_else(usage)?);
@@ -60,7 +68,7 @@ fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments> {
         }
     }
     let entries = if chosen.is_empty() { ENTRIES.iter().collect() } else { chosen };
-    Ok(Arguments { folder: folder.ok_or_else(usage)?, entries, quality })
+    Ok(Arguments { folder: folder.ok_or_else(usage)?, entries, quality, publish })
 }
 
 fn unknown(name: &str) -> Error {
@@ -97,6 +105,9 @@ fn run(arguments: &Arguments) -> Result<()> {
     let text = table::markdown(&rows, Some(&threads));
     write_atomically(&arguments.folder.join("times.md"), text.as_bytes())?;
     print!("{text}");
+    if arguments.publish {
+        publish::publish(&arguments.folder, &text)?;
+    }
     if !threads.is_equal {
         return Err(Error::usage("the number of threads changes the picture"));
     }

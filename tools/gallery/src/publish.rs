@@ -1,0 +1,51 @@
+//! Puts what was rendered into the README: its pictures and the table of times.
+
+use oscura::error::{Error, Result};
+use oscura::output::write_atomically;
+use std::path::Path;
+
+const BEGIN: &str = "<!-- times: begin -->\n";
+const END: &str = "<!-- times: end -->";
+
+/// Copies `hero.jpg` (where there is one) and `contact-sheet.jpg` from a folder into `assets/`, and the table into
+/// README.md.
+///
+/// # Errors
+/// Where a file can't be read or written, or README.md has no place for the table.
+pub fn publish(folder: &Path, table: &str) -> Result<()> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    for name in ["hero.jpg", "contact-sheet.jpg"] {
+        let source = folder.join(name);
+        if source.exists() {
+            write_atomically(&root.join("assets").join(name), &read(&source)?)?;
+        }
+    }
+    let readme = root.join("README.md");
+    let text = String::from_utf8_lossy(&read(&readme)?).into_owned();
+    let replaced = replace(&text, table)
+        .ok_or_else(|| Error::output(&readme, format!("has no place for the table: {BEGIN}{END}")))?;
+    write_atomically(&readme, replaced.as_bytes())
+}
+
+fn read(path: &Path) -> Result<Vec<u8>> {
+    std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
+}
+
+/// The text with the table between the marks.
+fn replace(text: &str, table: &str) -> Option<String> {
+    let start = text.find(BEGIN)? + BEGIN.len();
+    let end = start + text[start..].find(END)?;
+    Some(format!("{}{table}{}", &text[..start], &text[end..]))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_table_goes_between_the_marks() {
+        let text = format!("a\n{BEGIN}old\n{END}\nb");
+        assert_eq!(replace(&text, "new\n"), Some(format!("a\n{BEGIN}new\n{END}\nb")));
+        assert_eq!(replace("nothing", "new"), None);
+    }
+}
