@@ -3,7 +3,6 @@
 mod support;
 
 use oscura::compile::{CompileOptions, CompileReport, compile};
-use oscura::film::AovSet;
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
@@ -12,13 +11,7 @@ use oscura::scene::{
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
-    let options = CompileOptions {
-        microfacet: Microfacet::Multi,
-        camera: None,
-        width: 16,
-        height: 16,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
     compile(scene, &options).expect("compiles").1
 }
 

@@ -7,6 +7,7 @@ mod compare;
 mod frames;
 mod inspect;
 mod json;
+mod pictures;
 mod process;
 mod progress;
 mod render;

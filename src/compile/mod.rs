@@ -13,7 +13,6 @@ pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, tra
 use crate::accel::{Accel, BuildOptions, BuildStats};
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
-use crate::film::AovSet;
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DMat4, Hit, Vec3};
 use crate::scene::{Microfacet, Scene};
@@ -36,8 +35,6 @@ pub struct CompileOptions {
     pub width: u32,
     /// Picture height in pixels.
     pub height: u32,
-    /// AOVs that will be asked for.
-    pub needs: AovSet,
 }
 
 /// What compiling did.

@@ -2,7 +2,6 @@
 
 use crate::asset::{glb, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
 use oscura::compile::{CompileOptions, compile};
-use oscura::film::AovSet;
 use oscura::scene::Microfacet;
 use serde_json::{Value, json};
 
@@ -155,13 +154,7 @@ fn nonsense_anywhere_never_panics() {
         json!({}),
         json!(true),
     ];
-    let options = CompileOptions {
-        microfacet: Microfacet::default(),
-        camera: None,
-        width: 8,
-        height: 8,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::default(), camera: None, width: 8, height: 8 };
     let (mut tried, mut refused) = (0, 0);
     for place in &places {
         for value in &nonsense {
