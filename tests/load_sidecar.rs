@@ -92,6 +92,33 @@ fn an_area_light_is_a_quad_that_faces_its_target() {
 }
 
 #[test]
+fn an_area_light_stands_where_the_exporter_left_an_empty_node() {
+    // Turned by 90 degrees about x, -z points down; scaled by 2.
+    let node = r#"{"name": "Area", "translation": [1, 2, 3], "rotation": [-0.7071067811865476, 0, 0, 0.7071067811865476], "scale": [2, 2, 2]}"#;
+    let model = MODEL
+        .replace("IMAGE", PIXEL)
+        .replace("[0, 1, 2]", "[0, 1, 2, 3]")
+        .replace(r#""translation": [0, 0, 5]}"#, &format!(r#""translation": [0, 0, 5]}}, {node}"#));
+    let with = |name: &str| {
+        let toml = format!("[[lights]]\narea = {{ node = \"{name}\", size = [1, 0.5], power = 4 }}\n");
+        let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml.as_str())];
+        load_first(&files, &LoadOptions::default())
+    };
+    let scene = with("Area").unwrap_or_else(|e| panic!("{e}")).scene;
+    let quad = &scene.quads[0];
+    let normal = quad.edge_u.cross(quad.edge_v);
+    assert!(normal.distance(DVec3::NEG_Y * 2.0) < 1e-12, "{normal}");
+    assert!((quad.corner + (quad.edge_u + quad.edge_v) / 2.0).distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-12);
+    // The width lies along x.
+    assert!(quad.edge_u.x.abs() > 2.0 - 1e-12);
+    let emission = scene.materials[quad.material.index()].emission.expect("it shines");
+    assert!((f64::from(emission.radiance.factor[0]) - 4.0 / (PI * 2.0)).abs() < 1e-6);
+    let error = with("Arae").expect_err("no such node").to_string();
+    assert!(error.contains("no empty node 'Arae' (did you mean 'Area'?)"), "{error}");
+    assert!(with("left").is_err(), "a camera is no empty node");
+}
+
+#[test]
 fn sidecars_can_be_left_alone() {
     let model = MODEL.replace("IMAGE", PIXEL);
     let files = [("model.gltf", model.as_str()), ("model.oscura.toml", "this is no TOML")];

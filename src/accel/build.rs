@@ -3,7 +3,7 @@
 use super::binary::{self, Binary};
 use super::collapse::{Collapse, WIDTH};
 use super::emit::{Emit, Emitted};
-use super::gather::{Dropped, Kind, Primitive, gather};
+use super::gather::{Dropped, Kind, Primitive, gather, is_in_reach};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
 use super::{Accel, AccelInstance, BuildOptions, Geometry};
 use crate::math::{Bounds3, DAffine3, DVec3};
@@ -167,7 +167,7 @@ impl Builder<'_> {
         };
         let bounds = world_bounds(&built.bounds, &world_from_object);
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());
-        if !(fits && bounds.min.is_finite() && bounds.max.is_finite()) {
+        if !(fits && is_in_reach(bounds.min) && is_in_reach(bounds.max)) {
             self.stats.dropped.instances += 1;
             return None;
         }

@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Primitives that were left out, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads and spheres with NaN or infinite coordinates, or indices out of range.
+    /// Triangles, quads and spheres with NaN, infinite or too large coordinates ([`REACH`]), or indices out of range.
     pub not_finite: u64,
     /// Triangles and quads without area, spheres without a radius.
     pub degenerate: u64,
@@ -26,6 +26,15 @@ impl Dropped {
         self.degenerate += other.degenerate;
         self.instances += other.instances;
     }
+}
+
+/// Largest coordinate of a primitive, metres: the areas of boxes, sums of products of two extents, must not overflow.
+pub const REACH: f32 = 1e18;
+
+/// Can a point be a corner?
+pub fn is_in_reach(p: Vec3) -> bool {
+    // False for NaN.
+    p.abs().max_element() <= REACH && p.is_finite()
 }
 
 /// What a primitive is for the builder.
@@ -72,7 +81,7 @@ fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
 
 fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
     let vertices = triangle_vertices(geometry, index).ok_or(Reason::NotFinite)?;
-    if !vertices.iter().all(|v| v.is_finite()) {
+    if !vertices.into_iter().all(is_in_reach) {
         return Err(Reason::NotFinite);
     }
     if is_collapsed(vertices) { Err(Reason::Degenerate) } else { Ok(Bounds3::of(vertices)) }
@@ -80,7 +89,7 @@ fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
 
 fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
     let corners = quad_corners(quad);
-    if !corners.iter().all(|v| v.is_finite()) {
+    if !corners.into_iter().all(is_in_reach) {
         return Err(Reason::NotFinite);
     }
     let [a, b, c, d] = corners;
@@ -90,7 +99,7 @@ fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
 
 fn sphere(sphere: &Sphere) -> Result<Bounds3, Reason> {
     let (c, r) = (sphere.center, sphere.radius);
-    if !(c.is_finite() && r.is_finite()) {
+    if !(is_in_reach(c) && r.abs() <= REACH) {
         return Err(Reason::NotFinite);
     }
     if r <= 0.0 {

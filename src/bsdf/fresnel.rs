@@ -48,6 +48,24 @@ pub fn exact(cos_theta: f32, eta: f32) -> Interface {
     Interface { reflectance, cos_transmitted: g / eta }
 }
 
+/// Reflectance of unpolarised light on a metal of index of refraction `eta + i k`, against vacuum (Born, Wolf 1999,
+/// section 14.4). `cos_theta` in 0..1.
+#[inline(always)]
+pub fn conductor(cos_theta: f32, eta: f32, k: f32) -> f32 {
+    let cos_squared = cos_theta * cos_theta;
+    let sin_squared = (1.0 - cos_squared).max(0.0);
+    let (eta2, k2) = (eta * eta, k * k);
+    let t = eta2 - k2 - sin_squared;
+    // |n^2 - sin^2| of the complex index n, and the real part of its root.
+    let norm = (t * t + 4.0 * eta2 * k2).sqrt();
+    let a = (0.5 * (norm + t)).max(0.0).sqrt();
+    let (sum, cross) = (norm + cos_squared, 2.0 * a * cos_theta);
+    let s = (sum - cross) / (sum + cross).max(1e-30);
+    let (sum, cross) = (cos_squared * norm + sin_squared * sin_squared, cross * sin_squared);
+    let p = s * (sum - cross) / (sum + cross).max(1e-30);
+    (0.5 * (s + p)).clamp(0.0, 1.0)
+}
+
 /// Schlick's approximation with the cosine on the optically thinner side, where it is meant to be used, so that both
 /// directions of a path have the same reflectance and total reflection is kept.
 #[inline(always)]
@@ -78,6 +96,18 @@ mod tests {
         assert_eq!(schlick_dielectric(critical * 0.999, 1.0 / 1.5).reflectance, 1.0);
         // 45 degrees into glass.
         assert!((exact(0.5f32.sqrt(), 1.5).reflectance - 0.050_239_9).abs() < 1e-6);
+    }
+
+    #[test]
+    fn metals_against_dielectrics_and_normal_incidence() {
+        // Without extinction a metal is a dielectric.
+        for cosine in [1.0, 0.7, 0.2, 0.0] {
+            let (metal, glass) = (conductor(cosine, 1.5, 0.0), exact(cosine, 1.5).reflectance);
+            assert!((metal - glass).abs() < 1e-5, "{cosine}: {metal} {glass}");
+        }
+        // ((eta - 1)^2 + k^2) / ((eta + 1)^2 + k^2).
+        let expected = (0.8f32 * 0.8 + 9.0) / (1.2 * 1.2 + 9.0);
+        assert!((conductor(1.0, 0.2, 3.0) - expected).abs() < 1e-6);
     }
 
     #[test]

@@ -7,19 +7,43 @@
 
 mod albedo_data;
 pub mod albedo_table;
+mod coat;
 mod conductor;
 mod dielectric;
+mod film;
 pub mod fresnel;
 pub mod ggx;
+mod glass_data;
+pub mod glass_table;
 mod lambert;
+mod layered;
+mod metal;
 mod metal_rough;
+mod microsurface;
+mod oren_nayar;
+mod phong;
 mod resolve;
+mod resolve_pbr;
+mod rough_dielectric;
+mod sheen;
+mod sheen_data;
+mod through;
 
+pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};
+pub use film::Film;
 pub use lambert::Lambert;
-pub use metal_rough::{MetalRough, Transmission};
-pub use resolve::{BsdfClass, Factors, Slots, class_of, resolve};
+pub use layered::Layered;
+pub use metal::Metal;
+pub use metal_rough::MetalRough;
+pub use microsurface::{Facets, Isotropic, Microsurface};
+pub use oren_nayar::OrenNayar;
+pub use phong::Phong;
+pub use resolve::{BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+pub use rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+pub use sheen::Sheen;
+pub use through::DiffuseThrough;
 
 use crate::math::Vec3;
 
@@ -79,6 +103,12 @@ impl BsdfEval {
     pub const ZERO: BsdfEval = BsdfEval { f_cos: Vec3::ZERO, pdf_solid_angle: 0.0 };
 }
 
+/// The mean of a colour's channels, by which lobes are chosen.
+#[inline(always)]
+fn mean(v: Vec3) -> f32 {
+    (v.x + v.y + v.z) * (1.0 / 3.0)
+}
+
 /// Every way in which a surface may scatter.
 #[derive(Clone, Copy, Debug)]
 pub enum Bsdf {
@@ -86,14 +116,24 @@ pub enum Bsdf {
     Black,
     /// Ideal diffuse reflection.
     Lambert(Lambert),
-    /// Metal.
+    /// Rough diffuse reflection.
+    OrenNayar(OrenNayar),
+    /// The modified Phong model.
+    Phong(Phong),
+    /// Metal of a colour.
     Conductor(Conductor),
+    /// Metal of a complex index of refraction.
+    Metal(Metal),
     /// Smooth solid glass.
     Dielectric(Dielectric),
     /// A smooth thin sheet of glass.
     ThinDielectric(ThinDielectric),
-    /// The glTF material.
+    /// Glass of any roughness, solid or thin.
+    RoughDielectric(RoughDielectric),
+    /// The opaque glTF material.
     MetalRough(MetalRough),
+    /// The glTF material with all layers.
+    Layered(Layered),
 }
 
 impl Bsdf {
@@ -103,10 +143,15 @@ impl Bsdf {
         match self {
             Bsdf::Black => BsdfSample::ABSORBED,
             Bsdf::Lambert(b) => b.sample(wo, u),
+            Bsdf::OrenNayar(b) => b.sample(wo, u),
+            Bsdf::Phong(b) => b.sample(wo, u),
             Bsdf::Conductor(b) => b.sample(wo, u),
+            Bsdf::Metal(b) => b.sample(wo, u),
             Bsdf::Dielectric(b) => b.sample(wo, u),
             Bsdf::ThinDielectric(b) => b.sample(wo, u),
+            Bsdf::RoughDielectric(b) => b.sample(wo, u),
             Bsdf::MetalRough(b) => b.sample(wo, u),
+            Bsdf::Layered(b) => b.sample(wo, u),
         }
     }
 
@@ -115,8 +160,13 @@ impl Bsdf {
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         match self {
             Bsdf::Lambert(b) => b.eval(wo, wi),
+            Bsdf::OrenNayar(b) => b.eval(wo, wi),
+            Bsdf::Phong(b) => b.eval(wo, wi),
             Bsdf::Conductor(b) => b.eval(wo, wi),
+            Bsdf::Metal(b) => b.eval(wo, wi),
+            Bsdf::RoughDielectric(b) => b.eval(wo, wi),
             Bsdf::MetalRough(b) => b.eval(wo, wi),
+            Bsdf::Layered(b) => b.eval(wo, wi),
             Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => BsdfEval::ZERO,
         }
     }
@@ -126,10 +176,19 @@ impl Bsdf {
     pub fn is_specular(&self) -> bool {
         match self {
             Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => true,
-            Bsdf::Lambert(_) => false,
+            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => false,
             Bsdf::Conductor(b) => b.is_mirror(),
+            Bsdf::Metal(b) => b.surface.is_mirror(),
+            Bsdf::RoughDielectric(b) => b.is_smooth(),
             Bsdf::MetalRough(b) => b.is_specular(),
+            Bsdf::Layered(b) => b.is_specular(),
         }
+    }
+
+    /// May light from the other side of the surface reach the viewer by a lobe of finite width?
+    #[inline(always)]
+    pub fn scatters_through(&self) -> bool {
+        matches!(self, Bsdf::RoughDielectric(_) | Bsdf::Layered(_))
     }
 
     /// With its base colour multiplied (by the colour of vertices).
@@ -138,15 +197,32 @@ impl Bsdf {
         match self {
             Bsdf::Black => Bsdf::Black,
             Bsdf::Lambert(b) => Bsdf::Lambert(Lambert { albedo: b.albedo * color }),
+            Bsdf::OrenNayar(b) => Bsdf::OrenNayar(OrenNayar { color: b.color * color, ..b }),
+            Bsdf::Phong(b) => Bsdf::Phong(Phong { diffuse: b.diffuse * color, ..b }),
             Bsdf::Conductor(b) => Bsdf::Conductor(Conductor { f0: b.f0 * color, ..b }),
+            // The colour of a measured metal is its own.
+            Bsdf::Metal(b) => Bsdf::Metal(b),
             Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { tint: b.tint * color, ..b }),
             Bsdf::ThinDielectric(b) => Bsdf::ThinDielectric(ThinDielectric { tint: b.tint * color, ..b }),
-            Bsdf::MetalRough(b) => Bsdf::MetalRough(MetalRough {
-                diffuse: b.diffuse * color,
-                transmitted: b.transmitted * color,
-                metal_f0: b.metal_f0 * color,
-                ..b
-            }),
+            Bsdf::RoughDielectric(b) => Bsdf::RoughDielectric(RoughDielectric { tint: b.tint * color, ..b }),
+            Bsdf::MetalRough(b) => {
+                Bsdf::MetalRough(MetalRough { diffuse: b.diffuse * color, metal_f0: b.metal_f0 * color, ..b })
+            }
+            Bsdf::Layered(b) => Bsdf::Layered(b.tinted(color)),
+        }
+    }
+
+    /// With another index of refraction of its glass, for one wavelength of a dispersive material.
+    #[inline]
+    pub fn with_ior(self, ior: f32) -> Bsdf {
+        match self {
+            Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { ior, ..b }),
+            Bsdf::RoughDielectric(b) => Bsdf::RoughDielectric(RoughDielectric { ior, ..b }),
+            Bsdf::Layered(mut b) => {
+                b.glass.ior = ior;
+                Bsdf::Layered(b)
+            }
+            other => other,
         }
     }
 
@@ -156,10 +232,15 @@ impl Bsdf {
         match self {
             Bsdf::Black => Vec3::ZERO,
             Bsdf::Lambert(b) => b.albedo,
+            Bsdf::OrenNayar(b) => b.color,
+            Bsdf::Phong(b) => b.diffuse + b.specular,
             Bsdf::Conductor(b) => b.f0,
+            Bsdf::Metal(b) => b.reflectance(1.0),
             Bsdf::Dielectric(b) => b.tint,
             Bsdf::ThinDielectric(b) => b.tint,
+            Bsdf::RoughDielectric(b) => b.tint,
             Bsdf::MetalRough(b) => b.albedo(),
+            Bsdf::Layered(b) => b.albedo(),
         }
     }
 }

@@ -20,7 +20,7 @@ pub(crate) struct Arguments {
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
     /// Render a scene to EXR and PNG files.
-    Render(RenderArgs),
+    Render(Box<RenderArgs>),
     /// Say what is in a scene and what would not be rendered.
     Inspect(InspectArgs),
     /// Measure how far a picture is from a reference.
@@ -40,6 +40,15 @@ pub(crate) enum FilterArg {
 pub(crate) enum MicrofacetArg {
     Multi,
     Single,
+}
+
+/// What to do about self-shadowing on shapes with shading normals.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum TerminatorArg {
+    /// Let light fade where it sinks below the triangles.
+    Soft,
+    /// Let the triangles cut it off.
+    Off,
 }
 
 /// View transforms of PNGs.
@@ -124,6 +133,9 @@ pub(crate) struct RenderArgs {
     /// Microfacet model [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
+    /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
+    #[arg(long, default_value = "soft")]
+    pub terminator: TerminatorArg,
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,

@@ -1,6 +1,6 @@
 //! From arguments, scene file and defaults to settled options.
 
-use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, ViewArg};
+use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::load::image::load_environment;
@@ -58,6 +58,7 @@ pub(crate) fn settle(
         max_depth: args.depth.or(from_file.depth).unwrap_or(DEFAULT_DEPTH),
         filter: filter.or(from_file.filter).unwrap_or_default(),
         aovs: AovSet { depth: has(AovArg::Depth), normal: has(AovArg::Normal), albedo: has(AovArg::Albedo) },
+        soft_terminator: args.terminator == TerminatorArg::Soft,
         time_limit: args.time_limit,
     };
     let view = match args.view {

@@ -157,7 +157,7 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
     for material in used.map(|id| &materials[id.index()]) {
         needs.normals |= material.uses_normals();
         needs.uv = needs.uv.map(|uv| uv | material.uses_uv);
-        needs.tangents |= material.normal_map.is_some();
+        needs.tangents |= material.uses_tangents();
         needs.colors |= material.uses_vertex_colors;
     }
     needs
@@ -196,7 +196,7 @@ impl Geometries {
         let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
         let needs = Needs {
             uv: needs.uv.map(|_| any(|m| m.uses_uv)),
-            tangents: any(|m| m.normal_map.is_some()),
+            tangents: any(CompiledMaterial::uses_tangents),
             colors: any(|m| m.uses_vertex_colors),
             ..needs
         };

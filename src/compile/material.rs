@@ -1,9 +1,10 @@
 //! Materials ready for shading: constant slots folded, constant BSDFs resolved once.
 
+use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
-use crate::bsdf::{Bsdf, BsdfClass, Factors, Slots, class_of, resolve};
-use crate::math::{Mat3, Vec3, poly};
-use crate::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap};
+use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+use crate::math::{Frame, Mat3, Vec3, poly};
+use crate::scene::{AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap};
 use crate::texture::{CompiledTextures, TexturePoint};
 
 /// A material as the integrator sees it.
@@ -29,6 +30,12 @@ pub struct CompiledMaterial {
     pub uses_vertex_colors: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
+    /// The BSDF depends on tangents or on a second normal.
+    pub uses_frame: bool,
+    /// Indices of refraction of the red, green and blue channel, where they differ.
+    pub dispersion: Option<[f32; 3]>,
+    /// Bends the normals of the clearcoat.
+    coat_normal_map: Option<NormalMap>,
     model: Model,
     microfacet: Microfacet,
 }
@@ -95,12 +102,19 @@ impl CompiledMaterial {
         let is_textured = model_textures(&folded).next().is_some();
         let absorption = absorption(&folded.model, class);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
+        let coat = clearcoat(&folded.model);
+        let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
+        let has_axis = matches!(&folded.model, Model::Pbr(p) if p.anisotropy.is_some());
+        // The coat's normal differs from the base's where one of them is mapped.
+        let uses_frame = has_axis || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
         let uses_uv = is_textured
+            || uses_frame
             || normal_map.is_some()
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
+        let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
         let constant =
-            (!is_textured && !uses_vertex_colors).then(|| resolve(&folded.model, &Factors, microfacet));
+            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, microfacet));
         CompiledMaterial {
             class,
             constant,
@@ -112,6 +126,9 @@ impl CompiledMaterial {
             alpha,
             uses_vertex_colors,
             uses_uv,
+            uses_frame,
+            dispersion: dispersion(&folded.model, class),
+            coat_normal_map,
             model: folded.model,
             microfacet,
         }
@@ -127,13 +144,18 @@ impl CompiledMaterial {
         self.class != BsdfClass::Black
     }
 
+    /// Do tangents matter?
+    pub fn uses_tangents(&self) -> bool {
+        self.normal_map.is_some() || self.uses_frame
+    }
+
     /// The BSDF at a point.
     #[inline]
-    pub fn bsdf(&self, slots: &TexturedSlots<'_>, vertex_color: Vec3) -> Bsdf {
+    pub fn bsdf(&self, slots: &TexturedSlots<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
-        let bsdf = resolve(&self.model, slots, self.microfacet);
+        let bsdf = resolve(&self.model, slots, frame, self.microfacet);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 
@@ -145,12 +167,51 @@ impl CompiledMaterial {
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
-        let (Some(map), Some(frame)) = (self.normal_map, tangent_frame) else { return surface.ns };
-        let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
-        let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
-        let bent = (frame * local).normalize_or_zero();
-        if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+        mapped_normal(self.normal_map, slots, surface, tangent_frame)
     }
+
+    /// The clearcoat's normal at a point. Without a map it is the surface's own, not the base's mapped one.
+    #[inline]
+    pub fn coat_normal(
+        &self,
+        slots: &TexturedSlots<'_>,
+        surface: &Surface,
+        tangent_frame: Option<Mat3>,
+    ) -> Vec3 {
+        mapped_normal(self.coat_normal_map, slots, surface, tangent_frame)
+    }
+
+    /// The directions that the BSDF depends on at a point, in the frame that [`Frame::from_normal`] makes of the normal
+    /// that it is used with.
+    pub fn local_frame(&self, frame: &Frame, tangent_frame: Option<Mat3>, coat_normal: Vec3) -> LocalFrame {
+        let straight = LocalFrame::STRAIGHT;
+        let flat = |v: Vec3, otherwise| {
+            let local = frame.to_local(v).truncate();
+            if local.length_squared() > 1e-12 { local } else { otherwise }
+        };
+        let (tangent, bitangent) = match tangent_frame {
+            Some(t) => (flat(t.x_axis, straight.tangent), flat(t.y_axis, straight.bitangent)),
+            None => (straight.tangent, straight.bitangent),
+        };
+        let normal = frame.to_local(coat_normal).normalize_or_zero();
+        let coat_normal = if normal.z > 1e-3 { normal } else { straight.coat_normal };
+        LocalFrame { tangent, bitangent, coat_normal }
+    }
+}
+
+/// A normal from a map; the surface's shading normal without one, and where the map leads to its other side.
+#[inline]
+fn mapped_normal(
+    map: Option<NormalMap>,
+    slots: &TexturedSlots<'_>,
+    surface: &Surface,
+    tangent_frame: Option<Mat3>,
+) -> Vec3 {
+    let (Some(map), Some(frame)) = (map, tangent_frame) else { return surface.ns };
+    let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
+    let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
+    let bent = (frame * local).normalize_or_zero();
+    if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
 }
 
 impl Alpha {
@@ -186,7 +247,9 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
 /// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
 fn absorption(model: &Model, class: BsdfClass) -> Option<Vec3> {
     let Model::Pbr(pbr) = model else { return None };
-    let is_volume = pbr.has_volume && matches!(class, BsdfClass::Dielectric | BsdfClass::MetalRough);
+    let is_volume = pbr.has_volume
+        && is_transmissive(model)
+        && matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
     let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
     if !is_volume || is_clear || pbr.attenuation_distance <= 0.0 {
         return None;
@@ -204,10 +267,40 @@ pub fn transmittance(absorption: Vec3, distance: f32) -> Vec3 {
     Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
 }
 
+fn clearcoat(model: &Model) -> Option<Clearcoat> {
+    match model {
+        Model::Pbr(pbr) => pbr.clearcoat,
+        _ => None,
+    }
+}
+
+/// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).
+///
+/// Cauchy's n(l) = A + B / l^2 has index `ior` at the d line (587.6 nm) and the Abbe number 20 / dispersion between the
+/// F and C lines (486.1 and 656.3 nm). The channels stand for the wavelengths at which the primaries of
+/// Rec.709 dominate: 611.4, 549.1 and 464.2 nm.
+fn dispersion(model: &Model, class: BsdfClass) -> Option<[f32; 3]> {
+    let Model::Pbr(pbr) = model else { return None };
+    let refracts = matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
+    if !refracts
+        || !pbr.has_volume
+        || pbr.transmission.factor <= 0.0
+        || pbr.dispersion <= 0.0
+        || pbr.ior <= 0.0
+    {
+        return None;
+    }
+    let inverse_square = |nm: f64| 1e6 / (nm * nm);
+    let spread = (f64::from(pbr.ior) - 1.0) * f64::from(pbr.dispersion) / 20.0;
+    let b = spread / (inverse_square(486.1) - inverse_square(656.3));
+    let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
+    Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
+}
+
 fn is_transmissive(model: &Model) -> bool {
     match model {
-        Model::Dielectric { .. } => true,
-        Model::Pbr(pbr) => pbr.transmission.factor > 0.0,
+        Model::Dielectric { .. } | Model::Glass { .. } => true,
+        Model::Pbr(pbr) => pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some(),
         _ => false,
     }
 }
@@ -216,41 +309,4 @@ fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::Tex
     let bare =
         Material { emission: None, normal_map: None, alpha: FloatSlot::constant(1.0), ..material.clone() };
     bare.textures().collect::<Vec<_>>().into_iter()
-}
-
-fn fold_color(slot: ColorSlot, textures: &CompiledTextures) -> ColorSlot {
-    match slot.texture.and_then(|id| textures.constant(id)) {
-        Some(c) => ColorSlot::constant([0, 1, 2].map(|i| slot.factor[i] * c[i])),
-        None if slot.factor == [0.0; 3] => ColorSlot::constant([0.0; 3]),
-        None => slot,
-    }
-}
-
-fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatSlot {
-    match slot.texture.and_then(|(id, channel)| Some((textures.constant(id)?, channel))) {
-        Some((c, channel)) => FloatSlot::constant(slot.factor * c[usize::from(channel & 3)]),
-        None if slot.factor == 0.0 => FloatSlot::constant(0.0),
-        None => slot,
-    }
-}
-
-fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
-    let color = |slot| fold_color(slot, textures);
-    let number = |slot| fold_float(slot, textures);
-    match model.clone() {
-        Model::Black => Model::Black,
-        Model::Lambert { albedo } => Model::Lambert { albedo: color(albedo) },
-        Model::Metal { color: f0, roughness } => {
-            Model::Metal { color: color(f0), roughness: number(roughness) }
-        }
-        Model::Dielectric { ior, tint, fresnel } => Model::Dielectric { ior, tint: color(tint), fresnel },
-        Model::Pbr(mut pbr) => {
-            pbr.base_color = color(pbr.base_color);
-            pbr.specular_color = color(pbr.specular_color);
-            for slot in [&mut pbr.metallic, &mut pbr.roughness, &mut pbr.specular, &mut pbr.transmission] {
-                *slot = number(*slot);
-            }
-            Model::Pbr(pbr)
-        }
-    }
 }

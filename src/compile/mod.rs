@@ -3,6 +3,7 @@
 
 mod bake;
 mod emitters;
+mod fold;
 mod geometry;
 mod material;
 mod tangents;
@@ -86,6 +87,8 @@ pub struct Features {
     pub alpha: bool,
     /// Some vertices have shading normals.
     pub normals: bool,
+    /// Some shading normals differ from the geometric ones: those of vertices or of maps.
+    pub bent_normals: bool,
     /// Some textures depend on how much of a surface a path sees.
     pub footprints: bool,
 }
@@ -129,6 +132,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let features = Features {
         alpha: materials.iter().any(|m| m.alpha.is_some()),
         normals: geometries.has_normals(),
+        bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
     };
     let camera = Camera::new(camera, options.width, options.height, origin);
@@ -165,7 +169,7 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
             report.warnings.push(Warning::general(format!("{count} {what} were dropped")));
         }
     };
-    warn(dropped.not_finite, "primitives with coordinates that are not finite");
+    warn(dropped.not_finite, "primitives with coordinates that are not finite or beyond 1e18 m");
     warn(dropped.degenerate, "primitives without area");
     warn(dropped.instances, "placements with singular transforms");
 }

@@ -1,6 +1,7 @@
 //! Direct light: one light sample a vertex, weighted against scattering, and its shadow ray.
 
 use super::environment::SampleEnvironment;
+use super::normals::terminator;
 use super::surface::{Sorted, add};
 use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
 use super::{Integrator, Purpose};
@@ -51,9 +52,14 @@ impl Integrator<'_> {
 
     /// Adds the light that reaches the vertices from their light samples.
     pub(super) fn trace_shadows(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
-        dispatch(LambertDirect { wave: &mut w.wave, count: sorted.lambert });
+        let softens = self.softens_terminator();
+        if softens {
+            dispatch(LambertDirect::<true> { wave: &mut w.wave, count: sorted.lambert });
+        } else {
+            dispatch(LambertDirect::<false> { wave: &mut w.wave, count: sorted.lambert });
+        }
         for i in sorted.lambert..sorted.lit {
-            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.lambert]);
+            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], softens);
         }
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
@@ -164,13 +170,13 @@ impl Kernel for SampleRectangle<'_> {
     }
 }
 
-/// What the light samples bring to Lambertian vertices.
-struct LambertDirect<'a> {
+/// What the light samples bring to Lambertian vertices; with softened shadow terminators or without.
+struct LambertDirect<'a, const SOFT: bool> {
     wave: &'a mut Wave,
     count: usize,
 }
 
-impl Kernel for LambertDirect<'_> {
+impl<const SOFT: bool> Kernel for LambertDirect<'_, SOFT> {
     type Output = ();
 
     #[inline(always)]
@@ -181,7 +187,10 @@ impl Kernel for LambertDirect<'_> {
             let cosine = wi.dot(ns);
             let is_lit = (cosine > 0.0) & (wi.dot(ng) > 0.0);
             let pdf = cosine * FRAC_1_PI;
-            let factor = light_factor(v.light_pdf[i], pdf);
+            let mut factor = light_factor(v.light_pdf[i], pdf);
+            if SOFT {
+                factor *= terminator(ns, ng, wi);
+            }
             let f_cos = get(&v.albedo, i) * if is_lit { pdf * factor } else { 0.0 };
             set(&mut v.contribution, i, get(&paths.throughput, i) * f_cos * get(&v.light, i));
             let origin = offset_along(get(&v.p, i), ng, v.offset[i]);
@@ -193,18 +202,30 @@ impl Kernel for LambertDirect<'_> {
 }
 
 /// What a light sample brings to a vertex with any BSDF.
-fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf) {
+fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf, softens_terminator: bool) {
     let v = &mut wave.vertices;
     set(&mut v.contribution, i, Vec3::ZERO);
     let (wi, wo, ng) = (get(&v.wi, i), get(&v.wo, i), get(&v.ng, i));
     let (side_o, side_i) = (wo.dot(ng), wi.dot(ng));
-    // The lobes that light sampling can reach reflect.
-    if v.light_pdf[i] == 0.0 || side_o * side_i <= 0.0 || bsdf.is_specular() {
+    // Most lobes that light sampling can reach reflect.
+    let crosses = side_o * side_i < 0.0;
+    let is_possible = if crosses { bsdf.scatters_through() } else { side_i != 0.0 };
+    if v.light_pdf[i] == 0.0 || !is_possible || bsdf.is_specular() {
         return;
     }
-    let frame = Frame::from_normal(get(&v.ns, i));
-    let eval = bsdf.eval(frame.to_local(wo), frame.to_local(wi));
-    let factor = light_factor(v.light_pdf[i], eval.pdf_solid_angle);
+    let ns = get(&v.ns, i);
+    let frame = Frame::from_normal(ns);
+    let (local_o, local_i) = (frame.to_local(wo), frame.to_local(wi));
+    // Both normals must agree on which side the light is.
+    if crosses && local_o.z * local_i.z >= 0.0 {
+        return;
+    }
+    let eval = bsdf.eval(local_o, local_i);
+    let mut factor = light_factor(v.light_pdf[i], eval.pdf_solid_angle);
+    if softens_terminator && !crosses {
+        let side = if side_i < 0.0 { -1.0 } else { 1.0 };
+        factor *= terminator(ns * side, ng * side, wi);
+    }
     let contribution = get(&wave.paths.throughput, i) * eval.f_cos * get(&v.light, i) * factor;
     set(&mut v.contribution, i, contribution);
     let origin = offset_along(get(&v.p, i), if side_i < 0.0 { -ng } else { ng }, v.offset[i]);

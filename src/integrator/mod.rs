@@ -15,6 +15,7 @@ mod alpha;
 mod direct;
 mod environment;
 mod generate;
+mod normals;
 mod scatter;
 mod surface;
 mod wave;
@@ -37,6 +38,8 @@ pub struct PathOptions<'a> {
     pub filter: &'a FilterSampler,
     /// Whether AOVs are asked for.
     pub aovs: bool,
+    /// Soften the edge of shadows that shading normals lead past the edges of triangles.
+    pub soft_terminator: bool,
 }
 
 /// A rectangle of pixels and a range of their samples.
@@ -165,6 +168,11 @@ impl<'a> Integrator<'a> {
             }
         }
         true
+    }
+
+    /// Are there normals that make the remedy necessary, and is it wanted?
+    fn softens_terminator(&self) -> bool {
+        self.options.soft_terminator && self.scene.features.bent_normals
     }
 
     fn dimensions(&self, bounce: u32, purpose: Purpose) -> Dimensions {

@@ -1,5 +1,6 @@
 //! Paths go on: scattering, Russian roulette, the next rays.
 
+use super::normals::terminator;
 use super::surface::Sorted;
 use super::wave::{WAVE, Wave, Workspace, get, set};
 use super::{Integrator, Purpose};
@@ -18,11 +19,16 @@ impl Integrator<'_> {
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = self.dimensions(bounce, Purpose::Scatter);
         let roulette = bounce >= FIRST_ROULETTE;
-        let kernel =
-            LambertScatter { wave: &mut w.wave, count: sorted.lambert, dimensions: &dimensions, roulette };
-        dispatch(kernel);
+        let softens = self.softens_terminator();
+        let (wave, count) = (&mut *w.wave, sorted.lambert);
+        if softens {
+            dispatch(LambertScatter::<true> { wave, count, dimensions: &dimensions, roulette });
+        } else {
+            dispatch(LambertScatter::<false> { wave, count, dimensions: &dimensions, roulette });
+        }
+        let how = Scatter { dimensions: &dimensions, roulette, softens_terminator: softens };
         for i in sorted.lambert..sorted.total {
-            generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &dimensions, roulette);
+            generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &how);
         }
         let uses_tree = self.scene.lights.use_tree();
         w.rays.clear();
@@ -56,15 +62,15 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
     }
 }
 
-/// Scatters at Lambertian vertices.
-struct LambertScatter<'a> {
+/// Scatters at Lambertian vertices; with softened shadow terminators or without.
+struct LambertScatter<'a, const SOFT: bool> {
     wave: &'a mut Wave,
     count: usize,
     dimensions: &'a Dimensions,
     roulette: bool,
 }
 
-impl Kernel for LambertScatter<'_> {
+impl<const SOFT: bool> Kernel for LambertScatter<'_, SOFT> {
     type Output = ();
 
     #[inline(always)]
@@ -76,7 +82,10 @@ impl Kernel for LambertScatter<'_> {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let local = warp::cosine_hemisphere([a, b]);
             let wi = Frame::from_normal(ns).to_world(local);
-            let throughput = get(&paths.throughput, i) * get(&v.albedo, i);
+            let mut throughput = get(&paths.throughput, i) * get(&v.albedo, i);
+            if SOFT {
+                throughput *= terminator(ns, ng, wi);
+            }
             let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, self.roulette);
             set(&mut paths.throughput, i, throughput * scale);
             set(&mut v.origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
@@ -98,20 +107,31 @@ fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> 
     ((chance < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }
 
+/// How a bounce scatters at all its vertices.
+struct Scatter<'a> {
+    dimensions: &'a Dimensions,
+    roulette: bool,
+    softens_terminator: bool,
+}
+
 /// Scatters at a vertex with any BSDF.
-fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, dimensions: &Dimensions, roulette: bool) {
+fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, how: &Scatter<'_>) {
     let Wave { paths, vertices: v } = wave;
     let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
-    let [a, b, lobe, chance] = point.sample_4d(dimensions);
-    let (wo, ng) = (get(&v.wo, i), get(&v.ng, i));
-    let frame = Frame::from_normal(get(&v.ns, i));
+    let [a, b, lobe, chance] = point.sample_4d(how.dimensions);
+    let (wo, ng, ns) = (get(&v.wo, i), get(&v.ng, i), get(&v.ns, i));
+    let frame = Frame::from_normal(ns);
     let s = bsdf.sample(frame.to_local(wo), [a, b, lobe]);
     let wi = frame.to_world(s.wi);
-    let throughput = get(&paths.throughput, i) * s.weight;
-    paths.eta_squared[i] *= s.eta * s.eta;
-    let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, roulette);
-    // A direction that shading normals lead to the wrong side of the surface carries nothing.
     let side = wi.dot(ng);
+    let mut throughput = get(&paths.throughput, i) * s.weight;
+    if how.softens_terminator && !s.is_transmission && !s.is_specular {
+        let flip = if side < 0.0 { -1.0 } else { 1.0 };
+        throughput *= terminator(ns * flip, ng * flip, wi);
+    }
+    paths.eta_squared[i] *= s.eta * s.eta;
+    let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, how.roulette);
+    // A direction that shading normals lead to the wrong side of the surface carries nothing.
     let crosses = side * wo.dot(ng) < 0.0;
     let goes_on = survives && s.pdf_solid_angle > 0.0 && crosses == s.is_transmission && side != 0.0;
     set(&mut paths.throughput, i, throughput * scale);

@@ -1,15 +1,17 @@
 //! What rays meet: emitted light, and the surfaces that scatter it, sorted by the loop that shades them.
 
 use super::Integrator;
+use super::normals::scattering_normal;
 use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
-use crate::bsdf::{Bsdf, BsdfClass};
+use crate::bsdf::{Bsdf, BsdfClass, LocalFrame};
 use crate::compile::{
     CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
 };
 use crate::film::AovSample;
 use crate::light::Receiver;
-use crate::math::{Hit, Vec3};
+use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
+use crate::sampling::sampler::hash32;
 use crate::simd::{Kernel, dispatch};
 use crate::texture::TexturePoint;
 
@@ -65,7 +67,7 @@ pub(super) fn group_of(material: &CompiledMaterial) -> Group {
             if is_plain { Group::Plain } else { Group::Lambert }
         }
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
-        BsdfClass::Conductor | BsdfClass::MetalRough => {
+        _ => {
             let is_specular = material.constant.is_some_and(|b| b.is_specular());
             if is_specular { Group::Specular } else { Group::Rough }
         }
@@ -180,17 +182,20 @@ impl Integrator<'_> {
             set(&mut w.arriving.throughput, i, throughput * left);
         }
         let constant = material.constant.filter(|_| !material.uses_uv);
-        let bsdf = match constant {
+        let mut bsdf = match constant {
             Some(bsdf) => bsdf,
             None => {
                 let width = w.arriving.cone_width[i];
-                let (bsdf, ns) = self.textured(material, &surface, hit, width);
+                let (bsdf, ns) = self.textured(material, &surface, hit, width, -ray.direction);
                 surface.ns = ns;
                 bsdf
             }
         };
         if material.emission.is_some() {
             self.emit(i, material, &surface, hit, is_back, w);
+        }
+        if let Some(iors) = material.dispersion {
+            bsdf = disperse(bsdf, iors, bounce, i, &mut w.arriving);
         }
         let is_dark = is_back && !material.is_two_sided;
         if bounce == 0 {
@@ -215,11 +220,20 @@ impl Integrator<'_> {
         surface: &Surface,
         hit: &Hit,
         width: f32,
+        wo: Vec3,
     ) -> (Bsdf, Vec3) {
         let at = self.scene.geometries.coordinates(surface, hit);
         let slots = self.slots(&at, surface, width);
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
-        (material.bsdf(&slots, Vec3::from_slice(&at.color)), ns)
+        let frame = if material.uses_frame {
+            let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));
+            let coat = material.coat_normal(&slots, surface, at.tangent_frame);
+            let coat = scattering_normal(coat, surface.ng, wo);
+            material.local_frame(&scattering, at.tangent_frame, coat)
+        } else {
+            LocalFrame::STRAIGHT
+        };
+        (material.bsdf(&slots, &frame, Vec3::from_slice(&at.color)), ns)
     }
 
     /// Texture lookups at a point that a path sees in a certain width.
@@ -264,6 +278,25 @@ impl Integrator<'_> {
     }
 }
 
+/// A path meets a material whose index of refraction differs between channels: it goes on with one of them, chosen by
+/// its throughput.
+fn disperse(bsdf: Bsdf, iors: [f32; 3], bounce: u32, i: usize, paths: &mut Paths) -> Bsdf {
+    let throughput = get(&paths.throughput, i).to_array();
+    let total: f32 = throughput.iter().sum();
+    let salt = hash32(paths.seed[i] ^ hash32(paths.shuffled[i]).rotate_left(7) ^ (bounce << 20));
+    let mut at = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0) * total;
+    let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
+    let mut channel = 0;
+    while channel < last && at >= throughput[channel] {
+        at -= throughput[channel];
+        channel += 1;
+    }
+    let mut single = Vec3::ZERO;
+    single[channel] = total;
+    set(&mut paths.throughput, i, single);
+    bsdf.with_ior(iors[channel])
+}
+
 /// A surface with its BSDF.
 struct Vertex {
     surface: Surface,
@@ -272,15 +305,6 @@ struct Vertex {
     is_back: bool,
     /// The back of a one-sided material: black.
     is_dark: bool,
-}
-
-/// The shading normal, bent as far as needed for the viewer to be on the same side of it as of the surface.
-#[inline(always)]
-fn facing(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
-    const LEAST: f32 = 1e-4;
-    let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
-    let cosine = ns.dot(wo) * side;
-    if cosine >= LEAST { ns } else { (ns + wo * (side * (LEAST - cosine))).normalize() }
 }
 
 #[inline(always)]
@@ -302,7 +326,7 @@ fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
 
 fn store_generic(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
     let mut surface = vertex.surface;
-    surface.ns = facing(surface.ns, surface.ng, wo);
+    surface.ns = scattering_normal(surface.ns, surface.ng, wo);
     store(v, k, &surface);
     set(&mut v.wo, k, wo);
 }

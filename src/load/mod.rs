@@ -12,6 +12,7 @@ mod shapes;
 mod uri;
 
 use crate::error::{Error, Result, Warning};
+use crate::math::DAffine3;
 use crate::scene::Scene;
 use std::path::Path;
 
@@ -42,6 +43,9 @@ pub struct Loaded {
     pub warnings: Vec<Warning>,
     /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
     pub left_out: Vec<String>,
+    /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
+    /// put lights, as exporters leave such nodes in the place of what glTF can't carry.
+    pub empties: Vec<(String, DAffine3)>,
 }
 
 /// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file (told apart by content where the name doesn't

@@ -42,6 +42,8 @@ pub struct RenderOptions {
     pub filter: Filter,
     /// What to record besides colour.
     pub aovs: AovSet,
+    /// Soften the edges of self-shadowing on shapes with shading normals, which otherwise follow the triangles.
+    pub soft_terminator: bool,
     /// Stop after this time. The number of samples then depends on the machine.
     pub time_limit: Option<Duration>,
 }
@@ -109,6 +111,7 @@ pub fn render(
         seed: options.seed,
         filter: &filter,
         aovs: options.aovs.any(),
+        soft_terminator: options.soft_terminator,
     };
     let run = Run {
         integrator: Integrator::new(scene, paths),

@@ -76,6 +76,42 @@ pub enum Model {
         /// Fresnel term.
         fresnel: FresnelModel,
     },
+    /// Rough diffuse reflection (energy-preserving Oren-Nayar).
+    OrenNayar {
+        /// Share of light reflected by each facet, 0..1.
+        color: ColorSlot,
+        /// 0 is Lambert's law, 1 the roughest.
+        roughness: FloatSlot,
+    },
+    /// The modified Phong model: diffuse reflection and a cosine lobe around the mirror direction.
+    Phong {
+        /// Diffuse share 0..1.
+        diffuse: ColorSlot,
+        /// Specular share 0..1; where both add up to more than 1, both are scaled down.
+        specular: ColorSlot,
+        /// Exponent of the cosine, from 0.
+        exponent: f32,
+    },
+    /// A metal of a measured complex index of refraction.
+    MeasuredMetal {
+        /// Real part by channel.
+        eta: [f32; 3],
+        /// Extinction coefficient by channel.
+        k: [f32; 3],
+        /// Perceptual roughness 0..1.
+        roughness: FloatSlot,
+    },
+    /// Glass of any roughness.
+    Glass {
+        /// Index of refraction relative to the outside, at least 1.
+        ior: f32,
+        /// Factor on transmitted light at each crossing; white for clear glass.
+        tint: ColorSlot,
+        /// Perceptual roughness 0..1.
+        roughness: FloatSlot,
+        /// A thin sheet instead of a solid.
+        is_thin: bool,
+    },
     /// The glTF 2.0 material.
     Pbr(Box<PbrMaterial>),
 }
@@ -115,6 +151,17 @@ pub struct PbrMaterial {
     pub iridescence: Option<Iridescence>,
     /// Light scattered through the surface; `None` where there is none.
     pub diffuse_transmission: Option<DiffuseTransmission>,
+}
+
+/// All places of a glTF material where textures may stand.
+#[derive(Debug)]
+pub struct SlotsMut<'a> {
+    /// Slots of colours.
+    pub colors: Vec<&'a mut ColorSlot>,
+    /// Slots of numbers.
+    pub numbers: Vec<&'a mut FloatSlot>,
+    /// Textures in no slot.
+    pub others: Vec<&'a mut TextureId>,
 }
 
 /// A clear dielectric layer of index of refraction 1.5 on top of all others (KHR_materials_clearcoat).
@@ -212,6 +259,34 @@ impl PbrMaterial {
             .chain(self.sheen.as_ref().map(|s| &s.roughness))
             .chain(self.iridescence.as_ref().map(|i| &i.factor))
             .chain(self.diffuse_transmission.as_ref().map(|d| &d.factor))
+    }
+
+    /// Everything that may refer to a texture, to change it.
+    pub fn slots_mut(&mut self) -> SlotsMut<'_> {
+        let mut colors = vec![&mut self.base_color, &mut self.specular_color];
+        let mut numbers =
+            vec![&mut self.metallic, &mut self.roughness, &mut self.specular, &mut self.transmission];
+        let mut others = Vec::new();
+        if let Some(coat) = &mut self.clearcoat {
+            numbers.extend([&mut coat.factor, &mut coat.roughness]);
+            others.extend(coat.normal_map.as_mut().map(|n| &mut n.texture));
+        }
+        if let Some(sheen) = &mut self.sheen {
+            colors.push(&mut sheen.color);
+            numbers.push(&mut sheen.roughness);
+        }
+        if let Some(anisotropy) = &mut self.anisotropy {
+            others.extend(anisotropy.texture.as_mut());
+        }
+        if let Some(film) = &mut self.iridescence {
+            numbers.push(&mut film.factor);
+            others.extend(film.thickness_texture.as_mut().map(|(id, _)| id));
+        }
+        if let Some(through) = &mut self.diffuse_transmission {
+            colors.push(&mut through.color);
+            numbers.push(&mut through.factor);
+        }
+        SlotsMut { colors, numbers, others }
     }
 
     /// Its textures that stand in no slot of a colour or number.

@@ -98,6 +98,10 @@ impl super::Material {
             Model::Lambert { albedo } => (vec![*albedo], vec![]),
             Model::Metal { color, roughness } => (vec![*color], vec![*roughness]),
             Model::Dielectric { tint, .. } => (vec![*tint], vec![]),
+            Model::OrenNayar { color, roughness } => (vec![*color], vec![*roughness]),
+            Model::Phong { diffuse, specular, .. } => (vec![*diffuse, *specular], vec![]),
+            Model::MeasuredMetal { roughness, .. } => (vec![], vec![*roughness]),
+            Model::Glass { tint, roughness, .. } => (vec![*tint], vec![*roughness]),
             Model::Pbr(p) => (p.color_slots().copied().collect(), p.float_slots().copied().collect()),
         };
         let other: Vec<_> = match &self.model {

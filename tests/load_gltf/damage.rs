@@ -1,9 +1,13 @@
 //! Damaged and hostile files: a clear error or a picture, never a panic, and never more memory than the file justifies.
 
-use crate::asset::{glb, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
+use crate::asset::{glb, load_by, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
 use oscura::compile::{CompileOptions, compile};
+use oscura::error::Error;
+use oscura::load::gltf::GltfOptions;
+use oscura::load::{LoadOptions, Loaded};
 use oscura::scene::Microfacet;
 use serde_json::{Value, json};
+use std::path::Path;
 
 /// A change of the triangle, and what the error must say.
 type Case = (fn(&mut Value), &'static [&'static str]);
@@ -135,10 +139,25 @@ fn a_truncated_container_is_refused() {
 /// neither here nor when what loads is compiled.
 #[test]
 fn nonsense_anywhere_never_panics() {
-    let asset = rich();
-    load_triangle(&asset).unwrap_or_else(|e| panic!("{e}"));
+    nonsense_everywhere(&rich(), load_triangle);
+}
+
+/// The same with what moves: the project's reed in the middle of its animation.
+#[test]
+fn nonsense_in_motion_never_panics() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/reed.gltf");
+    let text = std::fs::read_to_string(path).expect("the asset is there");
+    let reed = serde_json::from_str(&text).expect("it is JSON");
+    let gltf =
+        GltfOptions { time_s: Some(0.7), variant: Some("autumn".to_string()), ..GltfOptions::default() };
+    let options = LoadOptions { gltf, ..LoadOptions::default() };
+    nonsense_everywhere(&reed, |asset| load_by(asset, &[], &options));
+}
+
+fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Error>) {
+    load(asset).unwrap_or_else(|e| panic!("{e}"));
     let mut places = Vec::new();
-    pointers(&asset, String::new(), &mut places);
+    pointers(asset, String::new(), &mut places);
     let nonsense = [
         json!(null),
         json!(-1),
@@ -161,7 +180,7 @@ fn nonsense_anywhere_never_panics() {
             let mut broken = asset.clone();
             *broken.pointer_mut(place).expect("the place exists") = value.clone();
             tried += 1;
-            match load_triangle(&broken) {
+            match load(&broken) {
                 Ok(loaded) => drop(compile(&loaded.scene, &options)),
                 Err(error) => refused += usize::from(!error.problems.is_empty()),
             }
@@ -174,7 +193,7 @@ fn nonsense_anywhere_never_panics() {
             _ => unreachable!("only these have children"),
         }
         tried += 1;
-        refused += usize::from(load_triangle(&broken).is_err());
+        refused += usize::from(load(&broken).is_err());
     }
     println!("{refused} of {tried} refused");
     assert!(tried > 1000 && refused > tried / 4);
@@ -229,7 +248,19 @@ fn rich() -> Value {
             "extensions": {"KHR_materials_volume": {"attenuationColor": [1, 1, 1], "attenuationDistance": 1},
                 "KHR_materials_transmission": {"transmissionFactor": 1}, "KHR_materials_ior": {"ior": 1.5},
                 "KHR_materials_specular": {"specularColorFactor": [1, 1, 1]},
-                "KHR_materials_emissive_strength": {"emissiveStrength": 2}}
+                "KHR_materials_emissive_strength": {"emissiveStrength": 2},
+                "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatRoughnessFactor": 0.1,
+                    "clearcoatTexture": {"index": 0}, "clearcoatNormalTexture": {"index": 0, "scale": 1}},
+                "KHR_materials_sheen": {"sheenColorFactor": [1, 1, 1], "sheenRoughnessFactor": 0.5,
+                    "sheenColorTexture": {"index": 0}, "sheenRoughnessTexture": {"index": 0}},
+                "KHR_materials_anisotropy": {"anisotropyStrength": 0.5, "anisotropyRotation": 1,
+                    "anisotropyTexture": {"index": 0}},
+                "KHR_materials_iridescence": {"iridescenceFactor": 1, "iridescenceIor": 1.4,
+                    "iridescenceThicknessMinimum": 100, "iridescenceThicknessMaximum": 300,
+                    "iridescenceThicknessTexture": {"index": 0}},
+                "KHR_materials_dispersion": {"dispersion": 0.1},
+                "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5,
+                    "diffuseTransmissionColorFactor": [1, 1, 1], "diffuseTransmissionTexture": {"index": 0}}}
         });
     })
 }

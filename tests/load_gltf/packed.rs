@@ -184,6 +184,34 @@ fn damaged_draco_streams_never_panic() {
     assert!(message.contains("KHR_draco_mesh_compression") && message.contains("decompressed"), "{message}");
 }
 
+/// Normals in bytes are of unit length only to their precision; that is what quantisation means, and no warning.
+#[test]
+fn quantised_normals_are_unit_vectors() {
+    let mut bytes = triangle_bytes();
+    let normal = [90i8, 90, 0, 0];
+    for _ in 0..3 {
+        bytes.extend(normal.map(|b| b as u8));
+    }
+    let asset = triangle_with(|a| {
+        a["extensionsRequired"] = json!(["KHR_mesh_quantization"]);
+        a["extensionsUsed"] = json!(["KHR_mesh_quantization"]);
+        a["buffers"][0]["byteLength"] = json!(bytes.len());
+        let views = a["bufferViews"].as_array_mut().expect("a list");
+        views.push(json!({"buffer": 0, "byteOffset": 44, "byteLength": 12, "byteStride": 4}));
+        let accessors = a["accessors"].as_array_mut().expect("a list");
+        accessors.push(
+            json!({"bufferView": 2, "componentType": 5120, "normalized": true, "type": "VEC3", "count": 3}),
+        );
+        a["meshes"][0]["primitives"][0]["attributes"]["NORMAL"] = json!(2);
+    });
+    let loaded = load_with(&asset, &[("a.bin", &bytes)]).unwrap_or_else(|e| panic!("{e}"));
+    let s = std::f32::consts::FRAC_1_SQRT_2;
+    for [x, y, z] in &loaded.scene.meshes[0].normals {
+        assert!((x - s).abs() < 1e-6 && (y - s).abs() < 1e-6 && *z == 0.0);
+    }
+    assert!(loaded.warnings.iter().all(|w| !w.message.contains("normals")), "{:?}", loaded.warnings);
+}
+
 #[test]
 fn instances_stand_where_the_attributes_say() {
     let numbers = [1.0, 0.0, 0.0, 0.0, 0.0, 7.0, 2.0, 2.0, 2.0, 1.0, 1.0, -1.0];

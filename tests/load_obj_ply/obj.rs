@@ -133,7 +133,7 @@ fn objects_and_groups_become_instances_and_materials_parts() {
         scene.meshes[0].parts.iter().map(|p| (p.first_triangle, p.triangle_count)).collect();
     assert_eq!(parts, [(0, 2), (2, 1)]);
     assert_eq!(scene.materials.len(), 2);
-    let warned = |name: &str| loaded.warnings.iter().any(|w| w.message.contains(name) && w.place != "");
+    let warned = |name: &str| loaded.warnings.iter().any(|w| w.message.contains(name) && !w.place.is_empty());
     assert!(warned("'wood'") && warned("'steel'"), "{:?}", loaded.warnings);
 }
 

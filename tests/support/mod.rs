@@ -32,6 +32,7 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
         max_depth,
         filter: Filter::Box,
         aovs: AovSet::default(),
+        soft_terminator: true,
         time_limit: None,
     }
 }

@@ -28,8 +28,10 @@ pub fn model_name(model: &Model) -> &'static str {
     match model {
         Model::Black => "black",
         Model::Lambert { .. } => "lambert",
-        Model::Metal { .. } => "metal",
-        Model::Dielectric { .. } => "dielectric",
+        Model::OrenNayar { .. } => "oren-nayar",
+        Model::Phong { .. } => "phong",
+        Model::Metal { .. } | Model::MeasuredMetal { .. } => "metal",
+        Model::Dielectric { .. } | Model::Glass { .. } => "dielectric",
         Model::Pbr(_) => "glTF",
     }
 }
@@ -44,6 +46,20 @@ pub fn material(scene: &Scene, m: &Material) -> String {
         }
         Model::Dielectric { ior, tint, .. } => {
             format!("glass of index {}, tint {}", number((*ior).into()), color(tint))
+        }
+        Model::OrenNayar { color: c, roughness } => {
+            format!("rough diffuse, colour {}, roughness {}", color(c), share(roughness))
+        }
+        Model::Phong { diffuse, specular, exponent } => {
+            let exponent = number((*exponent).into());
+            format!("phong, diffuse {}, specular {}, exponent {exponent}", color(diffuse), color(specular))
+        }
+        Model::MeasuredMetal { eta, k, roughness } => {
+            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
+        }
+        Model::Glass { ior, tint, roughness, is_thin } => {
+            let (ior, kind) = (number((*ior).into()), if *is_thin { "thin glass" } else { "glass" });
+            format!("{kind} of index {ior}, tint {}, roughness {}", color(tint), share(roughness))
         }
         Model::Pbr(p) => pbr(p),
     }];

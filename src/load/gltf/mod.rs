@@ -65,6 +65,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let mut builder = Builder::new(&doc, &pose, &family);
     builder.materials.geometry_only = options.geometry_only;
     builder.add(&hierarchy, &mut report);
+    let empties = hierarchy.empties(&doc);
     let left_out = left_out(&doc, &builder, &pose);
     let mut scene = builder.finish(&mut report);
     read_scene(&doc, hierarchy.scene, &mut scene, &mut report);
@@ -73,7 +74,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok(Loaded { scene, warnings: report.into_warnings(), left_out })
+    Ok(Loaded { scene, warnings: report.into_warnings(), left_out, empties })
 }
 
 /// What the scene's `extras` say about the picture.

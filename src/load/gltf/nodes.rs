@@ -48,6 +48,16 @@ pub(super) struct Hierarchy {
 const PATH_NAMES: usize = 8;
 
 impl Hierarchy {
+    /// The names and placements of nodes that hold neither a mesh nor a camera nor a light.
+    pub fn empties(&self, doc: &Document) -> Vec<(String, DAffine3)> {
+        let empty = |n: &&Node| n.mesh.is_none() && n.camera.is_none() && n.light.is_none();
+        let named = |n: &Node| {
+            let raw = doc.json.pointer(&n.pointer())?;
+            Some((raw.get("name")?.as_str()?.to_string(), n.world_from_node))
+        };
+        self.nodes.iter().filter(empty).filter_map(named).collect()
+    }
+
     /// The names of a node and of its ancestors, joined by slashes; of deep hierarchies only the last few.
     pub fn path(&self, doc: &Document, entry: usize) -> String {
         let mut names = Vec::new();

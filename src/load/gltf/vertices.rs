@@ -97,6 +97,9 @@ pub(super) fn add_vertices(
     };
     let uv_sets: Vec<_> = attributes.uv_sets.iter().enumerate().map(&mut uv).collect();
     let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_sets.len() as u64)?;
+    // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
+    let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
+    let is_rounded = rounded(&normals) || rounded(&tangents);
     positions?.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
     if let Some(normals) = normals {
         normals.read_floats(tail(&mut mesh.normals, base, count, [0.0; 3]));
@@ -119,13 +122,13 @@ pub(super) fn add_vertices(
     }
     if let Some(skin) = skin {
         add_skin(doc, attributes, skin, at, mesh, base, report)?;
-    } else if !attributes.targets.is_empty() {
+    } else if !attributes.targets.is_empty() || is_rounded {
         unit_length(mesh, base);
     }
     Some((base as u32, count))
 }
 
-/// Gives morphed normals and tangents the length 1 again.
+/// Gives morphed or rounded normals and tangents the length 1 again.
 fn unit_length(mesh: &mut Mesh, base: usize) {
     for normal in mesh.normals.iter_mut().skip(base) {
         *normal = Vec3::from_array(*normal).normalize_or_zero().to_array();

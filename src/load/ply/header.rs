@@ -173,7 +173,8 @@ fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
         let mut words = line.split_ascii_whitespace();
         let first = words.next().unwrap_or_default();
         if !matches!(first, "comment" | "obj_info")
-            && words.any(|w| w.split('.').any(|n| n.len() > 18 && n.bytes().all(|b| b.is_ascii_digit())))
+            // The parser reads digits wherever they stand, also before letters.
+            && words.any(|w| w.split(|c: char| !c.is_ascii_digit()).any(|n| n.len() > 18))
         {
             return Err(Problem::new(format!("line {lines}"), "holds a number that is too large"));
         }

@@ -4,10 +4,7 @@
 use super::Build;
 use crate::error::Result;
 use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
-use crate::scene::{
-    Anisotropy, Camera, Clearcoat, DiffuseTransmission, Instance, Iridescence, MaterialId, MeshId, Scene,
-    Sheen, Texture, TextureId,
-};
+use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture, TextureId};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -171,18 +168,17 @@ impl crate::scene::Material {
                 floats.push(roughness);
             }
             Model::Dielectric { tint, .. } => colors.push(tint),
+            Model::Phong { diffuse, specular, .. } => colors.extend([diffuse, specular]),
+            Model::MeasuredMetal { roughness, .. } => floats.push(roughness),
+            Model::OrenNayar { color, roughness } | Model::Glass { tint: color, roughness, .. } => {
+                colors.push(color);
+                floats.push(roughness);
+            }
             Model::Pbr(p) => {
-                let p = &mut **p;
-                colors.extend([&mut p.base_color, &mut p.specular_color]);
-                floats.extend([&mut p.metallic, &mut p.roughness, &mut p.specular, &mut p.transmission]);
-                let layers = Layers {
-                    clearcoat: p.clearcoat.as_mut(),
-                    sheen: p.sheen.as_mut(),
-                    anisotropy: p.anisotropy.as_mut(),
-                    iridescence: p.iridescence.as_mut(),
-                    diffuse_transmission: p.diffuse_transmission.as_mut(),
-                };
-                layers.for_each_texture(change);
+                let slots = p.slots_mut();
+                colors.extend(slots.colors);
+                floats.extend(slots.numbers);
+                slots.others.into_iter().for_each(&mut *change);
             }
         }
         colors.extend(self.emission.iter_mut().map(|e| &mut e.radiance));
@@ -190,38 +186,6 @@ impl crate::scene::Material {
         floats.into_iter().filter_map(|f| f.texture.as_mut()).for_each(|(id, _)| change(id));
         if let Some(n) = &mut self.normal_map {
             change(&mut n.texture);
-        }
-    }
-}
-
-/// The optional layers of a glTF material.
-struct Layers<'a> {
-    clearcoat: Option<&'a mut Clearcoat>,
-    sheen: Option<&'a mut Sheen>,
-    anisotropy: Option<&'a mut Anisotropy>,
-    iridescence: Option<&'a mut Iridescence>,
-    diffuse_transmission: Option<&'a mut DiffuseTransmission>,
-}
-
-impl Layers<'_> {
-    fn for_each_texture(self, change: &mut dyn FnMut(&mut TextureId)) {
-        if let Some(c) = self.clearcoat {
-            c.factor.texture.iter_mut().chain(&mut c.roughness.texture).for_each(|(id, _)| change(id));
-            c.normal_map.iter_mut().for_each(|n| change(&mut n.texture));
-        }
-        if let Some(s) = self.sheen {
-            s.color.texture.iter_mut().for_each(&mut *change);
-            s.roughness.texture.iter_mut().for_each(|(id, _)| change(id));
-        }
-        if let Some(a) = self.anisotropy {
-            a.texture.iter_mut().for_each(&mut *change);
-        }
-        if let Some(i) = self.iridescence {
-            i.factor.texture.iter_mut().chain(&mut i.thickness_texture).for_each(|(id, _)| change(id));
-        }
-        if let Some(d) = self.diffuse_transmission {
-            d.factor.texture.iter_mut().for_each(|(id, _)| change(id));
-            d.color.texture.iter_mut().for_each(change);
         }
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], power or radiance }`: a rectangle that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up` |
+//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], power or radiance }`: a rectangle that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. Beside a model, `node = "NAME"` stands for centre and direction: the light takes the place and scale of an empty node, as Blender exports its area lights |
 //! | `point` | `{ position, power or intensity }` |
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it |
 //! | `sun` | `{ direction, irradiance }`: parallel light that travels that way |
@@ -12,7 +12,7 @@
 //! irradiance in W/m2 across the light. Area lights are quads that cameras see; all others have no surface.
 
 use super::Build;
-use super::fields::Fields;
+use super::fields::{Fields, nearest};
 use crate::math::DVec3;
 use crate::scene::{Light, LightKind, Material, MaterialId, Quad, SpotFade};
 use std::f64::consts::PI;
@@ -84,27 +84,63 @@ fn spot(fields: &Fields) -> Option<LightKind> {
 }
 
 fn add_area(build: &mut Build, fields: &Fields, name: String, color: [f32; 3]) {
-    let center = fields.require("center", fields.vector("center"));
     let size = fields.require("size", fields.numbers::<2>("size"));
-    let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
-    let (Some(center), Some(size)) = (center, size) else { return };
-    let [width, height] = size.value;
-    if width <= 0.0 || height <= 0.0 {
+    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let Some(size) = size else { return };
+    if size.value.iter().any(|s| *s <= 0.0) {
         return fields.problems.push(size.span, "'size' of an area light must be above 0");
     }
-    let direction = direction(fields, Some(center.value));
-    let strength = strength(fields, "radiance", 1.0 / (PI * width * height));
-    let (Some(direction), Some(strength)) = (direction, strength) else { return };
-    // Lights that shine along `up`, as those of ceilings do, have their width along x.
-    let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
-    let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
-    let right = right.unwrap_or_else(|| direction.any_orthonormal_vector());
+    let Some((center, direction, right, scale)) = placement else { return };
+    let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
+    let Some(strength) = strength(fields, "radiance", 1.0 / (PI * width * height)) else { return };
     let (edge_u, edge_v) = (right * width, direction.cross(right) * height);
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     scene.materials.push(Material::emitter(&name, color.map(|c| c * strength as f32), false));
-    let corner = center.value - (edge_u + edge_v) / 2.0;
+    let corner = center - (edge_u + edge_v) / 2.0;
     scene.quads.push(Quad { name, corner, edge_u, edge_v, material });
+}
+
+/// Centre, direction, the side along which the width lies, and factors on width and height.
+type AreaPlacement = (DVec3, DVec3, DVec3, [f64; 2]);
+
+/// An area light that the table places.
+fn placed(fields: &Fields) -> Option<AreaPlacement> {
+    let center = fields.require("center", fields.vector("center"));
+    let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
+    let center = center?.value;
+    let direction = direction(fields, Some(center))?;
+    // Lights that shine along `up`, as those of ceilings do, have their width along x.
+    let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
+    let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
+    Some((center, direction, right.unwrap_or_else(|| direction.any_orthonormal_vector()), [1.0; 2]))
+}
+
+/// An area light where the model has an empty node: it shines along the node's -z, as glTF's own lights do. Seen that
+/// way, x goes to the right.
+fn at_node(build: &Build, fields: &Fields) -> Option<AreaPlacement> {
+    let name = fields.string("node")?;
+    let empties = &build.loaded.empties;
+    let Some((_, m)) = empties.iter().find(|(n, _)| n == name.value) else {
+        let message = format!("the model has no empty node '{}'", name.value);
+        let help = match nearest(name.value, empties.iter().map(|e| e.0.as_str())) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("it has {} nodes that hold nothing", empties.len()),
+        };
+        fields.problems.push_help(name.span, message, help);
+        return None;
+    };
+    let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
+    let direction = (-z).try_normalize();
+    // Sheared axes are made square, so that the light stays a rectangle.
+    let right = direction.and_then(|d| (x - d * x.dot(d)).try_normalize());
+    match (direction, right) {
+        (Some(d), Some(r)) if y.length() > 0.0 => Some((m.translation, d, -r, [x.length(), y.length()])),
+        _ => {
+            fields.problems.push(name.span, format!("the node '{}' is flattened to nothing", name.value));
+            None
+        }
+    }
 }
 
 /// The way the light travels: `direction`, or from `position` to `target`.

@@ -3,10 +3,12 @@
 //! | `type` | Keys |
 //! |---|---|
 //! | `"lambert"` | `color` (0.8) |
-//! | `"metal"` | `color` (0.8), `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5), `fresnel` = `exact` or `schlick`, `tint` (1) |
+//! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
+//! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
+//! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
+//! | `"dielectric"` | `ior` (1.5), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
-//! | `"pbr"` | `base_color` (1), `metallic` (0), `roughness` (1), `ior` (1.5), `specular` (1), `specular_color` (1), `transmission` (0), `emission`, `two_sided` (true) |
+//! | `"pbr"` | see [`super::pbr`] |
 //!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
@@ -15,10 +17,10 @@
 //! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
 //! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
 
-use super::Build;
 use super::fields::{Fields, nearest};
 use super::textures::Textures;
-use crate::scene::{ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, PbrMaterial};
+use super::{Build, metals, pbr};
+use crate::scene::{ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -96,14 +98,18 @@ impl<'a> Materials<'a> {
 #[derive(Clone, Copy)]
 enum Kind {
     Lambert,
+    OrenNayar,
+    Phong,
     Metal,
     Dielectric,
     Emissive,
     Pbr,
 }
 
-const KINDS: [(&str, Kind); 5] = [
+const KINDS: [(&str, Kind); 7] = [
     ("lambert", Kind::Lambert),
+    ("oren-nayar", Kind::OrenNayar),
+    ("phong", Kind::Phong),
     ("metal", Kind::Metal),
     ("dielectric", Kind::Dielectric),
     ("emissive", Kind::Emissive),
@@ -122,7 +128,17 @@ fn read<'a>(
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
     let material = match kind {
         Kind::Lambert => Material::new(name, Model::Lambert { albedo: slot("color", 0.8) }),
+        Kind::OrenNayar => {
+            let roughness = FloatSlot::constant(fields.number_in("roughness", 0.0..1.0, 1.0) as f32);
+            Material::new(name, Model::OrenNayar { color: slot("color", 0.8), roughness })
+        }
+        Kind::Phong => {
+            let exponent = fields.number_in("exponent", 0.0..1e6, 30.0) as f32;
+            let (diffuse, specular) = (slot("diffuse", 0.5), slot("specular", 0.5));
+            Material::new(name, Model::Phong { diffuse, specular, exponent })
+        }
         Kind::Metal => {
+            let measured = metals::named(fields);
             let color = slot("color", 0.8);
             let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
             if fuzz.is_some() && fields.has("roughness") {
@@ -132,17 +148,16 @@ fn read<'a>(
                 Some(f) => roughness_of_fuzz(f) as f32,
                 None => fields.number_in("roughness", 0.0..1.0, 0.0) as f32,
             };
-            Material::new(name, Model::Metal { color, roughness: FloatSlot::constant(roughness) })
+            let roughness = FloatSlot::constant(roughness);
+            Material::new(
+                name,
+                match measured {
+                    Some(m) => Model::MeasuredMetal { eta: m.eta, k: m.k, roughness },
+                    None => Model::Metal { color, roughness },
+                },
+            )
         }
-        Kind::Dielectric => {
-            let fresnel = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
-            let model = Model::Dielectric {
-                ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
-                tint: slot("tint", 1.0),
-                fresnel: fields.choice("fresnel", &fresnel).unwrap_or_default(),
-            };
-            Material::new(name, model)
-        }
+        Kind::Dielectric => Material::new(name, dielectric(fields, slot("tint", 1.0))),
         Kind::Emissive => {
             fields.require("radiance", fields.raw("radiance"));
             let radiance = slot("radiance", 0.0);
@@ -150,27 +165,25 @@ fn read<'a>(
             let emission = Some(Emission { radiance, two_sided });
             Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
         }
-        Kind::Pbr => pbr(fields, name, slot),
+        Kind::Pbr => pbr::material(fields, name, slot),
     };
     fields.finish();
     Some(material)
 }
 
-fn pbr(fields: &Fields, name: &str, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Material {
-    let share = |key, default| FloatSlot::constant(fields.number_in(key, 0.0..1.0, default) as f32);
-    let model = PbrMaterial {
-        base_color: slot("base_color", 1.0),
-        metallic: share("metallic", 0.0),
-        roughness: share("roughness", 1.0),
-        ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
-        specular: share("specular", 1.0),
-        specular_color: slot("specular_color", 1.0),
-        transmission: share("transmission", 0.0),
-        ..PbrMaterial::default()
-    };
-    let two_sided = fields.flag("two_sided", true);
-    let emission = fields.has("emission").then(|| Emission { radiance: slot("emission", 0.0), two_sided });
-    Material { emission, double_sided: two_sided, ..Material::new(name, Model::Pbr(Box::new(model))) }
+fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
+    let models = [("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)];
+    let ior = fields.number_in("ior", 1.0..10.0, 1.5) as f32;
+    let fresnel = fields.choice("fresnel", &models).unwrap_or_default();
+    let roughness = fields.number_in("roughness", 0.0..1.0, 0.0) as f32;
+    let is_thin = fields.flag("thin", false);
+    if roughness == 0.0 && !is_thin {
+        return Model::Dielectric { ior, tint, fresnel };
+    }
+    if fresnel != FresnelModel::Exact {
+        fields.problems.push(fields.span(), "rough or thin glass has exact reflectance: leave 'fresnel' out");
+    }
+    Model::Glass { ior, tint, roughness: FloatSlot::constant(roughness), is_thin }
 }
 
 /// The roughness (square root of the GGX alpha) whose lobe at normal incidence has the mean cosine of the thesis's fuzz.

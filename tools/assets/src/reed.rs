@@ -9,6 +9,8 @@ const FLOAT: u32 = 5126;
 const SHORT: u32 = 5122;
 const BYTE: u32 = 5121;
 const UNSIGNED_SHORT: u32 = 5123;
+const VERTICES: u32 = 34962;
+const INDICES: u32 = 34963;
 
 /// Rings of vertices around the stalk, and vertices in each.
 const RINGS: usize = 13;
@@ -40,6 +42,18 @@ impl Data {
         self.accessors.len() - 1
     }
 
+    /// Says that an accessor's view holds vertices or indices.
+    fn aim(&mut self, accessor: usize, target: u32) -> usize {
+        self.views[accessor]["target"] = json!(target);
+        accessor
+    }
+
+    /// Floats of vertices.
+    fn vertices<const N: usize>(&mut self, elements: &[[f64; N]]) -> usize {
+        let accessor = self.floats(elements);
+        self.aim(accessor, VERTICES)
+    }
+
     /// Floats, N to an element.
     fn floats<const N: usize>(&mut self, elements: &[[f64; N]]) -> usize {
         let kind = ["SCALAR", "VEC2", "VEC3", "VEC4"].get(N - 1).copied().unwrap_or("MAT4");
@@ -59,7 +73,8 @@ impl Data {
     fn indices(&mut self, indices: &[u16]) -> usize {
         let bytes: Vec<u8> = indices.iter().flat_map(|i| i.to_le_bytes()).collect();
         let accessor = json!({ "componentType": UNSIGNED_SHORT, "type": "SCALAR", "count": indices.len() });
-        self.add(&bytes, None, accessor)
+        let index = self.add(&bytes, None, accessor);
+        self.aim(index, INDICES)
     }
 }
 
@@ -85,14 +100,13 @@ pub fn gltf() -> String {
         },
         "scene": 0,
         "scenes": [
-            { "name": "reed", "nodes": [0, 1, 4, 5, 6, 7, 8, 9], "extras": { "width": 320, "height": 480 } },
-            { "name": "leaves", "nodes": [4] },
+            { "name": "reed", "nodes": [0, 1, 3, 4, 5, 6, 7, 8], "extras": { "width": 320, "height": 480 } },
+            { "name": "leaves", "nodes": [3] },
         ],
         "nodes": [
             { "name": "stalk", "mesh": 0, "skin": 0 },
             { "name": "lower joint", "children": [2] },
-            { "name": "upper joint", "children": [3], "translation": [0, HEIGHT / 2.0, 0] },
-            { "name": "tip", "translation": [0, HEIGHT / 2.0, 0] },
+            { "name": "upper joint", "translation": [0, HEIGHT / 2.0, 0] },
             { "name": "leaves", "mesh": 1, "extensions": { "EXT_mesh_gpu_instancing": { "attributes": instances } } },
             { "name": "ground", "mesh": 2 },
             { "name": "hidden", "mesh": 2, "translation": [0, 1, 0],
@@ -159,7 +173,7 @@ fn stalk(data: &mut Data) -> Value {
             normals.push(out);
             let swell = 0.06 * (-((t - 0.85) / 0.08).powi(2)).exp();
             bulge.push(out.map(|x| x * swell));
-            joints.extend([0u8, 1, 0, 0]);
+            joints.extend([0u8, u8::from(upper > 0.0), 0, 0]);
             weights.push([1.0 - upper, upper, 0.0, 0.0]);
         }
     }
@@ -175,16 +189,17 @@ fn stalk(data: &mut Data) -> Value {
     let vertices = positions.len();
     let joints =
         data.add(&joints, Some(4), json!({ "componentType": BYTE, "type": "VEC4", "count": vertices }));
+    let joints = data.aim(joints, VERTICES);
     json!({
         "name": "stalk",
         "weights": [0],
         "primitives": [{
             "attributes": {
-                "POSITION": data.floats(&positions), "NORMAL": data.floats(&normals),
-                "JOINTS_0": joints, "WEIGHTS_0": data.floats(&weights),
+                "POSITION": data.vertices(&positions), "NORMAL": data.vertices(&normals),
+                "JOINTS_0": joints, "WEIGHTS_0": data.vertices(&weights),
             },
             "indices": data.indices(&indices),
-            "targets": [{ "POSITION": data.floats(&bulge) }],
+            "targets": [{ "POSITION": data.vertices(&bulge) }],
             "material": 0,
             "extensions": in_variants(),
         }],
@@ -204,6 +219,7 @@ fn leaf(data: &mut Data) -> Value {
         json!({ "componentType": SHORT, "normalized": true, "type": "VEC3", "count": outline.len(),
                 "min": [0, 0, -1966], "max": [32767, 4915, 1966] }),
     );
+    let positions = data.aim(positions, VERTICES);
     json!({
         "name": "leaf",
         "primitives": [{
@@ -217,7 +233,7 @@ fn ground(data: &mut Data) -> Value {
     json!({
         "name": "ground",
         "primitives": [{
-            "attributes": { "POSITION": data.floats(&corners), "NORMAL": data.floats(&[[0.0, 1.0, 0.0]; 4]) },
+            "attributes": { "POSITION": data.vertices(&corners), "NORMAL": data.vertices(&[[0.0, 1.0, 0.0]; 4]) },
             "indices": data.indices(&[0, 1, 2, 0, 2, 3]), "material": 2,
         }],
     })

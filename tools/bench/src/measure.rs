@@ -95,6 +95,7 @@ fn picture(
         max_depth: setup.depth,
         filter: Filter::Box,
         aovs: AovSet::default(),
+        soft_terminator: true,
         time_limit: None,
     };
     let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {})?;

@@ -1,0 +1,180 @@
+//! Interference in a thin film (KHR_materials_iridescence).
+
+use super::fresnel;
+use crate::math::{Vec3, poly};
+use std::f32::consts::{PI, TAU};
+
+/// A film on the interface (Belcour, Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying
+/// Iridescence").
+///
+/// The reflectance under the angle of view is turned into the reflectance at normal incidence with which
+/// Schlick's formula gives the same at that angle, as the extension suggests for rasterisers. Microfacets then see Schlick's formula:
+/// the same for smooth surfaces, and for rough ones the energy stays exactly known. With the film the surface is not
+/// reciprocal.
+#[derive(Clone, Copy, Debug)]
+pub struct Film {
+    /// Its strength 0..1; 0 for none.
+    pub factor: f32,
+    /// Its index of refraction, at least 1.
+    pub ior: f32,
+    /// Its thickness in nanometres.
+    pub thickness_nm: f32,
+}
+
+impl Film {
+    /// No film.
+    pub const NONE: Film = Film { factor: 0.0, ior: 1.3, thickness_nm: 0.0 };
+
+    /// The reflectance at normal incidence that stands for `f0` under the film, seen under a cosine.
+    #[inline]
+    pub fn f0(&self, f0: Vec3, f90: f32, cosine: f32) -> Vec3 {
+        let seen = self.reflectance(f0, cosine);
+        let weight = fresnel::schlick_weight(cosine);
+        let below = (1.0 - weight).max(1e-3);
+        let equivalent = ((seen - Vec3::splat(f90 * weight)) / below).clamp(Vec3::ZERO, Vec3::ONE);
+        f0 + (equivalent - f0) * self.factor
+    }
+
+    /// Reflectance of the film over an interface of reflectance `base_f0`, in linear Rec.709 (Belcour, Barla 2017, eq. 2
+    /// and 9, unpolarised). The lower interface follows Schlick's formula as in the extension.
+    #[inline]
+    pub fn reflectance(&self, base_f0: Vec3, cosine: f32) -> Vec3 {
+        // Thinner than 0.03 nm there is no film.
+        let presence = (self.thickness_nm / 0.03).clamp(0.0, 1.0);
+        let ior = 1.0 + (self.ior - 1.0) * presence * presence * (3.0 - 2.0 * presence);
+        let sin_squared = (1.0 - cosine * cosine) / (ior * ior);
+        let cos_inside = (1.0 - sin_squared).max(0.0).sqrt();
+        let r12 = fresnel::exact(cosine, ior).reflectance;
+        let t121 = 1.0 - r12;
+        let r23 = base_f0.to_array().map(|f0| Self::lower_reflectance(f0, ior, cos_inside));
+        let path_nm = 2.0 * ior * self.thickness_nm * cos_inside;
+        let mut sum = [0.0; 3];
+        for (c, (r, phase)) in r23.into_iter().enumerate() {
+            // Reflection on the film from inside turns the phase by pi where the film is the denser one.
+            let phase = PI + phase;
+            let r123 = (r12 * r).clamp(0.0, 0.9999);
+            let round = r123.sqrt();
+            let rs = t121 * t121 * r / (1.0 - r123);
+            let mut value = r12 + rs;
+            let mut term = rs - t121;
+            for order in 1..=2 {
+                term *= round;
+                let m = order as f32;
+                value += term * 2.0 * sensitivity(m * path_nm, m * phase)[c];
+            }
+            sum[c] = value;
+        }
+        Vec3::from_array(sum).clamp(Vec3::ZERO, Vec3::ONE)
+    }
+
+    /// Reflectance and phase of the lower interface.
+    #[inline]
+    fn lower_reflectance(f0: f32, film_ior: f32, cosine: f32) -> (f32, f32) {
+        let root = f0.clamp(0.0, 0.9999).sqrt();
+        let base_ior = (1.0 + root) / (1.0 - root);
+        let r = scalar_schlick(fresnel::f0_from_eta(base_ior / film_ior), cosine);
+        (r, if base_ior < film_ior { PI } else { 0.0 })
+    }
+}
+
+#[inline(always)]
+fn scalar_schlick(f0: f32, cosine: f32) -> f32 {
+    f0 + (1.0 - f0) * fresnel::schlick_weight(cosine)
+}
+
+/// Response of the eye to an interference term of an optical path in nanometres, as linear Rec.709, with white as 1: the
+/// Fourier transform of Gaussians fitted to the CIE 1931 matching functions (Belcour, Barla 2017, supplemental code). A
+/// triple (h, p, v) is the Gaussian of integral h sqrt(2 pi v) around p, in 1/m, with variance 2 v.
+#[inline]
+fn sensitivity(path_nm: f32, shift: f32) -> [f32; 3] {
+    const GAUSSIANS: [[f32; 3]; 4] = [
+        [5.4856e-13, 1.6810e6, 4.3278e9],
+        [4.4201e-13, 1.7953e6, 9.3046e9],
+        [5.2481e-13, 2.2084e6, 6.6121e9],
+        [9.7470e-14, 2.2399e6, 4.5282e9],
+    ];
+    let phase = TAU * path_nm * 1e-9;
+    let [x, y, z, x2] = GAUSSIANS.map(|[height, position, variance]| {
+        let (_, cosine) = poly::sin_cos(position * phase + shift);
+        height * (TAU * variance).sqrt() * cosine * poly::exp(-variance * phase * phase) / 1.0685e-7
+    });
+    RGB_FROM_XYZ.map(|row| row[0] * (x + x2) + row[1] * y + row[2] * z)
+}
+
+/// CIE XYZ to linear Rec.709 (IEC 61966-2-1), its rows scaled so that light of all wavelengths alike is white: a film of no
+/// thickness then has no colour.
+const RGB_FROM_XYZ: [[f32; 3]; 3] = [
+    [2.6883509, -1.2752434, -0.4135924],
+    [-1.0220880, 1.9782476, 0.0438207],
+    [0.0611459, -0.2242019, 1.1617736],
+];
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn no_film_changes_nothing() {
+        let film = Film { factor: 1.0, ior: 1.8, thickness_nm: 0.0 };
+        for f0 in [0.02, 0.04, 0.3, 0.9] {
+            for cosine in [1.0, 0.7, 0.3] {
+                let seen = film.reflectance(Vec3::splat(f0), cosine);
+                let plain = scalar_schlick(f0, cosine);
+                assert!(
+                    (seen - Vec3::splat(plain)).abs().max_element() < 2e-3,
+                    "{f0} {cosine}: {seen} {plain}"
+                );
+            }
+        }
+    }
+
+    /// Far beyond the coherence length only the incoherent sum is left.
+    #[test]
+    fn thick_films_have_no_colour() {
+        let film = Film { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0 };
+        let r = film.reflectance(Vec3::splat(0.2), 0.8);
+        assert!(r.max_element() - r.min_element() < 1e-4, "{r}");
+    }
+
+    /// At normal incidence against the Airy formula, integrated over wavelengths with the same matching functions.
+    #[test]
+    fn colours_follow_the_airy_formula() {
+        let gaussian = |wavelength: f64, heights: &[(f64, f64, f64)]| -> f64 {
+            heights
+                .iter()
+                .map(|&(h, p, v)| {
+                    let nu = 1.0 / wavelength;
+                    h * 0.5f64.sqrt() * (-(nu - p) * (nu - p) / (4.0 * v)).exp()
+                })
+                .sum::<f64>()
+        };
+        for (film_ior, thickness, base) in [(1.3f64, 300.0, 0.2), (1.8, 250.0, 0.04), (1.5, 450.0, 0.5f64)] {
+            let root = base.sqrt();
+            let base_ior = (1.0 + root) / (1.0 - root);
+            let (r1, r2) =
+                ((1.0 - film_ior) / (1.0 + film_ior), (film_ior - base_ior) / (film_ior + base_ior));
+            let curves: [&[(f64, f64, f64)]; 3] = [
+                &[(5.4856e-13, 1.6810e6, 4.3278e9), (9.7470e-14, 2.2399e6, 4.5282e9)],
+                &[(4.4201e-13, 1.7953e6, 9.3046e9)],
+                &[(5.2481e-13, 2.2084e6, 6.6121e9)],
+            ];
+            let mut sums = [0.0f64; 3];
+            for i in 0..4000 {
+                let nu = 1.2e6 + 1.5e6 * (f64::from(i) + 0.5) / 4000.0;
+                let delta = std::f64::consts::TAU * 2.0 * film_ior * thickness * 1e-9 * nu;
+                let (a, b) = (r1 * r1 + r2 * r2 + 2.0 * r1 * r2 * delta.cos(), 2.0 * r1 * r2 * delta.cos());
+                let airy = a / (1.0 + r1 * r1 * r2 * r2 + b);
+                for (sum, curve) in sums.iter_mut().zip(curves) {
+                    *sum += airy * gaussian(1.0 / nu, curve) * 1.5e6 / 4000.0 / 1.0685e-7;
+                }
+            }
+            let exact = RGB_FROM_XYZ.map(|row| (0..3).map(|i| f64::from(row[i]) * sums[i]).sum::<f64>());
+            let film = Film { factor: 1.0, ior: film_ior as f32, thickness_nm: thickness as f32 };
+            let found = film.reflectance(Vec3::splat(base as f32), 1.0).to_array();
+            for c in 0..3 {
+                let error = (f64::from(found[c]) - exact[c].clamp(0.0, 1.0)).abs();
+                assert!(error < 0.02, "{film_ior} {thickness}: {found:?} {exact:?}");
+            }
+        }
+    }
+}

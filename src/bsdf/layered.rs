@@ -1,0 +1,206 @@
+//! The whole glTF material: sheen and clearcoat over metal, diffuse base and glass, with a film between.
+//!
+//! Layers follow the glTF 2.0 appendix and its extensions with one deviation: a layer takes from what is below it its
+//! directional albedo E(wo) rather than its Fresnel term 1 - F(v.h) for each light, so that layered white returns
+//! exactly the light that arrives. From the top: coat, sheen, then the base.
+//!
+//! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface. The
+//! inside of a solid sees the glass and the opaque part alone, not the layers on the outside.
+
+use super::coat::Coat;
+use super::film::Film;
+use super::metal_rough::View;
+use super::microsurface::{Facets, Microsurface};
+use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+use super::sheen::Sheen;
+use super::through::DiffuseThrough;
+use super::{BsdfEval, BsdfSample, MetalRough, ggx, mean};
+use crate::math::Vec3;
+
+/// Every layer and base that a glTF material may have; absent ones have strength 0.
+#[derive(Clone, Copy, Debug)]
+pub struct Layered {
+    /// Diffuse base under its interface, and metal.
+    pub opaque: MetalRough<Microsurface>,
+    /// Factor on light that leaves diffusely on the other side, under the same interface.
+    pub through: Vec3,
+    /// Light that passes the interface.
+    pub glass: RoughDielectric,
+    /// Share of `glass`; the opaque material and `through` have the rest.
+    pub glass_share: f32,
+    /// A film on the interface.
+    pub film: Film,
+    /// Fibres on top.
+    pub sheen: Sheen,
+    /// The layer above all.
+    pub coat: Coat,
+}
+
+/// The parts and their weights as one direction sees them. The value of the BSDF is the sum of each part's value times
+/// its weight; chances add up to 1.
+struct Seen {
+    opaque: MetalRough<Microsurface>,
+    view: View,
+    above: Vec3,
+    glass: RoughDielectric,
+    /// Coat, sheen, opaque, through, glass.
+    weights: [Vec3; PARTS],
+    chances: [f32; PARTS],
+}
+
+const PARTS: usize = 5;
+
+impl Layered {
+    /// Is every part a single direction?
+    #[inline]
+    pub fn is_specular(&self) -> bool {
+        let coat = self.coat.factor == 0.0 || self.coat.is_mirror();
+        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Vec3::ZERO);
+        let glass = self.glass_share <= 0.0 || self.glass.is_smooth();
+        coat && opaque && glass && self.sheen.color == Vec3::ZERO
+    }
+
+    /// A plain colour for the albedo output.
+    #[inline]
+    pub fn albedo(&self) -> Vec3 {
+        let opaque = (self.opaque.albedo() + self.through).min(Vec3::ONE);
+        opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
+    }
+
+    /// With the base colour multiplied.
+    #[inline]
+    pub fn tinted(mut self, color: Vec3) -> Layered {
+        self.opaque.diffuse *= color;
+        self.opaque.metal_f0 *= color;
+        self.glass.tint *= color;
+        self
+    }
+
+    #[inline]
+    fn seen(&self, wo: Vec3) -> Seen {
+        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let (mut opaque, mut glass) = (self.opaque, self.glass);
+        if self.film.factor > 0.0 {
+            opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, above.z);
+            opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, above.z);
+            glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
+        }
+        let view = opaque.view(above);
+        // Layers lie on the outside of solids.
+        let is_inside = wo.z < 0.0 && self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
+        let (mut coat, mut sheen, mut left) = (0.0, Vec3::ZERO, 1.0);
+        if !is_inside && self.coat.factor > 0.0 {
+            coat = self.coat.albedo(wo);
+            left -= coat;
+        }
+        if !is_inside && self.sheen.color != Vec3::ZERO {
+            let albedo = self.sheen.albedo(above.z);
+            sheen = self.sheen.color * (left * albedo);
+            left *= 1.0 - self.sheen.color.max_element() * albedo;
+        }
+        let of_opaque = left * (1.0 - self.glass_share);
+        let through = self.through * (view.rest * of_opaque);
+        let of_glass = left * self.glass_share;
+        let strength = self.coat.factor * f32::from(u8::from(!is_inside));
+        let shares = [
+            coat,
+            mean(sheen),
+            of_opaque * view.albedo,
+            mean(through),
+            of_glass * glass.albedo_estimate(above.z, wo.z < 0.0),
+        ];
+        let total: f32 = shares.iter().sum();
+        let scale = 1.0 / if total > 0.0 { total } else { 1.0 };
+        Seen {
+            weights: [Vec3::splat(strength), sheen, Vec3::splat(of_opaque), through, Vec3::splat(of_glass)],
+            chances: shares.map(|s| s * scale),
+            opaque,
+            view,
+            above,
+            glass,
+        }
+    }
+
+    /// See [`super::Bsdf::sample`].
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let seen = self.seen(wo);
+        let (mut part, mut rest) = (0, u[2]);
+        while part < PARTS - 1 && rest >= seen.chances[part] {
+            rest -= seen.chances[part];
+            part += 1;
+        }
+        let chance = seen.chances[part];
+        if chance <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        let u = [u[0], u[1], (rest / chance).min(1.0f32.next_down())];
+        let s = match part {
+            0 => self.coat.sample(wo, u),
+            1 => self.sheen.sample(wo, u),
+            2 => seen.opaque.sample_seen(&seen.view, wo, seen.above, u),
+            3 => DiffuseThrough.sample(wo, u),
+            _ => seen.glass.sample(wo, u),
+        };
+        if s.is_specular {
+            let weight = s.weight * seen.weights[part] / chance;
+            return BsdfSample { weight, pdf_solid_angle: s.pdf_solid_angle * chance, ..s };
+        }
+        if s.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        let e = self.eval_seen(&seen, wo, s.wi);
+        if e.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample { weight: e.f_cos / e.pdf_solid_angle, pdf_solid_angle: e.pdf_solid_angle, ..s }
+    }
+
+    /// See [`super::Bsdf::eval`].
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        self.eval_seen(&self.seen(wo), wo, wi)
+    }
+
+    #[inline]
+    fn eval_seen(&self, seen: &Seen, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let mut sum = BsdfEval::ZERO;
+        let mut add = |part: usize, e: BsdfEval| {
+            sum.f_cos += seen.weights[part] * e.f_cos;
+            sum.pdf_solid_angle += seen.chances[part] * e.pdf_solid_angle;
+        };
+        let has = |part: usize| seen.chances[part] > 0.0;
+        if (wo.z < 0.0) == (wi.z < 0.0) {
+            if has(0) {
+                add(0, self.coat.eval(wo, wi));
+            }
+            if has(1) {
+                add(1, self.sheen.eval(wo, wi));
+            }
+            if has(2) {
+                add(2, seen.opaque.eval_above(&seen.view, seen.above, Vec3::new(wi.x, wi.y, wi.z.abs())));
+            }
+        } else if has(3) {
+            add(3, DiffuseThrough.eval(wo, wi));
+        }
+        if has(4) {
+            add(4, seen.glass.eval(wo, wi));
+        }
+        sum
+    }
+}
+
+impl<S: Facets> MetalRough<S> {
+    /// The same material on another surface.
+    pub fn on<T>(self, surface: T) -> MetalRough<T> {
+        MetalRough {
+            diffuse: self.diffuse,
+            layer_f0: self.layer_f0,
+            layer_f90: self.layer_f90,
+            metal_f0: self.metal_f0,
+            metallic: self.metallic,
+            surface,
+            microfacet: self.microfacet,
+        }
+    }
+}

@@ -1,0 +1,79 @@
+//! Metals of a measured index of refraction.
+
+use super::albedo_table::DirectionalAlbedo;
+use super::microsurface::{Facets, Microsurface};
+use super::{BsdfEval, BsdfSample, fresnel, ggx};
+use crate::math::Vec3;
+use crate::scene::Microfacet;
+
+/// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
+///
+/// Compensated like [`super::Conductor`], with the reflectance at normal incidence as f0.
+#[derive(Clone, Copy, Debug)]
+pub struct Metal {
+    /// Real part of the index of refraction by channel.
+    pub eta: Vec3,
+    /// Extinction coefficient by channel.
+    pub k: Vec3,
+    /// Its facets; smooth ones are an exact mirror.
+    pub surface: Microsurface,
+    /// Single or multiple scattering.
+    pub microfacet: Microfacet,
+}
+
+impl Metal {
+    /// Reflectance under a cosine.
+    #[inline]
+    pub fn reflectance(&self, cosine: f32) -> Vec3 {
+        let (eta, k) = (self.eta.to_array(), self.k.to_array());
+        Vec3::from_array([0, 1, 2].map(|c| fresnel::conductor(cosine, eta[c], k[c])))
+    }
+
+    /// The factor that gives back what single scattering loses.
+    #[inline(always)]
+    fn compensation(&self, above: Vec3) -> Vec3 {
+        match self.microfacet {
+            Microfacet::Multi => {
+                let alpha = self.surface.table_alpha(above);
+                DirectionalAlbedo::at(above.z, alpha).compensation(self.reflectance(1.0))
+            }
+            Microfacet::Single => Vec3::ONE,
+        }
+    }
+
+    /// See [`super::Bsdf::sample`].
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        if self.surface.is_mirror() {
+            return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
+        }
+        let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
+        let wi = normal * (2.0 * above.dot(normal)) - above;
+        let outward = Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z));
+        let value = self.eval(wo, outward);
+        if wi.z <= 0.0 || value.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample {
+            wi: outward,
+            weight: value.f_cos / value.pdf_solid_angle,
+            pdf_solid_angle: value.pdf_solid_angle,
+            eta: 1.0,
+            is_specular: false,
+            is_transmission: false,
+        }
+    }
+
+    /// See [`super::Bsdf::eval`].
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
+        let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
+        BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
+    }
+}

@@ -1,0 +1,192 @@
+//! A rough surface made of GGX facets with a roughness of its own along two tangent directions (Heitz 2014, "Understanding
+//! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
+
+use super::ggx::{self, MIN_ALPHA, Reflection};
+use crate::math::{Vec3, poly};
+use std::f32::consts::PI;
+
+/// What lobes need of a distribution of facets. Directions have z above 0.
+pub trait Facets: Copy {
+    /// Is it an exact mirror?
+    fn is_mirror(&self) -> bool;
+    /// The alpha by which tables of albedos know it from direction `wo`.
+    fn table_alpha(&self, wo: Vec3) -> f32;
+    /// A visible normal.
+    fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
+    /// What a pair of directions reflects.
+    fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection;
+}
+
+/// The same roughness in all directions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Isotropic {
+    /// GGX alpha; below [`MIN_ALPHA`] an exact mirror.
+    pub alpha: f32,
+}
+
+impl Facets for Isotropic {
+    #[inline(always)]
+    fn is_mirror(&self) -> bool {
+        self.alpha < MIN_ALPHA
+    }
+
+    #[inline(always)]
+    fn table_alpha(&self, _: Vec3) -> f32 {
+        self.alpha
+    }
+
+    #[inline(always)]
+    fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        ggx::sample_visible_normal(wo, self.alpha, u)
+    }
+
+    #[inline(always)]
+    fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
+        ggx::reflection(wo, wi, self.alpha)
+    }
+}
+
+/// Facets of two roughnesses.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Microsurface {
+    /// GGX alphas along the axis and across it, both 0 or at least [`MIN_ALPHA`].
+    alpha: [f32; 2],
+    /// Unit vector in the tangent plane, the direction of the first alpha.
+    axis: [f32; 2],
+}
+
+impl Microsurface {
+    /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. Where one of them is too small
+    /// to matter but not the other, it is raised to [`MIN_ALPHA`].
+    #[inline]
+    pub fn new(alpha: [f32; 2], axis: [f32; 2]) -> Microsurface {
+        let is_mirror = alpha[0].max(alpha[1]) < MIN_ALPHA;
+        let alpha = alpha.map(|a| if is_mirror { 0.0 } else { a.clamp(MIN_ALPHA, 1.0) });
+        Microsurface { alpha, axis }
+    }
+
+    /// The same roughness in all directions.
+    #[inline]
+    pub fn isotropic(alpha: f32) -> Microsurface {
+        Microsurface::new([alpha; 2], [1.0, 0.0])
+    }
+
+    /// The two alphas.
+    #[inline(always)]
+    pub fn alpha(&self) -> [f32; 2] {
+        self.alpha
+    }
+
+    /// To the frame of the axis.
+    #[inline(always)]
+    pub fn to_axis(&self, v: Vec3) -> Vec3 {
+        let [c, s] = self.axis;
+        Vec3::new(v.x * c + v.y * s, v.y * c - v.x * s, v.z)
+    }
+
+    /// Back from the frame of the axis.
+    #[inline(always)]
+    pub fn from_axis(&self, v: Vec3) -> Vec3 {
+        let [c, s] = self.axis;
+        Vec3::new(v.x * c - v.y * s, v.x * s + v.y * c, v.z)
+    }
+
+    /// The root in Smith's masking for a unit vector in the frame of the axis: G1 = 2 z / (z + root).
+    #[inline(always)]
+    pub fn smith_root(&self, v: Vec3) -> f32 {
+        let [ax, ay] = self.alpha;
+        (ax * ax * v.x * v.x + ay * ay * v.y * v.y + v.z * v.z).sqrt()
+    }
+
+    /// Density of normals along a vector of any length but zero, in the frame of the axis (Heitz 2014, eq. 85). Written
+    /// so that nothing cancels for small alphas.
+    #[inline(always)]
+    pub fn distribution(&self, half: Vec3) -> f32 {
+        let [ax, ay] = self.alpha;
+        let spread = half.x * half.x * (ay / ax) + half.y * half.y * (ax / ay) + half.z * half.z * (ax * ay);
+        let ratio = half.length_squared() / spread.max(1e-30);
+        ax * ay * ratio * ratio * (1.0 / PI)
+    }
+
+    /// As [`Facets::sample_visible_normal`], all in the frame of the axis.
+    #[inline(always)]
+    pub fn sample_along_axis(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        let [ax, ay] = self.alpha;
+        let stretched = Vec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
+        let z = (1.0 - u[1]) * (1.0 + stretched.z) - stretched.z;
+        let sin_squared = (1.0 - z) * (1.0 + z);
+        let sine = if sin_squared > 0.0 { sin_squared } else { 0.0 }.sqrt();
+        let (s, c) = poly::sin_cos_turns(u[0]);
+        let half = Vec3::new(sine * c, sine * s, z) + stretched;
+        let z = if half.z > 1e-12 { half.z } else { 1e-12 };
+        Vec3::new(half.x * ax, half.y * ay, z).normalize()
+    }
+}
+
+impl Facets for Microsurface {
+    #[inline(always)]
+    fn is_mirror(&self) -> bool {
+        self.alpha[0] < MIN_ALPHA
+    }
+
+    #[inline(always)]
+    fn table_alpha(&self, _: Vec3) -> f32 {
+        (self.alpha[0] * self.alpha[1]).sqrt()
+    }
+
+    #[inline(always)]
+    fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
+        self.from_axis(self.sample_along_axis(self.to_axis(wo), u))
+    }
+
+    #[inline(always)]
+    fn reflection(&self, wo: Vec3, wi: Vec3) -> Reflection {
+        let (wo, wi) = (self.to_axis(wo), self.to_axis(wi));
+        let half = wo + wi;
+        let (zo, zi) = (wo.z.max(ggx::MIN_COS), wi.z.max(ggx::MIN_COS));
+        let d = self.distribution(half);
+        let (root_o, root_i) = (self.smith_root(wo), self.smith_root(wi));
+        Reflection {
+            f_cos: d * 0.5 * zi / (zi * root_o + zo * root_i),
+            pdf_solid_angle: d * 0.5 / (zo + root_o),
+            cos_half: 0.5 * half.length(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn equal_roughnesses_are_isotropic() {
+        let (wo, wi) = (Vec3::new(0.48, 0.36, 0.8), Vec3::new(-0.6, 0.0, 0.8));
+        for alpha in [0.002, 0.1, 1.0] {
+            let two = Microsurface::new([alpha; 2], [0.6, 0.8]);
+            let (a, b) = (two.reflection(wo, wi), Isotropic { alpha }.reflection(wo, wi));
+            assert!((a.f_cos / b.f_cos - 1.0).abs() < 1e-4, "{a:?} {b:?}");
+            assert!((a.pdf_solid_angle / b.pdf_solid_angle - 1.0).abs() < 1e-4, "{a:?} {b:?}");
+        }
+    }
+
+    /// The projected area of the facets is that of the surface: the integral of D cos is 1.
+    #[test]
+    fn facets_cover_the_surface_once() {
+        for alpha in [[0.3, 0.3], [0.1, 0.6], [1.0, 0.2]] {
+            let surface = Microsurface::new(alpha, [1.0, 0.0]);
+            let n = 1000;
+            let mut sum = 0.0f64;
+            for i in 0..n * n {
+                // Uniform in azimuth and in squared sine: the measure is cos / pi.
+                let turns = (i % n) as f32 / n as f32;
+                let sin_squared = ((i / n) as f32 + 0.5) / n as f32;
+                let (s, c) = poly::sin_cos_turns(turns);
+                let r = sin_squared.sqrt();
+                let h = Vec3::new(r * c, r * s, (1.0 - sin_squared).sqrt());
+                sum += f64::from(surface.distribution(h) * PI);
+            }
+            let mean = sum / f64::from(n * n);
+            assert!((mean - 1.0).abs() < 2e-3, "{alpha:?}: {mean}");
+        }
+    }
+}

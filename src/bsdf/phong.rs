@@ -1,0 +1,87 @@
+//! The modified Phong model of older files.
+
+use super::{BsdfEval, BsdfSample, mean};
+use crate::math::{Vec3, poly};
+use crate::sampling::warp;
+use std::f32::consts::{FRAC_1_PI, TAU};
+
+/// Diffuse reflection and a cosine lobe around the mirror direction (Lafortune, Willems 1994, "Using the modified Phong
+/// reflectance model for physically based rendering"): f = kd / pi + ks (n + 2) / (2 pi) cos^n.
+///
+/// Both sides alike. Reciprocal; returns at most kd + ks of the light, and that only from straight above: at grazing
+/// incidence half of the lobe is below the surface and lost.
+#[derive(Clone, Copy, Debug)]
+pub struct Phong {
+    /// Diffuse share kd.
+    pub diffuse: Vec3,
+    /// Specular share ks; kd + ks is at most 1.
+    pub specular: Vec3,
+    /// The exponent n, from 0.
+    pub exponent: f32,
+}
+
+/// x to a power, for x in 0..1. 0 below the smallest normal number.
+#[inline(always)]
+fn power(x: f32, exponent: f32) -> f32 {
+    if x >= f32::MIN_POSITIVE { poly::exp(exponent * poly::ln(x)) } else { 0.0 }
+}
+
+impl Phong {
+    /// Scales both shares down where they would reflect more light than arrives.
+    pub fn new(diffuse: Vec3, specular: Vec3, exponent: f32) -> Phong {
+        let scale = 1.0 / (diffuse + specular).max_element().max(1.0);
+        Phong { diffuse: diffuse * scale, specular: specular * scale, exponent }
+    }
+
+    #[inline(always)]
+    fn p_specular(&self) -> f32 {
+        let (s, d) = (mean(self.specular), mean(self.diffuse));
+        s / if s + d > 0.0 { s + d } else { 1.0 }
+    }
+
+    /// See [`super::Bsdf::sample`].
+    #[inline]
+    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let wi = if u[2] < self.p_specular() {
+            // cos = u^(1 / (n + 1)).
+            let cosine = power(1.0 - u[0], 1.0 / (self.exponent + 1.0));
+            let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+            let (s, c) = poly::sin_cos_turns(u[1]);
+            let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
+            crate::math::Frame::from_normal(mirror)
+                .to_world(Vec3::new(sine * c, sine * s, cosine))
+                .normalize()
+        } else {
+            let up = warp::cosine_hemisphere([u[0], u[1]]);
+            Vec3::new(up.x, up.y, up.z.copysign(wo.z))
+        };
+        let e = self.eval(wo, wi);
+        if e.pdf_solid_angle <= 0.0 || wi.z == 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample {
+            wi,
+            weight: e.f_cos / e.pdf_solid_angle,
+            pdf_solid_angle: e.pdf_solid_angle,
+            eta: 1.0,
+            is_specular: false,
+            is_transmission: false,
+        }
+    }
+
+    /// See [`super::Bsdf::eval`].
+    #[inline]
+    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if (wo.z < 0.0) != (wi.z < 0.0) {
+            return BsdfEval::ZERO;
+        }
+        let lobe = power((wo.z * wi.z - wo.x * wi.x - wo.y * wi.y).min(1.0), self.exponent);
+        let cosine = wi.z.abs();
+        let p = self.p_specular();
+        let f = self.diffuse * FRAC_1_PI + self.specular * (lobe * (self.exponent + 2.0) / TAU);
+        BsdfEval {
+            f_cos: f * cosine,
+            pdf_solid_angle: (1.0 - p) * cosine * FRAC_1_PI + p * lobe * (self.exponent + 1.0) / TAU,
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! What to do where the normal that a surface is shaded with is not its geometric one.
+
+use crate::math::Vec3;
+
+/// Smallest cosine between the viewer and the normal that lobes are evaluated around.
+const LEAST: f32 = 1e-4;
+
+/// Largest cosine by which the mirror direction is lifted above the surface.
+const LIFT: f32 = 0.01;
+
+/// The normal that lobes are evaluated around: the shading normal `ns`, bent as far as needed for the viewer to be on the
+/// same side of it as of the surface, and for the mirror direction not to lead into the surface (Keller et al. 2017, "The
+/// Iray Light Transport Simulation and Rendering System", section 3.3), where reflections would be lost and leave
+/// black spots. All vectors have unit length; `ns` is on the side of `ng`.
+#[inline(always)]
+pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
+    if ns == ng {
+        return ns;
+    }
+    let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
+    let (n, g) = (ns * side, ng * side);
+    let cosine = n.dot(wo);
+    let n = if cosine >= LEAST { n } else { (n + wo * (LEAST - cosine)).normalize() };
+    let mirror = n * (2.0 * n.dot(wo)) - wo;
+    let (above, seen) = (mirror.dot(g), wo.dot(g));
+    // A viewer at grazing incidence sees mirror directions at grazing angles.
+    let least = if seen < LIFT { 0.9 * seen } else { LIFT };
+    if above >= least {
+        return n * side;
+    }
+    let lifted = (mirror + g * (least - above)).normalize();
+    let bent = (wo + lifted).try_normalize().unwrap_or(g);
+    bent * side
+}
+
+/// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow
+/// Terminator", eq. 3 and 4): falls to 0 where the light sinks below the geometric surface, which otherwise cuts it off
+/// along the edges of triangles. 1 where both normals are the same or `wi` is on the far side.
+#[inline(always)]
+pub(super) fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
+    let (of_surface, of_shading) = (wi.dot(ng), wi.dot(ns));
+    let below = of_shading * ng.dot(ns);
+    let ratio = of_surface / if below > 0.0 { below } else { 1.0 };
+    let g = if (of_surface > 0.0) & (below > 0.0) & (ratio < 1.0) { ratio } else { 1.0 };
+    g * (1.0 + g * (1.0 - g))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::chi2::Random;
+
+    #[test]
+    fn viewers_and_mirror_directions_are_above() {
+        let mut random = Random::new(11);
+        for _ in 0..100_000 {
+            let (ng, mut ns, wo) = (random.direction(), random.direction(), random.direction());
+            if ns.dot(ng) < 0.0 {
+                ns = -ns;
+            }
+            let side = ng.dot(wo).signum();
+            if ng.dot(wo).abs() < 1e-3 {
+                continue;
+            }
+            let n = scattering_normal(ns, ng, wo);
+            assert!((n.length() - 1.0).abs() < 1e-5);
+            assert!(n.dot(wo) * side > 0.0, "{ng} {ns} {wo}: {n}");
+            let mirror = n * (2.0 * n.dot(wo)) - wo;
+            assert!(mirror.dot(ng) * side > 0.0, "{ng} {ns} {wo}: {n}, {}", mirror.dot(ng));
+        }
+    }
+
+    #[test]
+    fn good_normals_stay() {
+        let wo = Vec3::new(0.6, 0.0, 0.8);
+        let ns = Vec3::new(-0.1, 0.2, 1.0).normalize();
+        assert!((scattering_normal(ns, Vec3::Z, wo) - ns).length() < 1e-6);
+        assert_eq!(scattering_normal(Vec3::Z, Vec3::Z, wo), Vec3::Z);
+    }
+
+    #[test]
+    fn the_terminator_is_smooth() {
+        let (ng, ns) = (Vec3::Z, Vec3::new(0.5, 0.0, 0.75f32.sqrt()));
+        let at = |sine: f32| terminator(ns, ng, Vec3::new((1.0 - sine * sine).sqrt(), 0.0, sine));
+        assert!(at(1e-3) < 0.01 && at(0.999) > 0.99);
+        let mut last = 0.0;
+        for i in 1..100 {
+            let value = at(i as f32 / 100.0);
+            assert!(value >= last && value <= 1.0 + 1e-6);
+            last = value;
+        }
+        assert_eq!(terminator(ng, ng, Vec3::new(0.6, 0.0, 0.8)), 1.0);
+    }
+}

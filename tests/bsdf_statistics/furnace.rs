@@ -1,0 +1,232 @@
+//! Energy: what arrives is what leaves, for white materials.
+
+use crate::lobes::{
+    anisotropy, coat, direction, film, finite, glass, layers, number, pbr, resolved, sheen, through,
+};
+use oscura::bsdf::{Bsdf, Conductor, Dielectric, OrenNayar, Phong, ThinDielectric};
+use oscura::math::Vec3;
+use oscura::scene::{FresnelModel, Microfacet};
+
+/// Mean weight: the share of light returned.
+fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Vec3 {
+    let mut sum = [0.0f64; 3];
+    for i in 0..n {
+        // A lattice of rank 1 in three dimensions (Roberts 2018).
+        let u = [0.819_172_513_396_164_5, 0.671_043_606_703_789_2, 0.549_700_477_901_97f64]
+            .map(|a| ((f64::from(i) + 0.5) * a).fract() as f32);
+        let s = bsdf.sample(wo, u.map(|x| x.min(1.0f32.next_down())));
+        let undo = s.eta * s.eta;
+        for (total, w) in sum.iter_mut().zip((s.weight * undo).to_array()) {
+            *total += f64::from(w);
+        }
+    }
+    Vec3::from_array(sum.map(|x| (x / f64::from(n)) as f32))
+}
+
+#[test]
+fn white_furnace_of_metal_is_one() {
+    for roughness in [0.0f32, 0.05, 0.2, 0.37, 0.5, 0.63, 0.8, 0.95, 1.0] {
+        for cosine in [1.0f32, 0.93, 0.71, 0.5, 0.33, 0.2, 0.1, 0.05] {
+            let bsdf = Bsdf::Conductor(Conductor {
+                f0: Vec3::ONE,
+                alpha: roughness * roughness,
+                microfacet: Microfacet::Multi,
+            });
+            let a = albedo(&bsdf, direction(cosine, 0.2), 40_000);
+            assert!((a.x - 1.0).abs() < 5e-3, "roughness {roughness}, cos {cosine}: {a}");
+        }
+    }
+}
+
+/// At alpha 1 the distribution of normals is constant and the albedo has the closed form 1 - c ln((1 + c) / c) for the
+/// view cosine c: single scattering loses up to 69 %.
+#[test]
+fn single_scattering_loses_energy_with_roughness() {
+    let at = |alpha: f32, cosine: f32| {
+        let bsdf = Bsdf::Conductor(Conductor { f0: Vec3::ONE, alpha, microfacet: Microfacet::Single });
+        albedo(&bsdf, direction(cosine, 0.0), 40_000).x
+    };
+    for cosine in [1.0f32, 0.6, 0.3, 0.1] {
+        let exact = 1.0 - cosine * ((1.0 + cosine) / cosine).ln();
+        let found = at(1.0, cosine);
+        assert!((found - exact).abs() < 2e-3, "{cosine}: {found} {exact}");
+    }
+    assert!(at(0.01, 0.8) > 0.999);
+    assert!(at(0.25, 0.7) > at(0.5, 0.7) && at(0.5, 0.7) > at(1.0, 0.7));
+}
+
+#[test]
+fn nothing_returns_more_than_arrives() {
+    let white = |roughness: f32, metallic: f32, transmission: f32, volume: bool| {
+        resolved(pbr(|p| {
+            (p.roughness, p.metallic) = (number(roughness), number(metallic));
+            (p.transmission, p.has_volume) = (number(transmission), volume);
+        }))
+    };
+    for roughness in [0.0, 0.1, 0.5, 1.0] {
+        for metallic in [0.0, 0.5, 1.0] {
+            for (transmission, volume) in [(0.0, false), (0.7, false), (0.7, true), (1.0, true)] {
+                for cosine in [1.0, 0.5, 0.1, -0.3] {
+                    let bsdf = white(roughness, metallic, transmission, volume);
+                    let a = albedo(&bsdf, direction(cosine, 1.0), 40_000);
+                    let what = format!("{roughness} {metallic} {transmission} {volume} {cosine}: {a}");
+                    assert!(a.x < 1.005, "{what}");
+                    // White and energy-keeping: hardly less, either.
+                    assert!(a.x > 0.99, "{what}");
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
+    for fresnel in [FresnelModel::Exact, FresnelModel::Schlick] {
+        let glass = Bsdf::Dielectric(Dielectric { ior: 1.5, tint: Vec3::ONE, fresnel });
+        for cosine in [1.0f32, 0.6, 0.1, -0.9, -0.5, -0.05] {
+            let wo = direction(cosine, 0.4);
+            assert!((albedo(&glass, wo, 10_000).x - 1.0).abs() < 1e-4);
+        }
+    }
+    let glass = Dielectric { ior: 1.5, tint: Vec3::ONE, fresnel: FresnelModel::Exact };
+    let straight = glass.sample(Vec3::Z, [0.5, 0.5, 0.039]);
+    assert!(!straight.is_transmission && (straight.pdf_solid_angle - 0.04).abs() < 1e-6);
+    // Snell: sin 0.6 becomes 0.4 inside; radiance shrinks by 1 / eta^2, and the way back undoes it.
+    let wo = Vec3::new(0.6, 0.0, 0.8);
+    let inward = glass.sample(wo, [0.5, 0.5, 0.9]);
+    assert!((inward.wi.x + 0.4).abs() < 1e-6 && inward.wi.z < 0.0 && inward.is_transmission);
+    assert!((inward.weight.x - 1.0 / 2.25).abs() < 1e-6 && inward.eta == 1.5);
+    let outward = glass.sample(inward.wi, [0.5, 0.5, 0.9]);
+    assert!((outward.wi - wo).length() < 1e-5, "{outward:?}");
+    assert!((inward.weight.x * outward.weight.x - 1.0).abs() < 1e-5);
+    // Beyond the critical angle everything is reflected.
+    let total = glass.sample(direction(-0.3, 0.0), [0.5, 0.5, 0.999]);
+    assert!(!total.is_transmission && total.pdf_solid_angle == 1.0);
+    // A sheet of glass at normal incidence: 2 R / (1 + R).
+    let sheet = ThinDielectric { ior: 1.5, tint: Vec3::ONE };
+    assert!((sheet.reflectance(1.0) - 0.08 / 1.04).abs() < 1e-6);
+    assert_eq!(sheet.sample(wo, [0.5, 0.5, 0.9]).wi, -wo);
+}
+
+const COSINES: [f32; 8] = [1.0, 0.9, 0.7, 0.5, 0.3, 0.1, -0.9, -0.3];
+const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.3, 0.5, 0.75, 1.0];
+
+/// Asserts that a white material returns all light, within 0.5 % (the lattice's own error is below 0.1 %).
+fn assert_white(name: &str, bsdf: &Bsdf) {
+    for cosine in COSINES {
+        let a = albedo(bsdf, direction(cosine, 0.6), 40_000);
+        assert!((a.x - 1.0).abs() < 5e-3, "{name}, cos {cosine}: {a}");
+    }
+}
+
+#[test]
+fn white_furnace_of_glass_is_one() {
+    for ior in [1.1, 1.33, 1.5, 2.4] {
+        for roughness in ROUGHNESSES {
+            for is_thin in [false, true] {
+                let bsdf = glass(ior, roughness, is_thin, [1.0; 3], Microfacet::Multi);
+                assert_white(&format!("glass {ior} {roughness} {is_thin}"), &bsdf);
+            }
+        }
+    }
+}
+
+#[test]
+fn white_furnace_of_rough_diffuse_is_one() {
+    for roughness in ROUGHNESSES {
+        let bsdf = Bsdf::OrenNayar(OrenNayar { color: Vec3::ONE, roughness });
+        assert_white(&format!("oren-nayar {roughness}"), &bsdf);
+    }
+}
+
+#[test]
+fn white_furnace_of_layers_is_one() {
+    for roughness in ROUGHNESSES {
+        for base in ROUGHNESSES {
+            let coated = pbr(|p| (p.clearcoat, p.roughness) = (coat(1.0, roughness), number(base)));
+            assert_white(&format!("coat {roughness} over {base}"), &resolved(coated));
+        }
+        let fibres = pbr(|p| (p.sheen, p.roughness) = (sheen([1.0; 3], roughness), number(0.5)));
+        assert_white(&format!("white sheen {roughness}"), &resolved(fibres));
+        let metal = pbr(|p| {
+            (p.clearcoat, p.metallic, p.roughness) = (coat(0.5, roughness), number(1.0), number(0.4));
+        });
+        assert_white(&format!("coat {roughness} over metal"), &resolved(metal));
+        let leaf =
+            pbr(|p| (p.diffuse_transmission, p.roughness) = (through(0.4, [1.0; 3]), number(roughness)));
+        assert_white(&format!("leaf {roughness}"), &resolved(leaf));
+    }
+}
+
+/// Phong: at normal incidence all but what the lobe loses below the surface; nothing at any angle gains.
+#[test]
+fn phong_returns_at_most_its_shares() {
+    for exponent in [0.0, 1.0, 10.0, 100.0, 1000.0] {
+        let bsdf = Bsdf::Phong(Phong::new(Vec3::ZERO, Vec3::ONE, exponent));
+        for cosine in COSINES {
+            let a = albedo(&bsdf, direction(cosine, 0.0), 40_000);
+            assert!(a.x < 1.0 + 1e-3, "{exponent} {cosine}: {a}");
+        }
+        // (n + 2) / (n + 2) for the mirror direction straight up.
+        let top = albedo(&bsdf, direction(1.0, 0.0), 40_000).x;
+        assert!((top - 1.0).abs() < 2e-3, "{exponent}: {top}");
+    }
+}
+
+/// Sheen alone on black returns its colour times the table's albedo, which grows towards grazing incidence.
+#[test]
+fn sheen_on_black_is_its_albedo() {
+    for roughness in [0.2, 0.5, 1.0] {
+        let material = pbr(|p| {
+            (p.sheen, p.specular) = (sheen([1.0; 3], roughness), number(0.0));
+            p.base_color.factor = [0.0; 3];
+        });
+        let bsdf = resolved(material);
+        let at = |cosine: f32| albedo(&bsdf, direction(cosine, 0.3), 40_000).x;
+        let table = oscura::bsdf::Sheen { color: Vec3::ONE, roughness };
+        for cosine in COSINES {
+            assert!((at(cosine) - table.albedo(cosine.abs())).abs() < 2e-3, "{roughness} {cosine}");
+        }
+        assert!(at(0.1) > at(0.9) && at(0.1) < 1.0);
+    }
+}
+
+/// Nothing that a file can ask for returns more than arrives.
+#[test]
+fn no_material_gains_energy() {
+    let mut all: Vec<(String, Bsdf)> = finite();
+    all.extend(layers().into_iter().map(|(name, p)| (name.to_string(), resolved(p))));
+    for roughness in ROUGHNESSES {
+        for strength in [0.3, 0.7, 1.0] {
+            for metallic in [0.0, 1.0] {
+                let stretched = pbr(|p| {
+                    (p.anisotropy, p.roughness, p.metallic) =
+                        (anisotropy(strength), number(roughness), number(metallic));
+                });
+                all.push((format!("anisotropic {roughness} {strength} {metallic}"), resolved(stretched)));
+            }
+        }
+        for thickness in [100.0, 400.0, 1000.0] {
+            for metallic in [0.0, 1.0] {
+                let filmed = pbr(|p| {
+                    (p.iridescence, p.roughness, p.metallic) =
+                        (film(1.8, thickness), number(roughness), number(metallic));
+                });
+                all.push((format!("film {roughness} {thickness} {metallic}"), resolved(filmed)));
+            }
+        }
+    }
+    let mut worst = (0.0, String::new());
+    for (name, bsdf) in &all {
+        for cosine in COSINES {
+            for azimuth in [0.3, 1.4] {
+                let a = albedo(bsdf, direction(cosine, azimuth), 20_000).max_element();
+                if a > worst.0 {
+                    worst = (a, format!("{name}, cos {cosine}, azimuth {azimuth}"));
+                }
+            }
+        }
+    }
+    println!("largest albedo: {worst:?}");
+    assert!(worst.0 < 1.0 + 3e-3, "{worst:?}");
+}

@@ -1,0 +1,213 @@
+//! The BSDFs under test.
+
+use oscura::bsdf::{
+    Bsdf, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Metal, Microsurface, OrenNayar, Phong,
+    class_of, resolve,
+};
+use oscura::math::{Vec2, Vec3};
+use oscura::scene::{
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, Iridescence, Microfacet, Model,
+    PbrMaterial, Sheen,
+};
+
+/// A unit vector by its cosine with z and its azimuth.
+pub fn direction(cosine: f32, azimuth: f32) -> Vec3 {
+    let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+    Vec3::new(sine * azimuth.cos(), sine * azimuth.sin(), cosine).normalize()
+}
+
+/// A metal.
+pub fn conductor(alpha: f32, microfacet: Microfacet) -> Bsdf {
+    Bsdf::Conductor(Conductor { f0: Vec3::new(0.9, 0.7, 0.4), alpha, microfacet })
+}
+
+/// Gold of two roughnesses.
+pub fn gold(alpha: [f32; 2], microfacet: Microfacet) -> Bsdf {
+    Bsdf::Metal(Metal {
+        eta: Vec3::new(0.143, 0.375, 1.442),
+        k: Vec3::new(3.983, 2.386, 1.603),
+        surface: Microsurface::new(alpha, [0.6, 0.8]),
+        microfacet,
+    })
+}
+
+/// A constant.
+pub fn number(value: f32) -> FloatSlot {
+    FloatSlot::constant(value)
+}
+
+/// A white, rough dielectric, changed.
+pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
+    let mut p = PbrMaterial { metallic: number(0.0), ..PbrMaterial::default() };
+    change(&mut p);
+    p
+}
+
+/// The BSDF of a glTF material, with tangents askew.
+pub fn resolved(p: PbrMaterial) -> Bsdf {
+    let frame =
+        LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
+    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, Microfacet::Multi)
+}
+
+/// Coloured glTF material of the four usual numbers.
+pub fn basic(roughness: f32, metallic: f32, transmission: f32, has_volume: bool) -> Bsdf {
+    resolved(pbr(|p| {
+        p.base_color.factor = [0.8, 0.5, 0.2];
+        (p.roughness, p.metallic, p.transmission) =
+            (number(roughness), number(metallic), number(transmission));
+        p.has_volume = has_volume;
+    }))
+}
+
+/// Glass.
+pub fn glass(ior: f32, roughness: f32, is_thin: bool, tint: [f32; 3], microfacet: Microfacet) -> Bsdf {
+    let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
+    resolve(&model, &Factors, &LocalFrame::STRAIGHT, microfacet)
+}
+
+/// A clearcoat.
+pub fn coat(factor: f32, roughness: f32) -> Option<Clearcoat> {
+    Some(Clearcoat { factor: number(factor), roughness: number(roughness), normal_map: None })
+}
+
+/// Fibres.
+pub fn sheen(color: [f32; 3], roughness: f32) -> Option<Sheen> {
+    Some(Sheen { color: ColorSlot::constant(color), roughness: number(roughness) })
+}
+
+/// A film of full strength.
+pub fn film(ior: f32, thickness_nm: f32) -> Option<Iridescence> {
+    Some(Iridescence {
+        factor: number(1.0),
+        ior,
+        thickness_min_nm: 0.0,
+        thickness_max_nm: thickness_nm,
+        thickness_texture: None,
+    })
+}
+
+/// Stretched facets.
+pub fn anisotropy(strength: f32) -> Option<Anisotropy> {
+    Some(Anisotropy { strength, rotation_rad: 0.4, texture: None })
+}
+
+/// Light scattered through.
+pub fn through(factor: f32, color: [f32; 3]) -> Option<DiffuseTransmission> {
+    Some(DiffuseTransmission { factor: number(factor), color: ColorSlot::constant(color) })
+}
+
+/// The same coat with a normal of its own.
+fn tilted(bsdf: Bsdf, normal: Vec3) -> Bsdf {
+    match bsdf {
+        Bsdf::Layered(l) => {
+            Bsdf::Layered(Layered { coat: Coat { normal: normal.normalize(), ..l.coat }, ..l })
+        }
+        other => other,
+    }
+}
+
+/// Every lobe and layer with a finite width.
+pub fn finite() -> Vec<(String, Bsdf)> {
+    let mut all: Vec<(String, Bsdf)> = Vec::new();
+    let mut add = |name: &str, bsdf: Bsdf| all.push((name.to_string(), bsdf));
+    add("lambert", Bsdf::Lambert(Lambert { albedo: Vec3::splat(0.5) }));
+    for roughness in [0.3, 1.0] {
+        let color = Vec3::new(0.9, 0.5, 0.1);
+        add(&format!("oren-nayar {roughness}"), Bsdf::OrenNayar(OrenNayar { color, roughness }));
+    }
+    for exponent in [0.0, 5.0, 60.0] {
+        let phong = Phong::new(Vec3::new(0.3, 0.2, 0.1), Vec3::splat(0.5), exponent);
+        add(&format!("phong {exponent}"), Bsdf::Phong(phong));
+    }
+    for alpha in [0.05, 0.15, 0.4, 1.0] {
+        add(&format!("conductor {alpha}"), conductor(alpha, Microfacet::Multi));
+        add(&format!("pbr {alpha}"), basic(alpha.sqrt(), 0.3, 0.0, false));
+    }
+    add("gold", gold([0.1, 0.5], Microfacet::Multi));
+    add("plastic", basic(0.5, 0.0, 0.0, false));
+    add("coated diffuse", basic(0.0, 0.0, 0.0, false));
+    for (ior, roughness) in [(1.5, 0.3), (1.5, 0.7), (1.1, 0.8), (2.4, 0.5), (1.33, 1.0)] {
+        add(&format!("glass {ior} {roughness}"), glass(ior, roughness, false, [1.0; 3], Microfacet::Multi));
+    }
+    add("tinted glass", glass(1.5, 0.5, false, [0.9, 0.3, 0.1], Microfacet::Single));
+    add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], Microfacet::Multi));
+    add("half transmissive", basic(0.6, 0.0, 0.5, true));
+    add("mixed", basic(0.6, 0.4, 0.5, false));
+    for (name, material) in layers() {
+        add(name, resolved(material));
+    }
+    let coated = resolved(pbr(|p| p.clearcoat = coat(1.0, 0.4)));
+    add("tilted coat", tilted(coated, Vec3::new(0.3, -0.2, 0.8)));
+    all
+}
+
+/// Materials of layers, most of them of finite width.
+pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
+    vec![
+        ("coat on diffuse", pbr(|p| (p.clearcoat, p.specular) = (coat(1.0, 0.3), number(0.0)))),
+        (
+            "smooth coat on metal",
+            pbr(|p| (p.clearcoat, p.metallic, p.roughness) = (coat(0.7, 0.0), number(1.0), number(0.5))),
+        ),
+        ("sheen", pbr(|p| p.sheen = sheen([0.9, 0.4, 0.2], 0.5))),
+        ("rough sheen", pbr(|p| p.sheen = sheen([1.0; 3], 1.0))),
+        ("narrow sheen", pbr(|p| p.sheen = sheen([1.0; 3], 0.15))),
+        (
+            "anisotropic metal",
+            pbr(|p| (p.anisotropy, p.metallic, p.roughness) = (anisotropy(0.7), number(1.0), number(0.4))),
+        ),
+        ("anisotropic plastic", pbr(|p| (p.anisotropy, p.roughness) = (anisotropy(1.0), number(0.5)))),
+        (
+            "film on metal",
+            pbr(|p| (p.iridescence, p.metallic, p.roughness) = (film(1.4, 350.0), number(1.0), number(0.4))),
+        ),
+        (
+            "film on glass",
+            pbr(|p| {
+                (p.iridescence, p.transmission, p.roughness, p.has_volume) =
+                    (film(1.8, 400.0), number(1.0), number(0.4), true)
+            }),
+        ),
+        ("leaf", pbr(|p| p.diffuse_transmission = through(0.6, [0.2, 0.8, 0.1]))),
+        (
+            "anisotropic glass",
+            pbr(|p| {
+                (p.anisotropy, p.transmission, p.roughness, p.has_volume) =
+                    (anisotropy(0.6), number(1.0), number(0.5), true)
+            }),
+        ),
+        (
+            "dull glass",
+            pbr(|p| {
+                (p.specular, p.transmission, p.roughness, p.has_volume) =
+                    (number(0.3), number(1.0), number(0.5), true)
+            }),
+        ),
+        (
+            "everything",
+            pbr(|p| {
+                (p.clearcoat, p.sheen, p.anisotropy) =
+                    (coat(0.8, 0.3), sheen([0.5, 0.6, 0.7], 0.6), anisotropy(0.5));
+                (p.iridescence, p.diffuse_transmission) = (film(1.3, 500.0), through(0.5, [1.0, 0.9, 0.8]));
+                (p.transmission, p.metallic, p.roughness, p.has_volume) =
+                    (number(0.5), number(0.3), number(0.6), true);
+            }),
+        ),
+    ]
+}
+
+#[test]
+fn layers_need_their_class() {
+    use oscura::bsdf::BsdfClass;
+    for (name, material) in layers() {
+        let class = class_of(&Model::Pbr(Box::new(material.clone())));
+        let expected = match name {
+            "anisotropic glass" => BsdfClass::RoughDielectric,
+            _ => BsdfClass::Layered,
+        };
+        assert_eq!(class, expected, "{name}");
+        let is_layered = matches!(resolved(material), Bsdf::Layered(_));
+        assert_eq!(is_layered, expected == BsdfClass::Layered, "{name}");
+    }
+}

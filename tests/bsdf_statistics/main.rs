@@ -1,0 +1,8 @@
+//! Every lobe and layered material: samples follow the density, weights are value over density, energy is kept, light
+//! takes both ways alike where promised, nothing is NaN.
+
+mod chi_square;
+mod furnace;
+mod lobes;
+mod numbers;
+mod reciprocity;

@@ -1,0 +1,49 @@
+//! What fuzzing found (`tools/fuzz`): files that once broke a loader or `compile`.
+
+use oscura::compile::{CompileOptions, CompileReport, compile};
+use oscura::error::Result;
+use oscura::load::{LoadOptions, load};
+use oscura::scene::Microfacet;
+use std::fmt::Write;
+use std::path::Path;
+
+/// Loads and compiles as the command line would.
+fn check(path: &Path) -> Result<CompileReport> {
+    let options = LoadOptions { point_radius: Some(0.01), ..LoadOptions::default() };
+    let loaded = load(path, &options)?;
+    assert_eq!(loaded.scene.validate(), [], "{}", path.display());
+    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
+    compile(&loaded.scene, &options).map(|(_, report)| report)
+}
+
+/// Areas of boxes overflowed, and a leaf got more triangles than it can count.
+#[test]
+fn triangles_of_astronomic_size_are_dropped() {
+    let mut obj = String::new();
+    for i in 0..1000 {
+        let far = if i % 10 == 0 { "1e36" } else { "1" };
+        writeln!(obj, "v {i} 0 0\nv {i} {far} 0\nv {i} 0 {far}\nf -3 -2 -1").expect("written");
+    }
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.obj"), obj).expect("written");
+    // The camera stands near the others: it is where coordinates count from.
+    let scene = "camera = { look_from = [0, 0, 9], look_at = [0, 0, 0] }\n[[objects]]\nmesh = \"a.obj\"\n";
+    let path = folder.path().join("a.toml");
+    std::fs::write(&path, scene).expect("written");
+    let report = check(&path).unwrap_or_else(|e| panic!("{e}"));
+    let said = report.warnings.iter().any(|w| w.message.starts_with("100 primitives with coordinates"));
+    assert!(said, "{:?}", report.warnings);
+}
+
+/// The parser of the header panics on numbers beyond 64 bits, also where letters follow them.
+#[test]
+fn gigantic_counts_in_a_ply_header_are_refused() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.ply");
+    for count in ["6".repeat(80), format!("{}nt i4.rty", "6".repeat(80)), format!("x{}", "9".repeat(40))] {
+        let text = format!("ply\nformat ascii 06.0\nelement vertex {count}\nproperty float x\nend_header\n");
+        std::fs::write(&path, text).expect("written");
+        let error = check(&path).err().expect("it is refused").to_string();
+        assert!(error.contains("line 3: holds a number that is too large"), "{error}");
+    }
+}
