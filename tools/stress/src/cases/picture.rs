@@ -147,6 +147,7 @@ fn picture(scene: &CompiledScene, samples: u32, seed: u32) -> Image {
         max_depth: 100,
         filter: Filter::Box,
         aovs: AovSet::default(),
+        soft_terminator: true,
         time_limit: None,
     };
     let (film, statistics) =
