@@ -4,6 +4,7 @@
 mod args;
 mod asset_args;
 mod compare;
+mod excerpt;
 mod frames;
 mod inspect;
 mod json;
