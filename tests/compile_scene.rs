@@ -3,7 +3,6 @@
 mod support;
 
 use oscura::compile::{CompileOptions, CompileReport, compile};
-use oscura::film::AovSet;
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
@@ -12,13 +11,7 @@ use oscura::scene::{
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
-    let options = CompileOptions {
-        microfacet: Microfacet::Multi,
-        camera: None,
-        width: 16,
-        height: 16,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
     compile(scene, &options).expect("compiles").1
 }
 
@@ -77,6 +70,25 @@ fn what_is_fully_transparent_is_left_out() {
     let report = report(&scene);
     assert_eq!((report.triangles, report.quads), (2 + 4, 1));
     assert!(report.left_out.iter().any(|l| l.contains("fully transparent")), "{:?}", report.left_out);
+}
+
+#[test]
+fn dropped_primitives_are_not_counted_as_present() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let mut mesh = square(1, grey);
+    mesh.triangles[0] = [0, 0, 1];
+    scene.meshes.push(mesh);
+    place(&mut scene, 0, DAffine3::IDENTITY);
+    quad(&mut scene, [0.0; 3], [0.0; 3], [0.0; 3], grey);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.quads), (1, 0));
+    let messages: Vec<&str> = report.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!(messages, ["2 primitives without area were dropped"]);
+    scene.quads.clear();
+    let report = self::report(&scene);
+    assert_eq!(report.warnings[0].message, "1 primitive without area was dropped");
 }
 
 /// An f32 matrix would take rays to object space with errors as uneven as the stretch.

@@ -3,7 +3,7 @@
 mod support;
 
 use oscura::film::{AovSet, Film};
-use oscura::render::RenderOptions;
+use oscura::render::{RenderOptions, in_pool};
 use oscura::scene::Scene;
 use oscura::simd::{Level, limit_level};
 use std::path::Path;
@@ -23,7 +23,9 @@ fn bits(film: &Film) -> Vec<[u32; 4]> {
 fn any_number_of_threads_gives_the_same_pixels() {
     for name in ["cornell-quads.toml", "materials.toml"] {
         let scene = scene(name);
-        let with = |threads| bits(&picture(&scene, &RenderOptions { threads, ..options(50, 20, 100) }));
+        let with = |threads| {
+            in_pool(threads, || bits(&picture(&scene, &options(50, 20, 100)))).expect("the threads start")
+        };
         let one = with(Some(1));
         assert!(one == with(Some(2)) && one == with(Some(7)) && one == with(None), "{name} differs");
     }

@@ -115,7 +115,7 @@ fn a_missing_map_of_an_obj_material_is_a_warning_that_names_it() {
     let left_out: Vec<String> =
         loaded.warnings.iter().map(ToString::to_string).filter(|w| w.contains("texture left out")).collect();
     assert_eq!(left_out.len(), 2, "{left_out:?}");
-    assert!(left_out.iter().all(|w| w.contains("my map.png: can't be read")), "{left_out:?}");
+    assert!(left_out.iter().all(|w| w.contains("my map.png' does not exist")), "{left_out:?}");
 }
 
 /// Broken EXR files of others; where they are absent, there is nothing to check.

@@ -31,6 +31,11 @@ fn every_example_loads_without_warnings() {
     for entry in std::fs::read_dir(scenes()).expect("scenes/ exists") {
         let path = entry.expect("an entry").path();
         if path.extension().is_some_and(|e| e == "toml") {
+            // Its mesh is too large for the repository.
+            if path.ends_with("million-triangles.toml") && !scenes().join("meshes/million.ply").exists() {
+                println!("skipped: {} needs a mesh that a program makes first", path.display());
+                continue;
+            }
             let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.warnings.is_empty(), "{}: {:?}", path.display(), loaded.warnings);
             seen += 1;

@@ -26,12 +26,13 @@ fn film(aovs: AovSet) -> Film {
 
 fn metadata() -> Metadata {
     Metadata {
-        samples: 16,
+        samples: 16.0,
         seed: u32::MAX,
         owner: Some("Ada".into()),
         render_s: Some(1.5),
         captured: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(951_782_400)),
         world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
+        stopped_by: Some("a signal".into()),
         warnings: vec!["a \u{2192} b".into()],
     }
 }
@@ -86,6 +87,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     let other =
         |name: &str| a.other.get(&Text::from(name)).or_else(|| shared.other.get(&Text::from(name))).cloned();
     assert_eq!(other("samples"), Some(AttributeValue::I32(16)));
+    assert_eq!(other("stoppedBy"), Some(AttributeValue::Text(Text::from("a signal"))));
     assert_eq!(other("seed"), Some(AttributeValue::Text(Text::from("4294967295"))));
     assert_eq!(other("renderTime"), Some(AttributeValue::F32(1.5)));
     assert_eq!(other("warnings"), Some(AttributeValue::Text(Text::from("a ? b"))));
@@ -111,11 +113,26 @@ fn values_beyond_half_floats_are_clamped_and_counted() {
     let half = encode(&film, Format::Exr, &OutputOptions::default(), Path::new("x")).unwrap();
     assert_eq!(half.warnings.len(), 1);
     assert!(half.warnings[0].message.starts_with("2 values"), "{}", half.warnings[0]);
-    assert_eq!(values(&read_back(&half.bytes).0, "B")[0], 65_504.0);
+    let (layer, _) = read_back(&half.bytes);
+    assert_eq!(values(&layer, "B")[0], 65_504.0);
+    let written = layer.attributes.other.get(&Text::from("warnings"));
+    assert_eq!(written, Some(&AttributeValue::Text(Text::from(half.warnings[0].to_string().as_str()))));
+    assert!(layer.attributes.other.get(&Text::from("stoppedBy")).is_none());
     let float = OutputOptions { float: true, ..Default::default() };
     let float = encode(&film, Format::Exr, &float, Path::new("x")).unwrap();
     assert!(float.warnings.is_empty());
     assert_eq!(values(&read_back(&float.bytes).0, "R")[0], 70_000.0);
+}
+
+#[test]
+fn a_fraction_of_samples_is_kept() {
+    let film = film(AovSet::default());
+    for (samples, expected) in [(0.5, AttributeValue::F32(0.5)), (7.0, AttributeValue::I32(7))] {
+        let metadata = Metadata { samples, ..Default::default() };
+        let options = OutputOptions { metadata, ..Default::default() };
+        let encoded = encode(&film, Format::Exr, &options, Path::new("x")).unwrap();
+        assert_eq!(read_back(&encoded.bytes).0.attributes.other.get(&Text::from("samples")), Some(&expected));
+    }
 }
 
 #[test]

@@ -2,7 +2,6 @@
 
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::error::Result;
-use oscura::film::AovSet;
 use oscura::load::{LoadOptions, load};
 use oscura::scene::Microfacet;
 use std::fmt::Write;
@@ -13,13 +12,7 @@ fn check(path: &Path) -> Result<CompileReport> {
     let options = LoadOptions { point_radius: Some(0.01), ..LoadOptions::default() };
     let loaded = load(path, &options)?;
     assert_eq!(loaded.scene.validate(), [], "{}", path.display());
-    let options = CompileOptions {
-        microfacet: Microfacet::Multi,
-        camera: None,
-        width: 16,
-        height: 16,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
     compile(&loaded.scene, &options).map(|(_, report)| report)
 }
 

@@ -29,14 +29,31 @@ pub struct BuildStats {
     pub build_s: f64,
     /// Memory of the structure.
     pub bytes: u64,
-    /// Triangles, quads and spheres in it; shared geometries count once.
-    pub primitives: u64,
+    /// Triangles in it; shared geometries count once.
+    pub triangles: u64,
+    /// Quads in it.
+    pub quads: u64,
+    /// Spheres in it.
+    pub spheres: u64,
     /// Instances in it.
     pub instances: u64,
     /// Geometries (other than the world's) that an instance uses: only these are built.
     pub shared_geometries: u64,
     /// What was left out.
     pub dropped: Dropped,
+}
+
+impl BuildStats {
+    fn count(&mut self, primitives: &[Primitive]) {
+        for primitive in primitives {
+            match primitive.kind {
+                Kind::Triangle => self.triangles += 1,
+                Kind::Quad => self.quads += 1,
+                Kind::Sphere => self.spheres += 1,
+                Kind::Instance => {}
+            }
+        }
+    }
 }
 
 /// What a tree must hold, kept for [`Accel::validate`].
@@ -107,7 +124,7 @@ impl Builder<'_> {
         let geometry = self.geometries.get(geometry).unwrap_or(&none);
         let (mut primitives, dropped) = gather(geometry);
         self.stats.dropped.add(dropped);
-        self.stats.primitives += primitives.len() as u64;
+        self.stats.count(&primitives);
         let counts = (primitives.len(), placed.len());
         primitives.extend(placed);
         if primitives.is_empty() {

@@ -153,10 +153,10 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "FILE", value_parser = OsStringValueParser::new().map(PathBuf::from))]
     pub env: Option<PathBuf>,
     /// Factor on the environment.
-    #[arg(long, value_name = "S", allow_negative_numbers = true)]
+    #[arg(long, value_name = "S", allow_negative_numbers = true, value_parser = strength)]
     pub env_strength: Option<f32>,
     /// Turns the environment picture about the vertical axis, degrees.
-    #[arg(long, value_name = "DEG", allow_negative_numbers = true)]
+    #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
@@ -188,8 +188,8 @@ pub(crate) struct RenderArgs {
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,
-    /// Exposure of PNGs in stops [default: 0].
-    #[arg(long, value_name = "STOPS", allow_negative_numbers = true)]
+    /// Exposure of PNGs in stops, -100 to 100 [default: 0].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
     /// Dither PNGs.
     #[arg(long)]
@@ -257,8 +257,26 @@ pub(crate) struct CompareArgs {
 }
 
 fn frames_per_second(text: &str) -> Result<f64, String> {
-    let value = text.parse().ok().filter(|f: &f64| f.is_finite() && *f > 0.0);
-    value.ok_or_else(|| "must be a number above 0".to_string())
+    number(text, |f| f.is_finite() && f > 0.0, "a number above 0")
+}
+
+/// A number for which `is_valid` holds.
+fn number(text: &str, is_valid: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
+    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {what}"))
+}
+
+fn strength(text: &str) -> Result<f32, String> {
+    let fits = |v: f64| v >= 0.0 && v <= f64::from(f32::MAX);
+    number(text, fits, "a finite number, 0 or more").map(|v| v as f32)
+}
+
+fn degrees(text: &str) -> Result<f64, String> {
+    number(text, f64::is_finite, "a finite number of degrees")
+}
+
+/// The range is that of scene files.
+fn stops(text: &str) -> Result<f32, String> {
+    number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {

@@ -7,7 +7,7 @@ use super::report::print_line;
 use oscura::error::{Error, Result};
 use oscura::image::Image;
 use oscura::load::image::load_linear_rgb;
-use oscura::metrics::{Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test};
+use oscura::metrics::{BLOCK, Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test};
 use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
 use std::path::Path;
 
@@ -25,7 +25,12 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
         (Some(other), Some(variance)) => {
             let other = read(other, Some(&reference))?;
             let variance = read(variance, Some(&reference))?;
-            Some(z_test(&picture, &other, &reference, &variance))
+            let test = z_test(&picture, &other, &reference, &variance);
+            Some(test.ok_or_else(|| {
+                let (w, h) = (picture.width, picture.height);
+                Error::input(&args.picture, format!("{w} x {h} pixels are too few for a statistical test"))
+                    .with_help(format!("it takes {BLOCK} x {BLOCK} pixels at least; leave out --other-seed"))
+            })?)
         }
         _ => None,
     };

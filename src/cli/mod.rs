@@ -4,12 +4,14 @@
 mod args;
 mod asset_args;
 mod compare;
+mod excerpt;
 mod frames;
 mod help;
 mod inspect;
 mod json;
 mod markdown;
 mod new;
+mod pictures;
 mod process;
 mod progress;
 mod render;

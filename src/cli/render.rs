@@ -3,22 +3,25 @@
 use super::Outcome;
 use super::args::RenderArgs;
 use super::frames::Frames;
+use super::pictures::{Pictures, Targets};
 use super::process::{peak_memory, stop_flag};
 use super::progress::Progress;
 use super::report::{self, Run};
-use super::settings::{Settled, apply_environment, settle};
-use oscura::compile::{CompileOptions, CompileReport, compile};
+use super::settings::{Settled, apply_environment, check_size, settle};
+use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::film::Film;
 use oscura::load::{LoadOptions, load};
-use oscura::output::{Format, Metadata, OutputOptions, check_target, encode, write_atomically};
-use oscura::render::{Statistics, render};
-use std::path::Path;
+use oscura::render::{in_pool, render};
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let stop = stop_flag()?;
+    in_pool(args.threads.map(usize::from), || run_all(args, stop))?
+}
+
+/// Renders one picture, or each of a sequence.
+fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     let Some(frames) = args.frames else { return run_one(args, stop) };
     for number in frames.numbers() {
         let mut frame = args.clone();
@@ -34,34 +37,10 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
 
 /// Renders one picture.
 fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
-    let formats = args.output.iter().map(|p| Format::of(p)).collect::<Result<Vec<Format>>>()?;
-    for (i, path) in args.output.iter().enumerate() {
-        if args.output[..i].contains(path) {
-            return Err(Error::usage(format!("-o {} is given twice", path.display())));
-        }
-        check_target(path)?;
-    }
-
-    let start = Instant::now();
-    let options = LoadOptions {
-        allow_external: args.allow_external,
-        brings_environment: args.env.is_some(),
-        gltf: args.asset.options(),
-        point_radius: args.point_radius,
-        no_sidecar: args.no_sidecar,
-        ..LoadOptions::default()
-    };
-    let mut loaded = load(&args.scene, &options)?;
-    let mut warnings = std::mem::take(&mut loaded.warnings);
-    warnings.extend(apply_environment(args, &mut loaded.scene)?);
-    let load_s = start.elapsed().as_secs_f64();
-
-    let settled = settle(args, &loaded.scene)?;
-    let (compiled, mut build) = compile(&loaded.scene, &compile_options(&settled))?;
-    drop(loaded.scene);
-    warnings.append(&mut build.warnings);
-    let mut left_out = std::mem::take(&mut loaded.left_out);
-    left_out.append(&mut build.left_out);
+    check_size(args)?;
+    let targets = Targets::check(&args.output)?;
+    let Prepared { scene, settled, build, load_s, mut warnings, left_out } =
+        prepare(args, targets.has_exr())?;
     if !args.quiet {
         report::warnings(&warnings);
         if args.explain {
@@ -72,16 +51,21 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     stop_before_pixels(stop)?;
 
     let progress = Progress::new(args.quiet);
-    let (film, statistics) = render(&compiled, &settled.render, stop, &|event| progress.show(&event));
+    let (film, statistics) = render(&scene, &settled.render, stop, &|event| progress.show(&event))?;
     progress.finish();
 
     let start = Instant::now();
-    let late = write(args, &formats, &film, &settled, &build, &statistics, &warnings)?;
-    let write_s = start.elapsed().as_secs_f64();
+    let pictures = Pictures::encode(args, &targets, &film, &settled, &build, &statistics, &warnings)?;
     if !args.quiet {
-        report::warnings(&late);
+        report::warnings(&pictures.warnings);
     }
-    warnings.extend(late);
+    // Who stops a run wants what is there.
+    if !statistics.interrupted {
+        refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
+    }
+    pictures.write()?;
+    let write_s = start.elapsed().as_secs_f64();
+    warnings.extend(pictures.warnings);
 
     let run = Run {
         load_s,
@@ -92,7 +76,7 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         compiled: build,
         statistics,
         peak_memory: peak_memory(),
-        outputs: args.output.iter().map(|p| p.display().to_string()).collect(),
+        outputs: targets.names(),
         warnings,
         left_out,
     };
@@ -105,59 +89,44 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }
 
-fn compile_options(settled: &Settled) -> CompileOptions {
-    CompileOptions {
+/// All that rendering needs.
+struct Prepared {
+    scene: CompiledScene,
+    settled: Settled,
+    build: CompileReport,
+    load_s: f64,
+    warnings: Vec<Warning>,
+    left_out: Vec<String>,
+}
+
+/// Loads and compiles; `has_exr` tells whether anything can hold AOVs.
+fn prepare(args: &RenderArgs, has_exr: bool) -> Result<Prepared> {
+    let start = Instant::now();
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        gltf: args.asset.options(),
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
+    };
+    let mut loaded = load(&args.scene, &options)?;
+    let mut warnings = std::mem::take(&mut loaded.warnings);
+    let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
+    warnings.extend(apply_environment(args, &mut loaded.scene)?);
+    let load_s = start.elapsed().as_secs_f64();
+
+    let options = CompileOptions {
         microfacet: settled.microfacet,
         camera: settled.camera,
         width: settled.render.width,
         height: settled.render.height,
-        needs: settled.render.aovs,
-    }
-}
-
-/// Encodes all pictures, then writes them: an encoder's refusal leaves no file at all. Returns the warnings that came
-/// up after the scene was built.
-fn write(
-    args: &RenderArgs,
-    formats: &[Format],
-    film: &Film,
-    settled: &Settled,
-    build: &CompileReport,
-    statistics: &Statistics,
-    earlier: &[Warning],
-) -> Result<Vec<Warning>> {
-    let mut late = Vec::new();
-    if statistics.invalid_samples > 0 {
-        let n = statistics.invalid_samples;
-        late.push(Warning::general(format!("{n} samples were NaN or infinite and were left out")));
-    }
-    let timed = !args.reproducible;
-    let options = OutputOptions {
-        float: args.float,
-        png: settled.png,
-        metadata: Metadata {
-            samples: statistics.samples_per_pixel.floor() as u32,
-            seed: settled.render.seed,
-            owner: args.owner.clone(),
-            render_s: timed.then_some(statistics.render_s),
-            captured: timed.then(SystemTime::now),
-            world_to_camera: Some(build.world_to_camera),
-            warnings: earlier.iter().chain(&late).map(Warning::to_string).collect(),
-        },
     };
-    let mut files: Vec<(&Path, Vec<u8>)> = Vec::new();
-    for (path, &format) in args.output.iter().zip(formats) {
-        let mut encoded = encode(film, format, &options, path)?;
-        for warning in encoded.warnings.drain(..) {
-            late.push(Warning { file: Some(path.clone()), ..warning });
-        }
-        files.push((path, encoded.bytes));
-    }
-    refuse_warnings(args, &late, ErrorKind::Output)?;
-    for (path, bytes) in files {
-        write_atomically(path, &bytes)?;
-    }
-    Ok(late)
+    let (scene, mut build) = compile(&loaded.scene, &options)?;
+    warnings.append(&mut build.warnings);
+    let mut left_out = loaded.left_out;
+    left_out.append(&mut build.left_out);
+    Ok(Prepared { scene, settled, build, load_s, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -1,5 +1,6 @@
 //! What the user reads: errors, warnings and the report at the end.
 
+use super::excerpt::Excerpt;
 use super::json::Json;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::compile::CompileReport;
@@ -65,7 +66,16 @@ fn plain(problem: &Problem) {
     }
 }
 
+/// The problem with the line that it is about; only the part around the place where that line is very long.
 fn snippet(problem: &Problem, text: &str, file: &str) -> String {
+    if let Some(excerpt) = problem.span.as_ref().and_then(|span| Excerpt::of_long_line(text, span)) {
+        let Excerpt { line, column, shown, marker } = excerpt;
+        let mut out = format!("  {} [{file}:{line}:{column}]\n    {shown}\n    {marker}", problem.message);
+        if let Some(help) = &problem.help {
+            out += &format!("\n    help: {help}");
+        }
+        return out;
+    }
     let handler = miette::GraphicalReportHandler::new_themed(theme());
     let source = NamedSource::new(file, text.to_string());
     let mut out = String::new();
@@ -172,21 +182,21 @@ impl Run {
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         eprintln!(
-            "scene    {} triangles, {} quads, {} spheres, {} lights, {:.1} MiB",
-            c.triangles,
-            c.quads,
-            c.spheres,
-            c.lights,
+            "scene    {}, {}, {}, {}, {:.1} MiB",
+            counted(c.triangles, "triangle"),
+            counted(c.quads, "quad"),
+            counted(c.spheres, "sphere"),
+            counted(c.lights, "light"),
             mib(c.bytes)
         );
         eprintln!(
-            "picture  {} x {}, {} samples a pixel, {} paths, {} rays",
+            "picture  {} x {}, {} samples a pixel, {}, {}",
             self.width,
             self.height,
             // Fractions only come from stopping early.
             (s.samples_per_pixel * 100.0).round() / 100.0,
-            s.samples,
-            s.rays
+            counted(s.samples, "path"),
+            counted(s.rays, "ray")
         );
         eprintln!(
             "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), write {:.3} s",
@@ -210,6 +220,11 @@ impl Run {
             eprintln!("wrote    {output}");
         }
     }
+}
+
+/// `1 light`, `2 lights`.
+fn counted(n: u64, what: &str) -> String {
+    format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 
 fn mib(bytes: u64) -> f64 {

@@ -23,8 +23,14 @@ pub(crate) struct Settled {
     pub png: PngOptions,
 }
 
-/// Command line over scene file over defaults.
-pub(crate) fn settle(args: &RenderArgs, scene: &Scene) -> Result<Settled> {
+/// Command line over scene file over defaults. What has no effect because no output is an EXR is left out, with a
+/// warning.
+pub(crate) fn settle(
+    args: &RenderArgs,
+    scene: &Scene,
+    has_exr: bool,
+    warnings: &mut Vec<Warning>,
+) -> Result<Settled> {
     let from_file = &scene.settings;
     let camera = args.camera.as_deref().map(|wanted| find_camera(scene, wanted)).transpose()?;
     let (width, height) = picture_size(args, scene, camera.unwrap_or(0))?;
@@ -38,17 +44,18 @@ pub(crate) fn settle(args: &RenderArgs, scene: &Scene) -> Result<Settled> {
         MicrofacetArg::Single => Microfacet::Single,
     });
     let exposure = args.exposure.or(from_file.exposure).unwrap_or(0.0);
-    if !exposure.is_finite() {
-        return Err(Error::usage("--exposure must be finite"));
+    for (option, is_given) in [("--aov", !args.aov.is_empty()), ("--float", args.float)] {
+        if is_given && !has_exr {
+            warnings.push(Warning::general(format!("{option} has no effect: no output is an EXR")));
+        }
     }
-    let has = |aov| args.aov.contains(&aov);
+    let has = |aov| has_exr && args.aov.contains(&aov);
     let render = RenderOptions {
         width,
         height,
         samples: args.spp.or(from_file.samples).unwrap_or(DEFAULT_SAMPLES),
         seed: args.seed.or(from_file.seed).unwrap_or(0),
         max_depth: args.depth.or(from_file.depth).unwrap_or(DEFAULT_DEPTH),
-        threads: args.threads.map(usize::from),
         filter: filter.or(from_file.filter).unwrap_or_default(),
         aovs: AovSet { depth: has(AovArg::Depth), normal: has(AovArg::Normal), albedo: has(AovArg::Albedo) },
         soft_terminator: args.terminator == TerminatorArg::Soft,
@@ -97,22 +104,31 @@ fn picture_size(args: &RenderArgs, scene: &Scene, camera: usize) -> Result<(u32,
         (None, Some(h)) => (rounded(f64::from(h) * aspect), h),
         (None, None) => (DEFAULT_WIDTH, rounded(f64::from(DEFAULT_WIDTH) / aspect)),
     };
-    if u64::from(width) * u64::from(height) > PIXEL_LIMIT {
-        return Err(Error::usage(format!(
-            "{width} x {height} pixels are more than the {PIXEL_LIMIT} possible"
-        )));
-    }
+    check_pixels(width, height)?;
     Ok((width, height))
+}
+
+/// Finds pictures that are too large for any scene, before one is loaded.
+///
+/// # Errors
+/// A usage error.
+pub(crate) fn check_size(args: &RenderArgs) -> Result<()> {
+    match (args.width, args.height) {
+        (Some(width), Some(height)) => check_pixels(width, height),
+        _ => Ok(()),
+    }
+}
+
+fn check_pixels(width: u32, height: u32) -> Result<()> {
+    if u64::from(width) * u64::from(height) > PIXEL_LIMIT {
+        let message = format!("{width} x {height} pixels are more than the {PIXEL_LIMIT} possible");
+        return Err(Error::usage(message).with_help("give a smaller --width or --height"));
+    }
+    Ok(())
 }
 
 /// Replaces or adjusts the scene's environment as the arguments ask.
 pub(crate) fn apply_environment(args: &RenderArgs, scene: &mut Scene) -> Result<Vec<Warning>> {
-    if args.env_strength.is_some_and(|s| !(s >= 0.0 && s.is_finite())) {
-        return Err(Error::usage("--env-strength must be a finite number, 0 or more"));
-    }
-    if args.env_rotation.is_some_and(|r| !r.is_finite()) {
-        return Err(Error::usage("--env-rotation must be finite"));
-    }
     let mut warnings = Vec::new();
     if let Some(path) = &args.env {
         if path.as_os_str().is_empty() {

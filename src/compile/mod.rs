@@ -14,7 +14,6 @@ pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, tra
 use crate::accel::{Accel, BuildOptions, BuildStats};
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
-use crate::film::AovSet;
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DMat4, Hit, Vec3};
 use crate::scene::{Microfacet, Scene};
@@ -37,8 +36,6 @@ pub struct CompileOptions {
     pub width: u32,
     /// Picture height in pixels.
     pub height: u32,
-    /// AOVs that will be asked for.
-    pub needs: AovSet,
 }
 
 /// What compiling did.
@@ -131,7 +128,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let environment = EnvironmentLight::new(&scene.environment, &scene.images, true);
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
-    report.count(&geometries, &lights);
+    report.lights = lights.len() as u64;
     let features = Features {
         alpha: materials.iter().any(|m| m.alpha.is_some()),
         normals: geometries.has_normals(),
@@ -166,15 +163,19 @@ fn input_error(message: impl Into<String>) -> Error {
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
     report.bytes = stats.bytes;
+    (report.triangles, report.quads, report.spheres) = (stats.triangles, stats.quads, stats.spheres);
     let dropped = stats.dropped;
-    let mut warn = |count: u64, what: &str| {
-        if count > 0 {
-            report.warnings.push(Warning::general(format!("{count} {what} were dropped")));
-        }
+    let mut warn = |count: u64, what: &str, with: &str| {
+        let message = match count {
+            0 => return,
+            1 => format!("1 {what} {with} was dropped"),
+            _ => format!("{count} {what}s {with} were dropped"),
+        };
+        report.warnings.push(Warning::general(message));
     };
-    warn(dropped.not_finite, "primitives with coordinates that are not finite or beyond 1e18 m");
-    warn(dropped.degenerate, "primitives without area");
-    warn(dropped.instances, "placements with singular transforms");
+    warn(dropped.not_finite, "primitive", "with coordinates that are not finite or beyond 1e18 m");
+    warn(dropped.degenerate, "primitive", "without area");
+    warn(dropped.instances, "placement", "with singular transforms");
 }
 
 /// Half the diagonal of the box around everything, at least a little.
@@ -201,15 +202,4 @@ fn scene_radius(geometries: &Geometries) -> f32 {
     }
     let radius = 0.5 * world.extent().length();
     if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
-}
-
-impl CompileReport {
-    fn count(&mut self, geometries: &Geometries, lights: &Lights) {
-        for shapes in &geometries.shapes {
-            self.triangles += shapes.triangles.len() as u64;
-            self.quads += shapes.quads.len() as u64;
-            self.spheres += shapes.spheres.len() as u64;
-        }
-        self.lights = lights.len() as u64;
-    }
 }

@@ -9,6 +9,8 @@ mod tile;
 pub use filter::FilterSampler;
 pub use tile::FilmTile;
 
+use crate::error::{Error, Result};
+
 /// The depth written where no sample of a pixel hit a surface, metres.
 pub const BACKGROUND_DEPTH: f32 = 1e10;
 
@@ -71,6 +73,33 @@ impl Sums {
         }
     }
 
+    /// Like [`Sums::new`]; `None` if the memory isn't there.
+    fn try_new(pixels: usize, aovs: AovSet) -> Option<Sums> {
+        fn zeros<T: bytemuck::Zeroable>(count: usize) -> Option<Vec<T>> {
+            bytemuck::try_zeroed_vec(count).ok()
+        }
+        let only_if = |wanted: bool| if wanted { pixels } else { 0 };
+        Some(Sums {
+            rgba: zeros(pixels)?,
+            count: zeros(pixels)?,
+            depth: zeros(only_if(aovs.depth))?,
+            normal: zeros(only_if(aovs.normal))?,
+            albedo: zeros(only_if(aovs.albedo))?,
+            hits: zeros(only_if(aovs.any()))?,
+        })
+    }
+
+    /// Bytes of the lists for one pixel.
+    fn bytes_per_pixel(aovs: AovSet) -> u64 {
+        let only_if = |wanted: bool, bytes: usize| if wanted { bytes as u64 } else { 0 };
+        let (f, n) = (size_of::<f64>(), size_of::<u32>());
+        only_if(true, 4 * f + n)
+            + only_if(aovs.depth, f)
+            + only_if(aovs.normal, 3 * f)
+            + only_if(aovs.albedo, 3 * f)
+            + only_if(aovs.any(), n)
+    }
+
     /// Adds one row of another set of sums.
     fn add_row(&mut self, at: usize, other: &Sums, from: usize, length: usize) {
         fn add<const N: usize>(into: &mut [[f64; N]], from: &[[f64; N]]) {
@@ -120,6 +149,23 @@ impl Film {
         Film { width, height, aovs, sums, invalid_samples: 0 }
     }
 
+    /// An empty film of `width` by `height` pixels.
+    ///
+    /// # Errors
+    /// A usage error that tells how much memory it takes, if that isn't there.
+    pub fn try_new(width: u32, height: u32, aovs: AovSet) -> Result<Film> {
+        let pixels = u64::from(width) * u64::from(height);
+        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, aovs));
+        let sums = sums.ok_or_else(|| {
+            let gib = pixels as f64 * Sums::bytes_per_pixel(aovs) as f64 / f64::from(1u32 << 30);
+            Error::usage(format!(
+                "a picture of {width} x {height} pixels takes {gib:.1} GiB of memory, which the system refuses"
+            ))
+            .with_help("make it smaller, or leave out --aov")
+        })?;
+        Ok(Film { width, height, aovs, sums, invalid_samples: 0 })
+    }
+
     /// Pixels in a row.
     pub fn width(&self) -> u32 {
         self.width
@@ -138,6 +184,11 @@ impl Film {
     /// Samples that were NaN or infinite and therefore left out of their pixels.
     pub fn invalid_samples(&self) -> u64 {
         self.invalid_samples
+    }
+
+    /// Pixels without a valid sample: black and transparent, because rendering stopped before or all samples were NaN.
+    pub fn unsampled_pixels(&self) -> u64 {
+        self.sums.count.iter().filter(|&&n| n == 0).count() as u64
     }
 
     /// An empty tile for the rectangle that starts at (`x0`, `y0`), cut off at the film's edges.
@@ -228,6 +279,15 @@ mod tests {
         assert_eq!(film.mean_rgba(1, 1), [0.0; 4]);
         assert_eq!((film.samples(2, 1), film.samples(0, 0)), (2, 0));
         assert_eq!((film.depth(2, 1), film.normal(2, 1), film.albedo(2, 1)), (None, None, None));
+    }
+
+    #[test]
+    fn a_film_that_does_not_fit_says_what_it_takes() {
+        let error = Film::try_new(u32::MAX, u32::MAX, ALL).expect_err("2^64 pixels");
+        assert!(error.to_string().contains("GiB"), "{error}");
+        let one = Film::try_new(3, 2, ALL).expect("six pixels");
+        assert_eq!(one, Film::new(3, 2, ALL));
+        assert_eq!(one.unsampled_pixels(), 6);
     }
 
     #[test]

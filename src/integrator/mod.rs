@@ -85,6 +85,9 @@ pub struct Integrator<'a> {
 /// Bounces whose Sobol dimensions are prepared in advance.
 const PREPARED_BOUNCES: u32 = 32;
 
+/// Bounces between two questions whether to stop; few paths see the first.
+const STOP_INTERVAL: u32 = 64;
+
 /// Which of a path's sets of four Sobol dimensions is for what.
 #[derive(Clone, Copy)]
 enum Purpose {
@@ -104,13 +107,24 @@ impl<'a> Integrator<'a> {
         Integrator { scene, options, groups, dimensions: (0..sets).map(Dimensions::new).collect() }
     }
 
-    /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample.
-    pub fn trace(&self, block: &Block, w: &mut Workspace, mut sink: impl FnMut(&PathSample)) {
+    /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample. Asks `stop` once in
+    /// 64 bounces, so that paths which hardly ever end can be stopped; false if they were, and then the
+    /// samples handed on are not all.
+    #[must_use]
+    pub fn trace(
+        &self,
+        block: &Block,
+        w: &mut Workspace,
+        stop: &dyn Fn() -> bool,
+        mut sink: impl FnMut(&PathSample),
+    ) -> bool {
         let total = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
         let mut first = 0;
         while first < total {
             let count = (total - first).min(WAVE as u64);
-            self.trace_wave(block, first, count as usize, w);
+            if !self.trace_wave(block, first, count as usize, w, stop) {
+                return false;
+            }
             for (i, &[r, g, b, alpha]) in w.radiance.iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
                 let aov = w.aovs.get(i).copied().flatten();
@@ -118,11 +132,23 @@ impl<'a> Integrator<'a> {
             }
             first += count;
         }
+        true
     }
 
-    fn trace_wave(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
+    /// Traces one wave; false if `stop` said so.
+    fn trace_wave(
+        &self,
+        block: &Block,
+        first: u64,
+        count: usize,
+        w: &mut Workspace,
+        stop: &dyn Fn() -> bool,
+    ) -> bool {
         self.generate(block, first, count, w);
         for bounce in 0..=self.options.max_depth {
+            if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
+                return false;
+            }
             w.intersect(&self.scene.accel);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
@@ -130,7 +156,7 @@ impl<'a> Integrator<'a> {
             let is_last = bounce == self.options.max_depth;
             let sorted = self.surfaces(bounce, is_last, w);
             if sorted.total == 0 {
-                return;
+                return true;
             }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
@@ -138,9 +164,10 @@ impl<'a> Integrator<'a> {
             }
             self.scatter(bounce, &sorted, w);
             if w.rays.is_empty() {
-                return;
+                return true;
             }
         }
+        true
     }
 
     /// Are there normals that make the remedy necessary, and is it wanted?

@@ -3,7 +3,7 @@
 use crate::image::Image;
 
 /// Edge of the blocks of [`z_test`], pixels.
-const BLOCK: usize = 8;
+pub const BLOCK: usize = 8;
 
 /// Errors of a picture against a reference, over all pixels and channels.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,10 +37,15 @@ pub struct ChannelTest {
 }
 
 impl ChannelTest {
-    /// Difference of the means in standard deviations.
+    /// Difference of the means in standard deviations; 0 where there is neither difference nor deviation.
     pub fn z(&self) -> f64 {
-        (self.mean - self.reference) / self.sigma
+        in_deviations(self.mean - self.reference, self.sigma)
     }
+}
+
+/// A difference in standard deviations. Exact numbers that agree are 0 deviations apart, ones that don't infinitely many.
+fn in_deviations(difference: f64, sigma: f64) -> f64 {
+    if difference == 0.0 && sigma == 0.0 { 0.0 } else { difference / sigma }
 }
 
 /// The verdict of [`z_test`].
@@ -87,9 +92,13 @@ pub fn errors(a: &Image, reference: &Image) -> Errors {
 
 /// Tests whether a picture agrees with a converged reference. `a` and `b` differ by seed only, which gives their own
 /// variance; `variance` is that of the reference's pixels. Blocks of 8x8 pixels make the estimate fair; rows and columns
-/// that fill no block count for the means only. All four have the same size.
-pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> ZTest {
+/// that fill no block count for the means only. All four have the same size. `None` if that is less than a block.
+pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Option<ZTest> {
     assert_same_size(&[a, b, reference, variance]);
+    let (columns, rows) = (a.width as usize / BLOCK, a.height as usize / BLOCK);
+    if columns * rows == 0 {
+        return None;
+    }
     let n = f64::from(a.width) * f64::from(a.height);
     let mut channels = [ChannelTest { mean: 0.0, reference: 0.0, sigma: 0.0 }; 3];
     for (x, y) in pixels(a) {
@@ -104,7 +113,6 @@ pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> ZTes
     for test in &mut channels {
         test.sigma = test.sigma.sqrt();
     }
-    let (columns, rows) = (a.width as usize / BLOCK, a.height as usize / BLOCK);
     let (mut beyond_3, mut beyond_5) = (0u32, 0u32);
     for (column, row) in (0..rows).flat_map(|row| (0..columns).map(move |column| (column, row))) {
         let z = block_z([a, b, reference, variance], column, row);
@@ -112,7 +120,7 @@ pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> ZTes
         beyond_5 += z.iter().filter(|z| z.abs() > 5.0).count() as u32;
     }
     let share = |count: u32| f64::from(count) / (3 * columns * rows) as f64;
-    ZTest { channels, beyond_3_sigma: share(beyond_3), beyond_5_sigma: share(beyond_5) }
+    Some(ZTest { channels, beyond_3_sigma: share(beyond_3), beyond_5_sigma: share(beyond_5) })
 }
 
 /// What one pixel brings to the test, by channel.
@@ -215,11 +223,27 @@ mod tests {
     #[test]
     fn equal_distributions_agree_and_shifted_ones_do_not() {
         let (reference, variance) = (noisy(3, 1.0, 0.01), noisy(4, 1e-4, 0.0));
-        let test = z_test(&noisy(1, 1.0, 0.1), &noisy(2, 1.0, 0.1), &reference, &variance);
+        let test =
+            z_test(&noisy(1, 1.0, 0.1), &noisy(2, 1.0, 0.1), &reference, &variance).expect("64 blocks");
         assert!(test.agrees(), "{test:?}");
         assert!((test.channels[0].sigma - (0.005f64 + 1e-4).sqrt() / 64.0).abs() < 1e-4);
         // Half a per cent is about 4.4 standard deviations here; one per cent is far outside.
-        assert!(!z_test(&noisy(1, 1.01, 0.1), &noisy(2, 1.01, 0.1), &reference, &variance).agrees());
+        let far = z_test(&noisy(1, 1.01, 0.1), &noisy(2, 1.01, 0.1), &reference, &variance);
+        assert!(!far.expect("64 blocks").agrees());
+    }
+
+    #[test]
+    fn exact_pictures_agree_only_where_they_are_equal() {
+        let flat = |value: f32| Image::from_linear_rgb("flat", 9, 8, vec![value; 9 * 8 * 3]);
+        let test = |value| z_test(&flat(value), &flat(value), &flat(0.5), &flat(0.0)).expect("one block");
+        assert!(test(0.5).agrees() && test(0.5).channels[0].z() == 0.0, "{:?}", test(0.5));
+        assert!(!test(0.25).agrees() && test(0.25).channels[0].z() == f64::NEG_INFINITY, "{:?}", test(0.25));
+    }
+
+    #[test]
+    fn pictures_without_a_block_have_no_verdict() {
+        let small = Image::from_linear_rgb("small", 64, 7, vec![1.0; 64 * 7 * 3]);
+        assert_eq!(z_test(&small, &small, &small, &small), None);
     }
 
     #[test]

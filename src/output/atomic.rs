@@ -37,6 +37,13 @@ pub fn check_target(path: &Path) -> Result<()> {
     create(path).map(drop)
 }
 
+/// Would both paths be the same file? Folders are compared as they really are, so `a.png` is `./a.png`, also through
+/// links; names that differ are different files, on every system.
+pub fn is_same_target(a: &Path, b: &Path) -> bool {
+    let folder = |path| fs::canonicalize(folder_of(path)).unwrap_or_else(|_| folder_of(path).to_path_buf());
+    a == b || (a.file_name() == b.file_name() && folder(a) == folder(b))
+}
+
 /// Writes a file under a temporary name in the same folder, makes sure that it is on the disk, and renames it.
 ///
 /// # Errors

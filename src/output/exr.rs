@@ -17,8 +17,8 @@ use std::time::{Duration, SystemTime};
 /// What the header says about how the picture was made. What is `None` is left out.
 #[derive(Clone, Debug, Default)]
 pub struct Metadata {
-    /// Samples a pixel.
-    pub samples: u32,
+    /// Samples a pixel; a fraction if rendering was stopped and pixels differ.
+    pub samples: f64,
     /// Seed of all randomness.
     pub seed: u32,
     /// Whose picture it is.
@@ -29,22 +29,50 @@ pub struct Metadata {
     pub captured: Option<SystemTime>,
     /// From world to camera space (right-handed, y up, looking down -z), column vectors.
     pub world_to_camera: Option<DMat4>,
+    /// What stopped rendering before all samples were done.
+    pub stopped_by: Option<String>,
     /// What was ignored, approximated or repaired on the way to the picture.
     pub warnings: Vec<String>,
 }
 
-/// Encodes a film. Values beyond the range of half floats are clamped and counted in a warning.
+/// Encodes a film. Values beyond the range of half floats are clamped and counted in a warning, which the header holds
+/// too.
 ///
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encoded, String> {
     let mut clamped = 0u64;
-    let mut channels: Vec<_> = ["R", "G", "B", "A"]
+    let channels = channels(film, float, &mut clamped);
+    let warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
+    let mut metadata = metadata.clone();
+    metadata.warnings.extend(warnings.iter().map(Warning::to_string));
+    let size = Vec2(film.width() as usize, film.height() as usize);
+    let encoding = Encoding {
+        compression: exr::prelude::Compression::ZIP16,
+        blocks: exr::image::Blocks::ScanLines,
+        line_order: exr::prelude::LineOrder::Increasing,
+    };
+    let channels = AnyChannels::sort(channels.into_iter().collect());
+    let mut image = Image::from_layer(Layer::new(size, attributes(&metadata), encoding, channels));
+    image.attributes.chromaticities = Some(rec709());
+    let mut bytes = Cursor::new(Vec::new());
+    let write = image.write();
+    // The encoder brings a pool of its own with all cores.
+    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
+    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+    let mut bytes = bytes.into_inner();
+    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
+    Ok(Encoded { bytes, warnings })
+}
+
+/// Colour and AOVs; adds to `clamped` how many values didn't fit.
+fn channels(film: &Film, float: bool, clamped: &mut u64) -> Vec<AnyChannel<FlatSamples>> {
+    let mut channels: Vec<AnyChannel<FlatSamples>> = ["R", "G", "B", "A"]
         .iter()
         .enumerate()
         .map(|(c, name)| {
             let values = plane(film, |x, y| film.mean_rgba(x, y)[c]);
-            let samples = if float { FlatSamples::F32(values) } else { to_half(&values, &mut clamped) };
+            let samples = if float { FlatSamples::F32(values) } else { to_half(&values, clamped) };
             AnyChannel::new(*name, samples)
         })
         .collect();
@@ -63,21 +91,7 @@ pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encod
             channels.push(AnyChannel::new(["albedo.R", "albedo.G", "albedo.B"][c], FlatSamples::F32(values)));
         }
     }
-    let size = Vec2(film.width() as usize, film.height() as usize);
-    let encoding = Encoding {
-        compression: exr::prelude::Compression::ZIP16,
-        blocks: exr::image::Blocks::ScanLines,
-        line_order: exr::prelude::LineOrder::Increasing,
-    };
-    let channels = AnyChannels::sort(channels.into_iter().collect());
-    let mut image = Image::from_layer(Layer::new(size, attributes(metadata), encoding, channels));
-    image.attributes.chromaticities = Some(rec709());
-    let mut bytes = Cursor::new(Vec::new());
-    image.write().to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    let mut bytes = bytes.into_inner();
-    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
-    let warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
-    Ok(Encoded { bytes, warnings })
+    channels
 }
 
 fn plane(film: &Film, value: impl Fn(u32, u32) -> f32) -> Vec<f32> {
@@ -124,7 +138,15 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
     };
     let mut add = |name: &str, value| attributes.other.insert(text(name), value);
     add("colorInteropID", AttributeValue::Text(text("lin_rec709_scene")));
-    add("samples", AttributeValue::I32(i32::try_from(metadata.samples).unwrap_or(i32::MAX)));
+    let samples = metadata.samples;
+    let is_whole = samples.fract() == 0.0 && samples <= f64::from(i32::MAX);
+    add(
+        "samples",
+        if is_whole { AttributeValue::I32(samples as i32) } else { AttributeValue::F32(samples as f32) },
+    );
+    if let Some(reason) = &metadata.stopped_by {
+        add("stoppedBy", AttributeValue::Text(text(reason)));
+    }
     add("seed", AttributeValue::Text(text(&metadata.seed.to_string())));
     if let Some(seconds) = metadata.render_s {
         add("renderTime", AttributeValue::F32(seconds as f32));

@@ -7,7 +7,7 @@ mod exr_header;
 mod png;
 mod tone;
 
-pub use atomic::{check_target, write_atomically};
+pub use atomic::{check_target, is_same_target, write_atomically};
 pub use exr::{Metadata, encode_exr};
 pub use png::{PngOptions, encode_png, encode_png_rgb8};
 pub use tone::View;

@@ -1,22 +1,29 @@
-//! Rendering: passes over tiles on all cores, progress, stopping.
+//! Rendering: passes over tiles on the threads of the current rayon pool, progress, stopping.
 //!
-//! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order; tiles share no
-//! pixels and passes follow each other, so every pixel's sum has one order at any number of threads.
+//! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order and merge each into
+//! the film when it is done; tiles share no pixels and passes follow each other, so every pixel's sum has one order at
+//! any number of threads.
 
 mod clock;
+mod pool;
+mod progress;
+mod schedule;
+
+pub use pool::in_pool;
 
 use crate::compile::CompiledScene;
+use crate::error::Result;
 use crate::film::{AovSet, Film, FilmTile, FilterSampler};
-use crate::integrator::{Block, Integrator, PathOptions, WAVE, Workspace};
+use crate::integrator::{Block, Integrator, PathOptions, Workspace};
 use crate::scene::Filter;
 use clock::CpuClock;
+use progress::Progress;
 use rayon::prelude::*;
+use schedule::{Pass, Schedule};
 use std::cell::RefCell;
-use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
+use std::sync::Mutex;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
-
-/// Edge of a tile in pixels.
-const TILE: u32 = 16;
 
 /// How to render.
 #[derive(Clone, Copy, Debug)]
@@ -31,15 +38,13 @@ pub struct RenderOptions {
     pub seed: u32,
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
-    /// Threads; all cores by default.
-    pub threads: Option<usize>,
     /// Reconstruction filter.
     pub filter: Filter,
     /// What to record besides colour.
     pub aovs: AovSet,
     /// Soften the edges of self-shadowing on shapes with shading normals, which otherwise follow the triangles.
     pub soft_terminator: bool,
-    /// No pass starts after this time. The number of samples then depends on the machine.
+    /// Stop after this time. The number of samples then depends on the machine.
     pub time_limit: Option<Duration>,
 }
 
@@ -74,9 +79,9 @@ pub struct Statistics {
     pub samples_per_pixel: f64,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
-    /// Stopped by the user: the picture is made of the samples that were done.
+    /// Stopped by the user before all samples were done.
     pub interrupted: bool,
-    /// Stopped by the time limit.
+    /// Stopped by the time limit before all samples were done.
     pub timed_out: bool,
 }
 
@@ -84,28 +89,21 @@ thread_local! {
     static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
 }
 
-/// Renders until all samples are done, `cancel` is set or the time limit is over. A stopped picture has all the tiles
-/// that were finished; its pixels may differ in their number of samples by one pass.
+/// Renders until all samples are done, `cancel` is set or the time limit is over, on the current rayon pool.
+///
+/// With a time limit, passes are planned so that all pixels have the same number of samples; where a pass takes longer
+/// than it should, and where `cancel` is set, the picture has the tiles that were finished until then: pixels may differ
+/// in their number of samples by one pass. No sample is chosen by its value, so such a picture has the same mean.
+///
+/// # Errors
+/// A usage error if there is no memory for the film. Once that is there, rendering can't fail.
 pub fn render(
     scene: &CompiledScene,
     options: &RenderOptions,
     cancel: &AtomicBool,
     events: &(dyn Fn(Event) + Sync),
-) -> (Film, Statistics) {
-    let pool =
-        options.threads.and_then(|n| rayon::ThreadPoolBuilder::new().num_threads(n.max(1)).build().ok());
-    match pool {
-        Some(pool) => pool.install(|| run(scene, options, cancel, events)),
-        None => run(scene, options, cancel, events),
-    }
-}
-
-fn run(
-    scene: &CompiledScene,
-    options: &RenderOptions,
-    cancel: &AtomicBool,
-    events: &(dyn Fn(Event) + Sync),
-) -> (Film, Statistics) {
+) -> Result<(Film, Statistics)> {
+    let film = Film::try_new(options.width, options.height, options.aovs)?;
     let (begin, cpu) = (Instant::now(), CpuClock::start());
     let filter = FilterSampler::new(options.filter);
     let paths = PathOptions {
@@ -115,118 +113,95 @@ fn run(
         aovs: options.aovs.any(),
         soft_terminator: options.soft_terminator,
     };
-    let integrator = Integrator::new(scene, paths);
-    let mut film = Film::new(options.width, options.height, options.aovs);
-    let progress = Progress::new(options, begin, events);
-    let tiles = tiles(options);
-    let mut statistics = Statistics::default();
-    let mut first_sample = 0;
-    while first_sample < options.samples {
-        let samples = samples_of_pass().min(options.samples - first_sample);
-        let done: Vec<Option<FilmTile>> = tiles
-            .par_iter()
-            .map(|tile| {
-                if cancel.load(Ordering::Relaxed) {
-                    return None;
-                }
-                let block = Block { first_sample, samples, ..*tile };
-                let (filled, rays) = fill(&integrator, &film, &block);
-                progress.add(&block, rays);
-                Some(filled)
-            })
-            .collect();
-        done.into_iter().flatten().for_each(|tile| film.merge(tile));
-        first_sample += samples;
-        statistics.interrupted = cancel.load(Ordering::Relaxed);
-        statistics.timed_out = first_sample < options.samples
-            && options.time_limit.is_some_and(|limit| begin.elapsed() >= limit);
-        if statistics.interrupted || statistics.timed_out {
+    let run = Run {
+        integrator: Integrator::new(scene, paths),
+        film: Mutex::new(film),
+        progress: Progress::new(options, begin, events),
+        cancel,
+    };
+    let mut schedule = Schedule::new(options, begin);
+    let mut cut_short = false;
+    while let Some(pass) = schedule.next(begin.elapsed()) {
+        let start = Instant::now();
+        cut_short = !run.pass(options, pass, &schedule);
+        if cut_short {
             break;
         }
+        schedule.finished(pass, start.elapsed());
     }
-    let pixels = f64::from(options.width) * f64::from(options.height);
-    statistics.samples = progress.samples.load(Ordering::Relaxed);
-    statistics.samples_per_pixel = statistics.samples as f64 / pixels;
-    statistics.rays = progress.rays.load(Ordering::Relaxed);
-    statistics.invalid_samples = film.invalid_samples();
-    statistics.render_s = begin.elapsed().as_secs_f64();
-    statistics.render_cpu_s = cpu.seconds();
-    (film, statistics)
+    let is_complete = schedule.is_complete() && !cut_short;
+    let Run { film, progress, .. } = run;
+    let film = film.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner());
+    let samples = progress.samples();
+    let interrupted = !is_complete && cancel.load(Ordering::Relaxed);
+    let statistics = Statistics {
+        render_s: begin.elapsed().as_secs_f64(),
+        render_cpu_s: cpu.seconds(),
+        rays: progress.rays(),
+        samples,
+        samples_per_pixel: samples as f64 / (f64::from(options.width) * f64::from(options.height)),
+        invalid_samples: film.invalid_samples(),
+        interrupted,
+        timed_out: !is_complete && !interrupted,
+    };
+    Ok((film, statistics))
 }
 
-/// A wave's worth for each tile: full vectors, and passes short enough to stop at.
-fn samples_of_pass() -> u32 {
-    WAVE as u32 / (TILE * TILE)
+/// What all threads share.
+struct Run<'a> {
+    integrator: Integrator<'a>,
+    film: Mutex<Film>,
+    progress: Progress<'a>,
+    cancel: &'a AtomicBool,
 }
 
-/// All tiles, row by row, with no samples yet.
-fn tiles(options: &RenderOptions) -> Vec<Block> {
-    let starts = |size: u32| (0..size).step_by(TILE as usize);
+impl Run<'_> {
+    /// Takes a pass over all tiles. False if it was stopped: then some tiles have not got its samples.
+    fn pass(&self, options: &RenderOptions, pass: Pass, schedule: &Schedule) -> bool {
+        let stop = || self.cancel.load(Ordering::Relaxed) || schedule.is_late();
+        let one = |tile: &Block| {
+            if stop() {
+                return false;
+            }
+            let block = Block { first_sample: pass.first_sample, samples: pass.samples, ..*tile };
+            let Some((filled, rays)) = self.fill(options.aovs, &block, &stop) else { return false };
+            self.film.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).merge(filled);
+            self.progress.add(&block, rays);
+            true
+        };
+        // All of them: stopping is a look at a clock for each tile that is left.
+        tiles(options, pass.tile()).par_iter().map(one).reduce(|| true, |a, b| a & b)
+    }
+
+    /// Traces a block into a tile of its own; returns it with the number of rays, or `None` if it was stopped.
+    fn fill(&self, aovs: AovSet, block: &Block, stop: &dyn Fn() -> bool) -> Option<(FilmTile, u64)> {
+        let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, aovs);
+        WORKSPACE.with(|workspace| {
+            let workspace = &mut *workspace.borrow_mut();
+            let before = workspace.ray_count;
+            let is_done = self.integrator.trace(block, workspace, stop, |sample| {
+                tile.add(sample.pixel, sample.rgb, sample.alpha);
+                if aovs.any() {
+                    tile.add_aovs(sample.pixel, sample.aov);
+                }
+            });
+            is_done.then_some((tile, workspace.ray_count - before))
+        })
+    }
+}
+
+/// All tiles of a size, row by row, with no samples yet.
+fn tiles(options: &RenderOptions, (width, height): (u32, u32)) -> Vec<Block> {
+    let starts = |size: u32, step: u32| (0..size).step_by(step as usize);
     let row = |y0| {
-        starts(options.width).map(move |x0| Block {
+        starts(options.width, width).map(move |x0| Block {
             x0,
             y0,
-            width: TILE.min(options.width - x0),
-            height: TILE.min(options.height - y0),
+            width: width.min(options.width - x0),
+            height: height.min(options.height - y0),
             first_sample: 0,
             samples: 0,
         })
     };
-    starts(options.height).flat_map(row).collect()
-}
-
-/// Traces a block into a tile of its own; returns it with the number of rays.
-fn fill(integrator: &Integrator<'_>, film: &Film, block: &Block) -> (FilmTile, u64) {
-    let mut tile = film.tile(block.x0, block.y0, block.width, block.height);
-    let aovs = film.aovs().any();
-    WORKSPACE.with(|workspace| {
-        let workspace = &mut *workspace.borrow_mut();
-        let before = workspace.ray_count;
-        integrator.trace(block, workspace, |sample| {
-            tile.add(sample.pixel, sample.rgb, sample.alpha);
-            if aovs {
-                tile.add_aovs(sample.pixel, sample.aov);
-            }
-        });
-        (tile, workspace.ray_count - before)
-    })
-}
-
-/// Counts what is done and tells about it, at most ten times a second.
-struct Progress<'a> {
-    samples: AtomicU64,
-    rays: AtomicU64,
-    total: u64,
-    begin: Instant,
-    /// When to tell again, in milliseconds from the beginning.
-    next_ms: AtomicU64,
-    events: &'a (dyn Fn(Event) + Sync),
-}
-
-impl<'a> Progress<'a> {
-    fn new(options: &RenderOptions, begin: Instant, events: &'a (dyn Fn(Event) + Sync)) -> Progress<'a> {
-        let total = u64::from(options.width) * u64::from(options.height) * u64::from(options.samples);
-        Progress {
-            samples: AtomicU64::new(0),
-            rays: AtomicU64::new(0),
-            total,
-            begin,
-            next_ms: AtomicU64::new(100),
-            events,
-        }
-    }
-
-    fn add(&self, block: &Block, rays: u64) {
-        let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
-        let samples_done = self.samples.fetch_add(paths, Ordering::Relaxed) + paths;
-        let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
-        let elapsed = self.begin.elapsed();
-        let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
-        let is_due = now >= next || samples_done == self.total;
-        // One thread wins; the others go on.
-        let order = Ordering::Relaxed;
-        if is_due && self.next_ms.compare_exchange(next, now + 100, order, order).is_ok() {
-            (self.events)(Event::Progress { samples_done, samples_total: self.total, rays, elapsed });
-        }
-    }
+    starts(options.height, height).flat_map(row).collect()
 }

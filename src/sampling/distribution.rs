@@ -1,56 +1,4 @@
-//! Distributions over tables: piecewise constant on 0..1 by inversion, and over indices by an alias table.
-
-/// A density on 0..1 that is constant on `n` equal pieces.
-#[derive(Clone, Debug)]
-pub struct PiecewiseConstant {
-    /// Density of each piece; their mean is 1.
-    density: Vec<f32>,
-    /// Distribution function at the left end of each piece, and 1 at the end.
-    cumulative: Vec<f32>,
-}
-
-impl PiecewiseConstant {
-    /// From weights, at least one; negative and non-finite ones count as 0. All zero gives the uniform density.
-    pub fn new(weights: &[f32]) -> PiecewiseConstant {
-        let cleaned = cleaned(weights);
-        let total: f64 = cleaned.iter().sum();
-        let n = cleaned.len() as f64;
-        let mut sum = 0.0;
-        let mut cumulative = vec![0.0];
-        for w in &cleaned {
-            sum += w / total;
-            cumulative.push(sum.min(1.0) as f32);
-        }
-        if let Some(last) = cumulative.last_mut() {
-            *last = 1.0;
-        }
-        PiecewiseConstant { density: cleaned.iter().map(|w| (w * n / total) as f32).collect(), cumulative }
-    }
-
-    /// Inverts the distribution function: a position and the index of its piece.
-    #[inline]
-    pub fn sample(&self, u: f32) -> (f32, usize) {
-        let n = self.density.len();
-        let piece = (self.cumulative.partition_point(|&c| c <= u).max(1) - 1).min(n - 1);
-        let (low, high) = (self.cumulative[piece], self.cumulative[piece + 1]);
-        let share = (u - low) / if high > low { high - low } else { 1.0 };
-        let x = (piece as f32 + share) / n as f32;
-        (if x < 1.0 { x } else { 1.0f32.next_down() }, piece)
-    }
-
-    /// Density at a position in 0..1.
-    #[inline]
-    pub fn pdf(&self, x: f32) -> f32 {
-        let n = self.density.len();
-        self.density[((x * n as f32) as usize).min(n - 1)]
-    }
-
-    /// Chance of a piece.
-    #[inline]
-    pub fn pdf_discrete(&self, piece: usize) -> f32 {
-        self.density[piece] / self.density.len() as f32
-    }
-}
+//! Distributions over indices by an alias table.
 
 /// One entry of an [`AliasTable`].
 #[derive(Clone, Copy, Debug)]
@@ -160,19 +108,6 @@ mod tests {
     const WEIGHTS: [f32; 7] = [0.0, 3.0, 0.1, 0.0, 5.0, 1.0, 0.0];
 
     #[test]
-    fn piecewise_constant_passes_chi_square() {
-        let d = PiecewiseConstant::new(&WEIGHTS);
-        Chi2::new("piecewise constant", 1).cells(14, 4).assert(
-            |u| Some([f64::from(d.sample(u[0]).0), f64::from(u[1])]),
-            |p| f64::from(d.pdf(p[0] as f32)),
-        );
-        for u in [0.0, 0.5, 1.0f32.next_down()] {
-            let (x, piece) = d.sample(u);
-            assert!(d.pdf(x) > 0.0 && d.pdf_discrete(piece) > 0.0, "{u} gives {x}");
-        }
-    }
-
-    #[test]
     fn alias_table_passes_chi_square_with_its_remainder() {
         let table = AliasTable::new(&WEIGHTS);
         let n = table.len() as f64;
@@ -190,7 +125,6 @@ mod tests {
     fn hopeless_weights_give_equal_chances() {
         let weights = [0.0, f32::NAN, -1.0, f32::INFINITY];
         assert_eq!(AliasTable::new(&weights).pdf_discrete(2), 0.25);
-        assert_eq!(PiecewiseConstant::new(&weights).pdf(0.3), 1.0);
         assert_eq!(AliasTable::new(&[]).sample(0.5).index, 0);
     }
 }

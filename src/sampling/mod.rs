@@ -16,7 +16,7 @@ pub mod triangle;
 pub mod warp;
 
 pub use bilinear::{BilinearMap, MapSample};
-pub use distribution::{AliasTable, PiecewiseConstant};
+pub use distribution::AliasTable;
 pub use mis::power_heuristic;
 pub use rectangle::SphericalRectangle;
 pub use sphere_light::SphereSampler;

@@ -3,7 +3,6 @@
 use crate::asset::{glb, load_by, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
 use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
-use oscura::film::AovSet;
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded};
 use oscura::scene::Microfacet;
@@ -174,13 +173,7 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
         json!({}),
         json!(true),
     ];
-    let options = CompileOptions {
-        microfacet: Microfacet::default(),
-        camera: None,
-        width: 8,
-        height: 8,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::default(), camera: None, width: 8, height: 8 };
     let (mut tried, mut refused) = (0, 0);
     for place in &places {
         for value in &nonsense {

@@ -30,7 +30,6 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
         samples,
         seed: 1,
         max_depth,
-        threads: None,
         filter: Filter::Box,
         aovs: AovSet::default(),
         soft_terminator: true,
@@ -45,10 +44,10 @@ pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
         camera: None,
         width: options.width,
         height: options.height,
-        needs: options.aovs,
     };
     let (compiled, _) = compile(scene, &compile_options).expect("the scene compiles");
-    let (film, statistics) = render(&compiled, options, &AtomicBool::new(false), &|_| {});
+    let (film, statistics) =
+        render(&compiled, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
     film
 }

@@ -15,6 +15,7 @@ mod tables;
 
 use measure::{Point, Setup, measure};
 use oscura::error::{Error, Result};
+use oscura::render::in_pool;
 use std::path::PathBuf;
 use std::process::ExitCode;
 
@@ -45,7 +46,8 @@ fn run(arguments: &Arguments) -> Result<()> {
     let mut points: Vec<Point> = Vec::new();
     for scene in &scenes {
         eprintln!("{}", scene.display());
-        points.extend(measure(scene, &arguments.setup)?);
+        let setup = &arguments.setup;
+        points.extend(in_pool(setup.threads, || measure(scene, setup))??);
     }
     let texts = [
         ("time-to-error.csv", tables::csv(&points)),

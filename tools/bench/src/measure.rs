@@ -56,19 +56,18 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
         camera: None,
         width: setup.width,
         height,
-        needs: AovSet::default(),
     };
     let (compiled, _) = compile(&scene, &options)?;
     let shot = |samples: u32, seed: u32| picture(&compiled, setup, height, samples, seed);
     let half = setup.reference.div_ceil(2);
-    let halves = [shot(half, 1_000_001).0, shot(half, 1_000_002).0];
+    let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
     let reference = mean(&halves[0], &halves[1]);
     // Each half differs from their mean by (a - b) / 2, whose square is also the variance of the mean.
     let reference_rel_mse = errors(&halves[0], &reference).rel_mse;
     let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let point = |&samples: &u32| {
-        let (image, statistics) = shot(samples, 1);
-        Point {
+        let (image, statistics) = shot(samples, 1)?;
+        Ok(Point {
             scene: name.clone(),
             samples,
             render_s: statistics.render_s,
@@ -76,9 +75,9 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
             rays: statistics.rays,
             rel_mse: errors(&image, &reference).rel_mse - reference_rel_mse,
             reference_rel_mse,
-        }
+        })
     };
-    Ok(setup.ladder.iter().map(point).collect())
+    setup.ladder.iter().map(point).collect()
 }
 
 fn picture(
@@ -87,21 +86,20 @@ fn picture(
     height: u32,
     samples: u32,
     seed: u32,
-) -> (Image, Statistics) {
+) -> Result<(Image, Statistics)> {
     let options = RenderOptions {
         width: setup.width,
         height,
         samples,
         seed,
         max_depth: setup.depth,
-        threads: setup.threads,
         filter: Filter::Box,
         aovs: AovSet::default(),
         soft_terminator: true,
         time_limit: None,
     };
-    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {});
-    (to_image(&film), statistics)
+    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {})?;
+    Ok((to_image(&film), statistics))
 }
 
 fn to_image(film: &Film) -> Image {

@@ -1,7 +1,6 @@
 //! What all targets share: bytes become files, which are loaded and compiled as the command line would.
 
 use oscura::compile::{CompileOptions, compile};
-use oscura::film::AovSet;
 use oscura::load::{LoadOptions, load};
 use oscura::scene::Microfacet;
 use std::cell::OnceCell;
@@ -44,7 +43,6 @@ fn load_and_compile(path: &Path) {
                 camera: None,
                 width: 16,
                 height: 16,
-                needs: AovSet::default(),
             };
             // A scene may be refused here, with reasons.
             let _ = compile(&loaded.scene, &options);

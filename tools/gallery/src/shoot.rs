@@ -5,7 +5,7 @@ use oscura::error::{Error, Result};
 use oscura::film::{AovSet, Film};
 use oscura::load::{LoadOptions, load};
 use oscura::output::{Format, Metadata, OutputOptions, PngOptions, View, encode, write_atomically};
-use oscura::render::{RenderOptions, render};
+use oscura::render::{RenderOptions, in_pool, render};
 use oscura::scene::Scene;
 use std::path::Path;
 use std::sync::atomic::AtomicBool;
@@ -47,6 +47,10 @@ impl Shot {
     /// # Errors
     /// What loading and compiling report, and warnings too: the scenes of the gallery have none.
     pub fn take(path: &Path, quality: Quality) -> Result<Shot> {
+        in_pool(quality.threads, || Shot::take_here(path, quality))?
+    }
+
+    fn take_here(path: &Path, quality: Quality) -> Result<Shot> {
         let start = Instant::now();
         let mut loaded = load(path, &LoadOptions::default())?;
         let options = options(&loaded.scene, quality, path)?;
@@ -55,7 +59,6 @@ impl Shot {
             camera: None,
             width: options.width,
             height: options.height,
-            needs: options.aovs,
         };
         let (compiled, report) = compile(&loaded.scene, &compile_options)?;
         loaded.warnings.extend(report.warnings);
@@ -63,7 +66,7 @@ impl Shot {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
         }
         let load_s = start.elapsed().as_secs_f64();
-        let (film, statistics) = render(&compiled, &options, &AtomicBool::new(false), &|_| {});
+        let (film, statistics) = render(&compiled, &options, &AtomicBool::new(false), &|_| {})?;
         if statistics.invalid_samples > 0 {
             let message = format!("{} samples were NaN or infinite", statistics.invalid_samples);
             return Err(Error::input(path, message));
@@ -86,7 +89,7 @@ impl Shot {
         let output = OutputOptions {
             png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
             metadata: Metadata {
-                samples: self.options.samples,
+                samples: self.options.samples.into(),
                 seed: self.options.seed,
                 render_s: Some(self.render_s),
                 ..Metadata::default()
@@ -126,7 +129,6 @@ fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions
         samples: samples.div_ceil(quality.fewer),
         seed: settings.seed.unwrap_or(0),
         max_depth: settings.depth.unwrap_or(100),
-        threads: quality.threads,
         filter: settings.filter.unwrap_or_default(),
         aovs: AovSet::default(),
         time_limit: None,

@@ -57,7 +57,7 @@ fn scaled_and_moved(original: &CompiledScene, samples: u32) -> Row {
         for far in [0.0, FAR] {
             let scene = scene(10f64.powi(power), far);
             let [a, b] = [2 * tried, 2 * tried + 1].map(|seed| picture(&scene, samples, seed));
-            let test = z_test(&a, &b, &mean, &variance);
+            let test = z_test(&a, &b, &mean, &variance).expect("many blocks");
             let z = test.channels.iter().map(|c| c.z().abs()).fold(0.0, f64::max);
             let pair = Pair::of(&a, &picture(original, samples, 2 * tried));
             tried += 1;
@@ -132,13 +132,7 @@ fn scene(scale: f64, far: f64) -> CompiledScene {
     let path = folder.path().join("box.gltf");
     std::fs::write(&path, asset.to_string()).expect("the temporary folder takes a file");
     let loaded = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
-    let options = CompileOptions {
-        microfacet: Microfacet::Multi,
-        camera: None,
-        width: SIZE,
-        height: SIZE,
-        needs: AovSet::default(),
-    };
+    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: SIZE, height: SIZE };
     let (compiled, report) = compile(&loaded.scene, &options).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "scale {scale:e}, moved by {far:e}: {:?}", report.warnings);
     compiled
@@ -151,13 +145,13 @@ fn picture(scene: &CompiledScene, samples: u32, seed: u32) -> Image {
         samples,
         seed,
         max_depth: 100,
-        threads: None,
         filter: Filter::Box,
         aovs: AovSet::default(),
-        time_limit: None,
         soft_terminator: true,
+        time_limit: None,
     };
-    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {});
+    let (film, statistics) =
+        render(scene, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
     to_image(&film)
 }

@@ -1,0 +1,132 @@
+//! How many samples each pass takes: a wave's worth a tile, or what fits into the time that is left.
+
+use super::RenderOptions;
+use crate::integrator::WAVE;
+use std::time::{Duration, Instant};
+
+/// Samples of a full pass.
+const MOST: u32 = 8;
+/// Share of the time left that a pass may take: a wrong forecast then costs little.
+const SHARE: f64 = 0.1;
+
+/// Decides passes. With a time limit, the first has one sample a pixel and tells what a sample costs; later ones take at
+/// most a tenth of the time that is left (but at least one sample), and none begins that would not end in time.
+pub(super) struct Schedule {
+    begin: Instant,
+    limit: Option<Duration>,
+    samples: u32,
+    next: u32,
+    /// Seconds of one sample of every pixel, as the last pass found.
+    sample_s: Option<f64>,
+}
+
+/// A range of samples of every pixel.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Pass {
+    pub first_sample: u32,
+    pub samples: u32,
+}
+
+impl Pass {
+    /// Width and height of tiles in pixels: with the pass's samples they fill about one wave, so that passes of few
+    /// samples are not slower.
+    pub fn tile(self) -> (u32, u32) {
+        let (width, height) = match self.samples {
+            1 => (64, 32),
+            2 | 3 => (32, 32),
+            4..MOST => (32, 16),
+            _ => (16, 16),
+        };
+        debug_assert!(width * height * self.samples.min(MOST) <= 2 * WAVE as u32);
+        (width, height)
+    }
+}
+
+impl Schedule {
+    pub fn new(options: &RenderOptions, begin: Instant) -> Schedule {
+        Schedule { begin, limit: options.time_limit, samples: options.samples, next: 0, sample_s: None }
+    }
+
+    /// Is the time over?
+    pub fn is_late(&self) -> bool {
+        self.limit.is_some_and(|limit| self.begin.elapsed() >= limit)
+    }
+
+    /// The next pass when `elapsed` has gone by since the beginning; `None` if all samples are planned or no pass fits
+    /// any more.
+    pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
+        let left = self.samples - self.next;
+        let samples = match (self.limit, self.sample_s) {
+            (None, _) => MOST,
+            (Some(_), None) => 1,
+            (Some(limit), Some(sample_s)) => {
+                let left_s = limit.saturating_sub(elapsed).as_secs_f64();
+                if sample_s > left_s {
+                    return None;
+                }
+                // `as` saturates.
+                ((SHARE * left_s / sample_s) as u32).clamp(1, MOST)
+            }
+        };
+        let pass = Pass { first_sample: self.next, samples: samples.min(left) };
+        self.next += pass.samples;
+        (pass.samples > 0).then_some(pass)
+    }
+
+    /// Takes down how long a pass took.
+    pub fn finished(&mut self, pass: Pass, took: Duration) {
+        self.sample_s = Some(took.as_secs_f64() / f64::from(pass.samples));
+    }
+
+    /// Are all samples planned?
+    pub fn is_complete(&self) -> bool {
+        self.next == self.samples
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn schedule(samples: u32, limit: Option<Duration>) -> Schedule {
+        Schedule { begin: Instant::now(), limit, samples, next: 0, sample_s: None }
+    }
+
+    /// Plays a machine that takes `sample_s` a sample; returns the passes' sizes and the time at the end.
+    fn play(mut schedule: Schedule, sample_s: f64) -> (Vec<u32>, f64) {
+        let (mut sizes, mut now) = (Vec::new(), 0.0);
+        while let Some(pass) = schedule.next(Duration::from_secs_f64(now)) {
+            let took = sample_s * f64::from(pass.samples);
+            assert_eq!(pass.first_sample, sizes.iter().sum::<u32>());
+            sizes.push(pass.samples);
+            now += took;
+            schedule.finished(pass, Duration::from_secs_f64(took));
+        }
+        (sizes, now)
+    }
+
+    #[test]
+    fn without_a_limit_passes_are_full() {
+        assert_eq!(play(schedule(20, None), 1.0).0, [8, 8, 4]);
+    }
+
+    #[test]
+    fn passes_stay_within_the_limit_and_use_most_of_it() {
+        for sample_s in [0.011, 0.11, 0.4] {
+            let (sizes, end) = play(schedule(1 << 20, Some(Duration::from_secs(10))), sample_s);
+            assert_eq!(sizes[0], 1);
+            assert!(end <= 10.0 && end > 10.0 - 1.5 * sample_s, "{sample_s}: {end}");
+            assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
+        }
+        // All samples done long before.
+        assert_eq!(play(schedule(12, Some(Duration::from_secs(10))), 0.001).0, [1, 8, 3]);
+    }
+
+    #[test]
+    fn tiles_fill_a_wave() {
+        for (samples, paths) in [(1, WAVE), (2, WAVE), (4, WAVE), (8, WAVE)] {
+            let (w, h) = Pass { first_sample: 0, samples }.tile();
+            assert_eq!((w * h * samples) as usize, paths);
+        }
+    }
+}
