@@ -231,10 +231,10 @@ fn a_thousand_instances_take_the_memory_of_one() {
     let instances: Vec<AccelInstance> = (0..1000).map(place).collect();
     let thousand = build(&geometries, &instances);
     let stats = thousand.stats();
-    assert_eq!((stats.instances, stats.shared_geometries, stats.primitives), (1000, 1, 2 * 224 * 224));
+    assert_eq!((stats.instances, stats.shared_geometries, stats.triangles), (1000, 1, 2 * 224 * 224));
     let more = stats.bytes - one.stats().bytes;
     assert!(more < 1 << 20, "999 more instances take {more} bytes");
-    assert!(one.stats().bytes < 85 * one.stats().primitives, "{} bytes", one.stats().bytes);
+    assert!(one.stats().bytes < 85 * one.stats().triangles, "{} bytes", one.stats().bytes);
     // The last one is where it should be.
     let down = Ray::new(Vec3::new(7.0 * 1.5 + 0.4, 1.0, 31.0 * 1.5 + 0.3), -Vec3::Y);
     assert_eq!(thousand.closest_one(&down).instance, 1000);
