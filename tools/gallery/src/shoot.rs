@@ -130,5 +130,6 @@ fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions
         filter: settings.filter.unwrap_or_default(),
         aovs: AovSet::default(),
         time_limit: None,
+        soft_terminator: true,
     })
 }
