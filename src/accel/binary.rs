@@ -42,7 +42,7 @@ pub fn build(primitives: &[Primitive], quality: Quality) -> Binary {
     let boxes = normalized_boxes(primitives);
     let (distance, ratio) = match quality {
         Quality::Fast => (PlocSearchDistance::VeryLow, 0.005),
-        Quality::Medium => (PlocSearchDistance::Medium, 0.05),
+        Quality::Medium => (PlocSearchDistance::High, 0.1),
         Quality::High => (PlocSearchDistance::VeryHigh, 1.0),
     };
     let ids = (0..primitives.len() as u32).collect();

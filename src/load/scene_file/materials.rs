@@ -180,6 +180,9 @@ fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
     if roughness == 0.0 && !is_thin {
         return Model::Dielectric { ior, tint, fresnel };
     }
+    if ior < 1.0 {
+        fields.problems.push(fields.span(), "the 'ior' of rough or thin glass must be at least 1");
+    }
     if fresnel != FresnelModel::Exact {
         fields.problems.push(fields.span(), "rough or thin glass has exact reflectance: leave 'fresnel' out");
     }

@@ -2,6 +2,8 @@
 
 mod files;
 mod make;
+mod table;
+mod world;
 
 use files::Result;
 use oscura::accel::{Accel, BuildOptions};
@@ -11,18 +13,22 @@ use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Instant;
+use world::World;
 
 const USAGE: &str =
     "usage: oscura-rays --tri F.tri --rays F.rays --mode closest|any [--threads N] [--reps N] \
 [--level avx512|avx2|scalar] [--batch N] [--hits out.hits]
-       oscura-rays --make cornell|rocks|terrain|FILE.obj --out DIR";
+       oscura-rays --make cornell|rocks|terrain|FILE.obj --out DIR
+       oscura-rays --table cornell,rocks,terrain,field [--reps N] [--level ...] [--batch N]";
 
 /// What the command line asks for.
+#[derive(Clone)]
 struct Options {
     tri: Option<PathBuf>,
     rays: Option<PathBuf>,
     hits: Option<PathBuf>,
     make: Option<String>,
+    table: Option<String>,
     out: PathBuf,
     any: bool,
     threads: usize,
@@ -37,6 +43,7 @@ fn parse(mut args: impl Iterator<Item = String>) -> Result<Options> {
         rays: None,
         hits: None,
         make: None,
+        table: None,
         out: PathBuf::from("."),
         any: false,
         threads: 1,
@@ -55,6 +62,7 @@ fn parse(mut args: impl Iterator<Item = String>) -> Result<Options> {
             "--rays" => options.rays = Some(value.into()),
             "--hits" => options.hits = Some(value.into()),
             "--make" => options.make = Some(value),
+            "--table" => options.table = Some(value),
             "--out" => options.out = value.into(),
             "--mode" => options.any = mode(&value)?,
             "--threads" => options.threads = number()?,
@@ -82,9 +90,10 @@ fn level(name: &str) -> Result<Level> {
 }
 
 fn main() -> ExitCode {
-    let result = parse(std::env::args().skip(1)).and_then(|options| match &options.make {
-        Some(name) => make_files(name, &options.out),
-        None => measure(&options),
+    let result = parse(std::env::args().skip(1)).and_then(|options| match (&options.make, &options.table) {
+        (Some(name), _) => make_files(name, &options.out),
+        (None, Some(names)) => table::print(names, &options),
+        (None, None) => measure(&options),
     });
     match result {
         Ok(()) => ExitCode::SUCCESS,
@@ -97,18 +106,23 @@ fn main() -> ExitCode {
 
 /// Writes a scene and its ray sets.
 fn make_files(name: &str, out: &Path) -> Result<()> {
-    let (stem, mesh) = match make::scene(name) {
-        Some(mesh) => (name.to_string(), mesh),
+    let (stem, world) = match make::scene(name) {
+        Some(world) => (name.to_string(), world),
         None if name.ends_with(".obj") => {
             let path = Path::new(name);
             let stem = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-            (stem, files::read_obj(path)?)
+            (stem, World::flat(files::read_obj(path)?))
         }
         None => return Err(format!("--make: {name:?} is no .obj file and none of {:?}", make::SCENES)),
     };
+    let mesh = match (&world.geometries[..], &world.instances[..]) {
+        ([mesh], []) => mesh,
+        _ => return Err(format!("--make: a .tri file can't hold the placements of {name:?}: see --table")),
+    };
     std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
-    files::write_mesh(&out.join(format!("{stem}.tri")), &mesh)?;
-    for (set, rays) in make::ray_sets(&mesh) {
+    files::write_mesh(&out.join(format!("{stem}.tri")), mesh)?;
+    let accel = Accel::build(&world.geometries, &[], &BuildOptions::default());
+    for (set, rays) in world.ray_sets(&accel) {
         files::write_rays(&out.join(format!("{stem}.{set}.rays")), &rays)?;
     }
     println!("{stem}: {} triangles", mesh.triangles.len());
@@ -123,18 +137,7 @@ fn measure(options: &Options) -> Result<()> {
     let triangles = mesh.triangles.len();
     let accel = Accel::build(std::slice::from_ref(&mesh), &[], &BuildOptions::default());
     drop(mesh);
-    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
-    let pool = pool.map_err(|e| format!("--threads: {e}"))?;
-    let mut hits = vec![Hit::MISS; rays.len()];
-    let mut speeds = Vec::new();
-    for repetition in 0..=options.reps {
-        let begin = Instant::now();
-        pool.install(|| trace(&accel, options, &rays, &mut hits));
-        if repetition > 0 {
-            speeds.push(rays.len() as f64 / begin.elapsed().as_secs_f64() / 1e6);
-        }
-    }
-    speeds.sort_by(f64::total_cmp);
+    let (speeds, hits) = speeds(&accel, options, &rays)?;
     let found = hits.iter().filter(|hit| hit.is_hit()).count();
     let sum_t: f64 = hits.iter().filter(|hit| hit.is_hit()).map(|hit| f64::from(hit.t)).sum();
     println!(
@@ -155,6 +158,23 @@ fn measure(options: &Options) -> Result<()> {
         Some(path) => files::write_hits(path, &hits),
         None => Ok(()),
     }
+}
+
+/// Traces the rays as often as asked, after once to warm up: millions of rays a second, sorted, and the hits.
+fn speeds(accel: &Accel, options: &Options, rays: &[Ray]) -> Result<(Vec<f64>, Vec<Hit>)> {
+    let pool = rayon::ThreadPoolBuilder::new().num_threads(options.threads).build();
+    let pool = pool.map_err(|e| format!("--threads: {e}"))?;
+    let mut hits = vec![Hit::MISS; rays.len()];
+    let mut speeds = Vec::new();
+    for repetition in 0..=options.reps {
+        let begin = Instant::now();
+        pool.install(|| trace(accel, options, rays, &mut hits));
+        if repetition > 0 {
+            speeds.push(rays.len() as f64 / begin.elapsed().as_secs_f64() / 1e6);
+        }
+    }
+    speeds.sort_by(f64::total_cmp);
+    Ok((speeds, hits))
 }
 
 /// One pass over all rays. An occluded ray counts as a hit at 0.

@@ -1,31 +1,19 @@
-//! Scenes and the rays that a path tracer would send into them.
+//! Scenes that are computed rather than read.
 
-use oscura::accel::{Accel, BuildOptions, Geometry};
-use oscura::math::{Bounds3, Frame, Hit, Ray, Vec3};
+use crate::world::{Random, World};
+use oscura::accel::{AccelInstance, Geometry};
+use oscura::math::{DAffine3, DQuat, DVec3, Vec3};
 
 /// The scenes that are computed rather than read.
-pub const SCENES: [&str; 3] = ["cornell", "rocks", "terrain"];
-
-/// Rays along an edge of the picture.
-const SIDE: usize = 1024;
-
-/// A small random number generator (PCG, O'Neill 2014).
-struct Random(u64);
-
-impl Random {
-    fn unit(&mut self) -> f32 {
-        self.0 = self.0.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1_442_695_040_888_963_407);
-        let x = (((self.0 >> 18) ^ self.0) >> 27) as u32;
-        (x.rotate_right((self.0 >> 59) as u32) >> 8) as f32 / 16_777_216.0
-    }
-}
+pub const SCENES: [&str; 4] = ["cornell", "rocks", "terrain", "field"];
 
 /// A computed scene by its name.
-pub fn scene(name: &str) -> Option<Geometry> {
+pub fn scene(name: &str) -> Option<World> {
     match name {
-        "cornell" => Some(cornell()),
-        "rocks" => Some(rocks()),
-        "terrain" => Some(terrain()),
+        "cornell" => Some(World::flat(cornell())),
+        "rocks" => Some(World::flat(rocks())),
+        "terrain" => Some(World::flat(terrain())),
+        "field" => Some(field()),
         _ => None,
     }
 }
@@ -107,6 +95,29 @@ fn terrain() -> Geometry {
     mesh
 }
 
+/// A thousand placements of one boulder of 100,000 triangles on a plain: 100 million triangles that share one mesh.
+fn field() -> World {
+    let (mut plain, mut boulder) = (Geometry::default(), Geometry::default());
+    sheet(&mut plain, 2, 2, |u, v| Vec3::new(u * 80.0 - 40.0, 0.0, v * 80.0 - 40.0));
+    sheet(&mut boulder, 320, 160, |u, v| {
+        let (phi, theta) = (u * std::f32::consts::TAU, v * std::f32::consts::PI);
+        let d = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
+        d * (1.0
+            + 0.1 * (d * 7.0).map(f32::sin).element_sum()
+            + 0.01 * (d * 90.0).map(f32::sin).element_sum())
+    });
+    let mut random = Random(3);
+    let mut number = |low: f64, high: f64| low + (high - low) * f64::from(random.unit());
+    let instances = (0..1000).map(|_| {
+        let at = DVec3::new(number(-38.0, 38.0), number(0.0, 0.5), number(-38.0, 38.0));
+        let turn = DQuat::from_rotation_y(number(0.0, 6.3)) * DQuat::from_rotation_x(number(0.0, 6.3));
+        let scale = DVec3::new(number(0.5, 1.5), number(0.5, 1.5), number(0.5, 1.5));
+        let world_from_object = DAffine3::from_scale_rotation_translation(scale, turn, at);
+        AccelInstance { geometry: 1, world_from_object }
+    });
+    World { instances: instances.collect(), geometries: vec![plain, boulder] }
+}
+
 /// A grid of `nu * nv` cells over a surface, two triangles each.
 fn sheet(mesh: &mut Geometry, nu: u32, nv: u32, point: impl Fn(f32, f32) -> Vec3) {
     let first = mesh.positions.len() as u32;
@@ -122,76 +133,4 @@ fn sheet(mesh: &mut Geometry, nu: u32, nv: u32, point: impl Fn(f32, f32) -> Vec3
             mesh.triangles.extend([[a, c, b], [b, c, d]]);
         }
     }
-}
-
-/// The ray sets of a scene by their names.
-pub fn ray_sets(mesh: &Geometry) -> Vec<(&'static str, Vec<Ray>)> {
-    let accel = Accel::build(std::slice::from_ref(mesh), &[], &BuildOptions::default());
-    let bounds = Bounds3::of(mesh.positions.iter().map(|p| Vec3::from(*p)));
-    let mut random = Random(1);
-    let primary = camera_rays(&bounds);
-    let points = surface(mesh, &accel, &primary);
-    let first = bounce(&points, &mut random);
-    let again = surface(mesh, &accel, &first);
-    let second = bounce(&again, &mut random);
-    let shadow = shadow_rays(&points, &bounds, &mut random);
-    vec![("primary", primary), ("bounce1", first), ("bounce2", second), ("shadow", shadow)]
-}
-
-/// Rays of a camera that looks at the scene from above one side, in tiles of 32 x 32.
-fn camera_rays(bounds: &Bounds3) -> Vec<Ray> {
-    let extent = bounds.extent();
-    let target = bounds.center() - Vec3::Y * extent.y * 0.1;
-    let eye = target + Vec3::new(0.25, 0.35, 0.9) * extent.max_element() * 1.05;
-    let frame = Frame::from_normal((target - eye).normalize());
-    let (right, up) = {
-        let right = frame.n.cross(Vec3::Y).normalize();
-        (right, right.cross(frame.n))
-    };
-    let mut rays = Vec::with_capacity(SIDE * SIDE);
-    for tile in 0..(SIDE / 32) * (SIDE / 32) {
-        for pixel in 0..1024 {
-            let x = (tile % (SIDE / 32)) * 32 + pixel % 32;
-            let y = (tile / (SIDE / 32)) * 32 + pixel / 32;
-            let film = |i: usize| (i as f32 + 0.5) / SIDE as f32 * 2.0 - 1.0;
-            let direction = frame.n + (right * film(x) - up * film(y)) * 0.45;
-            rays.push(Ray::new(eye, direction.normalize()));
-        }
-    }
-    rays
-}
-
-/// Points that rays hit, with the normal on the ray's side.
-fn surface(mesh: &Geometry, accel: &Accel, rays: &[Ray]) -> Vec<(Vec3, Vec3)> {
-    let mut hits = vec![Hit::MISS; rays.len()];
-    accel.closest(rays, &mut hits);
-    let mut points = Vec::with_capacity(rays.len());
-    for (ray, hit) in rays.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {
-        let [a, b, c] = mesh.triangles[hit.prim as usize].map(|i| Vec3::from(mesh.positions[i as usize]));
-        let n = (b - a).cross(c - a).normalize_or_zero();
-        let n = if n.dot(ray.direction) > 0.0 { -n } else { n };
-        let p = a * (1.0 - hit.u - hit.v) + b * hit.u + c * hit.v;
-        points.push((p + n * (p.abs().max_element() * 1e-5), n));
-    }
-    points
-}
-
-/// A cosine-distributed direction from each point.
-fn bounce(points: &[(Vec3, Vec3)], random: &mut Random) -> Vec<Ray> {
-    let direction = |n: Vec3, random: &mut Random| {
-        let (r, phi) = (random.unit().sqrt(), random.unit() * std::f32::consts::TAU);
-        let z = (1.0 - r * r).max(1e-6).sqrt();
-        Frame::from_normal(n).to_world(Vec3::new(r * phi.cos(), r * phi.sin(), z))
-    };
-    points.iter().map(|(p, n)| Ray::new(*p, direction(*n, random))).collect()
-}
-
-/// A segment from each point to a random one on a square above the scene.
-fn shadow_rays(points: &[(Vec3, Vec3)], bounds: &Bounds3, random: &mut Random) -> Vec<Ray> {
-    let (center, extent) = (bounds.center(), bounds.extent());
-    let mut light = || {
-        let at = Vec3::new(random.unit() - 0.5, 0.0, random.unit() - 0.5) * extent * 0.4;
-        center + at + Vec3::Y * extent.y * 0.49
-    };
-    points.iter().map(|(p, _)| Ray::segment(*p, light() - *p)).collect()
 }

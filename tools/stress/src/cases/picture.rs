@@ -155,6 +155,7 @@ fn picture(scene: &CompiledScene, samples: u32, seed: u32) -> Image {
         filter: Filter::Box,
         aovs: AovSet::default(),
         time_limit: None,
+        soft_terminator: true,
     };
     let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {});
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");

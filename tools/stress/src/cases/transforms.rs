@@ -1,9 +1,9 @@
 //! Instances under transforms that stretch, mirror and shear, moved far away and re-based in f64.
 
 use super::Row;
-use super::meshes::{Random, ball};
+use super::meshes::{Random, Shape, ball, closest};
 use oscura::accel::{Accel, AccelInstance, BuildOptions, Geometry};
-use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Ray};
+use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Ray, Vec3};
 
 /// Rays of the full run.
 const RAYS: f64 = 2e6;
@@ -34,6 +34,7 @@ pub fn run(effort: f64) -> Vec<Row> {
                 u64::from(!hit.is_hit() || hit.instance != 1 || hit.prim as usize >= shape.triangles.len());
         }
     }
+    let uneven = uneven(effort, &shape, &geometries);
     let singular =
         AccelInstance { geometry: 1, world_from_object: DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)) };
     let accel = Accel::build(&geometries, &[singular], &BuildOptions::default());
@@ -46,6 +47,7 @@ pub fn run(effort: f64) -> Vec<Row> {
             wrong,
             worst: format!("t off by {worst:.1e} of 1"),
         },
+        uneven,
         Row {
             what: "transforms: singular, dropped and counted".into(),
             tried: 1,
@@ -53,6 +55,40 @@ pub fn run(effort: f64) -> Vec<Row> {
             worst: "-".into(),
         },
     ]
+}
+
+/// Axes stretched by 1e-4 to 1e4, each by its own: rays from the middle, which rounds to itself, must hit.
+fn uneven(effort: f64, shape: &Shape, geometries: &[Geometry; 2]) -> Row {
+    let transforms = (RAYS * effort / EACH as f64).ceil() as usize;
+    let mut random = Random::new(12);
+    let mut wrong = 0;
+    for _ in 0..transforms {
+        let mut scale = || {
+            let sign = if random.bits().is_multiple_of(2) { 1.0 } else { -1.0 };
+            sign * random.power(-4.0, 4.0)
+        };
+        let scale = DVec3::new(scale(), scale(), scale());
+        let rotation = DQuat::from_axis_angle(random.signed().normalize(), random.unit() * 6.0);
+        let world_from_object = DAffine3::from_scale_rotation_translation(scale, rotation, DVec3::ZERO);
+        let accel = Accel::build(
+            geometries,
+            &[AccelInstance { geometry: 1, world_from_object }],
+            &BuildOptions::default(),
+        );
+        let rays: Vec<Ray> = (0..EACH)
+            .map(|_| {
+                let to = shape.points[random.bits() as usize % shape.points.len()];
+                Ray::new(Vec3::ZERO, world_from_object.transform_point3(to).as_vec3())
+            })
+            .collect();
+        wrong += closest(&accel, &rays).iter().filter(|hit| !hit.is_hit()).count() as u64;
+    }
+    Row {
+        what: "transforms: scales 1e-4 to 1e4, each axis its own, from the middle: leaks".into(),
+        tried: (transforms * EACH) as u64,
+        wrong,
+        worst: "-".into(),
+    }
 }
 
 /// A random transform; every second one stands 1e9 away, and so does the origin that it is brought back to.
