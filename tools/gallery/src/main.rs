@@ -83,9 +83,10 @@ fn scenes() -> PathBuf {
 
 fn run(arguments: &Arguments) -> Result<()> {
     make_million_triangles(&arguments.entries)?;
+    let quality = arguments.quality;
     let (mut rows, mut tiles) = (Vec::new(), Vec::new());
     for entry in &arguments.entries {
-        let shot = Shot::take(&scenes().join(entry.scene), arguments.quality)?;
+        let shot = Shot::take(&scenes().join(entry.scene), quality)?;
         eprintln!("{}: {:.1} s", entry.name(), shot.render_s);
         shot.write(&arguments.folder, entry.name())?;
         if entry.name() == HERO {
@@ -93,7 +94,7 @@ fn run(arguments: &Arguments) -> Result<()> {
             let hero = RgbImage::from_fn(size.0, size.1, |x, y| image::Rgb(shot.linear(x, y).map(srgb_byte)));
             write_jpeg(&arguments.folder.join("hero.jpg"), &hero)?;
         }
-        rows.push(Row::new(entry, &shot));
+        rows.push(Row::new(entry, &shot, quality.shrink == 1 && quality.fewer == 1));
         tiles.push(sheet::Tile::new(&shot, entry.label));
     }
     let sheet = sheet::contact_sheet(&tiles);
@@ -101,7 +102,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     let path = arguments.folder.join("contact-sheet.png");
     let png = encode_png_rgb8(&sheet, sheet.width(), sheet.height()).map_err(|e| Error::output(&path, e))?;
     write_atomically(&path, &png)?;
-    let threads = compare_threads(arguments.quality)?;
+    let threads = compare_threads(quality)?;
     let text = table::markdown(&rows, Some(&threads));
     write_atomically(&arguments.folder.join("times.md"), text.as_bytes())?;
     print!("{text}");

@@ -9,6 +9,8 @@ pub struct Row {
     entry: &'static Entry,
     size: [u32; 2],
     samples: u32,
+    /// In the size and with the samples of its scene, so that it may stand beside the thesis's.
+    is_whole: bool,
     load_s: f64,
     render_s: f64,
     render_cpu_s: f64,
@@ -16,11 +18,12 @@ pub struct Row {
 
 impl Row {
     /// The row of a picture.
-    pub fn new(entry: &'static Entry, shot: &Shot) -> Row {
+    pub fn new(entry: &'static Entry, shot: &Shot, is_whole: bool) -> Row {
         Row {
             entry,
             size: [shot.options.width, shot.options.height],
             samples: shot.options.samples,
+            is_whole,
             load_s: shot.load_s,
             render_s: shot.render_s,
             render_cpu_s: shot.render_cpu_s,
@@ -47,7 +50,7 @@ pub fn markdown(rows: &[Row], threads: Option<&Threads>) -> String {
          |---|---|---|---:|---:|---:|---:|---:|\n",
     );
     for r in rows {
-        let thesis = r.entry.thesis_s.map_or(String::new(), |t| format!("{:.0} s", t));
+        let thesis = r.entry.thesis_s.filter(|_| r.is_whole).map_or(String::new(), |t| format!("{:.0} s", t));
         let _ = writeln!(
             text,
             "| {} | {} | {} x {} | {} | {:.2} | {:.1} | {:.1} | {thesis} |",
