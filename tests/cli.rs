@@ -56,6 +56,12 @@ fn usage_errors_exit_with_2_before_any_work() {
         &["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"],
         &["render", "a.gltf", "-o", "a.exr", "--aov", "depth,colour"],
         &["render", "a.gltf", "-o", "a.exr", "--no-such-option"],
+        &["render", "a.gltf", "-o", "a.png", "-o", "./a.png"],
+        &["render", "a.gltf", "-o", "a.exr", "--width", "60000", "--height", "60000"],
+        &["render", "a.gltf", "-o", "a.exr", "--exposure", "101"],
+        &["render", "a.gltf", "-o", "a.exr", "--exposure", "NaN"],
+        &["render", "a.gltf", "-o", "a.exr", "--env-strength", "-1"],
+        &["render", "a.gltf", "-o", "a.exr", "--env-rotation", "inf"],
         &["compare", "a.exr", "b.exr", "--other-seed", "c.exr"],
         &["paint"],
     ] {
@@ -354,4 +360,333 @@ fn completions_and_manual_pages_name_the_options() {
     }
     assert_eq!(code(&oscura(folder.path(), &["man", "paint"])), 2);
     assert_eq!(code(&oscura(folder.path(), &["completions", "cmd"])), 2);
+}
+
+/// The text attribute of an EXR's header.
+fn attribute(path: &Path, name: &str) -> Option<exr::prelude::AttributeValue> {
+    let meta = exr::meta::MetaData::read_from_file(path, true).expect("our own file is valid");
+    meta.headers[0].own_attributes.other.get(&exr::prelude::Text::from(name)).cloned()
+}
+
+fn text(value: &str) -> Option<exr::prelude::AttributeValue> {
+    Some(exr::prelude::AttributeValue::Text(exr::prelude::Text::from(value)))
+}
+
+/// A closed ball that loses nothing: no path in it ends before its depth.
+fn endless_scene(folder: &Path) {
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 0]
+        look_at = [0, 0, 1]
+        [environment]
+        background = [1, 1, 1]
+        [materials]
+        white = { type = "lambert", color = [1, 1, 1] }
+        [[objects]]
+        sphere = { center = [0, 0, 0], radius = 2 }
+        material = "white"
+    "#;
+    fs::write(folder.join("endless.toml"), scene).unwrap();
+}
+
+/// What `--json` says about a run.
+fn report(output: &Output) -> serde_json::Value {
+    serde_json::from_slice(&output.stdout).unwrap_or_else(|e| panic!("{e}: {}", stderr(output)))
+}
+
+#[test]
+fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    endless_scene(folder.path());
+    let cornell = cornell();
+    // One sample of each pixel of the first would take seconds, one path of the second for ever.
+    for (scene, more) in [
+        (cornell.as_str(), &["--width", "4000", "--height", "4000"][..]),
+        ("endless.toml", &["--depth", "4294967295", "--width", "64"]),
+    ] {
+        let fixed = ["render", scene, "-o", "a.exr", "--time-limit", "0.3", "--threads", "1", "--json"];
+        let output = oscura(folder.path(), &[&fixed, more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let value = report(&output);
+        assert_eq!((&value["timed_out"], &value["interrupted"]), (&true.into(), &false.into()), "{value}");
+        // A tile or 64 bounces of one are what it may take longer; the rest is for a busy machine.
+        let render_s = value["render_s"].as_f64().expect("a number");
+        assert!(render_s < 3.0, "{scene}: {render_s} s");
+        assert!(stderr(&output).contains("pixels have no sample"), "{}", stderr(&output));
+        let path = folder.path().join("a.exr");
+        assert_eq!(attribute(&path, "stoppedBy"), text("time limit"));
+        let samples = value["samples_per_pixel"].as_f64().expect("a number");
+        let written = match attribute(&path, "samples") {
+            Some(exr::prelude::AttributeValue::F32(v)) => f64::from(v),
+            Some(exr::prelude::AttributeValue::I32(v)) => f64::from(v),
+            other => panic!("{other:?}"),
+        };
+        assert!(samples < 1.0 && (written - samples).abs() < 1e-6, "{written} {samples}");
+    }
+}
+
+#[test]
+fn a_generous_time_limit_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--time-limit", "1000", "--json"]);
+    let value = report(&output);
+    assert_eq!((&value["timed_out"], &value["samples_per_pixel"]), (&false.into(), &4.into()), "{value}");
+    assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), None);
+}
+
+#[test]
+fn clamped_values_stand_in_the_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        "[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, 1]\n[environment]\nbackground = [1e6, 1, 1]\n";
+    fs::write(folder.path().join("bright.toml"), scene).unwrap();
+    let output = oscura(
+        folder.path(),
+        &["render", "bright.toml", "-o", "a.exr", "--width", "8", "--height", "8", "--spp", "1"],
+    );
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    match attribute(&folder.path().join("a.exr"), "warnings") {
+        Some(exr::prelude::AttributeValue::Text(t)) => {
+            assert!(t.to_string().contains("64 values above"), "{t}")
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn options_without_effect_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.png", &["--aov", "depth", "--float"]);
+    for option in ["--aov", "--float"] {
+        let warning = format!("warning: {option} has no effect");
+        assert!(stderr(&output).contains(&warning), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn strict_makes_warnings_errors_before_rendering() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let shoot = |more: &[&str]| {
+        oscura(
+            folder.path(),
+            &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
+        )
+    };
+    let refused = shoot(&["--strict"]);
+    assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("default sky") && stderr(&refused).contains("--strict"));
+    assert_eq!(names(folder.path()), ["a.obj"]);
+    assert_eq!(code(&shoot(&[])), 0);
+    let scene = cornell();
+    let clean =
+        oscura(folder.path(), &["render", &scene, "-o", "b.exr", "--width", "8", "--spp", "1", "--strict"]);
+    assert_eq!(code(&clean), 0, "{}", stderr(&clean));
+}
+
+#[test]
+fn explain_says_what_was_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut asset: serde_json::Value = serde_json::from_slice(&fs::read(cornell()).unwrap()).unwrap();
+    let nodes = asset["nodes"].as_array_mut().expect("nodes");
+    nodes.push(serde_json::json!({"name": "aside", "mesh": 0}));
+    fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.gltf", "-o", "a.exr", "--width", "8", "--spp", "1"];
+        let output = oscura(folder.path(), &[&fixed, more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(shoot(&["--explain"]).contains("left out: "));
+    assert!(!shoot(&[]).contains("left out: "));
+}
+
+/// A picture as a list.
+fn pixels(path: &Path) -> Vec<[f32; 3]> {
+    let image = oscura::load::image::load_linear_rgb(path).expect("a picture");
+    let all = (0..image.height).flat_map(|y| (0..image.width).map(move |x| (x, y)));
+    all.map(|(x, y)| image.rgba(x, y)).map(|[r, g, b, _]| [r, g, b]).collect()
+}
+
+#[test]
+fn microfacet_chooses_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 5]
+        look_at = [0, 0, 0]
+        vfov = 10
+        [environment]
+        background = [1, 1, 1]
+        [materials]
+        rough = { type = "metal", color = [1, 1, 1], roughness = 1 }
+        [[objects]]
+        sphere = { center = [0, 0, 0], radius = 1 }
+        material = "rough"
+    "#;
+    fs::write(folder.path().join("a.toml"), scene).unwrap();
+    let mean = |model: &str| {
+        let output = oscura(
+            folder.path(),
+            &[
+                "render",
+                "a.toml",
+                "-o",
+                "a.exr",
+                "--float",
+                "--width",
+                "16",
+                "--height",
+                "16",
+                "--microfacet",
+                model,
+            ],
+        );
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let pixels = pixels(&folder.path().join("a.exr"));
+        pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
+    };
+    // White metal in a white furnace: light that bounces more than once between facets is lost or not.
+    let (multi, single) = (mean("multi"), mean("single"));
+    assert!((multi - 1.0).abs() < 0.05 && single < multi - 0.2, "{multi} {single}");
+}
+
+#[test]
+fn env_rotation_turns_the_surroundings() {
+    let folder = tempfile::tempdir().unwrap();
+    // One bright column in 8: the camera looks at it or not.
+    exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, |x, _| {
+        if x == 0 { (1.0f32, 1.0f32, 1.0f32) } else { (0.0, 0.0, 0.0) }
+    })
+    .unwrap();
+    fs::write(
+        folder.path().join("a.toml"),
+        "[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, -1]\nvfov = 5\n",
+    )
+    .unwrap();
+    let brightness = |degrees: u32| {
+        let degrees = degrees.to_string();
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--width", "4", "--height", "4", "--spp", "4"];
+        let more = ["--env", "env.exr", "--env-rotation", &degrees];
+        let output = oscura(folder.path(), &[&fixed[..], &more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        pixels(&folder.path().join("a.exr")).iter().map(|p| p[0]).sum::<f32>() / 16.0
+    };
+    let around: Vec<f32> = (0..8).map(|i| brightness(45 * i + 22)).collect();
+    let brightest = around.iter().copied().fold(0.0, f32::max);
+    // Texels are interpolated: the column is seen from one or two directions of eight, and not from the others.
+    let seen = around.iter().filter(|v| **v > 0.25 * brightest).count();
+    assert!(brightest > 0.4 && (1..=3).contains(&seen), "{around:?}");
+    assert!((brightness(22) - brightness(382)).abs() < 1e-3);
+}
+
+#[test]
+fn long_lines_are_cut_in_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = format!("no_such_key = [{}]\n", "0, ".repeat(100_000));
+    fs::write(folder.path().join("a.toml"), long).unwrap();
+    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
+    assert_eq!(code(&output), 3);
+    let text = stderr(&output);
+    assert!(
+        text.contains("no_such_key") && text.contains("a.toml:1:") && text.len() < 2000,
+        "{} bytes",
+        text.len()
+    );
+}
+
+#[cfg(target_os = "linux")]
+mod linux {
+    use super::*;
+    use std::process::{Child, Stdio};
+    use std::time::{Duration, Instant};
+
+    /// Starts a render that would go on for ever, and waits until its threads are at work.
+    fn endless(folder: &Path, more: &[&str]) -> Child {
+        endless_scene(folder);
+        let fixed = ["render", "endless.toml", "-o", "a.exr", "--depth", "4294967295", "--width", "64"];
+        let child = Command::new(env!("CARGO_BIN_EXE_oscura"))
+            .args(fixed.iter().chain(more))
+            .current_dir(folder)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let begin = Instant::now();
+        while cpu_ticks(child.id()) < 10 {
+            assert!(begin.elapsed() < Duration::from_secs(60), "it does nothing");
+            std::thread::sleep(Duration::from_millis(10));
+        }
+        child
+    }
+
+    /// Processor time of a process, hundredths of a second.
+    fn cpu_ticks(id: u32) -> u64 {
+        let stat = fs::read_to_string(format!("/proc/{id}/stat")).expect("the process runs");
+        let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+        fields[11].parse::<u64>().expect("a number") + fields[12].parse::<u64>().expect("a number")
+    }
+
+    fn send(child: &Child, signal: &str) {
+        let status = Command::new("kill").args([signal, &child.id().to_string()]).status();
+        assert!(status.expect("kill runs").success());
+    }
+
+    #[test]
+    fn the_first_signal_ends_even_endless_paths_and_writes_what_is_there() {
+        for signal in ["-INT", "-TERM"] {
+            let folder = tempfile::tempdir().unwrap();
+            let child = endless(folder.path(), &["--strict", "--json"]);
+            send(&child, signal);
+            let output = child.wait_with_output().expect("it ends");
+            assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+            assert_eq!(report(&output)["interrupted"], true);
+            assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), text("signal"));
+            assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
+        }
+    }
+
+    #[test]
+    fn a_second_signal_ends_the_program_at_once() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = endless(folder.path(), &[]);
+        // Stopped, it gets both when it goes on.
+        send(&child, "-STOP");
+        send(&child, "-INT");
+        send(&child, "-TERM");
+        send(&child, "-CONT");
+        let status = child.wait().expect("it ends");
+        assert_eq!(status.code(), Some(130));
+        let picture = folder.path().join("a.exr");
+        // Signals of both kinds may also arrive too late for the second to matter; then the picture is whole.
+        assert!(!picture.exists() || attribute(&picture, "stoppedBy") == text("signal"));
+    }
+
+    #[test]
+    fn one_thread_is_all_that_works() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut child = endless(folder.path(), &["--threads", "1"]);
+        let status = fs::read_to_string(format!("/proc/{}/status", child.id())).expect("it runs");
+        child.kill().expect("it can be ended");
+        child.wait().expect("it ends");
+        let threads = status.lines().find_map(|l| l.strip_prefix("Threads:")).expect("a count");
+        // The main thread, the one that waits for signals, the one that works.
+        assert_eq!(threads.trim(), "3");
+    }
+
+    #[test]
+    fn memory_that_is_not_there_is_an_error() {
+        let folder = tempfile::tempdir().unwrap();
+        let run = |more: &str| {
+            let program = env!("CARGO_BIN_EXE_oscura");
+            let line = format!("ulimit -v 3000000; exec {program} render {} -o a.png {more}", cornell());
+            let output = Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output();
+            let output = output.expect("the shell runs");
+            assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+            stderr(&output)
+        };
+        assert!(run("--width 16384 --height 16384").contains("9.0 GiB"));
+        assert!(run("--threads 1000").contains("threads"));
+        assert!(names(folder.path()).is_empty());
+    }
 }

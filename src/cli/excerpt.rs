@@ -59,7 +59,7 @@ mod tests {
         let long = format!("a = 1\nb = [{} \u{e4}\u{1f600}X, 9 ]", "0, ".repeat(1000));
         let at = long.find('X').expect("the mark");
         let excerpt = Excerpt::of_long_line(&long, &(at..at + 1)).expect("a long line");
-        assert_eq!((excerpt.line, excerpt.column), (2, 3008));
+        assert_eq!((excerpt.line, excerpt.column), (2, 3009));
         assert!(excerpt.shown.starts_with("...") && excerpt.shown.ends_with("X, 9 ]"), "{excerpt:?}");
         assert!(excerpt.shown.len() < 120, "{excerpt:?}");
         assert_eq!(excerpt.shown.chars().nth(excerpt.marker.find('^').expect("a mark")), Some('X'));

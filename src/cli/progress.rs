@@ -13,18 +13,22 @@ const PAUSE: Duration = Duration::from_secs(2);
 pub(crate) enum Progress {
     Silent,
     Bar(ProgressBar),
-    /// When the last line was printed.
-    Lines(Mutex<Duration>),
+    Lines {
+        /// When the last line was printed.
+        last: Mutex<Duration>,
+        /// When rendering ends at the latest.
+        limit: Option<Duration>,
+    },
 }
 
 impl Progress {
-    /// Chooses by what standard error is.
-    pub fn new(quiet: bool) -> Progress {
+    /// Chooses by what standard error is. `limit` is the time that rendering may take.
+    pub fn new(quiet: bool, limit: Option<Duration>) -> Progress {
         if quiet {
             return Progress::Silent;
         }
         if !std::io::stderr().is_terminal() {
-            return Progress::Lines(Mutex::new(Duration::ZERO));
+            return Progress::Lines { last: Mutex::new(Duration::ZERO), limit };
         }
         let bar = ProgressBar::new(1000);
         let style = "{bar:40} {percent:>3} %  {elapsed} elapsed, {eta} left  {msg}";
@@ -46,13 +50,14 @@ impl Progress {
                 bar.set_position((share * 1000.0) as u64);
                 bar.set_message(format!("{speed:.1} M rays/s"));
             }
-            Progress::Lines(last) => {
+            Progress::Lines { last, limit } => {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 if elapsed < *last + PAUSE {
                     return;
                 }
                 *last = elapsed;
-                let left = if share > 0.0 { seconds / share - seconds } else { 0.0 };
+                let until = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());
+                let left = if share > 0.0 { (seconds / share - seconds).min(until) } else { 0.0 };
                 eprintln!(
                     "{:.1} %  {seconds:.0} s elapsed, about {left:.0} s left, {speed:.1} M rays/s",
                     share * 100.0

@@ -50,7 +50,7 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(stop)?;
 
-    let progress = Progress::new(args.quiet);
+    let progress = Progress::new(args.quiet, args.time_limit);
     let (film, statistics) = render(&scene, &settled.render, stop, &|event| progress.show(&event))?;
     progress.finish();
 

@@ -62,15 +62,7 @@ struct Sums {
 
 impl Sums {
     fn new(pixels: usize, aovs: AovSet) -> Sums {
-        let only_if = |wanted: bool| if wanted { pixels } else { 0 };
-        Sums {
-            rgba: vec![[0.0; 4]; pixels],
-            count: vec![0; pixels],
-            depth: vec![0.0; only_if(aovs.depth)],
-            normal: vec![[0.0; 3]; only_if(aovs.normal)],
-            albedo: vec![[0.0; 3]; only_if(aovs.albedo)],
-            hits: vec![0; only_if(aovs.any())],
-        }
+        Sums::try_new(pixels, aovs).expect("there is memory for the sums")
     }
 
     /// Like [`Sums::new`]; `None` if the memory isn't there.
@@ -144,6 +136,9 @@ pub struct Film {
 
 impl Film {
     /// An empty film of `width` by `height` pixels.
+    ///
+    /// # Panics
+    /// If there is no memory for it; see [`Film::try_new`].
     pub fn new(width: u32, height: u32, aovs: AovSet) -> Film {
         let sums = Sums::new(width as usize * height as usize, aovs);
         Film { width, height, aovs, sums, invalid_samples: 0 }

@@ -3,7 +3,7 @@
 use super::Loaded;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3};
-use crate::scene::{Camera, Environment, Projection, Scene};
+use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_extents, scene_extent};
 
 /// Full vertical field of view of the default camera, degrees.
 const VFOV_DEGREES: f64 = 40.0;
@@ -53,7 +53,10 @@ fn has_light(scene: &Scene) -> bool {
 
 /// A camera in the direction (1, 0.7, 1.6) from the model's middle, far enough for its bounding sphere to fit.
 fn framing_camera(scene: &Scene) -> Camera {
-    let (min, max) = world_bounds(scene).unwrap_or((DVec3::splat(-1.0), DVec3::splat(1.0)));
+    let Extent(bounds) = scene_extent(scene, &instance_extents(scene));
+    let (min, max) = bounds
+        .filter(|(min, max)| min.is_finite() && max.is_finite())
+        .unwrap_or((DVec3::splat(-1.0), DVec3::splat(1.0)));
     let center = (min + max) * 0.5;
     let radius = ((max - min).length() * 0.5).max(1e-6);
     let vfov_rad = VFOV_DEGREES.to_radians();
@@ -80,35 +83,6 @@ pub(super) fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> DAffine3 {
     let back = (eye - target).normalize();
     let right = up.cross(back).normalize();
     DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye)
-}
-
-/// The box around everything, in world space; `None` for an empty scene.
-fn world_bounds(scene: &Scene) -> Option<(DVec3, DVec3)> {
-    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
-    let mut add = |p: DVec3| (min, max) = (min.min(p), max.max(p));
-    for instance in &scene.instances {
-        let Some(mesh) = scene.meshes.get(instance.mesh.index()) else { continue };
-        // Each vertex once, however many triangles share it; those of no triangle don't count.
-        let mut used = vec![false; mesh.positions.len()];
-        for &i in mesh.triangles.as_flattened() {
-            if let Some(used) = used.get_mut(i as usize) {
-                *used = true;
-            }
-        }
-        for (p, _) in mesh.positions.iter().zip(&used).filter(|(_, used)| **used) {
-            add(instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from))));
-        }
-    }
-    for s in &scene.spheres {
-        add(s.center - s.radius);
-        add(s.center + s.radius);
-    }
-    for q in &scene.quads {
-        for p in [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v] {
-            add(p);
-        }
-    }
-    (min.is_finite() && max.is_finite()).then_some((min, max))
 }
 
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! What the user described, as plain data: no behaviour, no files. Loaders fill it, `compile` reads it.
 
+mod bounds;
 mod camera;
 mod environment;
 mod geometry;
@@ -10,6 +11,7 @@ mod settings;
 mod texture;
 mod validate;
 
+pub use bounds::{Extent, instance_extents, scene_extent};
 pub use camera::{Camera, Projection, ThinLens};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};

@@ -1,11 +1,11 @@
 //! The answer for people.
 
-use super::facts::{instance_extents, placed_triangles, scene_extent, used_images, used_materials};
+use super::facts::{placed_triangles, used_images, used_materials};
 use super::objects::tree;
 use super::words;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::Scene;
+use oscura::scene::{Scene, instance_extents, scene_extent};
 use std::path::Path;
 
 /// Everything, line by line.

@@ -1,14 +1,11 @@
 //! The answer for programs.
 
-use super::facts::{
-    Extent, instance_extents, instance_materials, material_images, placed_triangles, scene_extent,
-    used_images, used_materials,
-};
+use super::facts::{instance_materials, material_images, placed_triangles, used_images, used_materials};
 use super::words::{environment_name, light_kind, model_name};
 use crate::cli::json::Json;
 use oscura::error::Warning;
 use oscura::load::Loaded;
-use oscura::scene::{Camera, Light, LightKind, Projection, Scene};
+use oscura::scene::{Camera, Extent, Light, LightKind, Projection, Scene, instance_extents, scene_extent};
 use std::path::Path;
 
 /// One object with everything.

@@ -83,11 +83,18 @@ const UNSIGNED_SHORT: u32 = 5123;
 const VERTICES: u32 = 34962;
 const INDICES: u32 = 34963;
 
-/// The asset: one file with its buffer inside, free of remarks by the Khronos validator.
-pub fn gltf() -> String {
-    let (mut positions, mut indices) = (Vec::new(), Vec::new());
-    let (mut accessors, mut meshes, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
-    for part in &PARTS {
+/// What the parts become: their numbers as bytes, and the JSON that refers to these.
+#[derive(Default)]
+struct Built {
+    positions: Vec<u8>,
+    indices: Vec<u8>,
+    accessors: Vec<Value>,
+    meshes: Vec<Value>,
+    nodes: Vec<Value>,
+}
+
+impl Built {
+    fn add(&mut self, part: &Part) {
         let corners: Vec<[f32; 3]> =
             part.quads.as_flattened().iter().map(|p| p.map(|mm| (mm / 1000.0) as f32)).collect();
         let extreme = |pick: fn(f32, f32) -> f32| {
@@ -97,26 +104,33 @@ pub fn gltf() -> String {
                 .reduce(|a, b| [0, 1, 2].map(|i| pick(a[i], b[i])))
                 .map(|p| p.map(f64::from))
         };
-        accessors.push(json!({
-            "bufferView": 0, "byteOffset": positions.len(), "componentType": FLOAT, "count": corners.len(),
+        self.accessors.push(json!({
+            "bufferView": 0, "byteOffset": self.positions.len(), "componentType": FLOAT, "count": corners.len(),
             "type": "VEC3", "min": extreme(f32::min), "max": extreme(f32::max),
         }));
-        positions.extend(corners.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
-        let first = indices.len();
+        self.positions.extend(corners.as_flattened().iter().flat_map(|x| x.to_le_bytes()));
+        let first = self.indices.len();
         for quad in 0..part.quads.len() as u16 {
-            indices.extend([0, 1, 2, 0, 2, 3].iter().flat_map(|i| (4 * quad + i).to_le_bytes()));
+            self.indices.extend([0, 1, 2, 0, 2, 3].iter().flat_map(|i| (4 * quad + i).to_le_bytes()));
         }
-        accessors.push(json!({
+        self.accessors.push(json!({
             "bufferView": 1, "byteOffset": first, "componentType": UNSIGNED_SHORT,
             "count": part.quads.len() * 6, "type": "SCALAR",
         }));
         let primitive = json!({
-            "attributes": { "POSITION": accessors.len() - 2 },
-            "indices": accessors.len() - 1, "material": part.material, "mode": 4,
+            "attributes": { "POSITION": self.accessors.len() - 2 },
+            "indices": self.accessors.len() - 1, "material": part.material, "mode": 4,
         });
-        nodes.push(json!({ "mesh": meshes.len(), "name": part.name }));
-        meshes.push(json!({ "name": part.name, "primitives": [primitive] }));
+        self.nodes.push(json!({ "mesh": self.meshes.len(), "name": part.name }));
+        self.meshes.push(json!({ "name": part.name, "primitives": [primitive] }));
     }
+}
+
+/// The asset: one file with its buffer inside, free of remarks by the Khronos validator.
+pub fn gltf() -> String {
+    let mut built = Built::default();
+    PARTS.iter().for_each(|part| built.add(part));
+    let Built { positions, indices, accessors, meshes, mut nodes } = built;
     // Half a turn about y makes the camera, which looks along -z, look along +z.
     nodes.push(json!({
         "camera": 0, "name": "camera", "rotation": [0, 1, 0, 0], "translation": EYE.map(|mm| mm / 1000.0),

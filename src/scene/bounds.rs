@@ -1,0 +1,120 @@
+//! Boxes around what a scene shows.
+
+use super::{Instance, Mesh, Scene};
+use crate::math::DVec3;
+
+/// Vertices of one mesh, over all its placements, that are looked at; beyond, the corners of its box stand for them.
+const MOST_VERTICES: usize = 20_000_000;
+
+/// A box around points in world space, metres: its least and its greatest corner; `None` before the first point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct Extent(pub Option<(DVec3, DVec3)>);
+
+impl Extent {
+    fn grow(&mut self, p: DVec3) {
+        let (low, high) = self.0.unwrap_or((p, p));
+        self.0 = Some((low.min(p), high.max(p)));
+    }
+
+    fn join(&mut self, other: Extent) {
+        if let Some((low, high)) = other.0 {
+            self.grow(low);
+            self.grow(high);
+        }
+    }
+}
+
+/// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
+/// count. The scene need not be valid.
+pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
+    let mut placements = vec![0usize; scene.meshes.len()];
+    for instance in &scene.instances {
+        if let Some(times) = placements.get_mut(instance.mesh.index()) {
+            *times += 1;
+        }
+    }
+    let corners: Vec<Vec<DVec3>> = scene
+        .meshes
+        .iter()
+        .zip(&placements)
+        .map(|(mesh, &times)| {
+            let points = used_positions(mesh);
+            if mesh.positions.len().saturating_mul(times) <= MOST_VERTICES {
+                return points.collect();
+            }
+            let mut extent = Extent::default();
+            points.for_each(|p| extent.grow(p));
+            extent.0.map_or(Vec::new(), |(low, high)| box_corners(low, high))
+        })
+        .collect();
+    let of = |i: &Instance| {
+        let mut extent = Extent::default();
+        let points = corners.get(i.mesh.index()).into_iter().flatten();
+        points.for_each(|&p| extent.grow(i.world_from_object.transform_point3(p)));
+        extent
+    };
+    scene.instances.iter().map(of).collect()
+}
+
+/// Each vertex that a triangle uses, once, however many share it.
+fn used_positions(mesh: &Mesh) -> impl Iterator<Item = DVec3> {
+    let mut used = vec![false; mesh.positions.len()];
+    for &i in mesh.triangles.as_flattened() {
+        if let Some(used) = used.get_mut(i as usize) {
+            *used = true;
+        }
+    }
+    mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(p, _)| DVec3::from(p.map(f64::from)))
+}
+
+fn box_corners(low: DVec3, high: DVec3) -> Vec<DVec3> {
+    let pick = |bits: u32, k: usize| if bits >> k & 1 == 0 { low[k] } else { high[k] };
+    (0..8).map(|bits| DVec3::new(pick(bits, 0), pick(bits, 1), pick(bits, 2))).collect()
+}
+
+/// The box around everything, from the boxes that [`instance_extents`] gives.
+pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
+    let mut all = Extent::default();
+    instances.iter().for_each(|e| all.join(*e));
+    for sphere in &scene.spheres {
+        all.grow(sphere.center - sphere.radius);
+        all.grow(sphere.center + sphere.radius);
+    }
+    for q in &scene.quads {
+        [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
+            .into_iter()
+            .for_each(|p| all.grow(p));
+    }
+    all
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{DAffine3, DQuat};
+    use crate::scene::{MaterialId, MeshId, Sphere};
+
+    #[test]
+    fn boxes_hold_what_is_placed_and_drawn() {
+        let mut scene = Scene::default();
+        assert_eq!(scene_extent(&scene, &instance_extents(&scene)), Extent(None));
+        scene.meshes.push(Mesh {
+            // The last vertex is part of no triangle.
+            positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 2.0, 0.0], [99.0; 3]],
+            triangles: vec![[0, 1, 2]],
+            ..Mesh::default()
+        });
+        scene.instances.push(Instance {
+            name: "placed".into(),
+            mesh: MeshId(0),
+            world_from_object: DAffine3::from_translation(DVec3::Z),
+            material: None,
+        });
+        let boxes = instance_extents(&scene);
+        assert_eq!(boxes, [Extent(Some((DVec3::Z, DVec3::new(1.0, 2.0, 1.0))))]);
+        let (center, rotation) = (DVec3::ZERO, DQuat::IDENTITY);
+        let material = MaterialId(0);
+        scene.spheres.push(Sphere { name: "ball".into(), center, radius: 3.0, rotation, material });
+        assert_eq!(scene_extent(&scene, &boxes), Extent(Some((DVec3::splat(-3.0), DVec3::splat(3.0)))));
+    }
+}
