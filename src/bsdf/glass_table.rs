@@ -4,13 +4,13 @@ use super::glass_data::GLASS;
 
 /// Nodes along the table's axes: sqrt((ior - 1) / (ior + 1)), sqrt(alpha), and for the view cosine the coordinate of
 /// [`super::albedo_table`].
-pub const NODES: [usize; 3] = [20, 20, 24];
+pub const NODES: [usize; 3] = [20, 20, 32];
 
 /// The largest value of the table's integers, an albedo of 1.
 const UNIT: f32 = 65535.0;
 
 /// What a ray from outside (or inside) a solid of an index of refraction finds again outside and inside after one
-/// facet, interpolated trilinearly. Errors are below 0.005 for indices from 1.2 on, below 0.014 for smaller ones.
+/// facet, interpolated trilinearly. Errors are below 0.006 for indices from 1.2 on, below 0.014 for smaller ones.
 #[inline]
 pub fn glass_albedo(cos_o: f32, alpha: f32, ior: f32, is_inside: bool) -> f32 {
     let (root, roughness) = (cos_o.clamp(0.0, 1.0).sqrt(), alpha.clamp(0.0, 1.0).sqrt());
@@ -92,7 +92,7 @@ mod tests {
     fn table_is_the_integral() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
             let mut text = String::from(
-                "//! Data of `glass_table`: outside and inside, by index of refraction, roughness and cosine; 65535 is 1. Written by\n//! its test `table_is_the_integral`.\n\n#[rustfmt::skip]\npub static GLASS: [[[[u16; 24]; 20]; 20]; 2] = [\n",
+                "//! Data of `glass_table`: outside and inside, by index of refraction, roughness and cosine; 65535 is 1. Written by\n//! its test `table_is_the_integral`.\n\n#[rustfmt::skip]\npub static GLASS: [[[[u16; 32]; 20]; 20]; 2] = [\n",
             );
             for inside in [false, true] {
                 text += "    [\n";
@@ -135,7 +135,7 @@ mod tests {
                         let (alpha, c) = (r * r, (x * r / (1.0 + r - x)).powi(2));
                         let exact = integrate(c, alpha, ior, inside, 2584);
                         let found = f64::from(glass_albedo(c, alpha, ior, inside));
-                        let limit = if ior < 1.2 { 0.014 } else { 5e-3 };
+                        let limit = if ior < 1.2 { 0.014 } else { 6e-3 };
                         let what = || format!("{inside} {ior} {alpha} {c}: {found} {exact}");
                         assert!((found - exact).abs() < limit, "{}", what());
                     }

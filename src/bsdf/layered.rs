@@ -14,7 +14,7 @@ use super::microsurface::{Facets, Microsurface};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::through::DiffuseThrough;
-use super::{BsdfEval, BsdfSample, MetalRough, ggx, mean};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, MetalRough, ggx, mean};
 use crate::math::Vec3;
 
 /// Every layer and base that a glTF material may have; absent ones have strength 0.
@@ -110,7 +110,7 @@ impl Layered {
             of_glass * glass.albedo_estimate(above.z, wo.z < 0.0),
         ];
         let total: f32 = shares.iter().sum();
-        let scale = 1.0 / if total > 0.0 { total } else { 1.0 };
+        let scale = if total > LEAST_ALBEDO { 1.0 / total } else { 0.0 };
         Seen {
             weights: [Vec3::splat(strength), sheen, Vec3::splat(of_opaque), through, Vec3::splat(of_glass)],
             chances: shares.map(|s| s * scale),

@@ -1,6 +1,5 @@
 //! Metals of a measured index of refraction.
 
-use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Microsurface};
 use super::{BsdfEval, BsdfSample, fresnel, ggx};
 use crate::math::Vec3;
@@ -33,10 +32,7 @@ impl Metal {
     #[inline(always)]
     fn compensation(&self, above: Vec3) -> Vec3 {
         match self.microfacet {
-            Microfacet::Multi => {
-                let alpha = self.surface.table_alpha(above);
-                DirectionalAlbedo::at(above.z, alpha).compensation(self.reflectance(1.0))
-            }
+            Microfacet::Multi => self.surface.directional_albedo(above).compensation(self.reflectance(1.0)),
             Microfacet::Single => Vec3::ONE,
         }
     }

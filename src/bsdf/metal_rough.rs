@@ -2,7 +2,7 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
-use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx, mean};
 use crate::math::Vec3;
 use crate::scene::Microfacet;
 use std::f32::consts::FRAC_1_PI;
@@ -67,7 +67,7 @@ impl<S: Facets> MetalRough<S> {
         let table = if self.surface.is_mirror() {
             DirectionalAlbedo { full: 1.0, grazing: fresnel::schlick_weight(above.z) }
         } else {
-            DirectionalAlbedo::at(above.z, self.surface.table_alpha(above))
+            self.surface.directional_albedo(above)
         };
         let compensation = |f0| match self.microfacet {
             Microfacet::Multi => table.compensation(f0),
@@ -83,7 +83,14 @@ impl<S: Facets> MetalRough<S> {
         let diffuse = self.diffuse * rest;
         let (s, d) = (mean(specular), mean(diffuse));
         let albedo = s + d;
-        View { diffuse, rest, f0, f90, albedo, p_specular: s / if albedo > 0.0 { albedo } else { 1.0 } }
+        View {
+            diffuse,
+            rest,
+            f0,
+            f90,
+            albedo,
+            p_specular: s / if albedo > LEAST_ALBEDO { albedo } else { 1.0 },
+        }
     }
 
     /// See [`super::Bsdf::sample`].
@@ -96,7 +103,7 @@ impl<S: Facets> MetalRough<S> {
     /// As [`MetalRough::sample`], with the view of `above`.
     #[inline(always)]
     pub(super) fn sample_seen(&self, view: &View, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
-        if view.albedo <= 0.0 {
+        if view.albedo <= LEAST_ALBEDO {
             return BsdfSample::ABSORBED;
         }
         let choose_specular = u[2] < view.p_specular;

@@ -1,6 +1,8 @@
 //! A rough surface made of GGX facets with a roughness of its own along two tangent directions (Heitz 2014, "Understanding
 //! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
 
+use super::albedo_table::DirectionalAlbedo;
+use super::anisotropic_table::anisotropic_albedo;
 use super::ggx::{self, MIN_ALPHA, Reflection};
 use crate::math::{Vec3, poly};
 use std::f32::consts::PI;
@@ -9,8 +11,8 @@ use std::f32::consts::PI;
 pub trait Facets: Copy {
     /// Is it an exact mirror?
     fn is_mirror(&self) -> bool;
-    /// The alpha by which tables of albedos know it from direction `wo`.
-    fn table_alpha(&self, wo: Vec3) -> f32;
+    /// What single scattering returns from a direction, with a reflectance of 1.
+    fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
     /// A visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
     /// What a pair of directions reflects.
@@ -31,8 +33,8 @@ impl Facets for Isotropic {
     }
 
     #[inline(always)]
-    fn table_alpha(&self, _: Vec3) -> f32 {
-        self.alpha
+    fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo {
+        DirectionalAlbedo::at(wo.z, self.alpha)
     }
 
     #[inline(always)]
@@ -46,22 +48,26 @@ impl Facets for Isotropic {
     }
 }
 
+/// Smallest ratio of the two alphas.
+const LEAST_RATIO: f32 = 1.0 / 16.0;
+
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Microsurface {
     /// GGX alphas along the axis and across it, both 0 or at least [`MIN_ALPHA`].
-    alpha: [f32; 2],
+    pub(super) alpha: [f32; 2],
     /// Unit vector in the tangent plane, the direction of the first alpha.
-    axis: [f32; 2],
+    pub(super) axis: [f32; 2],
 }
 
 impl Microsurface {
-    /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. Where one of them is too small
-    /// to matter but not the other, it is raised to [`MIN_ALPHA`].
+    /// Facets with alphas along an axis (a unit vector in the tangent plane) and across it. The smaller one is raised to a
+    /// sixteenth of the larger one, as far as the table of albedos reaches.
     #[inline]
     pub fn new(alpha: [f32; 2], axis: [f32; 2]) -> Microsurface {
         let is_mirror = alpha[0].max(alpha[1]) < MIN_ALPHA;
-        let alpha = alpha.map(|a| if is_mirror { 0.0 } else { a.clamp(MIN_ALPHA, 1.0) });
+        let least = (alpha[0].max(alpha[1]) * LEAST_RATIO).max(MIN_ALPHA);
+        let alpha = alpha.map(|a| if is_mirror { 0.0 } else { a.clamp(least, 1.0) });
         Microsurface { alpha, axis }
     }
 
@@ -75,6 +81,12 @@ impl Microsurface {
     #[inline(always)]
     pub fn alpha(&self) -> [f32; 2] {
         self.alpha
+    }
+
+    /// Both alphas, where they are the same.
+    #[inline(always)]
+    pub fn isotropic_alpha(&self) -> Option<f32> {
+        (self.alpha[0] == self.alpha[1]).then_some(self.alpha[0])
     }
 
     /// To the frame of the axis.
@@ -130,8 +142,11 @@ impl Facets for Microsurface {
     }
 
     #[inline(always)]
-    fn table_alpha(&self, _: Vec3) -> f32 {
-        (self.alpha[0] * self.alpha[1]).sqrt()
+    fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo {
+        match self.isotropic_alpha() {
+            Some(alpha) => DirectionalAlbedo::at(wo.z, alpha),
+            None => anisotropic_albedo(self.to_axis(wo), self.alpha),
+        }
     }
 
     #[inline(always)]

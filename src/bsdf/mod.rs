@@ -7,6 +7,8 @@
 
 mod albedo_data;
 pub mod albedo_table;
+mod anisotropic_data;
+pub mod anisotropic_table;
 mod coat;
 mod conductor;
 mod dielectric;
@@ -109,6 +111,15 @@ fn mean(v: Vec3) -> f32 {
     (v.x + v.y + v.z) * (1.0 / 3.0)
 }
 
+/// Surfaces that return less light than this are black: nothing is divided by it.
+const LEAST_ALBEDO: f32 = 1e-30;
+
+/// With a z of -0 turned to 0, so that its sign says the same as a comparison.
+#[inline(always)]
+fn with_side(v: Vec3) -> Vec3 {
+    Vec3::new(v.x, v.y, v.z + 0.0)
+}
+
 /// Every way in which a surface may scatter.
 #[derive(Clone, Copy, Debug)]
 pub enum Bsdf {
@@ -140,6 +151,7 @@ impl Bsdf {
     /// Chooses a direction. `u[2]` chooses the lobe, the others the direction in it.
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let wo = with_side(wo);
         match self {
             Bsdf::Black => BsdfSample::ABSORBED,
             Bsdf::Lambert(b) => b.sample(wo, u),
@@ -158,6 +170,7 @@ impl Bsdf {
     /// Value and density for two directions; specular lobes count as zero.
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let (wo, wi) = (with_side(wo), with_side(wi));
         match self {
             Bsdf::Lambert(b) => b.eval(wo, wi),
             Bsdf::OrenNayar(b) => b.eval(wo, wi),

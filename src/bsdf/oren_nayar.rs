@@ -1,7 +1,7 @@
 //! Rough diffuse reflection that keeps its energy.
 
 use super::{BsdfEval, BsdfSample};
-use crate::math::Vec3;
+use crate::math::{Vec3, poly};
 use crate::sampling::warp;
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -35,12 +35,28 @@ impl OrenNayar {
         (1.0 + self.roughness * g) * self.normalisation()
     }
 
+    /// Chance of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
+    /// incidence comes from grazing directions.
+    #[inline(always)]
+    fn p_uniform(&self, zo: f32) -> f32 {
+        0.5 * self.roughness * (1.0 - zo) * (1.0 - zo)
+    }
+
     /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let up = warp::cosine_hemisphere([u[0], u[1]]);
+        let up = if u[2] < self.p_uniform(wo.z.abs()) {
+            let (s, c) = poly::sin_cos_turns(u[1]);
+            let sine = (1.0 - u[0] * u[0]).max(0.0).sqrt();
+            Vec3::new(sine * c, sine * s, u[0])
+        } else {
+            warp::cosine_hemisphere([u[0], u[1]])
+        };
         let wi = Vec3::new(up.x, up.y, up.z.copysign(wo.z));
         let e = self.eval(wo, wi);
+        if e.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
         BsdfSample {
             wi,
             weight: e.f_cos / e.pdf_solid_angle,
@@ -66,7 +82,9 @@ impl OrenNayar {
         let lost = |cosine| (1.0 - self.single_albedo(cosine)).max(0.0);
         let between = self.color * self.color * mean / (Vec3::ONE - self.color * (1.0 - mean));
         let multiple = between * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
-        let pdf_solid_angle = zi * FRAC_1_PI;
-        BsdfEval { f_cos: (single + multiple) * pdf_solid_angle, pdf_solid_angle }
+        let p_uniform = self.p_uniform(zo);
+        let cosine = zi * FRAC_1_PI;
+        let pdf_solid_angle = p_uniform * (0.5 * FRAC_1_PI) + (1.0 - p_uniform) * cosine;
+        BsdfEval { f_cos: (single + multiple) * cosine, pdf_solid_angle }
     }
 }

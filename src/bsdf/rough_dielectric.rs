@@ -1,6 +1,5 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
-use super::albedo_table::DirectionalAlbedo;
 use super::glass_table::glass_albedo;
 use super::microsurface::{Facets, Microsurface};
 use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
@@ -41,7 +40,8 @@ pub enum GlassReflectance {
 /// Reflection is shadowed by the height-correlated Smith term as metals are, transmission by the separable one, which is
 /// nearer to the exact beta function of Heitz et al. 2016, eq. 20. With [`Microfacet::Multi`] value
 /// and samples are divided by the directional albedo of single scattering (Turquin 2019, section 4), so that clear glass
-/// keeps all energy from all directions on both sides; a solid with changed reflectance is not compensated.
+/// keeps all energy from all directions on both sides. Solids with changed
+/// reflectance or two roughnesses are not compensated.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// Its facets; smooth ones give single directions.
@@ -120,11 +120,13 @@ impl RoughDielectric {
     /// What makes up for the light that single scattering loses.
     #[inline(always)]
     fn compensation(&self, above: Vec3, is_inside: bool) -> f32 {
-        let alpha = self.surface.table_alpha(above);
-        match (self.microfacet, self.walls, self.reflectance) {
-            (Microfacet::Single, ..) | (_, Walls::Solid, GlassReflectance::Between { .. }) => 1.0,
-            (_, Walls::Thin, _) => 1.0 / DirectionalAlbedo::at(above.z, alpha).full,
-            (_, Walls::Solid, _) => 1.0 / glass_albedo(above.z, alpha, self.ior, is_inside),
+        match (self.microfacet, self.walls, self.reflectance, self.surface.isotropic_alpha()) {
+            (Microfacet::Single, ..) => 1.0,
+            (_, Walls::Thin, ..) => 1.0 / self.surface.directional_albedo(above).full,
+            (_, Walls::Solid, GlassReflectance::Plain, Some(alpha)) => {
+                1.0 / glass_albedo(above.z, alpha, self.ior, is_inside)
+            }
+            _ => 1.0,
         }
     }
 

@@ -88,8 +88,10 @@ impl Integrator<'_> {
         let [_, plain, lambert, lit, total] = next;
         let sorted = Sorted { plain, lambert, lit, total };
         w.escaped.clear();
-        w.bsdfs.clear();
-        w.bsdfs.resize(total - lambert, Bsdf::Black);
+        // Each that is used is written below.
+        if w.bsdfs.len() < total - lambert {
+            w.bsdfs.resize(total - lambert, Bsdf::Black);
+        }
         for i in 0..w.rays.len() {
             let group = w.groups[i];
             let k = next[group as usize];

@@ -75,12 +75,13 @@ pub struct Chi2 {
     tests: usize,
     cells: [usize; 2],
     samples: usize,
+    least_splits: u32,
 }
 
 impl Chi2 {
     /// A test, and how many run in its group.
     pub fn new(name: &str, tests: usize) -> Chi2 {
-        Chi2 { name: name.to_string(), tests, cells: [24, 24], samples: 200_000 }
+        Chi2 { name: name.to_string(), tests, cells: [24, 24], samples: 200_000, least_splits: 0 }
     }
 
     /// Another grid (24 x 24 by default).
@@ -92,6 +93,13 @@ impl Chi2 {
     /// Another number of samples (200,000 by default).
     pub fn samples(mut self, samples: usize) -> Chi2 {
         self.samples = samples;
+        self
+    }
+
+    /// Splits every cell that often before its integral is believed (0 by default), for densities that may end inside a
+    /// cell.
+    pub fn least_splits(mut self, splits: u32) -> Chi2 {
+        self.least_splits = splits;
         self
     }
 
@@ -186,7 +194,7 @@ impl Chi2 {
             .map(|i| {
                 let low = [(i % columns) as f64 * size[0], (i / columns) as f64 * size[1]];
                 let whole = gauss(density, low, size);
-                refine(density, low, size, whole, tolerance, 8)
+                refine(density, low, size, whole, tolerance, [self.least_splits, 8])
             })
             .collect()
     }
@@ -240,17 +248,18 @@ fn refine(
     size: [f64; 2],
     whole: f64,
     tolerance: f64,
-    depth: u32,
+    [least, most]: [u32; 2],
 ) -> f64 {
     let half = [size[0] * 0.5, size[1] * 0.5];
     let corners: [[f64; 2]; 4] =
         std::array::from_fn(|i| [low[0] + half[0] * (i & 1) as f64, low[1] + half[1] * (i >> 1) as f64]);
     let parts = corners.map(|corner| gauss(f, corner, half));
     let sum: f64 = parts.iter().sum();
-    if depth == 0 || (sum - whole).abs() <= tolerance {
+    if most == 0 || (least == 0 && (sum - whole).abs() <= tolerance) {
         return sum;
     }
-    (0..4).map(|i| refine(f, corners[i], half, parts[i], tolerance * 0.5, depth - 1)).sum()
+    let depths = [least.saturating_sub(1), most - 1];
+    (0..4).map(|i| refine(f, corners[i], half, parts[i], tolerance * 0.5, depths)).sum()
 }
 
 /// The chi-square statistic of (expected, observed) pairs with small ones pooled, and the number of pools.

