@@ -437,8 +437,7 @@ fn a_generous_time_limit_changes_nothing() {
 #[test]
 fn clamped_values_stand_in_the_header() {
     let folder = tempfile::tempdir().unwrap();
-    let scene =
-        "[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, 1]\n[environment]\nbackground = [1e6, 1, 1]\n";
+    let scene = "objects = []\n[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, 1]\n[environment]\nbackground = [1e6, 1, 1]\n";
     fs::write(folder.path().join("bright.toml"), scene).unwrap();
     let output = oscura(
         folder.path(),
@@ -488,8 +487,11 @@ fn strict_makes_warnings_errors_before_rendering() {
 fn explain_says_what_was_left_out() {
     let folder = tempfile::tempdir().unwrap();
     let mut asset: serde_json::Value = serde_json::from_slice(&fs::read(cornell()).unwrap()).unwrap();
+    let meshes = asset["meshes"].as_array_mut().expect("meshes");
+    meshes.push(meshes[0].clone());
+    let aside = meshes.len() - 1;
     let nodes = asset["nodes"].as_array_mut().expect("nodes");
-    nodes.push(serde_json::json!({"name": "aside", "mesh": 0}));
+    nodes.push(serde_json::json!({"name": "aside", "mesh": aside}));
     fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();
     let shoot = |more: &[&str]| {
         let fixed = ["render", "a.gltf", "-o", "a.exr", "--width", "8", "--spp", "1"];
@@ -561,7 +563,7 @@ fn env_rotation_turns_the_surroundings() {
     .unwrap();
     fs::write(
         folder.path().join("a.toml"),
-        "[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, -1]\nvfov = 5\n",
+        "objects = []\n[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, -1]\nvfov = 5\n",
     )
     .unwrap();
     let brightness = |degrees: u32| {
