@@ -42,8 +42,9 @@ pub(super) struct View {
     f90: Vec3,
     /// Mean albedo.
     pub albedo: f32,
-    /// Chance of the specular lobe; the rest is the diffuse one's.
+    /// Chances of the lobes; each on its own, so that a tiny one does not round to 0.
     p_specular: f32,
+    p_diffuse: f32,
 }
 
 impl<S: Facets> MetalRough<S> {
@@ -83,14 +84,8 @@ impl<S: Facets> MetalRough<S> {
         let diffuse = self.diffuse * rest;
         let (s, d) = (mean(specular), mean(diffuse));
         let albedo = s + d;
-        View {
-            diffuse,
-            rest,
-            f0,
-            f90,
-            albedo,
-            p_specular: s / if albedo > LEAST_ALBEDO { albedo } else { 1.0 },
-        }
+        let whole = if albedo > LEAST_ALBEDO { albedo } else { 1.0 };
+        View { diffuse, rest, f0, f90, albedo, p_specular: s / whole, p_diffuse: d / whole }
     }
 
     /// See [`super::Bsdf::sample`].
@@ -148,8 +143,7 @@ impl<S: Facets> MetalRough<S> {
             return BsdfEval::ZERO;
         }
         let cosine = wi.z * FRAC_1_PI;
-        let p_diffuse = 1.0 - view.p_specular;
-        let diffuse = BsdfEval { f_cos: view.diffuse * cosine, pdf_solid_angle: p_diffuse * cosine };
+        let diffuse = BsdfEval { f_cos: view.diffuse * cosine, pdf_solid_angle: view.p_diffuse * cosine };
         if self.surface.is_mirror() {
             return diffuse;
         }

@@ -65,6 +65,8 @@ struct Facet {
     transmitted: Vec3,
     /// Chance of sampling the reflection.
     p_reflected: f32,
+    /// Chance of sampling the transmission; on its own, so that a tiny one does not round to 0.
+    p_transmitted: f32,
     cos_transmitted: f32,
 }
 
@@ -105,16 +107,26 @@ impl RoughDielectric {
         let transmitted = self.tint * passes;
         let (r, t) = (mean(reflected), mean(transmitted));
         let sum = r + t;
-        let p_reflected = r / if sum > 0.0 { sum } else { 1.0 };
-        Facet { reflected, transmitted, p_reflected, cos_transmitted: interface.cos_transmitted }
+        let [p_reflected, p_transmitted] = [r, t].map(|x| x / if sum > 0.0 { sum } else { 1.0 });
+        Facet {
+            reflected,
+            transmitted,
+            p_reflected,
+            p_transmitted,
+            cos_transmitted: interface.cos_transmitted,
+        }
     }
 
-    /// Share of light that is not absorbed, roughly: that of a facet seen under the view cosine.
+    /// Share of light that is not absorbed, roughly: the mean of a facet seen under the view cosine and of one that is
+    /// turned to the viewer, as some facets of rough glass are.
     #[inline(always)]
     pub(super) fn albedo_estimate(&self, cosine: f32, is_inside: bool) -> f32 {
         let eta = if is_inside && self.walls == Walls::Solid { 1.0 / self.ior } else { self.ior };
-        let facet = self.facet(cosine.min(1.0), eta);
-        mean(facet.reflected) + mean(facet.transmitted)
+        let share = |c: f32| {
+            let facet = self.facet(c.min(1.0), eta);
+            mean(facet.reflected) + mean(facet.transmitted)
+        };
+        0.5 * (share(cosine) + share(cosine.max(0.5)))
     }
 
     /// What makes up for the light that single scattering loses.
@@ -210,7 +222,7 @@ impl RoughDielectric {
             let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
             let facet = self.facet(r.cos_half.min(1.0), eta);
             let (factor, chance) = match crosses {
-                true => (facet.transmitted, 1.0 - facet.p_reflected),
+                true => (facet.transmitted, facet.p_transmitted),
                 false => (facet.reflected, facet.p_reflected),
             };
             BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: chance * r.pdf_solid_angle }
@@ -242,7 +254,7 @@ impl RoughDielectric {
         BsdfEval {
             // The 1 / eta^2 of radiance undoes the measure's eta^2.
             f_cos: facet.transmitted * (common * masked_i),
-            pdf_solid_angle: (1.0 - facet.p_reflected) * common * (eta * eta),
+            pdf_solid_angle: facet.p_transmitted * common * (eta * eta),
         }
     }
 }
