@@ -88,6 +88,12 @@ fn fixtures(folder: &Path) {
             node["name"] = "front".into();
         }
     }
+    // The empty node that Blender leaves where an area light stood.
+    let area = value["nodes"].as_array_mut().map(|nodes| {
+        nodes.push(serde_json::json!({ "name": "Area", "translation": [0.3, 0.5, 0.3] }));
+        nodes.len() - 1
+    });
+    value["scenes"][0]["nodes"].as_array_mut().expect("nodes").push(area.into());
     fs::write(folder.join("room.glb"), glb(&value)).expect("written");
     for name in ["studio.exr", "studio.hdr"] {
         let path = folder.join(name);
