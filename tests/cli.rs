@@ -437,7 +437,18 @@ fn a_generous_time_limit_changes_nothing() {
 #[test]
 fn clamped_values_stand_in_the_header() {
     let folder = tempfile::tempdir().unwrap();
-    let scene = "objects = []\n[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, 1]\n[environment]\nbackground = [1e6, 1, 1]\n";
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 0]
+        look_at = [0, 0, 1]
+        [environment]
+        background = [1e6, 1, 1]
+        [materials]
+        black = { type = "lambert", color = [0, 0, 0] }
+        [[objects]]
+        sphere = { center = [0, 0, -9], radius = 1 }
+        material = "black"
+    "#;
     fs::write(folder.path().join("bright.toml"), scene).unwrap();
     let output = oscura(
         folder.path(),
@@ -486,20 +497,16 @@ fn strict_makes_warnings_errors_before_rendering() {
 #[test]
 fn explain_says_what_was_left_out() {
     let folder = tempfile::tempdir().unwrap();
-    let mut asset: serde_json::Value = serde_json::from_slice(&fs::read(cornell()).unwrap()).unwrap();
-    let meshes = asset["meshes"].as_array_mut().expect("meshes");
-    meshes.push(meshes[0].clone());
-    let aside = meshes.len() - 1;
-    let nodes = asset["nodes"].as_array_mut().expect("nodes");
-    nodes.push(serde_json::json!({"name": "aside", "mesh": aside}));
-    fs::write(folder.path().join("a.gltf"), asset.to_string()).unwrap();
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl used\nf 1 2 3\n";
+    fs::write(folder.path().join("a.obj"), obj).unwrap();
+    fs::write(folder.path().join("a.mtl"), "newmtl used\nKd 1 1 1\nnewmtl aside\nKd 1 0 0\n").unwrap();
     let shoot = |more: &[&str]| {
-        let fixed = ["render", "a.gltf", "-o", "a.exr", "--width", "8", "--spp", "1"];
+        let fixed = ["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"];
         let output = oscura(folder.path(), &[&fixed, more].concat());
         assert_eq!(code(&output), 0, "{}", stderr(&output));
         stderr(&output)
     };
-    assert!(shoot(&["--explain"]).contains("left out: "));
+    assert!(shoot(&["--explain"]).contains("left out: material 'aside'"));
     assert!(!shoot(&[]).contains("left out: "));
 }
 
@@ -561,11 +568,18 @@ fn env_rotation_turns_the_surroundings() {
         if x == 0 { (1.0f32, 1.0f32, 1.0f32) } else { (0.0, 0.0, 0.0) }
     })
     .unwrap();
-    fs::write(
-        folder.path().join("a.toml"),
-        "objects = []\n[camera]\nlook_from = [0, 0, 0]\nlook_at = [0, 0, -1]\nvfov = 5\n",
-    )
-    .unwrap();
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 0]
+        look_at = [0, 0, -1]
+        vfov = 5
+        [materials]
+        black = { type = "lambert", color = [0, 0, 0] }
+        [[objects]]
+        sphere = { center = [0, 0, 9], radius = 1 }
+        material = "black"
+    "#;
+    fs::write(folder.path().join("a.toml"), scene).unwrap();
     let brightness = |degrees: u32| {
         let degrees = degrees.to_string();
         let fixed = ["render", "a.toml", "-o", "a.exr", "--width", "4", "--height", "4", "--spp", "4"];

@@ -28,6 +28,7 @@ mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;
 mod sheen;
+#[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
 mod sheen_data;
 mod through;
 

@@ -19,7 +19,7 @@ pub fn pixels() -> Vec<u8> {
     let mut bytes = Vec::with_capacity((SIZE * SIZE * 3) as usize);
     for (y, x) in (0..SIZE).flat_map(|y| (0..SIZE).map(move |x| (y, x))) {
         let row = y / (SIZE / ROWS);
-        let shift = if row % 2 == 0 { 0 } else { SIZE / COLUMNS / 2 };
+        let shift = if row.is_multiple_of(2) { 0 } else { SIZE / COLUMNS / 2 };
         let along = (x + shift) % SIZE;
         let column = along / (SIZE / COLUMNS);
         let to_edge = |at: f64, size: f64| at.min(size - at);
