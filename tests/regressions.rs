@@ -43,7 +43,7 @@ fn gigantic_counts_in_a_ply_header_are_refused() {
     for count in ["6".repeat(80), format!("{}nt i4.rty", "6".repeat(80)), format!("x{}", "9".repeat(40))] {
         let text = format!("ply\nformat ascii 06.0\nelement vertex {count}\nproperty float x\nend_header\n");
         std::fs::write(&path, text).expect("written");
-        let error = check(&path).err().expect("it is refused").to_string();
+        let error = check(&path).expect_err("it is refused").to_string();
         assert!(error.contains("line 3: holds a number that is too large"), "{error}");
     }
 }

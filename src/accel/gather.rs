@@ -7,7 +7,7 @@ use rayon::prelude::*;
 /// Primitives that were left out, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads and spheres with NaN, infinite or too large coordinates ([`REACH`]), or indices out of range.
+    /// Triangles, quads and spheres with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
     pub not_finite: u64,
     /// Triangles and quads without area, spheres without a radius.
     pub degenerate: u64,
