@@ -18,7 +18,7 @@ use rayon::prelude::*;
 use std::collections::BTreeMap;
 
 /// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
-const MAX_DEPTH: u32 = 8;
+const MAX_DEPTH: u32 = 64;
 
 /// Texture coordinates of the unit sphere, as seen from outside: u goes once around the y axis, v from the top down.
 /// Those of "Ray Tracing in One Weekend", with v counted from the top row of an image: u = (atan2(-z, x) + pi) / 2 pi,
