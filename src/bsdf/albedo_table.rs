@@ -67,7 +67,7 @@ mod tests {
         for i in 0..points {
             let turn = (f64::from(i) * 0.618_033_988_749_894_9).fract();
             let u = [turn as f32, (i as f32 + 0.5) / points as f32];
-            let normal = ggx::sample_visible_normal(wo, alpha, u);
+            let normal = ggx::sample_visible_normal(wo, [alpha; 2], u);
             let wi = normal * (2.0 * wo.dot(normal)) - wo;
             if wi.z > 0.0 {
                 let r = ggx::reflection(wo, wi, alpha);

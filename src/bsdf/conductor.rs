@@ -44,7 +44,7 @@ impl Conductor {
         if self.is_mirror() {
             return BsdfSample::mirror(wo, fresnel::schlick(self.f0, Vec3::ONE, above.z), 1.0);
         }
-        let normal = ggx::sample_visible_normal(above, self.alpha, [u[0], u[1]]);
+        let normal = ggx::sample_visible_normal(above, [self.alpha; 2], [u[0], u[1]]);
         let wi = normal * (2.0 * above.dot(normal)) - above;
         let lost = wi.z <= 0.0;
         let r = ggx::reflection(above, wi, self.alpha);

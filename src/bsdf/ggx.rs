@@ -16,17 +16,19 @@ pub fn smith_root(z: f32, alpha_squared: f32) -> f32 {
     (alpha_squared + (1.0 - alpha_squared) * z * z).sqrt()
 }
 
-/// A visible normal: reflects `wo` to a direction drawn from a spherical cap (Dupuy, Benyoub 2023, listing 3).
+/// A visible normal: reflects `wo` to a direction drawn from a spherical cap (Dupuy, Benyoub 2023, listing 3). `alpha` is
+/// the roughness along x and along y.
 #[inline(always)]
-pub fn sample_visible_normal(wo: Vec3, alpha: f32, u: [f32; 2]) -> Vec3 {
-    let stretched = Vec3::new(wo.x * alpha, wo.y * alpha, wo.z).normalize();
+pub fn sample_visible_normal(wo: Vec3, alpha: [f32; 2], u: [f32; 2]) -> Vec3 {
+    let [ax, ay] = alpha;
+    let stretched = Vec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
     let z = (1.0 - u[1]) * (1.0 + stretched.z) - stretched.z;
     let sin_squared = (1.0 - z) * (1.0 + z);
     let sine = if sin_squared > 0.0 { sin_squared } else { 0.0 }.sqrt();
     let (s, c) = poly::sin_cos_turns(u[0]);
     let half = Vec3::new(sine * c, sine * s, z) + stretched;
     let z = if half.z > 1e-12 { half.z } else { 1e-12 };
-    Vec3::new(half.x * alpha, half.y * alpha, z).normalize()
+    Vec3::new(half.x * ax, half.y * ay, z).normalize()
 }
 
 /// Everything about a pair of directions that does not depend on the colour.

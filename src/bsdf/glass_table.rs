@@ -56,7 +56,7 @@ mod tests {
         for i in 0..points {
             let turn = (f64::from(i) * 0.618_033_988_749_894_9).fract();
             let normal =
-                ggx::sample_visible_normal(wo, alpha, [turn as f32, (i as f32 + 0.5) / points as f32]);
+                ggx::sample_visible_normal(wo, [alpha; 2], [turn as f32, (i as f32 + 0.5) / points as f32]);
             let c = wo.dot(normal).clamp(0.0, 1.0);
             let interface = fresnel::exact(c, eta);
             let up = normal * (2.0 * c) - wo;

@@ -4,7 +4,7 @@
 use super::albedo_table::DirectionalAlbedo;
 use super::anisotropic_table::anisotropic_albedo;
 use super::ggx::{self, MIN_ALPHA, Reflection};
-use crate::math::{Vec3, poly};
+use crate::math::Vec3;
 use std::f32::consts::PI;
 
 /// What lobes need of a distribution of facets. Directions have z above 0.
@@ -39,7 +39,7 @@ impl Facets for Isotropic {
 
     #[inline(always)]
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        ggx::sample_visible_normal(wo, self.alpha, u)
+        ggx::sample_visible_normal(wo, [self.alpha; 2], u)
     }
 
     #[inline(always)]
@@ -119,20 +119,6 @@ impl Microsurface {
         let ratio = half.length_squared() / spread.max(1e-30);
         ax * ay * ratio * ratio * (1.0 / PI)
     }
-
-    /// As [`Facets::sample_visible_normal`], all in the frame of the axis.
-    #[inline(always)]
-    pub fn sample_along_axis(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        let [ax, ay] = self.alpha;
-        let stretched = Vec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
-        let z = (1.0 - u[1]) * (1.0 + stretched.z) - stretched.z;
-        let sin_squared = (1.0 - z) * (1.0 + z);
-        let sine = if sin_squared > 0.0 { sin_squared } else { 0.0 }.sqrt();
-        let (s, c) = poly::sin_cos_turns(u[0]);
-        let half = Vec3::new(sine * c, sine * s, z) + stretched;
-        let z = if half.z > 1e-12 { half.z } else { 1e-12 };
-        Vec3::new(half.x * ax, half.y * ay, z).normalize()
-    }
 }
 
 impl Facets for Microsurface {
@@ -151,7 +137,7 @@ impl Facets for Microsurface {
 
     #[inline(always)]
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3 {
-        self.from_axis(self.sample_along_axis(self.to_axis(wo), u))
+        self.from_axis(ggx::sample_visible_normal(self.to_axis(wo), self.alpha, u))
     }
 
     #[inline(always)]
@@ -172,6 +158,7 @@ impl Facets for Microsurface {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::poly;
 
     #[test]
     fn equal_roughnesses_are_isotropic() {

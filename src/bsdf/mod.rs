@@ -78,6 +78,16 @@ impl BsdfSample {
         is_transmission: false,
     };
 
+    /// A direction that was reflected by chance, weighted by value over density; the path ends where that is 0.
+    #[inline(always)]
+    fn reflected(wi: Vec3, eval: BsdfEval) -> BsdfSample {
+        let BsdfEval { f_cos, pdf_solid_angle } = eval;
+        if pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        BsdfSample { wi, weight: f_cos / pdf_solid_angle, pdf_solid_angle, ..BsdfSample::ABSORBED }
+    }
+
     /// The mirror image of `wo`, chosen with a chance.
     #[inline(always)]
     fn mirror(wo: Vec3, weight: Vec3, chance: f32) -> BsdfSample {

@@ -55,18 +55,10 @@ impl Phong {
             let up = warp::cosine_hemisphere([u[0], u[1]]);
             Vec3::new(up.x, up.y, up.z.copysign(wo.z))
         };
-        let e = self.eval(wo, wi);
-        if e.pdf_solid_angle <= 0.0 || wi.z == 0.0 {
+        if wi.z == 0.0 {
             return BsdfSample::ABSORBED;
         }
-        BsdfSample {
-            wi,
-            weight: e.f_cos / e.pdf_solid_angle,
-            pdf_solid_angle: e.pdf_solid_angle,
-            eta: 1.0,
-            is_specular: false,
-            is_transmission: false,
-        }
+        BsdfSample::reflected(wi, self.eval(wo, wi))
     }
 
     /// See [`super::Bsdf::eval`].
