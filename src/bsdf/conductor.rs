@@ -10,7 +10,8 @@ use crate::scene::Microfacet;
 ///
 /// With [`Microfacet::Multi`] the light that single scattering loses is given back by a factor 1 + f0 (1 - E) / E,
 /// with E the directional albedo for a reflectance of 1 (Turquin 2019, "Practical multiple scattering compensation for
-/// microfacet models", eq. 16). It keeps energy exactly for f0 = 1; it is not reciprocal.
+/// microfacet models", eq. 16). For f0 = 1 it keeps all energy, up to the 0.04 % by which the table of E may be wrong; it
+/// is not reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
     /// Reflectance at normal incidence; it rises to 1 at grazing incidence.

@@ -5,7 +5,9 @@
 //! exactly the light that arrives. From the top: coat, sheen, then the base.
 //!
 //! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface. The
-//! inside of a solid sees the glass and the opaque part alone, not the layers on the outside.
+//! inside of a solid sees the glass and the opaque part alone, not the layers on the outside: light on its way out is
+//! not dimmed by them. Neither side gains or loses energy; the price is that transmission through layers is not
+//! reciprocal.
 
 use super::coat::Coat;
 use super::film::Film;

@@ -5,7 +5,6 @@
 //! Weights are for paths that start at the camera: radiance transmitted into a denser medium is scaled by
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets a roulette undo it.
 
-mod albedo_data;
 pub mod albedo_table;
 mod anisotropic_data;
 pub mod anisotropic_table;
@@ -15,7 +14,6 @@ mod dielectric;
 mod film;
 pub mod fresnel;
 pub mod ggx;
-mod glass_data;
 pub mod glass_table;
 mod lambert;
 mod layered;
@@ -24,6 +22,8 @@ mod metal_rough;
 mod microsurface;
 mod oren_nayar;
 mod phong;
+#[cfg(test)]
+mod reference;
 mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;

@@ -8,8 +8,18 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 /// Diffuse reflection and a cosine lobe around the mirror direction (Lafortune, Willems 1994, "Using the modified Phong
 /// reflectance model for physically based rendering"): f = kd / pi + ks (n + 2) / (2 pi) cos^n.
 ///
-/// Both sides alike. Reciprocal; returns at most kd + ks of the light, and that only from straight above: at grazing
-/// incidence half of the lobe is below the surface and lost.
+/// Both sides alike. Reciprocal; returns at most kd + ks of the light, and that only from straight above. Elsewhere the
+/// specular share is darker by about the view cosine, and what of the lobe is below the surface is lost:
+///
+/// | Albedo for ks = 1, view cosine | 1 | 0.7 | 0.5 | 0.3 | 0.1 | 0.02 |
+/// |---|---|---|---|---|---|---|
+/// | n = 1 | 1 | 0.75 | 0.61 | 0.48 | 0.37 | 0.33 |
+/// | n = 10 | 1 | 0.70 | 0.51 | 0.33 | 0.18 | 0.13 |
+/// | n = 100 | 1 | 0.70 | 0.50 | 0.30 | 0.11 | 0.05 |
+/// | n = 1000 | 1 | 0.70 | 0.50 | 0.30 | 0.10 | 0.03 |
+///
+/// For that loss `Ns` of MTL files becomes the roughness of facets, which reflect more towards grazing incidence as
+/// real surfaces do; this model is there for who asks for it, with `type = "phong"` in a scene file.
 #[derive(Clone, Copy, Debug)]
 pub struct Phong {
     /// Diffuse share kd.

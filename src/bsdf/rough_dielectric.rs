@@ -234,8 +234,8 @@ impl RoughDielectric {
     #[inline(always)]
     fn eval_refracted(&self, wo: Vec3, wi: Vec3, eta: f32) -> BsdfEval {
         let (wo, wi) = (self.surface.to_axis(wo), self.surface.to_axis(wi));
-        // Walter et al. 2007, eq. 16, turned to the side of wo.
-        let half = (wo + wi * eta) * if eta > 1.0 { -1.0 } else { 1.0 };
+        // Walter et al. 2007, eq. 16, turned to the side of wo: wo + eta wi, so that the digits stay for eta near 1.
+        let half = ((wo + wi) + wi * (eta - 1.0)) * if eta > 1.0 { -1.0 } else { 1.0 };
         let length = half.length();
         if half.z <= 0.0 || length == 0.0 {
             return BsdfEval::ZERO;

@@ -1,6 +1,6 @@
 //! Samples follow their densities, and weights are values over densities.
 
-use crate::lobes::{conductor, direction, finite};
+use crate::lobes::{conductor, direction, finite, glass};
 use oscura::math::Vec3;
 use oscura::sampling::chi2::{Chi2, Random, Square};
 use oscura::scene::Microfacet;
@@ -43,6 +43,25 @@ fn sharp_lobes_follow_the_density() {
         Chi2::new("sharp conductor", 2).assert_directions(
             &Square::cap(mirror, 5e-4),
             |u| Some(bsdf.sample(wo, u).wi),
+            |wi| bsdf.eval(wo, wi).pdf_solid_angle,
+        );
+    }
+}
+
+/// Glass hardly denser than air spreads transmitted light by less than a thousandth of a radian.
+#[test]
+fn nearly_invisible_glass_follows_the_density() {
+    for cosine in COSINES {
+        let wo = direction(cosine, 0.7);
+        let bsdf = glass(1.001, 0.9, false, [1.0; 3], Microfacet::Multi);
+        // Facets that no longer face up end the lobe near its centre: not where the cells meet.
+        let centre = -wo - Vec3::Z * 1e-3f32.copysign(cosine);
+        Chi2::new(&format!("glass 1.001 from {cosine}"), COSINES.len()).assert_directions(
+            &Square::cap(centre, 8e-6),
+            |u| {
+                let s = bsdf.sample(wo, u);
+                (s.pdf_solid_angle > 0.0).then_some(s.wi)
+            },
             |wi| bsdf.eval(wo, wi).pdf_solid_angle,
         );
     }

@@ -5,6 +5,7 @@ use crate::lobes::{
 };
 use oscura::bsdf::{Bsdf, Conductor, Dielectric, OrenNayar, Phong, ThinDielectric};
 use oscura::math::Vec3;
+use oscura::sampling::chi2::Random;
 use oscura::scene::{FresnelModel, Microfacet};
 
 /// Mean weight: the share of light returned.
@@ -70,9 +71,7 @@ fn nothing_returns_more_than_arrives() {
                     let bsdf = white(roughness, metallic, transmission, volume);
                     let a = albedo(&bsdf, direction(cosine, 1.0), 40_000);
                     let what = format!("{roughness} {metallic} {transmission} {volume} {cosine}: {a}");
-                    assert!(a.x < 1.005, "{what}");
-                    // White and energy-keeping: hardly less, either.
-                    assert!(a.x > 0.99, "{what}");
+                    assert!((a.x - 1.0).abs() < 5e-3, "{what}");
                 }
             }
         }
@@ -113,25 +112,19 @@ const ROUGHNESSES: [f32; 6] = [0.0, 0.1, 0.3, 0.5, 0.75, 1.0];
 
 /// Asserts that a white material returns all light, within 0.5 % (the lattice's own error is below 0.1 %).
 fn assert_white(name: &str, bsdf: &Bsdf) {
-    assert_white_within(5e-3, name, bsdf);
-}
-
-fn assert_white_within(tolerance: f32, name: &str, bsdf: &Bsdf) {
     for cosine in COSINES {
         let a = albedo(bsdf, direction(cosine, 0.6), 40_000);
-        assert!((a.x - 1.0).abs() < tolerance, "{name}, cos {cosine}: {a}");
+        assert!((a.x - 1.0).abs() < 5e-3, "{name}, cos {cosine}: {a}");
     }
 }
 
 #[test]
 fn white_furnace_of_glass_is_one() {
-    for ior in [1.1, 1.33, 1.5, 2.4] {
+    for ior in [1.0, 1.001, 1.01, 1.05, 1.1, 1.2, 1.33, 1.5, 2.4, 3.0] {
         for roughness in ROUGHNESSES {
             for is_thin in [false, true] {
                 let bsdf = glass(ior, roughness, is_thin, [1.0; 3], Microfacet::Multi);
-                // The table of albedos is coarser there.
-                let tolerance = if ior < 1.2 { 1.4e-2 } else { 5e-3 };
-                assert_white_within(tolerance, &format!("glass {ior} {roughness} {is_thin}"), &bsdf);
+                assert_white(&format!("glass {ior} {roughness} {is_thin}"), &bsdf);
             }
         }
     }
@@ -222,11 +215,21 @@ fn no_material_gains_energy() {
             }
         }
     }
+    assert_no_gain(&all, &COSINES);
+}
+
+/// Asserts that nothing returns more than 1 + 1e-3. What comes near that is measured again with more samples, whose
+/// own error is below 1e-4.
+fn assert_no_gain(all: &[(String, Bsdf)], cosines: &[f32]) {
     let mut worst = (0.0, String::new());
-    for (name, bsdf) in &all {
-        for cosine in COSINES {
+    for (name, bsdf) in all {
+        for &cosine in cosines {
             for azimuth in [0.3, 1.4] {
-                let a = albedo(bsdf, direction(cosine, azimuth), 20_000).max_element();
+                let wo = direction(cosine, azimuth);
+                let mut a = albedo(bsdf, wo, 10_000).max_element();
+                if a > 1.0 + 3e-4 {
+                    a = albedo(bsdf, wo, 600_000).max_element();
+                }
                 if a > worst.0 {
                     worst = (a, format!("{name}, cos {cosine}, azimuth {azimuth}"));
                 }
@@ -234,6 +237,40 @@ fn no_material_gains_energy() {
         }
     }
     println!("largest albedo: {worst:?}");
-    // Interpolated albedos of glass are wrong by up to 0.006, those of metal by 0.003.
-    assert!(worst.0 < 1.0 + 6e-3, "{worst:?}");
+    assert!(worst.0 < 1.0 + 1e-3, "{worst:?}");
+}
+
+/// White glTF materials of all kinds: every number random, every layer now and then, to grazing incidence.
+#[test]
+fn no_random_material_gains_energy() {
+    let mut random = Random::new(11);
+    let mut all = Vec::new();
+    for i in 0..300 {
+        let mut unit = || random.next();
+        let material = pbr(|p| {
+            (p.roughness, p.ior) =
+                (number(unit()), if unit() < 0.5 { 1.0 + 0.2 * unit() } else { 1.0 + 2.0 * unit() });
+            p.metallic = number([0.0, 1.0, unit()][(unit() * 3.0) as usize]);
+            p.transmission = number([0.0, 1.0, unit()][(unit() * 3.0) as usize]);
+            p.has_volume = unit() < 0.7;
+            p.specular = number(if unit() < 0.6 { 1.0 } else { unit() });
+            p.clearcoat = if unit() < 0.25 { coat(unit(), unit()) } else { None };
+            p.sheen = if unit() < 0.25 { sheen([1.0; 3], unit()) } else { None };
+            p.anisotropy = if unit() < 0.25 { anisotropy(unit()) } else { None };
+            p.iridescence = if unit() < 0.25 { film(1.0 + unit(), 1000.0 * unit()) } else { None };
+            p.diffuse_transmission = if unit() < 0.25 { through(unit(), [1.0; 3]) } else { None };
+        });
+        all.push((format!("material {i}: {material:?}"), resolved(material)));
+    }
+    assert_no_gain(&all, &[1.0, 0.8, 0.5, 0.25, 0.1, 0.03, 0.01, 1e-3, -0.9, -0.4, -0.1, -0.02, -1e-3]);
+}
+
+/// The inside of a solid does not see the layers outside it: glass alone, and all light.
+#[test]
+fn layers_do_not_dim_the_inside_of_solids() {
+    let material = pbr(|p| {
+        (p.clearcoat, p.sheen) = (coat(1.0, 0.3), sheen([1.0; 3], 0.5));
+        (p.transmission, p.roughness, p.has_volume) = (number(1.0), number(0.4), true);
+    });
+    assert_white("coated glass", &resolved(material));
 }

@@ -127,7 +127,9 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     add("gold", gold([0.1, 0.5], Microfacet::Multi));
     add("plastic", basic(0.5, 0.0, 0.0, false));
     add("coated diffuse", basic(0.0, 0.0, 0.0, false));
-    for (ior, roughness) in [(1.5, 0.3), (1.5, 0.7), (1.2, 0.8), (2.4, 0.5), (1.33, 1.0)] {
+    for (ior, roughness) in
+        [(1.5, 0.3), (1.5, 0.7), (1.1, 0.8), (1.2, 0.8), (1.01, 0.8), (2.4, 0.5), (1.33, 1.0)]
+    {
         add(&format!("glass {ior} {roughness}"), glass(ior, roughness, false, [1.0; 3], Microfacet::Multi));
     }
     add("tinted glass", glass(1.5, 0.5, false, [0.9, 0.3, 0.1], Microfacet::Single));

@@ -6,7 +6,7 @@
 //! | `Ke`, `map_Ke` | emission, from both sides |
 //! | `Pr`, `Pm`, `map_Pr`, `map_Pm` | roughness, metalness of the glTF model; a map replaces the number |
 //! | `Ps`, `Pc`, `Pcr`, `aniso`, `anisor` | sheen (of roughness 0.3), clearcoat and its roughness, anisotropy and its turn |
-//! | `Ns` (without `Pr`) | GGX alpha sqrt(2 / (Ns + 2)) (Walter et al. 2007, eq. 50), roughness its square root |
+//! | `Ns` (without `Pr`) | GGX alpha sqrt(2 / (Ns + 2)) (Walter et al. 2007, eq. 50), roughness its square root; not the Phong model, which loses most light at grazing incidence (a scene file can ask for it) |
 //! | `Ks` black or absent, or `illum` 0, 1, and no PBR key | no specular reflection: Lambertian |
 //! | `Ks` with a black `Kd` and no PBR key | a metal of that colour |
 //! | `Ks`, `map_Ks` otherwise | dielectric reflection of index `Ni` (1.5) in the hue of `Ks`; the glTF model |
