@@ -2,9 +2,12 @@
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
+use super::medium::Medium;
 use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
-use crate::math::{Frame, Mat3, Vec3, poly};
-use crate::scene::{AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap};
+use crate::math::{Frame, Mat3, Vec3};
+use crate::scene::{
+    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
+};
 use crate::texture::{CompiledTextures, TexturePoint};
 
 /// A material as the integrator sees it.
@@ -20,8 +23,10 @@ pub struct CompiledMaterial {
     pub emission: Option<CompiledEmission>,
     /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
     pub is_two_sided: bool,
-    /// Extinction coefficient inside, per metre; `None` for clear or opaque materials.
-    pub absorption: Option<Vec3>,
+    /// What its solids are filled with; `None` for opaque and thin-walled ones.
+    pub medium: Option<Medium>,
+    /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
+    pub medium_index: u16,
     /// Bends shading normals.
     pub normal_map: Option<NormalMap>,
     /// Where the surface is absent; `None` is nowhere.
@@ -32,8 +37,6 @@ pub struct CompiledMaterial {
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
     pub uses_frame: bool,
-    /// Indices of refraction of the red, green and blue channel, where they differ.
-    pub dispersion: Option<[f32; 3]>,
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
     model: Model,
@@ -100,7 +103,6 @@ impl CompiledMaterial {
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
         let folded = Material { model, ..material.clone() };
         let is_textured = model_textures(&folded).next().is_some();
-        let absorption = absorption(&folded.model, class);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = clearcoat(&folded.model);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
@@ -121,13 +123,13 @@ impl CompiledMaterial {
             albedo: constant.map_or(Vec3::ZERO, |b| b.albedo()),
             emission,
             is_two_sided: material.double_sided || is_transmissive(&folded.model),
-            absorption,
+            medium: Medium::of(&folded.model, class),
+            medium_index: 0,
             normal_map,
             alpha,
             uses_vertex_colors,
             uses_uv,
             uses_frame,
-            dispersion: dispersion(&folded.model, class),
             coat_normal_map,
             model: folded.model,
             microfacet,
@@ -244,29 +246,6 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-/// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
-fn absorption(model: &Model, class: BsdfClass) -> Option<Vec3> {
-    let Model::Pbr(pbr) = model else { return None };
-    let is_volume = pbr.has_volume
-        && is_transmissive(model)
-        && matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-    let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
-    if !is_volume || is_clear || pbr.attenuation_distance <= 0.0 {
-        return None;
-    }
-    // Black would be infinite; f32's smallest normal number is black enough.
-    let sigma =
-        |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
-    Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
-}
-
-/// What is left of light after a way through an absorbing medium.
-#[inline]
-pub fn transmittance(absorption: Vec3, distance: f32) -> Vec3 {
-    let optical = absorption * -distance;
-    Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
-}
-
 fn clearcoat(model: &Model) -> Option<Clearcoat> {
     match model {
         Model::Pbr(pbr) => pbr.clearcoat,
@@ -274,35 +253,17 @@ fn clearcoat(model: &Model) -> Option<Clearcoat> {
     }
 }
 
-/// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).
-///
-/// Cauchy's n(l) = A + B / l^2 has index `ior` at the d line (587.6 nm) and the Abbe number 20 / dispersion between the
-/// F and C lines (486.1 and 656.3 nm). The channels stand for the wavelengths at which the primaries of
-/// Rec.709 dominate: 611.4, 549.1 and 464.2 nm.
-fn dispersion(model: &Model, class: BsdfClass) -> Option<[f32; 3]> {
-    let Model::Pbr(pbr) = model else { return None };
-    let refracts = matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-    if !refracts
-        || !pbr.has_volume
-        || pbr.transmission.factor <= 0.0
-        || pbr.dispersion <= 0.0
-        || pbr.ior <= 0.0
-    {
-        return None;
-    }
-    let inverse_square = |nm: f64| 1e6 / (nm * nm);
-    let spread = (f64::from(pbr.ior) - 1.0) * f64::from(pbr.dispersion) / 20.0;
-    let b = spread / (inverse_square(486.1) - inverse_square(656.3));
-    let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
-    Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
-}
-
 fn is_transmissive(model: &Model) -> bool {
     match model {
         Model::Dielectric { .. } | Model::Glass { .. } => true,
-        Model::Pbr(pbr) => pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some(),
+        Model::Pbr(pbr) => lets_light_in(pbr),
         _ => false,
     }
+}
+
+/// Does light pass the surface?
+pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
+    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
 fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {

@@ -61,6 +61,9 @@ impl Integrator<'_> {
         for i in sorted.lambert..sorted.lit {
             generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], softens);
         }
+        if self.scene.features.media {
+            self.absorb_light(sorted, &mut w.wave);
+        }
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
         let v = &w.wave.vertices;

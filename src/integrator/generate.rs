@@ -25,6 +25,9 @@ impl Integrator<'_> {
             paths.cone_width[..count].fill(width);
             paths.cone_spread[..count].fill(spread);
         }
+        if self.scene.features.media {
+            paths.interior[..count].fill(self.camera_interior);
+        }
         let samples = u64::from(block.samples);
         let mut at = Cursor::new(block, first);
         for i in 0..count {

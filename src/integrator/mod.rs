@@ -15,6 +15,7 @@ mod alpha;
 mod direct;
 mod environment;
 mod generate;
+mod interior;
 mod normals;
 mod scatter;
 mod surface;
@@ -25,6 +26,7 @@ pub use wave::{WAVE, Workspace};
 use crate::compile::CompiledScene;
 use crate::film::{AovSample, FilterSampler};
 use crate::sampling::sampler::Dimensions;
+use interior::Interior;
 use surface::{Group, group_of};
 
 /// Options that concern paths.
@@ -78,6 +80,8 @@ pub struct Integrator<'a> {
     options: PathOptions<'a>,
     /// Shading group of each material.
     groups: Vec<Group>,
+    /// Solids around the camera.
+    camera_interior: Interior,
     /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
     dimensions: Vec<Dimensions>,
 }
@@ -104,7 +108,8 @@ impl<'a> Integrator<'a> {
     pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
-        Integrator { scene, options, groups, dimensions: (0..sets).map(Dimensions::new).collect() }
+        let dimensions = (0..sets).map(Dimensions::new).collect();
+        Integrator { scene, options, groups, camera_interior: Interior::of_camera(scene), dimensions }
     }
 
     /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample. Asks `stop` once in

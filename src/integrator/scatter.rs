@@ -130,6 +130,9 @@ fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, how: &Scatter<'_>) {
         throughput *= terminator(ns * flip, ng * flip, wi);
     }
     paths.eta_squared[i] *= s.eta * s.eta;
+    if s.is_transmission {
+        paths.interior[i] = v.beyond[i];
+    }
     let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, how.roulette);
     // A direction that shading normals lead to the wrong side of the surface carries nothing.
     let crosses = side * wo.dot(ng) < 0.0;

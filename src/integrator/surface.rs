@@ -1,17 +1,17 @@
 //! What rays meet: emitted light, and the surfaces that scatter it, sorted by the loop that shades them.
 
 use super::Integrator;
+use super::interior::Interior;
 use super::normals::scattering_normal;
 use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame};
 use crate::compile::{
-    CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
+    CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, triangle_surface,
 };
 use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
-use crate::sampling::sampler::hash32;
 use crate::simd::{Kernel, dispatch};
 use crate::texture::TexturePoint;
 
@@ -84,6 +84,9 @@ impl Integrator<'_> {
                 paths.cone_width[i] += paths.cone_spread[i] * hit.t;
             }
         }
+        if self.scene.features.media {
+            self.absorb(w);
+        }
         let mut next = self.classify(bounce, is_last, w).starts();
         let [_, plain, lambert, lit, total] = next;
         let sorted = Sorted { plain, lambert, lit, total };
@@ -111,6 +114,7 @@ impl Integrator<'_> {
                     let vertex = self.meet(bounce, i, w);
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
                     w.bsdfs[k - lambert] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
+                    w.wave.vertices.beyond[k] = vertex.beyond;
                     store_generic(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
                 }
             }
@@ -178,10 +182,8 @@ impl Integrator<'_> {
         let mut surface = self.scene.geometries.surface(ray, hit);
         let material = &self.scene.materials[w.materials[i] as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        if is_back && let Some(absorption) = material.absorption {
-            let left = transmittance(absorption, hit.t);
-            let throughput = get(&w.arriving.throughput, i);
-            set(&mut w.arriving.throughput, i, throughput * left);
+        if material.medium_index != 0 && is_back {
+            self.enter_unnoticed(material, hit.t, i, &mut w.arriving);
         }
         let constant = material.constant.filter(|_| !material.uses_uv);
         let mut bsdf = match constant {
@@ -196,8 +198,13 @@ impl Integrator<'_> {
         if material.emission.is_some() {
             self.emit(i, material, &surface, hit, is_back, w);
         }
-        if let Some(iors) = material.dispersion {
-            bsdf = disperse(bsdf, iors, bounce, i, &mut w.arriving);
+        let mut beyond = w.arriving.interior[i];
+        if material.medium_index != 0 {
+            let boundary = self.boundary(bsdf, material, is_back, bounce, i, &mut w.arriving);
+            (bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            if boundary.is_inverted {
+                (surface.ng, surface.ns) = (-surface.ng, -surface.ns);
+            }
         }
         let is_dark = is_back && !material.is_two_sided;
         if bounce == 0 {
@@ -212,7 +219,7 @@ impl Integrator<'_> {
                 });
             }
         }
-        Vertex { surface, bsdf, is_back, is_dark }
+        Vertex { surface, bsdf, beyond, is_back, is_dark }
     }
 
     /// Looks up textures, vertex colours and the normal map.
@@ -280,29 +287,12 @@ impl Integrator<'_> {
     }
 }
 
-/// A path meets a material whose index of refraction differs between channels: it goes on with one of them, chosen by
-/// its throughput.
-fn disperse(bsdf: Bsdf, iors: [f32; 3], bounce: u32, i: usize, paths: &mut Paths) -> Bsdf {
-    let throughput = get(&paths.throughput, i).to_array();
-    let total: f32 = throughput.iter().sum();
-    let salt = hash32(paths.seed[i] ^ hash32(paths.shuffled[i]).rotate_left(7) ^ (bounce << 20));
-    let mut at = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0) * total;
-    let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
-    let mut channel = 0;
-    while channel < last && at >= throughput[channel] {
-        at -= throughput[channel];
-        channel += 1;
-    }
-    let mut single = Vec3::ZERO;
-    single[channel] = total;
-    set(&mut paths.throughput, i, single);
-    bsdf.with_ior(iors[channel])
-}
-
 /// A surface with its BSDF.
 struct Vertex {
     surface: Surface,
     bsdf: Bsdf,
+    /// Solids on its other side.
+    beyond: Interior,
     /// The ray came from behind.
     is_back: bool,
     /// The back of a one-sided material: black.
@@ -318,7 +308,7 @@ fn store(v: &mut Vertices, k: usize, surface: &Surface) {
 }
 
 fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, bsdf, is_back, is_dark } = vertex;
+    let Vertex { mut surface, bsdf, is_back, is_dark, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
@@ -385,5 +375,6 @@ impl Paths {
         other.sample[k] = self.sample[i];
         other.cone_width[k] = self.cone_width[i];
         other.cone_spread[k] = self.cone_spread[i];
+        other.interior[k] = self.interior[i];
     }
 }

@@ -1,5 +1,6 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
 
+use super::interior::Interior;
 use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -18,6 +19,8 @@ const LENGTH: usize = WAVE + 16;
 pub type Lanes = [f32; LENGTH];
 /// One integer a path.
 pub type Words = [u32; LENGTH];
+/// The solids around each path.
+pub type Interiors = [Interior; LENGTH];
 /// One vector or colour a path, by component.
 pub type Lanes3 = [Lanes; 3];
 
@@ -51,6 +54,8 @@ pub struct Paths {
     /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; only where that
     /// choice depends on it.
     pub receiver_normal: Lanes3,
+    /// Solids that the path is inside of; only where there are some.
+    pub interior: Interiors,
     /// Sobol point: its two parts.
     pub seed: Words,
     pub shuffled: Words,
@@ -76,6 +81,8 @@ pub struct Vertices {
     pub ns: Lanes3,
     /// Distance along the normal that a secondary ray's origin must keep.
     pub offset: Lanes,
+    /// Solids on the other side of the surface than the viewer's; only where there are some.
+    pub beyond: Interiors,
     /// Albedo of Lambertian vertices.
     pub albedo: Lanes3,
     /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
