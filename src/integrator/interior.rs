@@ -62,7 +62,7 @@ impl Interior {
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
         let around = ways.map(|way| solids_around(scene, scene.camera.position(), way.normalize()));
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
-        let first = around.iter().find(|list| list.iter().any(|m| is_around(m)));
+        let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
         solids.fold(Interior::AIR, |interior, &m| interior.entered(m))
     }
