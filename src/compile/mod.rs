@@ -73,6 +73,8 @@ pub struct CompiledScene {
     pub geometries: Geometries,
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
+    /// Treatment of light that bounces between microfacets.
+    pub microfacet: Microfacet,
     /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.
@@ -145,8 +147,18 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
-    let compiled =
-        CompiledScene { accel, camera, geometries, materials, media, textures, lights, features, emitters };
+    let compiled = CompiledScene {
+        accel,
+        camera,
+        geometries,
+        materials,
+        microfacet: options.microfacet,
+        media,
+        textures,
+        lights,
+        features,
+        emitters,
+    };
     Ok((compiled, report))
 }
 

@@ -127,7 +127,7 @@ impl Integrator<'_> {
         let Wave { paths, vertices: v } = wave;
         for i in 0..sorted.lit {
             let mut interior = paths.interior[i];
-            if i >= sorted.lambert {
+            if i >= sorted.metal_rough {
                 let ng = get(&v.ng, i);
                 if ng.dot(get(&v.wo, i)) * ng.dot(get(&v.wi, i)) < 0.0 {
                     interior = v.beyond[i];

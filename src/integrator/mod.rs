@@ -16,6 +16,7 @@ mod direct;
 mod environment;
 mod generate;
 mod interior;
+mod metal_rough;
 mod normals;
 mod scatter;
 mod surface;

@@ -2,9 +2,10 @@
 
 use super::Integrator;
 use super::interior::Interior;
+use super::metal_rough;
 use super::normals::scattering_normal;
 use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
-use crate::bsdf::{Bsdf, BsdfClass, LocalFrame};
+use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::compile::{
     CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, triangle_surface,
 };
@@ -23,7 +24,9 @@ pub(super) enum Group {
     Plain,
     /// Other Lambertian ones.
     Lambert,
-    /// Light sampling may reach it.
+    /// Opaque glTF materials.
+    MetalRough,
+    /// Others that light sampling may reach.
     Rough,
     /// It can't.
     Specular,
@@ -31,7 +34,7 @@ pub(super) enum Group {
     None,
 }
 
-const GROUPS: usize = 5;
+const GROUPS: usize = 6;
 
 /// How many vertices there are of each group.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +42,8 @@ pub(super) struct Sorted {
     plain: usize,
     /// Lambertian ones, the first.
     pub lambert: usize,
+    /// Those and the ones of opaque glTF materials, the next.
+    pub metal_rough: usize,
     /// All that light sampling may reach, Lambertian ones included.
     pub lit: usize,
     /// All.
@@ -69,7 +74,11 @@ pub(super) fn group_of(material: &CompiledMaterial) -> Group {
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
         _ => {
             let is_specular = material.constant.is_some_and(|b| b.is_specular());
-            if is_specular { Group::Specular } else { Group::Rough }
+            match material.class {
+                _ if is_specular => Group::Specular,
+                BsdfClass::MetalRough => Group::MetalRough,
+                _ => Group::Rough,
+            }
         }
     }
 }
@@ -88,12 +97,12 @@ impl Integrator<'_> {
             self.absorb(w);
         }
         let mut next = self.classify(bounce, is_last, w).starts();
-        let [_, plain, lambert, lit, total] = next;
-        let sorted = Sorted { plain, lambert, lit, total };
+        let [_, plain, lambert, metal_rough, lit, total] = next;
+        let sorted = Sorted { plain, lambert, metal_rough, lit, total };
         w.escaped.clear();
         // Each that is used is written below.
-        if w.bsdfs.len() < total - lambert {
-            w.bsdfs.resize(total - lambert, Bsdf::Black);
+        if w.bsdfs.len() < total - metal_rough {
+            w.bsdfs.resize(total - metal_rough, Bsdf::Black);
         }
         for i in 0..w.rays.len() {
             let group = w.groups[i];
@@ -110,16 +119,22 @@ impl Integrator<'_> {
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
                     store_lambert(&mut w.wave.vertices, k, vertex);
                 }
+                Group::MetalRough => {
+                    let vertex = self.meet(bounce, i, w);
+                    w.arriving.copy_to(i, &mut w.wave.paths, k);
+                    store_metal_rough(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
+                }
                 Group::Rough | Group::Specular => {
                     let vertex = self.meet(bounce, i, w);
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
-                    w.bsdfs[k - lambert] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
+                    w.bsdfs[k - metal_rough] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
                     w.wave.vertices.beyond[k] = vertex.beyond;
                     store_generic(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
                 }
             }
         }
         self.escape(bounce, w);
+        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.microfacet);
         let (wave, count) = (&mut *w.wave, sorted.plain);
         if self.scene.features.normals {
             dispatch(PlainVertices::<true> { wave, count });
@@ -314,6 +329,19 @@ fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
     surface.ns *= side;
     store(v, k, &surface);
     set(&mut v.albedo, k, if is_dark { Vec3::ZERO } else { bsdf.albedo() });
+}
+
+fn store_metal_rough(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
+    let Vertex { mut surface, bsdf, is_back, is_dark, .. } = vertex;
+    let side = if is_back { -1.0 } else { 1.0 };
+    surface.ng *= side;
+    surface.ns = scattering_normal(surface.ns * side, surface.ng, wo);
+    store(v, k, &surface);
+    set(&mut v.wo, k, wo);
+    match bsdf {
+        Bsdf::MetalRough(material) if !is_dark => metal_rough::store(&mut v.metal_rough, k, &material),
+        _ => metal_rough::store(&mut v.metal_rough, k, &MetalRough::BLACK),
+    }
 }
 
 fn store_generic(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {

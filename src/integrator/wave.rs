@@ -63,8 +63,28 @@ pub struct Paths {
     pub sample: Words,
 }
 
-/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then other ones
-/// that light sampling can reach, then specular ones.
+/// Opaque glTF materials at vertices ([`crate::bsdf::MetalRough`]), and what a direction sees of them
+/// ([`crate::bsdf::View`]) in the same places once that is computed.
+#[derive(Zeroable)]
+pub struct MetalRoughs {
+    /// Diffuse colour; then what is seen of it.
+    pub diffuse: Lanes3,
+    /// Reflectance of the dielectric layer at normal incidence; then that of the whole.
+    pub f0: Lanes3,
+    /// Reflectance of the metal at normal incidence; then that of the whole at grazing incidence.
+    pub f90: Lanes3,
+    /// Reflectance of the layer at grazing incidence; then the chance of reflection by microfacets.
+    pub p_specular: Lanes,
+    /// Share of metal; then the chance of diffuse reflection.
+    pub p_diffuse: Lanes,
+    /// Mean albedo.
+    pub albedo: Lanes,
+    /// GGX alpha.
+    pub alpha: Lanes,
+}
+
+/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then opaque glTF
+/// materials, then other ones that light sampling can reach, then specular ones.
 #[derive(Zeroable)]
 pub struct Vertices {
     /// What plain vertices are made of: the corners of their primitives with the normals there, and the weights of the
@@ -75,7 +95,7 @@ pub struct Vertices {
     /// 1 if the back is black, else 0.
     pub one_sided: Lanes,
     pub p: Lanes3,
-    /// Geometric normal; towards the viewer at Lambertian vertices, on the front at others.
+    /// Geometric normal; towards the viewer at Lambertian and opaque glTF vertices, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
@@ -85,6 +105,7 @@ pub struct Vertices {
     pub beyond: Interiors,
     /// Albedo of Lambertian vertices.
     pub albedo: Lanes3,
+    pub metal_rough: MetalRoughs,
     /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
     pub wo: Lanes3,
     /// Towards the sampled light, unit length.
@@ -128,7 +149,7 @@ pub struct Workspace {
     /// Paths that left the scene.
     pub(super) escaped: Vec<u32>,
     pub(super) materials: Vec<u32>,
-    /// BSDFs of the vertices that are not Lambertian.
+    /// BSDFs of the vertices that are neither Lambertian nor of opaque glTF materials.
     pub(super) bsdfs: Vec<Bsdf>,
     pub(super) shadow_rays: Vec<Ray>,
     /// Vertex of each shadow ray.
