@@ -3,8 +3,9 @@
 use crate::color::luminance;
 use crate::image::Image;
 use crate::math::{Vec3, poly};
-use crate::sampling::{BilinearMap, MapSample, warp};
+use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
 use crate::scene::Environment;
+use crate::simd::Table;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
@@ -215,16 +216,25 @@ impl ImageMap {
         self.map.sample(u)
     }
 
+    /// The same from many pairs of numbers, the first ones of all pairs first.
+    #[inline(always)]
+    pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+        self.map.sample_many(u)
+    }
+
     /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
     #[inline(always)]
     pub fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
-        let x = u * self.width as f32 - 0.5;
-        let x = if x < 0.0 { x + self.width as f32 } else { x };
-        let y = (v * self.height as f32 - 0.5).max(0.0);
-        let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
+        let (width, height) = (self.width as u32, self.height as u32);
+        let x = u * width as f32 - 0.5;
+        let x = if x < 0.0 { x + width as f32 } else { x };
+        let y = v * height as f32 - 0.5;
+        let y = if y > 0.0 { y } else { 0.0 };
+        let (i, j) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
         let (s, t) = (x - i as f32, y - j as f32);
-        let (next_i, next_j) = (if i + 1 == self.width { 0 } else { i + 1 }, (j + 1).min(self.height - 1));
-        let texel = |i: usize, j: usize| Vec3::from_array(self.texels[j * self.width + i]);
+        let (next_i, next_j) = (if i + 1 == width { 0 } else { i + 1 }, (j + 1).min(height - 1));
+        let texels = Table::new(&self.texels);
+        let texel = |i: u32, j: u32| Vec3::from_array(texels.at(j * width + i));
         let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
         let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
         top + (bottom - top) * t
