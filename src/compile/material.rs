@@ -8,7 +8,7 @@ use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
     AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
 };
-use crate::texture::{CompiledTextures, TexturePoint};
+use crate::texture::{CompiledTextures, PointReader};
 
 /// A material as the integrator sees it.
 #[derive(Clone, Debug)]
@@ -59,22 +59,14 @@ pub struct Alpha {
     cutoff: Option<f32>,
 }
 
-/// Slots with their textures looked up at a point.
-pub struct TexturedSlots<'a> {
-    /// The scene's textures.
-    pub textures: &'a CompiledTextures,
-    /// Where.
-    pub point: TexturePoint,
-}
-
-impl Slots for TexturedSlots<'_> {
+impl Slots for PointReader<'_> {
     #[inline]
     fn color(&self, slot: &ColorSlot) -> Vec3 {
         let factor = Vec3::from_array(slot.factor);
         match slot.texture {
             None => factor,
             Some(id) => {
-                let [r, g, b, _] = self.textures.eval_at(id, &self.point);
+                let [r, g, b, _] = self.eval(id);
                 factor * Vec3::new(r, g, b)
             }
         }
@@ -84,9 +76,7 @@ impl Slots for TexturedSlots<'_> {
     fn number(&self, slot: &FloatSlot) -> f32 {
         match slot.texture {
             None => slot.factor,
-            Some((id, channel)) => {
-                slot.factor * self.textures.eval_at(id, &self.point)[usize::from(channel & 3)]
-            }
+            Some((id, channel)) => slot.factor * self.eval(id)[usize::from(channel & 3)],
         }
     }
 }
@@ -153,7 +143,7 @@ impl CompiledMaterial {
 
     /// The BSDF at a point.
     #[inline]
-    pub fn bsdf(&self, slots: &TexturedSlots<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
+    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
@@ -165,7 +155,7 @@ impl CompiledMaterial {
     #[inline]
     pub fn shading_normal(
         &self,
-        slots: &TexturedSlots<'_>,
+        slots: &PointReader<'_>,
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
@@ -176,7 +166,7 @@ impl CompiledMaterial {
     #[inline]
     pub fn coat_normal(
         &self,
-        slots: &TexturedSlots<'_>,
+        slots: &PointReader<'_>,
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
@@ -205,12 +195,12 @@ impl CompiledMaterial {
 #[inline]
 fn mapped_normal(
     map: Option<NormalMap>,
-    slots: &TexturedSlots<'_>,
+    slots: &PointReader<'_>,
     surface: &Surface,
     tangent_frame: Option<Mat3>,
 ) -> Vec3 {
     let (Some(map), Some(frame)) = (map, tangent_frame) else { return surface.ns };
-    let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
+    let [x, y, z, _] = slots.eval(map.texture);
     let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
     let bent = (frame * local).normalize_or_zero();
     if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
@@ -224,7 +214,7 @@ impl Alpha {
 
     /// The chance that the surface is present at a point.
     #[inline]
-    pub fn presence(&self, slots: &TexturedSlots<'_>, vertex_alpha: f32) -> f32 {
+    pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;
         match self.cutoff {
             Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),

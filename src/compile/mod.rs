@@ -10,7 +10,7 @@ mod medium;
 mod tangents;
 
 pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
-pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots};
+pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
 
 use crate::accel::{Accel, BuildOptions, BuildStats};

@@ -6,15 +6,13 @@ use super::metal_rough;
 use super::normals::scattering_normal;
 use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
-use crate::compile::{
-    CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, triangle_surface,
-};
+use crate::compile::{CompiledMaterial, Coordinates, Surface, shading_normal, triangle_surface};
 use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
-use crate::texture::TexturePoint;
+use crate::texture::{PointReader, TexturePoint};
 
 /// Which loop shades a vertex. The order is that of the sorted vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -261,10 +259,10 @@ impl Integrator<'_> {
     }
 
     /// Texture lookups at a point that a path sees in a certain width.
-    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> TexturedSlots<'_> {
+    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> PointReader<'_> {
         let (world, normal) = (surface.p, surface.ng);
         let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
-        TexturedSlots { textures: &self.scene.textures, point }
+        PointReader::new(&self.scene.textures, point)
     }
 
     /// Adds the light that a surface emits, weighted against sampling the light it is.
