@@ -124,12 +124,15 @@ impl WithTexels for Blend {
     #[inline(always)]
     fn run(self, texels: impl Texels) -> [f32; 4] {
         let Taps { texels: at, s, t } = self.0;
-        let [a, b, c, d] = at.map(|i| texels.texel(i));
-        std::array::from_fn(|i| {
+        // Written out: the array's own `map` would be a call.
+        let (a, b, c, d) =
+            (texels.texel(at[0]), texels.texel(at[1]), texels.texel(at[2]), texels.texel(at[3]));
+        let channel = |i: usize| {
             let top = a[i] + s * (b[i] - a[i]);
             let bottom = c[i] + s * (d[i] - c[i]);
             top + t * (bottom - top)
-        })
+        };
+        [channel(0), channel(1), channel(2), channel(3)]
     }
 }
 
