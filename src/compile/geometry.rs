@@ -191,8 +191,9 @@ impl Geometries {
         surface
     }
 
-    /// Texture coordinates, colour and tangents at a hit.
-    pub fn coordinates(&self, surface: &Surface, hit: &Hit) -> Coordinates {
+    /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
+    /// so.
+    pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> Coordinates {
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
         let geometry = placement.map_or(0, |p| p.geometry as usize);
         let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
@@ -200,7 +201,8 @@ impl Geometries {
             Primitive::Triangle(t) => {
                 let linear = placement.map_or(Mat3::IDENTITY, |p| p.linear);
                 let corners = vertices(&shapes.positions, t).map(Vec3::from_array);
-                attributes.of_triangle(t, corners.map(|c| linear * c), hit, surface, &linear)
+                let corners = corners.map(|c| linear * c);
+                attributes.of_triangle(t, corners, hit, surface, &linear, footprints)
             }
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
@@ -232,6 +234,7 @@ impl Attributes {
         hit: &Hit,
         surface: &Surface,
         linear: &Mat3,
+        footprints: bool,
     ) -> Coordinates {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let corner_uv =
@@ -247,10 +250,14 @@ impl Attributes {
             }
         };
         let (first, second) = (corner_uv(0), corner_uv(1));
-        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-        let density = |uv: Option<[Vec2; 3]>| {
-            uv.map_or(0.0, |c| ((c[1] - c[0]).perp_dot(c[2] - c[0]).abs() / area).sqrt())
-        };
+        let mut uv_per_metre = [0.0; 2];
+        if footprints {
+            let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+            let density = |uv: Option<[Vec2; 3]>| {
+                uv.map_or(0.0, |c| ((c[1] - c[0]).perp_dot(c[2] - c[0]).abs() / area).sqrt())
+            };
+            uv_per_metre = [density(first), density(second)];
+        }
         let from_vertices = (!self.tangents.is_empty())
             .then(|| vertices(&self.tangents, t))
             .filter(|c| c[0] != [0.0; 4])
@@ -260,12 +267,7 @@ impl Attributes {
                 frame_of(*linear * tangent, surface.ns, c[0][3] * linear.determinant().signum())
             });
         let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
-        Coordinates {
-            uv: [mix(first), mix(second)],
-            color,
-            tangent_frame,
-            uv_per_metre: [density(first), density(second)],
-        }
+        Coordinates { uv: [mix(first), mix(second)], color, tangent_frame, uv_per_metre }
     }
 }
 

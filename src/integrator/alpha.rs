@@ -94,7 +94,7 @@ impl Integrator<'_> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let Some(alpha) = material.alpha else { return true };
         let surface: Surface = self.scene.geometries.surface(ray, hit);
-        let at = self.scene.geometries.coordinates(&surface, hit);
+        let at = self.scene.geometries.coordinates(&surface, hit, false);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
         let chance = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0);

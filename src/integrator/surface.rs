@@ -244,7 +244,7 @@ impl Integrator<'_> {
         width: f32,
         wo: Vec3,
     ) -> (Bsdf, Vec3) {
-        let at = self.scene.geometries.coordinates(surface, hit);
+        let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints);
         let slots = self.slots(&at, surface, width);
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
@@ -281,7 +281,7 @@ impl Integrator<'_> {
             Some(_) => {
                 use crate::bsdf::Slots;
                 // A point: light sampling, which this is weighted against, sees points too.
-                let at = self.scene.geometries.coordinates(surface, hit);
+                let at = self.scene.geometries.coordinates(surface, hit, false);
                 self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };

@@ -2,7 +2,7 @@
 
 use crate::color::luminance;
 use crate::image::Image;
-use crate::math::{Vec3, poly};
+use crate::math::{Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
 use crate::scene::Environment;
 use crate::simd::Table;
@@ -44,8 +44,9 @@ enum Kind {
 pub struct ImageMap {
     width: usize,
     height: usize,
-    /// Linear RGB times the strength, row by row from the top.
-    texels: Vec<[f32; 3]>,
+    /// Linear RGB times the strength, row by row from the top; the fourth number fills up to what is loaded at once.
+    texels: Vec<Vec4>,
+    mean_luminance: f32,
     map: BilinearMap,
     /// Sine and cosine of the rotation.
     sine: f32,
@@ -132,7 +133,7 @@ impl EnvironmentLight {
         match &self.kind {
             Kind::Constant(c) => luminance(c.to_array()),
             Kind::Gradient { middle, .. } => luminance(middle.to_array()),
-            Kind::Image(map) => mean_luminance(map.width, &map.texels) as f32,
+            Kind::Image(map) => map.mean_luminance,
         }
     }
 }
@@ -159,8 +160,8 @@ impl ImageMap {
         if !light.iter().any(|&l| l > 0.0) {
             return None;
         }
+        let mean = mean_luminance(width, &texels) as f32;
         if mis_compensation {
-            let mean = mean_luminance(width, &texels) as f32;
             // Rounding leaves specks of a constant image: only what is clearly brighter counts.
             let brighter: Vec<f32> = light.iter().map(|l| (l - mean).max(0.0)).collect();
             if brighter.iter().any(|&l| l > 1e-4 * mean) {
@@ -175,7 +176,8 @@ impl ImageMap {
         Some(ImageMap {
             width,
             height,
-            texels,
+            texels: texels.iter().map(|t| Vec3::from_array(*t).extend(0.0)).collect(),
+            mean_luminance: mean,
             map,
             sine: rotation_rad.sin() as f32,
             cosine: rotation_rad.cos() as f32,
@@ -234,10 +236,10 @@ impl ImageMap {
         let (s, t) = (x - i as f32, y - j as f32);
         let (next_i, next_j) = (if i + 1 == width { 0 } else { i + 1 }, (j + 1).min(height - 1));
         let texels = Table::new(&self.texels);
-        let texel = |i: u32, j: u32| Vec3::from_array(texels.at(j * width + i));
+        let texel = |i: u32, j: u32| texels.at(j * width + i);
         let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
         let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
-        top + (bottom - top) * t
+        (top + (bottom - top) * t).truncate()
     }
 
     fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
