@@ -3,13 +3,13 @@
 
 use super::document::{Document, Report, Unpacked, pointer};
 use crate::error::Problem;
+use crate::load::guard;
 use draco_core::{
     DataType, DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder, PointAttribute, PointIndex,
 };
 use gltf::json::accessor::ComponentType;
 use gltf::json::mesh::Primitive;
 use serde_json::Value;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The extension's name.
 const DRACO: &str = "KHR_draco_mesh_compression";
@@ -112,7 +112,7 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
         let mut mesh = Mesh::new();
         MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh).map_err(|e| e.to_string())
     };
-    let mesh = catch_unwind(AssertUnwindSafe(decode)).map_err(|_| "the stream is damaged".to_string())??;
+    let mesh = guard::catch(decode)??;
     if mesh.num_points() as u64 > most {
         return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }
