@@ -1,7 +1,8 @@
 //! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. What it holds stands in
 //! for the contents of the primitive's accessors.
 
-use super::document::{Document, Report, Unpacked, pointer};
+use super::document::{Document, Unpacked, pointer};
+use super::report::Report;
 use crate::error::Problem;
 use crate::load::guard;
 use draco_core::{
