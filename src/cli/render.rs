@@ -39,9 +39,10 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
 fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     check_size(args)?;
     let targets = Targets::check(&args.output)?;
-    let Prepared { scene, settled, build, load_s, mut warnings, left_out } =
+    let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr())?;
     if !args.quiet {
+        report::notes(&notes);
         report::warnings(&warnings);
         if args.explain {
             left_out.iter().for_each(|what| eprintln!("left out: {what}"));
@@ -77,6 +78,7 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         statistics,
         peak_memory: peak_memory(),
         outputs: targets.names(),
+        notes,
         warnings,
         left_out,
     };
@@ -95,6 +97,7 @@ struct Prepared {
     settled: Settled,
     build: CompileReport,
     load_s: f64,
+    notes: Vec<Warning>,
     warnings: Vec<Warning>,
     left_out: Vec<String>,
 }
@@ -124,9 +127,9 @@ fn prepare(args: &RenderArgs, has_exr: bool) -> Result<Prepared> {
     };
     let (scene, mut build) = compile(&loaded.scene, &options)?;
     warnings.append(&mut build.warnings);
-    let mut left_out = loaded.left_out;
+    let (notes, mut left_out) = (loaded.notes, loaded.left_out);
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, settled, build, load_s, warnings, left_out })
+    Ok(Prepared { scene, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -1,8 +1,10 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+mod digits;
 pub mod framing;
 pub mod gltf;
+mod guard;
 pub mod image;
 pub mod obj;
 pub mod ply;
@@ -41,6 +43,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was ignored, approximated or repaired.
     pub warnings: Vec<Warning>,
+    /// What the user may want to know, though nothing is amiss: a choice that was made, a file that was found.
+    pub notes: Vec<Warning>,
     /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
     pub left_out: Vec<String>,
     /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may

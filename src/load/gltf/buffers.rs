@@ -1,7 +1,8 @@
 //! Buffers and buffer views, checked before anything looks into them.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, pointer};
 use super::meshopt;
+use super::report::Report;
 use crate::load::uri::{self, Target};
 use gltf::json::{Buffer, buffer};
 use serde_json::Value;

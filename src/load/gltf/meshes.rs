@@ -2,8 +2,9 @@
 //! flat, so a mesh that has both kinds becomes two, and likewise for tangents.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report, name_of, pointer};
+use super::document::{Document, name_of, pointer};
 use super::materials::Materials;
+use super::report::Report;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use super::{draco, repair, triangles, variants};
 use crate::scene::{MaterialId, Mesh, MeshPart};

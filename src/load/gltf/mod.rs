@@ -26,6 +26,7 @@ mod nodes;
 mod options;
 mod place;
 mod repair;
+mod report;
 mod skin;
 mod textures;
 mod transform;
@@ -39,8 +40,9 @@ use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
 use animation::Pose;
-use document::{Document, Report, pointer};
+use document::{Document, pointer};
 use place::Builder;
+use report::Report;
 use serde_json::Value;
 use std::path::Path;
 use transform::Family;
@@ -74,7 +76,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok(Loaded { scene, warnings: report.into_warnings(), left_out, empties })
+    let (warnings, notes) = (report.warnings(), report.notes());
+    Ok(Loaded { scene, warnings, notes, left_out, empties })
 }
 
 /// What the scene's `extras` say about the picture.

@@ -1,10 +1,11 @@
 //! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
 
 use super::cameras;
-use super::document::{Document, Report};
+use super::document::Document;
 use super::materials::Materials;
 use super::meshes::{MeshReader, Skipped};
 use super::nodes::{Hierarchy, Node};
+use super::report::Report;
 use super::skin::{self, SkinPose};
 use super::transform::Family;
 use super::vertices::Deformation;
@@ -61,7 +62,7 @@ impl<'b, 'a> Builder<'b, 'a> {
                 self.scene.lights.extend(cameras::light(self.doc, node, index, report));
             }
         }
-        cameras::warn_units(self.doc, self.scene.lights.len(), report);
+        cameras::note_units(self.doc, self.scene.lights.len(), report);
         self.skipped.warn(report);
     }
 

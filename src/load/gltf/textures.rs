@@ -1,6 +1,7 @@
 //! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, pointer};
+use super::report::Report;
 use crate::image::Encoding;
 use crate::math::Vec2;
 use crate::scene::{ImageId, Interpolation, Mapping, Texture, TextureId, TextureTransform, Wrap};

@@ -1,7 +1,7 @@
 //! The triangles of a primitive: lists, strips and fans, with or without indices.
 
 use super::accessor::Accessor;
-use super::document::Report;
+use super::report::Report;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::Mode;
 

@@ -1,9 +1,10 @@
 //! Vertices of primitives: their attributes, checked, read, morphed and skinned.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report};
+use super::document::Document;
 use super::materials::Needs;
 use super::morph::{self, Target};
+use super::report::Report;
 use super::skin::{self, SkinPose};
 use crate::math::Vec3;
 use crate::scene::Mesh;

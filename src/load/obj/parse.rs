@@ -4,6 +4,7 @@ use super::build::{Builder, MaterialName, Object};
 use super::lines::{Lines, Words, decoded, float};
 use super::vertices::{Corner, NONE, NormalSource};
 use crate::error::Problem;
+use crate::load::digits::integer;
 use std::collections::{BTreeMap, HashMap};
 use std::io::Read;
 
@@ -248,24 +249,6 @@ impl Parser {
 fn numbers(words: Words) -> Option<[f32; 3]> {
     let mut values = words.map(float);
     Some([values.next()??, values.next()??, values.next()??])
-}
-
-/// A whole number of at most 18 digits.
-#[inline]
-fn integer(word: &[u8]) -> Option<i64> {
-    let (negative, digits) = match word {
-        [b'-', rest @ ..] => (true, rest),
-        [b'+', rest @ ..] => (false, rest),
-        _ => (false, word),
-    };
-    if digits.is_empty() || digits.len() > 18 {
-        return None;
-    }
-    let mut value = 0;
-    for b in digits {
-        value = value * 10 + i64::from(b.is_ascii_digit().then(|| b - b'0')?);
-    }
-    Some(if negative { -value } else { value })
 }
 
 /// The place of an index among `count` statements; 1 is the first, -1 the last.

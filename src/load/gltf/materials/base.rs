@@ -133,7 +133,7 @@ impl Builder<'_, '_> {
             Glass::Auto if !model.has_volume && self.doc.is_from_blender() => {
                 let message =
                     "is transparent without a volume, as Blender exports glass; taken as solid (--glass)";
-                self.report.warn(&*self.at, message);
+                self.report.note(&*self.at, message);
                 model.has_volume = true;
             }
             Glass::Auto => {}

@@ -2,7 +2,8 @@
 
 use super::Needs;
 use crate::image::Encoding;
-use crate::load::gltf::document::{Document, Report, number_of, numbers_of};
+use crate::load::gltf::document::{Document, number_of, numbers_of};
+use crate::load::gltf::report::Report;
 use crate::load::gltf::textures::{Gloss, Reference, Textures};
 use crate::scene::{ColorSlot, FloatSlot, NormalMap, TextureId};
 use gltf::json::extensions::texture::TextureTransform;

@@ -6,7 +6,8 @@ mod builder;
 mod layers;
 mod specular_glossiness;
 
-use super::document::{Document, Report, name_of, pointer};
+use super::document::{Document, name_of, pointer};
+use super::report::Report;
 use super::textures::{LAST_UV_SET, Textures};
 use crate::scene::{AlphaMode, Emission, FloatSlot, Material, MaterialId, Model};
 use builder::Builder;
