@@ -85,6 +85,15 @@ pub struct Corners {
     pub normals: [[f32; 3]; 3],
 }
 
+/// What textures need to know about the corners of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureCorners {
+    /// Texture coordinates.
+    pub uv: [[f32; 2]; 3],
+    /// Tangents, with the sign of the bitangent of all in the fourth number; zero for none.
+    pub tangents: [[f32; 4]; 3],
+}
+
 /// Which kind of primitive an id means.
 enum Primitive<'a> {
     Triangle([u32; 3]),
@@ -159,6 +168,26 @@ impl Geometries {
         let quad = shapes.quads.get(prim - shapes.triangles.len())?;
         let positions = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
         Some(Corners { positions: positions.map(|p| p.to_array()), normals: [[0.0; 3]; 3] })
+    }
+
+    /// Is the hit on a triangle of the world's own geometry without a second set of texture coordinates?
+    #[inline(always)]
+    pub fn is_plainly_textured(&self, hit: &Hit) -> bool {
+        hit.instance == 0
+            && (hit.prim as usize) < self.shapes[0].triangles.len()
+            && self.attributes[0].uv[1].is_empty()
+    }
+
+    /// What textures need of such a triangle.
+    #[inline(always)]
+    pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
+        let (shapes, attributes) = (&self.shapes[0], &self.attributes[0]);
+        let &t = shapes.triangles.get(hit.prim as usize)?;
+        let uv = &attributes.uv[0];
+        let uv = if uv.is_empty() { [[0.0; 2]; 3] } else { vertices(uv, t) };
+        let tangents = &attributes.tangents;
+        let tangents = if tangents.is_empty() { [[0.0; 4]; 3] } else { vertices(tangents, t) };
+        Some(TextureCorners { uv, tangents })
     }
 
     /// The surface at a hit of `ray`.

@@ -162,6 +162,12 @@ impl CompiledMaterial {
         mapped_normal(self.normal_map, slots, surface, tangent_frame)
     }
 
+    /// What the normal map says at a point, in the frame of tangents; not normalised, zero without a map.
+    #[inline]
+    pub fn mapped(&self, slots: &PointReader<'_>) -> Vec3 {
+        self.normal_map.map_or(Vec3::ZERO, |map| local_normal(map, slots))
+    }
+
     /// The clearcoat's normal at a point. Without a map it is the surface's own, not the base's mapped one.
     #[inline]
     pub fn coat_normal(
@@ -200,10 +206,15 @@ fn mapped_normal(
     tangent_frame: Option<Mat3>,
 ) -> Vec3 {
     let (Some(map), Some(frame)) = (map, tangent_frame) else { return surface.ns };
-    let [x, y, z, _] = slots.eval(map.texture);
-    let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
-    let bent = (frame * local).normalize_or_zero();
+    let bent = (frame * local_normal(map, slots)).normalize_or_zero();
     if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+}
+
+/// What a normal map says, in the frame of the surface; not normalised.
+#[inline(always)]
+fn local_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
+    let [x, y, z, _] = slots.eval(map.texture);
+    Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
 }
 
 impl Alpha {

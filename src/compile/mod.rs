@@ -9,7 +9,9 @@ mod material;
 mod medium;
 mod tangents;
 
-pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
+pub use geometry::{
+    Coordinates, Corners, Geometries, Surface, TextureCorners, shading_normal, triangle_surface,
+};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
 

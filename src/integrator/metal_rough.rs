@@ -1,7 +1,7 @@
 //! Opaque glTF materials, many vertices at a time.
 
 use super::direct::light_factor;
-use super::normals::terminator;
+use super::normals::{scattering_normal, terminator};
 use super::scatter::survival;
 use super::wave::{MetalRoughs, WAVE, Wave, get, set};
 use crate::bsdf::{Isotropic, MIN_COS, MetalRough, View};
@@ -65,7 +65,7 @@ fn above(local: Vec3) -> Vec3 {
     Vec3::new(local.x, local.y, if z > MIN_COS { z } else { MIN_COS })
 }
 
-/// Turns materials into what their viewers see of them.
+/// Makes normals usable for scattering, and materials what their viewers see of them.
 pub(super) fn see(wave: &mut Wave, range: Range<usize>, microfacet: Microfacet) {
     match microfacet {
         Microfacet::Multi => dispatch(See::<true> { wave, range }),
@@ -86,7 +86,10 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
         let v = &mut self.wave.vertices;
         let microfacet = if MULTI { Microfacet::Multi } else { Microfacet::Single };
         for i in self.range.start..self.range.end.min(WAVE) {
-            let wo = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.wo, i));
+            let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
+            let ns = scattering_normal(ns, get(&v.ng, i), wo);
+            set(&mut v.ns, i, ns);
+            let wo = Frame::from_normal(ns).to_local(wo);
             let seen = material(&v.metal_rough, i, microfacet).view(above(wo));
             store_view(&mut v.metal_rough, i, &seen);
         }

@@ -20,6 +20,7 @@ mod metal_rough;
 mod normals;
 mod scatter;
 mod surface;
+mod textured;
 mod wave;
 
 pub use wave::{WAVE, Workspace};

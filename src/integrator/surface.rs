@@ -22,7 +22,9 @@ pub(super) enum Group {
     Plain,
     /// Other Lambertian ones.
     Lambert,
-    /// Opaque glTF materials.
+    /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
+    Textured,
+    /// Other opaque glTF materials.
     MetalRough,
     /// Others that light sampling may reach.
     Rough,
@@ -32,7 +34,7 @@ pub(super) enum Group {
     None,
 }
 
-const GROUPS: usize = 6;
+const GROUPS: usize = 7;
 
 /// How many vertices there are of each group.
 #[derive(Clone, Copy, Debug)]
@@ -40,7 +42,9 @@ pub(super) struct Sorted {
     plain: usize,
     /// Lambertian ones, the first.
     pub lambert: usize,
-    /// Those and the ones of opaque glTF materials, the next.
+    /// Those and the textured ones, the next.
+    textured: usize,
+    /// Those and the other ones of opaque glTF materials, the next.
     pub metal_rough: usize,
     /// All that light sampling may reach, Lambertian ones included.
     pub lit: usize,
@@ -74,6 +78,7 @@ pub(super) fn group_of(material: &CompiledMaterial) -> Group {
             let is_specular = material.constant.is_some_and(|b| b.is_specular());
             match material.class {
                 _ if is_specular => Group::Specular,
+                BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
                 BsdfClass::MetalRough => Group::MetalRough,
                 _ => Group::Rough,
             }
@@ -95,8 +100,8 @@ impl Integrator<'_> {
             self.absorb(w);
         }
         let mut next = self.classify(bounce, is_last, w).starts();
-        let [_, plain, lambert, metal_rough, lit, total] = next;
-        let sorted = Sorted { plain, lambert, metal_rough, lit, total };
+        let [_, plain, lambert, textured, metal_rough, lit, total] = next;
+        let sorted = Sorted { plain, lambert, textured, metal_rough, lit, total };
         w.escaped.clear();
         // Each that is used is written below.
         if w.bsdfs.len() < total - metal_rough {
@@ -108,10 +113,9 @@ impl Integrator<'_> {
             next[group as usize] += 1;
             match group {
                 Group::None if !w.hits[i].is_hit() => w.escaped.push(i as u32),
-                Group::None => {
-                    self.meet(bounce, i, w);
-                }
+                Group::None => self.end_at(bounce, i, w),
                 Group::Plain => self.gather(bounce, i, k, w),
+                Group::Textured => self.gather_textured(bounce, i, k, w),
                 Group::Lambert => {
                     let vertex = self.meet(bounce, i, w);
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
@@ -132,6 +136,7 @@ impl Integrator<'_> {
             }
         }
         self.escape(bounce, w);
+        self.look_at_textured(sorted.lambert..sorted.textured, w);
         metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.microfacet);
         let (wave, count) = (&mut *w.wave, sorted.plain);
         if self.scene.features.normals {
@@ -144,7 +149,7 @@ impl Integrator<'_> {
 
     /// Collects what a plain vertex is made of.
     #[inline(always)]
-    fn gather(&self, bounce: u32, i: usize, k: usize, w: &mut Workspace) {
+    pub(super) fn gather(&self, bounce: u32, i: usize, k: usize, w: &mut Workspace) {
         let (hit, material) = (&w.hits[i], &self.scene.materials[w.materials[i] as usize]);
         let Some(corners) = self.scene.geometries.corners(hit) else { return };
         w.arriving.copy_to(i, &mut w.wave.paths, k);
@@ -178,6 +183,9 @@ impl Integrator<'_> {
                 material = self.scene.geometries.material(hit);
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
+                    Group::Textured if needs_details || !self.scene.geometries.is_plainly_textured(hit) => {
+                        Group::MetalRough
+                    }
                     Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
                     group => group,
                 };
@@ -187,6 +195,24 @@ impl Integrator<'_> {
             w.materials.push(material);
         }
         GroupCounts(counts)
+    }
+
+    /// The path ends at a surface: adds its emission.
+    fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
+        let material = &self.scene.materials[w.materials[i] as usize];
+        if bounce == 0 && self.options.aovs || material.medium_index != 0 {
+            self.meet(bounce, i, w);
+            return;
+        }
+        if material.emission.is_some() {
+            let (ray, hit) = (w.rays[i], w.hits[i]);
+            let surface = self.scene.geometries.surface(&ray, &hit);
+            let is_back = surface.ng.dot(ray.direction) > 0.0;
+            self.emit(i, material, &surface, &hit, is_back, w);
+        }
+        if bounce == 0 {
+            w.radiance[w.arriving.sample[i] as usize][3] = 1.0;
+        }
     }
 
     /// The path meets a surface: adds its emission and looks up how it scatters.
@@ -266,7 +292,7 @@ impl Integrator<'_> {
     }
 
     /// Adds the light that a surface emits, weighted against sampling the light it is.
-    fn emit(
+    pub(super) fn emit(
         &self,
         i: usize,
         material: &CompiledMaterial,
@@ -313,7 +339,7 @@ struct Vertex {
 }
 
 #[inline(always)]
-fn store(v: &mut Vertices, k: usize, surface: &Surface) {
+pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     set(&mut v.p, k, surface.p);
     set(&mut v.ng, k, surface.ng);
     set(&mut v.ns, k, surface.ns);
@@ -333,7 +359,7 @@ fn store_metal_rough(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
     let Vertex { mut surface, bsdf, is_back, is_dark, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
-    surface.ns = scattering_normal(surface.ns * side, surface.ng, wo);
+    surface.ns *= side;
     store(v, k, &surface);
     set(&mut v.wo, k, wo);
     match bsdf {

@@ -83,6 +83,26 @@ pub struct MetalRoughs {
     pub alpha: Lanes,
 }
 
+/// What textured vertices are made of besides corners and normals, and where textures are looked up.
+#[derive(Zeroable)]
+pub struct TexturedLanes {
+    /// Texture coordinates of the corners.
+    pub corner_uv: [[Lanes; 2]; 3],
+    /// Tangents of the corners, and which way bitangents go; 0 where there are none.
+    pub tangents: [Lanes3; 3],
+    pub handedness: Lanes,
+    /// Texture coordinates, and how much they change over a metre.
+    pub uv: [Lanes; 2],
+    pub uv_per_metre: Lanes,
+    /// Directions of the normal map's x and y; zero where there are none.
+    pub tangent: Lanes3,
+    pub bitangent: Lanes3,
+    /// What the normal map says; zero where nothing.
+    pub mapped: Lanes3,
+    /// Which ray.
+    pub ray: Words,
+}
+
 /// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then opaque glTF
 /// materials, then other ones that light sampling can reach, then specular ones.
 #[derive(Zeroable)]
@@ -106,6 +126,7 @@ pub struct Vertices {
     /// Albedo of Lambertian vertices.
     pub albedo: Lanes3,
     pub metal_rough: MetalRoughs,
+    pub textured: TexturedLanes,
     /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
     pub wo: Lanes3,
     /// Towards the sampled light, unit length.
