@@ -86,7 +86,7 @@ impl<S: Facets> MetalRough<S> {
 
     /// The same, with the directional albedo of the facets.
     #[inline(always)]
-    fn view_by(&self, table: DirectionalAlbedo, above: Vec3) -> View {
+    pub fn view_by(&self, table: DirectionalAlbedo, above: Vec3) -> View {
         // A mirror returns everything, its grazing share is Schlick's weight of the one cosine.
         let is_mirror = self.surface.is_mirror();
         let full = if is_mirror { 1.0 } else { table.full };

@@ -32,6 +32,7 @@ mod sheen;
 mod sheen_data;
 mod through;
 
+pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};

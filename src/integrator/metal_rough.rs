@@ -4,7 +4,7 @@ use super::direct::light_factor;
 use super::normals::{scattering_normal, terminator};
 use super::scatter::survival;
 use super::wave::{MetalRoughs, WAVE, Wave, get, set};
-use crate::bsdf::{Isotropic, MIN_COS, MetalRough, View};
+use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MIN_COS, MetalRough, View};
 use crate::math::{Frame, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::Microfacet;
@@ -85,12 +85,22 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
     fn run(self) {
         let v = &mut self.wave.vertices;
         let microfacet = if MULTI { Microfacet::Multi } else { Microfacet::Single };
-        for i in self.range.start..self.range.end.min(WAVE) {
+        let range = self.range.start..self.range.end.min(WAVE);
+        // A loop for the table alone: the others vectorise.
+        for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let ns = scattering_normal(ns, get(&v.ng, i), wo);
             set(&mut v.ns, i, ns);
-            let wo = Frame::from_normal(ns).to_local(wo);
-            let seen = material(&v.metal_rough, i, microfacet).view(above(wo));
+            set(&mut v.wi, i, above(Frame::from_normal(ns).to_local(wo)));
+        }
+        for i in range.clone() {
+            let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
+            let albedo = surface.directional_albedo(get(&v.wi, i));
+            (v.weights[0][i], v.weights[1][i]) = (albedo.full, albedo.grazing);
+        }
+        for i in range {
+            let albedo = DirectionalAlbedo { full: v.weights[0][i], grazing: v.weights[1][i] };
+            let seen = material(&v.metal_rough, i, microfacet).view_by(albedo, get(&v.wi, i));
             store_view(&mut v.metal_rough, i, &seen);
         }
     }
