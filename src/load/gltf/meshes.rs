@@ -111,8 +111,8 @@ impl MeshReader<'_, '_> {
             self.report.warn(at, "has no positions and is skipped");
             return None;
         };
-        for set in (0..needs.uv_sets.len()).filter(|&set| needs.uv_sets[set]) {
-            if attributes.uv_sets.get(set).copied().flatten().is_none() && !self.materials.geometry_only {
+        for (needed, held) in needs.uv_slots.sets.iter().zip(&attributes.uv_slots) {
+            if let (Some(set), None) = (needed, held) {
                 let message = format!("has no TEXCOORD_{set}, which its material's textures use; taken as 0");
                 self.report.warn(format!("{at}/attributes"), message);
             }
