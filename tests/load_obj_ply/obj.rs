@@ -173,9 +173,8 @@ fn colours_of_some_vertices_leave_the_others_white() {
 fn faces_may_precede_their_vertices() {
     let vertices = "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvn 0 0 1\n";
     let faces = "usemtl late\nf 1/1/1 2/1/1 3/1/1\n";
-    let (usual, turned) =
-        (obj_scene(&format!("{vertices}{faces}")), obj_scene(&format!("{faces}{vertices}")));
-    let all = |s: &oscura::scene::Scene| format!("{:?} {:?}", s.meshes, s.materials);
+    let (usual, turned) = (obj_scene(format!("{vertices}{faces}")), obj_scene(format!("{faces}{vertices}")));
+    let all = |s: &Scene| format!("{:?} {:?}", s.meshes, s.materials);
     assert_eq!(all(&turned), all(&usual));
     // Negative indices count back from their line: the second face takes the corners that stand before it.
     let mixed = obj_scene("f 4 5 6\nv 9 0 0\nv 8 0 0\nv 9 1 0\nf -3 -2 -1\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");

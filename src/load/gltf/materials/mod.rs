@@ -68,7 +68,7 @@ impl Materials {
             return *known;
         }
         let built = match index {
-            Some(index) => build(doc, index, from, &mut self.textures, report),
+            Some(index) => report.lasting(|report| build(doc, index, from, &mut self.textures, report)),
             None => Some((default_material(), Needs::default())),
         };
         let id = built.map(|(material, needs)| {
