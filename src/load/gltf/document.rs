@@ -84,6 +84,11 @@ impl<'a> Document<'a> {
         total <= allowed
     }
 
+    /// Starts with another moment of the file: what the last one decoded is gone, or kept and not decoded again.
+    pub fn begin_moment(&self) {
+        self.decoded.set(0);
+    }
+
     /// Is the file written by Blender's exporter?
     pub fn is_from_blender(&self) -> bool {
         let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);

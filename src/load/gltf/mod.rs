@@ -18,6 +18,7 @@ mod draco;
 mod extensions;
 mod images;
 mod instancing;
+mod keep;
 mod materials;
 mod meshes;
 mod meshopt;
@@ -41,9 +42,11 @@ use crate::error::{Error, Result};
 use crate::scene::Scene;
 use animation::Pose;
 use document::{Document, pointer};
+use keep::{Kept, StillMesh};
 use place::Builder;
 use report::Report;
 use serde_json::Value;
+use std::ops::ControlFlow;
 use std::path::Path;
 use transform::Family;
 
@@ -52,32 +55,68 @@ use transform::Family;
 /// # Errors
 /// An input error with all the problems of what the shown scene reaches.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let mut only = Loaded::default();
+    load_moments(path, options, [options.gltf.time_s], &mut |loaded| {
+        only = std::mem::take(loaded);
+        Ok(ControlFlow::Break(()))
+    })?;
+    Ok(only)
+}
+
+/// Loads a file and hands its scene at each moment to `each`, until that breaks off. The file, its images, its materials
+/// and the meshes that nothing deforms are read once; `each` may change what it gets, but the scene's first meshes must
+/// stay what they are.
+///
+/// # Errors
+/// An input error with all the problems of what the shown scene reaches, and the errors of `each`.
+pub(super) fn load_moments(
+    path: &Path,
+    options: &LoadOptions,
+    moments: impl IntoIterator<Item = Option<f64>>,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
     let doc = Document::new(path, parts, bytes.len(), options);
-    let mut report = Report::new(path);
-    extensions::check(&doc, &mut report);
-    variants::check(&doc, &mut report);
-    let pose = match options.gltf.time_s {
-        Some(time_s) => animation::pose(&doc, time_s, &mut report),
-        None => Pose::default(),
-    };
-    let family = Family::new(&doc, &pose);
-    let hierarchy = nodes::walk(&doc, &pose, &family, &mut report);
-    let mut builder = Builder::new(&doc, &pose, &family);
-    builder.materials.geometry_only = options.geometry_only;
-    builder.add(&hierarchy, &mut report);
-    let empties = hierarchy.empties(&doc);
-    let left_out = left_out(&doc, &builder, &pose);
-    let mut scene = builder.finish(&mut report);
-    read_scene(&doc, hierarchy.scene, &mut scene, &mut report);
-    extensions::warn_unread(&doc, &mut report);
+    let (mut report, mut kept) = (Report::new(path), Kept::default());
+    kept.materials.geometry_only = options.geometry_only;
+    for time_s in moments {
+        report.begin_moment();
+        doc.begin_moment();
+        let (mut loaded, still) = at(&doc, time_s, &mut kept, &mut report)?;
+        if each(&mut loaded)?.is_break() {
+            break;
+        }
+        kept.take_back(&mut loaded.scene, still);
+    }
+    Ok(())
+}
+
+/// The scene at a moment, seconds; `None` is the file's rest state.
+fn at(
+    doc: &Document,
+    time_s: Option<f64>,
+    kept: &mut Kept,
+    report: &mut Report,
+) -> Result<(Loaded, Vec<StillMesh>)> {
+    extensions::check(doc, report);
+    variants::check(doc, report);
+    let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
+    let family = Family::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &family, report);
+    let mut builder = Builder::new(doc, &pose, &family, kept);
+    builder.add(&hierarchy, report);
+    let empties = hierarchy.empties(doc);
+    let left_out = left_out(doc, &builder, &pose);
+    let (mut scene, still) = builder.finish(report);
+    read_scene(doc, hierarchy.scene, &mut scene, report);
+    extensions::warn_unread(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
-        return Err(Error::input_problems(path, problems));
+        return Err(Error::input_problems(doc.path, problems));
     }
     let (warnings, notes) = (report.warnings(), report.notes());
-    Ok(Loaded { scene, warnings, notes, left_out, empties })
+    Ok((Loaded { scene, warnings, notes, left_out, empties }, still))
 }
 
 /// What the scene's `extras` say about the picture.

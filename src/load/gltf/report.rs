@@ -20,6 +20,8 @@ enum Kind {
 /// One warning or note.
 struct Entry {
     kind: Kind,
+    /// It is about something that is read once and kept for all moments.
+    is_lasting: bool,
     said: Warning,
 }
 
@@ -30,6 +32,8 @@ pub(in crate::load::gltf) struct Report {
     unlisted: usize,
     entries: Vec<Entry>,
     seen: HashSet<(String, String)>,
+    /// What is said now is about something that is kept.
+    is_lasting: bool,
 }
 
 impl Report {
@@ -41,7 +45,22 @@ impl Report {
             unlisted: 0,
             entries: Vec::new(),
             seen: HashSet::new(),
+            is_lasting: false,
         }
+    }
+
+    /// Starts with another moment of the file: of what was said, only that about things that are kept holds on.
+    pub fn begin_moment(&mut self) {
+        self.entries.retain(|e| e.is_lasting);
+        self.seen = self.entries.iter().map(|e| (e.said.place.clone(), e.said.message.clone())).collect();
+    }
+
+    /// Does something whose result is kept: what is said about it holds at all later moments.
+    pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
+        let before = std::mem::replace(&mut self.is_lasting, true);
+        let result = work(self);
+        self.is_lasting = before;
+        result
     }
 
     /// Notes a problem.
@@ -73,13 +92,15 @@ impl Report {
 
     fn say(&mut self, kind: Kind, pointer: String, message: String) {
         if self.seen.insert((pointer.clone(), message.clone())) {
-            self.entries.push(Entry { kind, said: Warning::new(&self.file, pointer, message) });
+            let said = Warning::new(&self.file, pointer, message);
+            self.entries.push(Entry { kind, is_lasting: self.is_lasting, said });
         }
     }
 
     /// Adds warnings from elsewhere.
     pub fn extend(&mut self, warnings: &[Warning]) {
-        let entry = |said: &Warning| Entry { kind: Kind::Warning, said: said.clone() };
+        let is_lasting = self.is_lasting;
+        let entry = |said: &Warning| Entry { kind: Kind::Warning, is_lasting, said: said.clone() };
         self.entries.extend(warnings.iter().map(entry));
     }
 
