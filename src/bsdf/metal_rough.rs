@@ -3,7 +3,7 @@
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
 use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx, mean};
-use crate::math::Vec3;
+use crate::math::{Vec3, select};
 use crate::sampling::warp;
 use crate::scene::Microfacet;
 use std::f32::consts::FRAC_1_PI;
@@ -169,10 +169,4 @@ impl View {
             pdf_solid_angle: if is_above { self.p_diffuse * cosine + glossy_pdf } else { 0.0 },
         }
     }
-}
-
-#[inline(always)]
-fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
-    let pick = |a: f32, b: f32| if condition { a } else { b };
-    Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
 }

@@ -18,6 +18,7 @@ mod generate;
 mod interior;
 mod metal_rough;
 mod normals;
+mod plain;
 mod scatter;
 mod surface;
 mod textured;

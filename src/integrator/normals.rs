@@ -1,6 +1,6 @@
 //! What to do where the normal that a surface is shaded with is not its geometric one.
 
-use crate::math::Vec3;
+use crate::math::{Vec3, select};
 
 /// Smallest cosine between the viewer and the normal that lobes are evaluated around.
 const LEAST: f32 = 1e-4;
@@ -28,15 +28,11 @@ pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     let length = half.length();
     let bent = half / if length > 0.0 { length } else { 1.0 };
     // All is computed, then chosen from: loops over many normals vectorise.
-    let choose = |condition: bool, yes: Vec3, no: Vec3| {
-        let pick = |a: f32, b: f32| if condition { a } else { b };
-        Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
-    };
     let is_far = length > 1e-12;
-    let bent = choose(is_far, bent, g);
-    let n = choose(above >= least, n, bent);
+    let bent = select(is_far, bent, g);
+    let n = select(above >= least, n, bent);
     let is_flat = (ns.x == ng.x) & (ns.y == ng.y) & (ns.z == ng.z);
-    choose(is_flat, ns, n * side)
+    select(is_flat, ns, n * side)
 }
 
 /// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow

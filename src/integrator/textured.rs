@@ -6,7 +6,7 @@ use super::surface::store;
 use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::compile::{Surface, shading_normal, triangle_surface};
-use crate::math::{Vec2, Vec3};
+use crate::math::{Vec2, Vec3, select};
 use crate::simd::{Kernel, dispatch};
 use crate::texture::{PointReader, TexturePoint};
 use std::ops::Range;
@@ -137,12 +137,6 @@ fn corners(lanes: &[Lanes3; 3], i: usize) -> [[f32; 3]; 3] {
 #[inline(always)]
 fn flat(v: Vec3, n: Vec3) -> Vec3 {
     v - n * n.dot(v)
-}
-
-#[inline(always)]
-fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
-    let pick = |a: f32, b: f32| if condition { a } else { b };
-    Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
 }
 
 /// Bends normals as the maps say, and turns them to the viewers.
