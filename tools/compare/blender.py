@@ -162,8 +162,8 @@ def table(title, ours, reference, parts):
     print("|---|---:|---|---|---|")
     for name, mask in {"all": None, **parts}.items():
         pixels = SIZE * SIZE if mask is None else int(mask.sum())
-        if pixels == 0:
-            continue
+        if pixels == 0 or not reference.mean[mask].any():
+            continue  # hidden or out of view
         a = common.compare(ours, reference, mask)
         cells = [name, str(pixels), common.by_channel(a.ratio, 4), common.by_channel(a.sigma, 4)]
         print(f"| {' | '.join(cells)} | {100 * a.beyond_3:.1f} % of {a.blocks} |", flush=True)

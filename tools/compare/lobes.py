@@ -18,6 +18,7 @@ import booth
 import common
 import drjit as dr
 import mitsuba as mi
+from sheet import quad, write_png, write_sheet
 
 # Samples of each picture, over all its seeds.
 SAMPLES = int(os.environ.get("SAMPLES", "2048"))
@@ -77,11 +78,11 @@ GOLD = {"eta": [0.143036, 0.375307, 1.44205], "k": [3.983, 2.38556, 1.60336]}
 
 
 def ball(name, ours, theirs):
-    return name, (lambda folder: (['sphere = { center = [0, 0, 0], radius = 1 }', 'material = "subject"'], ours)), theirs, False
+    return name, (lambda folder: (['sphere = { center = [0, 0, 0], radius = 1 }', 'material = "subject"'], ours)), theirs, "ball"
 
 
 def lobes():
-    """(name, oscura's subject and material, Mitsuba's BSDF, is it the sheet) of each case."""
+    """(name, oscura's subject and material, Mitsuba's BSDF, shape) of each case."""
     yield ball("diffuse", {"type": "lambert", "color": [0.8, 0.4, 0.1]}, booth.diffuse([0.8, 0.4, 0.1]))
     for roughness in (0.1, 0.3, 0.5, 0.75, 1.0):
         alpha = roughness**2
@@ -107,14 +108,14 @@ def lobes():
     yield from sheets()
 
 
-def sheet(name, texels, material, theirs):
+def sheet(name, texels, material, theirs, shape="sheet"):
     def write(folder):
         stem = name.replace(" ", "-")
-        booth.write_png(folder / f"{stem}.png", texels)
-        booth.write_sheet(folder / f"{stem}.gltf", material, [f"{stem}.png"])
+        write_png(folder / f"{stem}.png", texels)
+        write_sheet(folder / f"{stem}.gltf", quad(*booth.SHEET), material, [f"{stem}.png"])
         return [f'mesh = "{stem}.gltf"'], None
 
-    return name, write, theirs, True
+    return name, write, theirs, shape
 
 
 def picture(texels, filtering):
@@ -152,15 +153,16 @@ def sheets():
         mask = {"type": "mask", "opacity": picture(values[..., None], "nearest"), "nested": booth.diffuse([0.8, 0.4, 0.1])}
         yield sheet(f"mask {mode}", texels, material, mask)
     normals = bumps()
+    # Backed, because Mitsuba's bent normals let light through where they face a viewer behind the sheet.
     map_ = {"normalTexture": {"index": 0}}
     bent = lambda nested: {"type": "normalmap", "normalmap": picture(normals, "bilinear"), "bsdf": nested, **UNSHADED}
     diffuse = {"type": "diffuse", "reflectance": booth.rgb([0.8, 0.4, 0.1])}
-    yield sheet("normalmap diffuse", normals, {"pbrMetallicRoughness": LAMBERT, **NO_REFLECTION, **map_}, bent(diffuse))
+    yield sheet("normalmap diffuse", normals, {"pbrMetallicRoughness": LAMBERT, **NO_REFLECTION, **map_}, bent(diffuse), "backed sheet")
     for roughness in (0.4, 0.7):
         alpha = roughness**2
         metal = {"type": "roughconductor", "material": "none", "distribution": "ggx", "alpha": alpha}
         ours = {"pbrMetallicRoughness": {"metallicFactor": 1.0, "roughnessFactor": roughness}, **map_}
-        yield sheet(f"normalmap metal {roughness}", normals, ours, bent(adjusted(metal, alpha)))
+        yield sheet(f"normalmap metal {roughness}", normals, ours, bent(adjusted(metal, alpha)), "backed sheet")
 
 
 def main():
@@ -169,14 +171,14 @@ def main():
     folder.mkdir(parents=True, exist_ok=True)
     print("| Lobe | Ours / Mitsuba R G B | Standard error | Largest z | Blocks beyond 3 sigma | |\n|---|---|---|---:|---:|---|")
     failed = 0
-    for name, write, theirs, on_sheet in lobes():
+    for name, write, theirs, shape in lobes():
         if names and not any(n in name for n in names):
             continue
         subject, material = write(folder)
         path = folder / f"{name.replace(' ', '-')}.toml"
-        booth.oscura_scene(path, subject, {"subject": material} if material else {})
+        booth.oscura_scene(path, subject, {"subject": material} if material else {}, shape)
         ours = booth.oscura_picture(path, SAMPLES)
-        reference = booth.mitsuba_picture(theirs, on_sheet, SAMPLES)
+        reference = booth.mitsuba_picture(theirs, shape, SAMPLES)
         common.difference_picture(path.with_suffix(".difference.png"), ours, reference)
         a = common.compare(ours, reference)
         failed += not a.holds()
