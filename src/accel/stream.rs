@@ -45,6 +45,16 @@ impl Output for Occluded<'_> {
     }
 }
 
+/// Any hits.
+pub struct Any<'a>(pub &'a mut [Hit]);
+impl Output for Any<'_> {
+    const ANY: bool = true;
+    #[inline(always)]
+    fn emit(&mut self, index: usize, hit: &Hit) {
+        self.0[index] = *hit;
+    }
+}
+
 /// Memory that a thread keeps between calls.
 pub struct Workspace {
     slots: Vec<Slot>,

@@ -83,6 +83,8 @@ pub struct Integrator<'a> {
     options: PathOptions<'a>,
     /// Shading group of each material.
     groups: Vec<Group>,
+    /// By material: may its surfaces be absent in places?
+    may_be_absent: Vec<bool>,
     /// Solids around the camera.
     camera_interior: Interior,
     /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
@@ -112,7 +114,15 @@ impl<'a> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
-        Integrator { scene, options, groups, camera_interior: Interior::of_camera(scene), dimensions }
+        let may_be_absent = scene.materials.iter().map(|m| m.alpha.is_some()).collect();
+        Integrator {
+            scene,
+            options,
+            groups,
+            may_be_absent,
+            camera_interior: Interior::of_camera(scene),
+            dimensions,
+        }
     }
 
     /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample. Asks `stop` once in
