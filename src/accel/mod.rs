@@ -12,6 +12,7 @@ mod collapse;
 mod emit;
 mod gather;
 mod layout;
+mod normalize;
 mod prepare;
 mod slot;
 mod sphere;
