@@ -40,12 +40,14 @@ pub use options::{Glass, GltfOptions, LightUnits};
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
+use crate::simd::prefer_huge_pages;
 use animation::Pose;
 use document::{Document, pointer};
 use keep::{Kept, StillMesh};
 use place::Builder;
 use report::Report;
 use serde_json::Value;
+use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::Path;
 use transform::Family;
@@ -75,7 +77,7 @@ pub(super) fn load_moments(
     moments: impl IntoIterator<Item = Option<f64>>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
     let doc = Document::new(path, parts, bytes.len(), options);
     let (mut report, mut kept) = (Report::new(path), Kept::default());
@@ -90,6 +92,19 @@ pub(super) fn load_moments(
         kept.take_back(&mut loaded.scene, still);
     }
     Ok(())
+}
+
+/// All bytes of a file.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let mut bytes = Vec::new();
+    // The length is a guess only: what the file really holds is read.
+    let length = file.metadata().map_or(0, |m| m.len());
+    if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
+        prefer_huge_pages(&mut bytes);
+    }
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
 }
 
 /// The scene at a moment, seconds; `None` is the file's rest state.

@@ -8,6 +8,7 @@ use super::report::Report;
 use super::skin::{self, SkinPose};
 use crate::math::Vec3;
 use crate::scene::Mesh;
+use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -258,6 +259,7 @@ fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &m
     if base == 0 {
         // Fresh zeros come from the system without being written.
         *list = vec![default; count];
+        prefer_huge_pages(list);
     } else {
         list.resize(base, default);
         list.resize(base + count, default);
