@@ -74,7 +74,8 @@ fn a_model_gets_what_its_format_cannot_carry() {
             .any(|w| w.contains("model.oscura.toml") && w.contains("environment, lights, camera, render")),
         "{said:?}"
     );
-    assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
+    let warned = |words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
+    assert!(!warned("oscura.toml") && !warned("no light"), "{:?}", loaded.warnings);
 }
 
 #[test]
