@@ -267,6 +267,30 @@ fn volumes_absorb() {
     assert_radiance("slab", &scene, &options(4, 4, 10), 0.5f64.powf(1.5), 1e-4);
 }
 
+/// Light through a slab of index 1 meets its colour at both surfaces, or once in all where the colour is the whole
+/// solid's.
+#[test]
+fn colours_of_solids() {
+    for (tints_once, roughness, seen) in [(false, 0.0, 0.36), (true, 0.0, 0.6), (true, 0.3, 0.6)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let pbr = PbrMaterial {
+            base_color: oscura::scene::ColorSlot::constant([0.6; 3]),
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(roughness),
+            transmission: FloatSlot::constant(1.0),
+            ior: 1.0,
+            has_volume: true,
+            tints_once,
+            ..PbrMaterial::default()
+        };
+        let glass = material(&mut scene, Material::new("tinted", Model::Pbr(Box::new(pbr))));
+        quad(&mut scene, [-99.0, -99.0, 0.0], [198.0, 0.0, 0.0], [0.0, 198.0, 0.0], glass);
+        quad(&mut scene, [-99.0, -99.0, -3.0], [0.0, 198.0, 0.0], [198.0, 0.0, 0.0], glass);
+        scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1e-3));
+        assert_radiance("slab", &scene, &options(4, 4, 10), seen, 1e-4);
+    }
+}
+
 /// The back of a one-sided surface is black, and emission stays on the front.
 #[test]
 fn one_sided_surfaces_are_black_behind() {

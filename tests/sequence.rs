@@ -1,9 +1,10 @@
 //! Sequences of an animated asset, from the command line to the pictures.
 
 use oscura::load::gltf::GltfOptions;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::{LoadOptions, Loaded, load, load_moments};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Model, Projection};
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
@@ -109,4 +110,84 @@ fn frames_are_numbered_and_equal_single_moments() {
     assert_eq!(read("one.png"), second);
     let both = oscura(folder.path(), &["-o", "a.png", "--time", "0", "--frames", "1"]);
     assert_eq!(both.status.code(), Some(2));
+}
+
+/// The reed with a picture on one of its materials, a missing one on another, and its buffers in a file.
+fn reed_with_files(folder: &Path) -> PathBuf {
+    let text = std::fs::read_to_string(reed()).expect("the asset");
+    let mut asset: serde_json::Value = serde_json::from_str(&text).expect("JSON");
+    asset["images"] = serde_json::json!([{"uri": "red.png"}, {"uri": "missing.png"}]);
+    asset["textures"] = serde_json::json!([{"source": 0}, {"source": 1}]);
+    for (material, texture) in [(0, 0), (2, 1)] {
+        asset["materials"][material]["pbrMetallicRoughness"]["baseColorTexture"] =
+            serde_json::json!({"index": texture});
+    }
+    image::RgbImage::from_pixel(2, 2, image::Rgb([255, 0, 0])).save(folder.join("red.png")).expect("a PNG");
+    let path = folder.join("reed.gltf");
+    std::fs::write(&path, asset.to_string()).expect("written");
+    path
+}
+
+/// Everything that came of loading, as text; warnings in any order.
+fn whole(loaded: &Loaded) -> Vec<String> {
+    let mut said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    said.sort();
+    said.extend([format!("{:?} {:?}", loaded.notes, loaded.left_out), format!("{:?}", loaded.scene)]);
+    said
+}
+
+/// Every moment of a sequence is what loading at that moment gives, and after the first no file is looked at again.
+#[test]
+fn a_sequence_reads_its_files_once() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = reed_with_files(folder.path());
+    let times = [0.0, 0.5, 1.0, 0.0];
+    let expected = times.map(|time| {
+        let options = LoadOptions { gltf: at(time), ..LoadOptions::default() };
+        load(&path, &options).unwrap_or_else(|e| panic!("{e}"))
+    });
+    assert!(
+        expected[0].warnings.iter().any(|w| w.message.contains("missing.png")),
+        "{:?}",
+        expected[0].warnings
+    );
+    assert!(
+        expected[0].warnings.iter().any(|w| w.message.contains("TEXCOORD_0")),
+        "{:?}",
+        expected[0].warnings
+    );
+    assert_eq!(expected[0].scene.images.len(), 1);
+    assert!(whole(&expected[0]) != whole(&expected[1]));
+    let mut seen = Vec::new();
+    load_moments(&path, &LoadOptions::default(), times, &mut |loaded| {
+        seen.push(whole(loaded));
+        // What the caller adds to one scene must not be in the next.
+        loaded.scene.images.clear();
+        loaded.scene.materials.clear();
+        for file in ["reed.gltf", "red.png"] {
+            let _ = std::fs::remove_file(folder.path().join(file));
+        }
+        Ok(ControlFlow::Continue(()))
+    })
+    .unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(seen.len(), times.len());
+    for (i, (seen, expected)) in seen.iter().zip(&expected).enumerate() {
+        for (seen, expected) in seen.iter().zip(&whole(expected)) {
+            assert_eq!(seen, expected, "moment {i}");
+        }
+        assert_eq!(seen.len(), whole(expected).len(), "moment {i}");
+    }
+}
+
+#[test]
+fn a_sequence_ends_when_its_user_wants() {
+    let mut count = 0;
+    let ended = load_moments(&reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
+        count += 1;
+        Ok(if count == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
+    });
+    assert!(ended.is_ok() && count == 2);
+    let refused =
+        load_moments(Path::new("missing.glb"), &LoadOptions::default(), [0.0], &mut |_| panic!("no file"));
+    assert!(refused.is_err());
 }

@@ -2,12 +2,11 @@
 
 use super::Quality;
 use super::gather::Primitive;
-use crate::math::{Bounds3, Vec3};
-use obvhs::aabb::Aabb;
+use super::normalize::normalized_boxes;
+use crate::math::Bounds3;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, PlocSearchDistance, SortPrecision};
-use rayon::prelude::*;
 
 /// A binary tree in depth-first order: the left child follows its parent, the right one follows the left subtree.
 pub struct Binary {
@@ -52,37 +51,6 @@ pub fn build(primitives: &[Primitive], quality: Quality) -> Binary {
         ReinsertionOptimizer::default().run(&mut bvh, ratio, None);
     }
     order(&bvh, primitives)
-}
-
-/// Boxes for the builder alone: moved into the unit cube, so that areas neither overflow nor vanish, and each grown by
-/// a pseudo-random fraction below 1/4096 of itself: clustering takes a pass over all for each merge where all boxes are
-/// equal, and boxes that differ cannot do that.
-fn normalized_boxes(primitives: &[Primitive]) -> Vec<Aabb> {
-    let all =
-        primitives.par_iter().with_min_len(4096).map(|p| p.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    let low = all.min.as_dvec3();
-    let extent = (all.max.as_dvec3() - low).max_element();
-    let scale = if extent > 0.0 { 1.0 / extent } else { 1.0 };
-    primitives
-        .par_iter()
-        .with_min_len(4096)
-        .enumerate()
-        .map(|(i, p)| {
-            let min = ((p.bounds.min.as_dvec3() - low) * scale).as_vec3();
-            let max = ((p.bounds.max.as_dvec3() - low) * scale).as_vec3();
-            let random = hash(i as u32);
-            let part = |shift: u32| ((random >> shift) & 1023) as f32 / (1024.0 * 4096.0);
-            let grow = (max - min + Vec3::splat(1.0 / 4096.0)) * Vec3::new(part(0), part(10), part(20));
-            Aabb::new((min).into(), (max + grow).into())
-        })
-        .collect()
-}
-
-/// A mixing of 32 bits (the finaliser of MurmurHash3).
-fn hash(x: u32) -> u32 {
-    let x = (x ^ (x >> 16)).wrapping_mul(0x85eb_ca6b);
-    let x = (x ^ (x >> 13)).wrapping_mul(0xc2b2_ae35);
-    x ^ (x >> 16)
 }
 
 /// Inner nodes that a random ray through the root visits: the sum of areas over that of the root.

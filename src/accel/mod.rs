@@ -12,6 +12,7 @@ mod collapse;
 mod emit;
 mod gather;
 mod layout;
+mod normalize;
 mod prepare;
 mod slot;
 mod sphere;
@@ -27,7 +28,7 @@ pub use gather::Dropped;
 use crate::math::{DAffine3, Hit, Ray, Vec3};
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use std::cell::RefCell;
-use stream::{Closest, Occluded, Output, Stream, Workspace};
+use stream::{Any, Closest, Occluded, Output, Stream, Workspace};
 
 /// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,
 /// and it meets exactly what shares two of them.
@@ -116,6 +117,13 @@ impl Accel {
     /// Whether anything is hit with `t_min < t < t_max`. Handles `min(rays.len(), occluded.len())` rays.
     pub fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
         self.occluded_at(best_level(), rays, occluded);
+    }
+
+    /// Some hit of each ray with `t_min < t < t_max`, not always the same one: only `prim` and `instance` are to be relied
+    /// on. As fast as [`Accel::occluded`].
+    pub fn any(&self, rays: &[Ray], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len());
+        self.trace(best_level(), &rays[..count], Any(&mut hits[..count]));
     }
 
     /// [`Accel::closest`] on a CPU level, or on the best available one below it: for tests and measurements.

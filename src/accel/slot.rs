@@ -1,6 +1,6 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
-use super::layout::{DONE, PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
+use super::layout::{PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
 use super::prepare::PreparedRay;
 use super::triangle;
 use crate::math::{Hit, NO_HIT};
@@ -14,8 +14,6 @@ pub struct Slot {
     pub boxes: BoxRay,
     /// Boxes that begin behind this hold nothing nearer.
     pub limit: f32,
-    /// What to visit next.
-    pub current: u32,
     /// The first free entry of this ray's stack.
     pub top: u32,
     /// Which ray of the batch.
@@ -33,7 +31,6 @@ impl Slot {
     pub const EMPTY: Slot = Slot {
         boxes: BoxRay::NONE,
         limit: 0.0,
-        current: DONE,
         top: 0,
         index: 0,
         ray: PreparedRay::NONE,
@@ -41,10 +38,20 @@ impl Slot {
         instance: 0,
     };
 
-    /// Tests the lanes of a packet exactly.
+    /// Tests the lanes of a packet exactly. Was there a nearer hit?
     #[inline(always)]
-    pub fn triangles<W: Wide>(&mut self, w: W, packet: &TrianglePacket, mut lanes: u32) {
-        let t = triangle::plane_parameters(w, packet, &self.ray);
+    pub fn triangles<W: Wide>(
+        &mut self,
+        w: W,
+        packet: &TrianglePacket,
+        mut lanes: u32,
+        any_hit: bool,
+    ) -> bool {
+        let before = self.limit;
+        // Not waiting for the division where all is behind the ray pays for shadow rays, whose packets hold more than
+        // the surface that they leave; for others it is one more branch that cannot be predicted.
+        let asked = if any_hit { lanes } else { u32::MAX };
+        let t = triangle::plane_parameters(w, packet, &self.ray, asked);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
@@ -52,6 +59,7 @@ impl Slot {
                 self.triangle(packet, lane, t[lane]);
             }
         }
+        self.limit < before
     }
 
     #[inline(always)]

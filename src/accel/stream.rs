@@ -14,7 +14,7 @@ use super::{sphere, triangle};
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::simd::{Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
-/// Rays in flight: a bit of a `u32` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
+/// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
 pub const IN_FLIGHT: usize = 32;
 
 /// Where results go.
@@ -42,6 +42,16 @@ impl Output for Occluded<'_> {
     #[inline(always)]
     fn emit(&mut self, index: usize, hit: &Hit) {
         self.0[index] = hit.prim != NO_HIT;
+    }
+}
+
+/// Any hits.
+pub struct Any<'a>(pub &'a mut [Hit]);
+impl Output for Any<'_> {
+    const ANY: bool = true;
+    #[inline(always)]
+    fn emit(&mut self, index: usize, hit: &Hit) {
+        self.0[index] = *hit;
     }
 }
 
@@ -100,8 +110,8 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             stack_size,
             next_ray: 0,
             flying: 0,
-            leaf: 0,
-            special: 0,
+            waiting: 0,
+            current: [DONE; IN_FLIGHT],
             exact: 0,
             candidates: [Candidates { packet: 0, lanes: 0 }; IN_FLIGHT],
         };
@@ -109,39 +119,41 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             flight.start(id, &mut output);
         }
         while flight.flying != 0 {
-            let mut ids = Ids(flight.flying & !flight.leaf);
-            while let Some(id) = ids.next() {
-                flight.node_step::<W, O>(w, id);
+            // All passes of a round are fixed before its first step. If a pass took up what the one before it has left,
+            // the end of its loop would be known late, and the CPU, which guesses it wrong, would stand still until then.
+            let exact = std::mem::take(&mut flight.exact);
+            let (leaf, special) = (flight.waiting >> 1, flight.waiting);
+            let free = flight.flying & !exact;
+            flight.waiting &= 3 * exact;
+            let mut ids = free & !leaf;
+            while ids != 0 {
+                flight.node_step::<W, O>(w, take_lowest(&mut ids));
             }
-            let mut ids = Ids(flight.leaf & !flight.special);
-            flight.leaf = flight.special;
-            while let Some(id) = ids.next() {
-                flight.triangle_step::<W, O>(w, id);
+            let mut ids = free & leaf & !special;
+            while ids != 0 {
+                flight.triangle_step::<W, O>(w, take_lowest(&mut ids));
             }
-            let mut ids = Ids(std::mem::take(&mut flight.exact));
-            while let Some(id) = ids.next() {
-                flight.exact_step::<W, O>(w, id);
+            let mut ids = exact;
+            while ids != 0 {
+                flight.exact_step::<W, O>(w, take_lowest(&mut ids));
             }
-            let mut ids = Ids(std::mem::take(&mut flight.special));
-            flight.leaf &= !ids.0;
-            while let Some(id) = ids.next() {
-                flight.special_step(id, &mut output);
+            let mut ids = free & special;
+            while ids != 0 {
+                flight.special_step(take_lowest(&mut ids), &mut output);
             }
         }
     }
 }
 
-/// The numbers of the bits that are set, lowest first.
-struct Ids(u32);
+/// The rays of a set: bit `2 id` of each.
+type Rays = u64;
 
-impl Ids {
-    #[inline(always)]
-    fn next(&mut self) -> Option<usize> {
-        let id = self.0.trailing_zeros() as usize & (IN_FLIGHT - 1);
-        let any = self.0 != 0;
-        self.0 &= self.0.wrapping_sub(1);
-        any.then_some(id)
-    }
+/// The first ray of a set, which is then taken out.
+#[inline(always)]
+fn take_lowest(rays: &mut Rays) -> usize {
+    let id = (rays.trailing_zeros() / 2) as usize & (IN_FLIGHT - 1);
+    *rays &= rays.wrapping_sub(1);
+    id
 }
 
 struct Flight<'a> {
@@ -155,13 +167,13 @@ struct Flight<'a> {
     stack_size: usize,
     next_ray: usize,
     /// The rays on their way.
-    flying: u32,
-    /// Those of them whose next step is not at a node.
-    leaf: u32,
-    /// Those of these whose next step is not at a packet of triangles either.
-    special: u32,
+    flying: Rays,
+    /// What each ray waits for: bits 30 and 31 of the reference that it visits next, in bits `2 id` and `2 id + 1`.
+    waiting: u64,
+    /// What each ray visits next.
+    current: [u32; IN_FLIGHT],
     /// The rays whose line meets a triangle of the packet that they have just left.
-    exact: u32,
+    exact: Rays,
     /// For the rays in `exact`.
     candidates: [Candidates; IN_FLIGHT],
 }
@@ -187,35 +199,27 @@ impl Flight<'_> {
             };
             let bottom = id * self.stack_size;
             self.stacks[bottom] = Entry { reference: DONE, distance: f32::NEG_INFINITY };
-            slot.current = self.root;
             slot.top = bottom as u32 + 1;
             slot.index = index as u32;
             slot.best = Hit { t: t_max, ..Hit::MISS };
             slot.limit = t_max * WIDEN;
             slot.instance = 0;
-            self.flying |= 1 << id;
-            return self.route(1 << id, self.root);
+            self.flying |= 1 << (2 * id);
+            return self.route(id, self.root);
         }
     }
 
-    /// Sends a ray, given by its bit, to what it visits next and asks for the lines of that.
+    /// Sends a ray to what it visits next and asks for the lines of that.
     #[inline(always)]
-    fn route(&mut self, bit: u32, reference: u32) {
+    fn route(&mut self, id: usize, reference: u32) {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
-        // The top bit set means all bits set. Nodes have neither of the two.
-        self.leaf |= bit & (reference as i32 >> 31) as u32;
-        self.special |= bit & ((reference << 1) as i32 >> 31) as u32;
+        self.current[id] = reference;
+        self.waiting |= u64::from(reference >> 30) << (2 * id);
     }
 
     /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
     #[inline(always)]
     fn pop<O: Output>(&mut self, id: usize, top: usize) {
-        self.pop_if::<O>(id, top, 1 << id);
-    }
-
-    /// The same, but sends the ray there only where its bit is given.
-    #[inline(always)]
-    fn pop_if<O: Output>(&mut self, id: usize, top: usize, bit: u32) {
         let slot = &mut self.slots[id];
         let mut top = top - 1;
         let mut entry = self.stacks[top];
@@ -225,15 +229,14 @@ impl Flight<'_> {
                 entry = self.stacks[top];
             }
         }
-        slot.current = entry.reference;
         slot.top = top as u32;
-        self.route(bit, entry.reference);
+        self.route(id, entry.reference);
     }
 
     #[inline(always)]
     fn node_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
         let slot = &self.slots[id];
-        let Some(node) = view::<Node, NODE_LINES>(self.lines, slot.current as usize) else {
+        let Some(node) = view::<Node, NODE_LINES>(self.lines, self.current[id] as usize) else {
             return;
         };
         let (mask, near) = w.boxes(&node.planes, &slot.boxes, slot.ray.t_min, slot.limit);
@@ -254,16 +257,15 @@ impl Flight<'_> {
     #[inline(always)]
     fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
         let slot = &self.slots[id];
-        let current = slot.current;
+        let current = self.current[id];
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return;
         };
         let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes);
         self.candidates[id] = Candidates { packet: current, lanes };
-        let has_candidates = u32::from(lanes != 0);
-        self.exact |= has_candidates << id;
+        self.exact |= u64::from(lanes != 0) << (2 * id);
         let top = self.push_next(id, packet.next());
-        self.pop_if::<O>(id, top, (has_candidates ^ 1) << id);
+        self.pop::<O>(id, top);
     }
 
     /// Tests lanes exactly. The ray has left the packet already: what it visits next is still on its stack.
@@ -274,9 +276,11 @@ impl Flight<'_> {
             return;
         };
         let slot = &mut self.slots[id];
-        slot.triangles(w, packet, lanes);
-        let top = slot.top as usize + 1;
-        self.pop_unless_done::<O>(id, top);
+        if slot.triangles(w, packet, lanes, O::ANY) {
+            let top = slot.top as usize + 1;
+            self.waiting &= !(3 << (2 * id));
+            self.pop_unless_done::<O>(id, top);
+        }
     }
 
     /// Takes the topmost entry, or ends the ray if any hit is enough and there is one.
@@ -284,8 +288,7 @@ impl Flight<'_> {
     fn pop_unless_done<O: Output>(&mut self, id: usize, top: usize) {
         let slot = &mut self.slots[id];
         if O::ANY && slot.best.prim != NO_HIT {
-            slot.current = DONE;
-            return self.route(1 << id, DONE);
+            return self.route(id, DONE);
         }
         self.pop::<O>(id, top);
     }
@@ -300,7 +303,7 @@ impl Flight<'_> {
 
     #[inline(always)]
     fn special_step<O: Output>(&mut self, id: usize, output: &mut O) {
-        let current = self.slots[id].current;
+        let current = self.current[id];
         if current == DONE {
             return self.finish(id, output);
         }
@@ -322,7 +325,7 @@ impl Flight<'_> {
         let mut hit = slot.best;
         hit.t = if hit.prim == NO_HIT { f32::INFINITY } else { hit.t * slot.ray.unscale };
         output.emit(slot.index as usize, &hit);
-        self.flying &= !(1 << id);
+        self.flying &= !(1 << (2 * id));
         self.start(id, output);
     }
 

@@ -239,3 +239,31 @@ fn a_thousand_instances_take_the_memory_of_one() {
     let down = Ray::new(Vec3::new(7.0 * 1.5 + 0.4, 1.0, 31.0 * 1.5 + 0.3), -Vec3::Y);
     assert_eq!(thousand.closest_one(&down).instance, 1000);
 }
+
+/// One vertex far below or above all others, and a second mesh a million times as large: before distance counted by its
+/// logarithm, the first took 23 seconds to build and left all rays hundreds of times slower.
+#[test]
+fn one_distant_vertex_leaves_the_rest_quick() {
+    let plain = hills(132);
+    let rays: Vec<Ray> = (0..20_000)
+        .map(|i| Ray::new(Vec3::new((i % 141) as f32 / 141.0, 1.0, (i / 141) as f32 / 142.0), -Vec3::Y))
+        .collect();
+    let trace = |accel: &Accel| {
+        let mut hits = vec![Hit::MISS; rays.len()];
+        accel.closest(&rays, &mut hits);
+        hits
+    };
+    let expected = trace(&build(std::slice::from_ref(&plain), &[]));
+    for far in [1e9f32, -1e9, 1e17] {
+        let mut mesh = plain.clone();
+        mesh.positions[0] = [far, 0.5 * far, 0.3 * far];
+        let begin = std::time::Instant::now();
+        let accel = build(std::slice::from_ref(&mesh), &[]);
+        let hits = trace(&accel);
+        assert!(begin.elapsed().as_secs() < 10, "{far}: {:?}", begin.elapsed());
+        // Only the triangles at that vertex changed.
+        let touched = |hit: &Hit| hit.is_hit() && mesh.triangles[hit.prim as usize].contains(&0);
+        let same = hits.iter().zip(&expected).all(|(a, b)| touched(a) || touched(b) || a == b);
+        assert!(same, "{far}");
+    }
+}

@@ -23,7 +23,7 @@ pub struct Weights {
 /// could not tell it from the ray's start on surfaces that touch.
 #[inline(always)]
 pub fn candidates<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay, boxes: &BoxRay) -> u32 {
-    w.candidates(&packet.rows, boxes, &ray.origin, ray.shear)
+    w.candidates(&packet.rows, boxes, &ray.origin, &ray.shear)
 }
 
 /// The exact test whether the ray's line meets a lane's triangle.
@@ -59,10 +59,15 @@ pub fn weights(packet: &TrianglePacket, lane: usize, ray: &PreparedRay, boxes: &
 
 /// Where the ray meets the planes of the four triangles, in f64, in which the differences of f32 numbers of similar size
 /// are exact. An origin beside the plane by the rounding of an f32 keeps its side. NaN where the ray is parallel to the
-/// plane.
+/// plane, and possibly where all `lanes` are behind the ray.
 #[inline(always)]
-pub fn plane_parameters<W: Wide>(w: W, packet: &TrianglePacket, ray: &PreparedRay) -> [f32; LANES] {
-    w.plane_parameters(&packet.rows, &ray.origin, &ray.direction)
+pub fn plane_parameters<W: Wide>(
+    w: W,
+    packet: &TrianglePacket,
+    ray: &PreparedRay,
+    lanes: u32,
+) -> [f32; LANES] {
+    w.plane_parameters(&packet.rows, &ray.origin, &ray.direction, lanes)
 }
 
 /// `a b - c d`, from f64 products that are exact, rounded so that only zero becomes zero.

@@ -140,7 +140,7 @@ impl Layered {
         let s = match part {
             0 => self.coat.sample(wo, u),
             1 => self.sheen.sample(wo, u),
-            2 => seen.opaque.sample_seen(&seen.view, wo, seen.above, u),
+            2 => seen.view.sample(&seen.opaque.surface, wo, seen.above, u),
             3 => DiffuseThrough.sample(wo, u),
             _ => seen.glass.sample(wo, u),
         };
@@ -180,7 +180,7 @@ impl Layered {
                 add(1, self.sheen.eval(wo, wi));
             }
             if has(2) {
-                add(2, seen.opaque.eval_above(&seen.view, seen.above, Vec3::new(wi.x, wi.y, wi.z.abs())));
+                add(2, seen.view.eval(&seen.opaque.surface, seen.above, Vec3::new(wi.x, wi.y, wi.z.abs())));
             }
         } else if has(3) {
             add(3, DiffuseThrough.eval(wo, wi));

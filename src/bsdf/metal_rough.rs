@@ -3,7 +3,8 @@
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
 use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx, mean};
-use crate::math::Vec3;
+use crate::math::{Vec3, select};
+use crate::sampling::warp;
 use crate::scene::Microfacet;
 use std::f32::consts::FRAC_1_PI;
 
@@ -31,20 +32,36 @@ pub struct MetalRough<S = Isotropic> {
     pub microfacet: Microfacet,
 }
 
-/// What depends on `wo` alone.
-#[derive(Clone, Copy)]
-pub(super) struct View {
-    diffuse: Vec3,
+/// A [`MetalRough`] as one direction above it sees it.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct View {
+    /// Diffuse colour under what the layer leaves.
+    pub diffuse: Vec3,
     /// What the dielectric layer leaves to what is below it.
     pub rest: f32,
-    /// Reflectance of the microfacets at normal and at grazing incidence, compensation included.
-    f0: Vec3,
-    f90: Vec3,
+    /// Reflectance of the microfacets at normal incidence, compensation included.
+    pub f0: Vec3,
+    /// The same at grazing incidence.
+    pub f90: Vec3,
     /// Mean albedo.
     pub albedo: f32,
-    /// Chances of the lobes; each on its own, so that a tiny one does not round to 0.
-    p_specular: f32,
-    p_diffuse: f32,
+    /// Chance of reflection by microfacets. Each chance is computed on its own, so that a tiny one does not round to 0.
+    pub p_specular: f32,
+    /// Chance of diffuse reflection.
+    pub p_diffuse: f32,
+}
+
+impl MetalRough {
+    /// Reflects nothing.
+    pub const BLACK: MetalRough = MetalRough {
+        diffuse: Vec3::ZERO,
+        layer_f0: Vec3::ZERO,
+        layer_f90: 0.0,
+        metal_f0: Vec3::ZERO,
+        metallic: 0.0,
+        surface: Isotropic { alpha: 1.0 },
+        microfacet: Microfacet::Single,
+    };
 }
 
 impl<S: Facets> MetalRough<S> {
@@ -63,13 +80,18 @@ impl<S: Facets> MetalRough<S> {
 
     /// What a direction above the surface sees.
     #[inline(always)]
-    pub(super) fn view(&self, above: Vec3) -> View {
+    pub fn view(&self, above: Vec3) -> View {
+        self.view_by(self.surface.directional_albedo(above), above)
+    }
+
+    /// The same, with the directional albedo of the facets.
+    #[inline(always)]
+    pub fn view_by(&self, table: DirectionalAlbedo, above: Vec3) -> View {
         // A mirror returns everything, its grazing share is Schlick's weight of the one cosine.
-        let table = if self.surface.is_mirror() {
-            DirectionalAlbedo { full: 1.0, grazing: fresnel::schlick_weight(above.z) }
-        } else {
-            self.surface.directional_albedo(above)
-        };
+        let is_mirror = self.surface.is_mirror();
+        let full = if is_mirror { 1.0 } else { table.full };
+        let grazing = if is_mirror { fresnel::schlick_weight(above.z) } else { table.grazing };
+        let table = DirectionalAlbedo { full, grazing };
         let compensation = |f0| match self.microfacet {
             Microfacet::Multi => table.compensation(f0),
             Microfacet::Single => Vec3::ONE,
@@ -92,38 +114,7 @@ impl<S: Facets> MetalRough<S> {
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
-        self.sample_seen(&self.view(above), wo, above, u)
-    }
-
-    /// As [`MetalRough::sample`], with the view of `above`.
-    #[inline(always)]
-    pub(super) fn sample_seen(&self, view: &View, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
-        if view.albedo <= LEAST_ALBEDO {
-            return BsdfSample::ABSORBED;
-        }
-        let choose_specular = u[2] < view.p_specular;
-        if choose_specular && self.surface.is_mirror() {
-            let reflectance = fresnel::schlick(view.f0, view.f90, above.z);
-            return BsdfSample::mirror(wo, reflectance / view.p_specular, view.p_specular);
-        }
-        let wi = if choose_specular {
-            let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
-            normal * (2.0 * above.dot(normal)) - above
-        } else {
-            crate::sampling::warp::cosine_hemisphere([u[0], u[1]])
-        };
-        let value = self.eval_above(view, above, wi);
-        if wi.z <= 0.0 || value.pdf_solid_angle <= 0.0 {
-            return BsdfSample::ABSORBED;
-        }
-        BsdfSample {
-            wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
-            weight: value.f_cos / value.pdf_solid_angle,
-            pdf_solid_angle: value.pdf_solid_angle,
-            eta: 1.0,
-            is_specular: false,
-            is_transmission: false,
-        }
+        self.view(above).sample(&self.surface, wo, above, u)
     }
 
     /// See [`super::Bsdf::eval`].
@@ -133,25 +124,49 @@ impl<S: Facets> MetalRough<S> {
             return BsdfEval::ZERO;
         }
         let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
-        self.eval_above(&self.view(above), above, Vec3::new(wi.x, wi.y, wi.z.abs()))
+        self.view(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
+    }
+}
+
+// Free of branches, as far as inputs decide: loops over many surfaces vectorise.
+impl View {
+    /// See [`super::Bsdf::sample`]; `above` is `wo` on the upper side.
+    #[inline(always)]
+    pub fn sample(&self, surface: &impl Facets, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
+        let choose_specular = u[2] < self.p_specular;
+        let is_mirror = choose_specular & surface.is_mirror();
+        let normal = surface.sample_visible_normal(above, [u[0], u[1]]);
+        let reflected = normal * (2.0 * above.dot(normal)) - above;
+        let diffuse = warp::cosine_hemisphere([u[0], u[1]]);
+        let wi = select(choose_specular, reflected, diffuse);
+        let value = self.eval(surface, above, wi);
+        let of_mirror = fresnel::schlick(self.f0, self.f90, above.z) / self.p_specular;
+        let weight = select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
+        let pdf = if is_mirror { self.p_specular } else { value.pdf_solid_angle };
+        let goes_on = (self.albedo > LEAST_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
+        BsdfSample {
+            wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
+            weight: select(goes_on, weight, Vec3::ZERO),
+            pdf_solid_angle: if goes_on { pdf } else { 0.0 },
+            eta: 1.0,
+            is_specular: is_mirror,
+            is_transmission: false,
+        }
     }
 
     /// The value for directions above the surface.
     #[inline(always)]
-    pub(super) fn eval_above(&self, view: &View, wo: Vec3, wi: Vec3) -> BsdfEval {
-        if wi.z <= 0.0 {
-            return BsdfEval::ZERO;
-        }
+    pub fn eval(&self, surface: &impl Facets, wo: Vec3, wi: Vec3) -> BsdfEval {
         let cosine = wi.z * FRAC_1_PI;
-        let diffuse = BsdfEval { f_cos: view.diffuse * cosine, pdf_solid_angle: view.p_diffuse * cosine };
-        if self.surface.is_mirror() {
-            return diffuse;
-        }
-        let r = self.surface.reflection(wo, wi);
-        let factor = fresnel::schlick(view.f0, view.f90, r.cos_half);
+        let r = surface.reflection(wo, wi);
+        let factor = fresnel::schlick(self.f0, self.f90, r.cos_half);
+        let is_glossy = !surface.is_mirror();
+        let f_cos = self.diffuse * cosine + select(is_glossy, factor * r.f_cos, Vec3::ZERO);
+        let glossy_pdf = if is_glossy { self.p_specular * r.pdf_solid_angle } else { 0.0 };
+        let is_above = wi.z > 0.0;
         BsdfEval {
-            f_cos: diffuse.f_cos + factor * r.f_cos,
-            pdf_solid_angle: diffuse.pdf_solid_angle + view.p_specular * r.pdf_solid_angle,
+            f_cos: select(is_above, f_cos, Vec3::ZERO),
+            pdf_solid_angle: if is_above { self.p_diffuse * cosine + glossy_pdf } else { 0.0 },
         }
     }
 }

@@ -32,14 +32,16 @@ mod sheen;
 mod sheen_data;
 mod through;
 
+pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};
 pub use film::Film;
+pub use ggx::MIN_COS;
 pub use lambert::Lambert;
 pub use layered::Layered;
 pub use metal::Metal;
-pub use metal_rough::MetalRough;
+pub use metal_rough::{MetalRough, View};
 pub use microsurface::{Facets, Isotropic, Microsurface};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;

@@ -70,7 +70,7 @@ pub(super) fn resolve_pbr(
             Bsdf::Conductor(Conductor { f0: base, alpha: roughness * roughness, microfacet })
         }
         BsdfClass::Dielectric => {
-            Bsdf::Dielectric(Dielectric { ior: pbr.ior, tint: base, fresnel: FresnelModel::Exact })
+            Bsdf::Dielectric(Dielectric { ior: pbr.ior, tint: tint(pbr, base), fresnel: FresnelModel::Exact })
         }
         BsdfClass::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { ior: pbr.ior, tint: base }),
         BsdfClass::RoughDielectric => {
@@ -121,15 +121,21 @@ fn microsurface(pbr: &PbrMaterial, slots: &impl Slots, frame: &LocalFrame) -> Mi
     Microsurface::new([along, alpha], axis.to_array())
 }
 
+/// The factor on transmitted light at one crossing of the surface.
+#[inline(always)]
+fn tint(pbr: &PbrMaterial, base: Vec3) -> Vec3 {
+    if pbr.tints_once { Vec3::new(base.x.sqrt(), base.y.sqrt(), base.z.sqrt()) } else { base }
+}
+
 fn glass(
     pbr: &PbrMaterial,
-    tint: Vec3,
+    base: Vec3,
     surface: Microsurface,
     reflectance: GlassReflectance,
     microfacet: Microfacet,
 ) -> RoughDielectric {
     let walls = if pbr.has_volume { Walls::Solid } else { Walls::Thin };
-    RoughDielectric { surface, ior: pbr.ior, walls, tint, reflectance, microfacet }
+    RoughDielectric { surface, ior: pbr.ior, walls, tint: tint(pbr, base), reflectance, microfacet }
 }
 
 fn layered(

@@ -71,6 +71,11 @@ impl Camera {
         Ray::new(origin, direction.normalize())
     }
 
+    /// Its position, in the middle of the lens.
+    pub fn position(&self) -> Vec3 {
+        self.origin
+    }
+
     /// Width of what a camera ray stands for at its start, and its growth over a metre: half a pixel's, so that the many
     /// rays of a pixel see more than one of them would.
     pub fn pixel_cone(&self) -> (f32, f32) {

@@ -17,6 +17,7 @@ mod progress;
 mod render;
 mod report;
 mod settings;
+mod surroundings;
 
 use args::{Arguments, Command};
 use clap::Parser;

@@ -7,11 +7,13 @@ use super::pictures::{Pictures, Targets};
 use super::process::{peak_memory, stop_flag};
 use super::progress::Progress;
 use super::report::{self, Run};
-use super::settings::{Settled, apply_environment, check_size, settle};
+use super::settings::{Settled, check_size, settle};
+use super::surroundings::Surroundings;
 use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::load::{LoadOptions, load};
+use oscura::load::{LoadOptions, Loaded, load, load_moments};
 use oscura::render::{in_pool, render};
+use std::ops::ControlFlow;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::Instant;
 
@@ -22,26 +24,58 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
 
 /// Renders one picture, or each of a sequence.
 fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
-    let Some(frames) = args.frames else { return run_one(args, stop) };
+    check_size(args)?;
+    let Some(frames) = args.frames else {
+        let targets = Targets::check(&args.output)?;
+        let start = Instant::now();
+        let surroundings = Surroundings::load(args)?;
+        let mut loaded = load(&args.scene, &load_options(args))?;
+        return run_one(args, stop, &targets, &surroundings, &mut loaded, start);
+    };
+    let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
-        let mut frame = args.clone();
-        frame.output = args.output.iter().map(|path| Frames::file(path, number)).collect();
-        frame.asset.time = Some(f64::from(number) / args.fps);
-        match run_one(&frame, stop)? {
-            Outcome::Done => {}
-            other => return Ok(other),
-        }
+        Targets::check(&file(number))?;
     }
-    Ok(Outcome::Done)
+    let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
+    let surroundings = Surroundings::load(args)?;
+    let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
+    load_moments(&args.scene, &load_options(args), moments, &mut |loaded| {
+        let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
+        let targets = Targets::check(&file(number))?;
+        outcome = run_one(args, stop, &targets, &surroundings, loaded, start)?;
+        start = Instant::now();
+        Ok(match outcome {
+            Outcome::Done => ControlFlow::Continue(()),
+            _ => ControlFlow::Break(()),
+        })
+    })?;
+    Ok(outcome)
 }
 
-/// Renders one picture.
-fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
-    check_size(args)?;
-    let targets = Targets::check(&args.output)?;
-    let Prepared { scene, settled, build, load_s, mut warnings, left_out } =
-        prepare(args, targets.has_exr())?;
+fn load_options(args: &RenderArgs) -> LoadOptions {
+    LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        gltf: args.asset.options(),
+        point_radius: args.point_radius,
+        no_sidecar: args.no_sidecar,
+        ..LoadOptions::default()
+    }
+}
+
+/// Renders one picture of a scene that began to load at `start`.
+fn run_one(
+    args: &RenderArgs,
+    stop: &AtomicBool,
+    targets: &Targets,
+    surroundings: &Surroundings,
+    loaded: &mut Loaded,
+    start: Instant,
+) -> Result<Outcome> {
+    let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
+        prepare(args, targets.has_exr(), surroundings, loaded, start)?;
     if !args.quiet {
+        report::notes(&notes);
         report::warnings(&warnings);
         if args.explain {
             left_out.iter().for_each(|what| eprintln!("left out: {what}"));
@@ -55,7 +89,7 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     progress.finish();
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, &targets, &film, &settled, &build, &statistics, &warnings)?;
+    let pictures = Pictures::encode(args, targets, &film, &settled, &build, &statistics, &warnings)?;
     if !args.quiet {
         report::warnings(&pictures.warnings);
     }
@@ -77,6 +111,7 @@ fn run_one(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         statistics,
         peak_memory: peak_memory(),
         outputs: targets.names(),
+        notes,
         warnings,
         left_out,
     };
@@ -95,25 +130,22 @@ struct Prepared {
     settled: Settled,
     build: CompileReport,
     load_s: f64,
+    notes: Vec<Warning>,
     warnings: Vec<Warning>,
     left_out: Vec<String>,
 }
 
-/// Loads and compiles; `has_exr` tells whether anything can hold AOVs.
-fn prepare(args: &RenderArgs, has_exr: bool) -> Result<Prepared> {
-    let start = Instant::now();
-    let options = LoadOptions {
-        allow_external: args.allow_external,
-        brings_environment: args.env.is_some(),
-        gltf: args.asset.options(),
-        point_radius: args.point_radius,
-        no_sidecar: args.no_sidecar,
-        ..LoadOptions::default()
-    };
-    let mut loaded = load(&args.scene, &options)?;
+/// Settles options and compiles what was loaded since `start`; `has_exr` tells whether anything can hold AOVs.
+fn prepare(
+    args: &RenderArgs,
+    has_exr: bool,
+    surroundings: &Surroundings,
+    loaded: &mut Loaded,
+    start: Instant,
+) -> Result<Prepared> {
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
-    warnings.extend(apply_environment(args, &mut loaded.scene)?);
+    warnings.extend(surroundings.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
     let options = CompileOptions {
@@ -124,9 +156,9 @@ fn prepare(args: &RenderArgs, has_exr: bool) -> Result<Prepared> {
     };
     let (scene, mut build) = compile(&loaded.scene, &options)?;
     warnings.append(&mut build.warnings);
-    let mut left_out = loaded.left_out;
+    let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, settled, build, load_s, warnings, left_out })
+    Ok(Prepared { scene, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

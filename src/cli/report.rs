@@ -132,6 +132,13 @@ pub(crate) fn warnings(list: &[Warning]) {
     }
 }
 
+/// Prints notes.
+pub(crate) fn notes(list: &[Warning]) {
+    for note in list {
+        eprintln!("note: {note}");
+    }
+}
+
 /// Everything about a finished run.
 pub(crate) struct Run {
     pub load_s: f64,
@@ -143,6 +150,7 @@ pub(crate) struct Run {
     pub statistics: Statistics,
     pub peak_memory: Option<u64>,
     pub outputs: Vec<String>,
+    pub notes: Vec<Warning>,
     pub warnings: Vec<Warning>,
     pub left_out: Vec<String>,
 }
@@ -173,6 +181,7 @@ impl Run {
             ("interrupted", Json::Bool(s.interrupted)),
             ("timed_out", Json::Bool(s.timed_out)),
             ("outputs", Json::texts(&self.outputs)),
+            ("notes", Json::texts(&self.notes)),
             ("warnings", Json::texts(&self.warnings)),
             ("left_out", Json::texts(&self.left_out)),
         ])

@@ -3,10 +3,9 @@
 use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
-use oscura::load::image::load_environment;
 use oscura::output::{PngOptions, View};
 use oscura::render::RenderOptions;
-use oscura::scene::{Environment, Filter, ImageId, Microfacet, Scene};
+use oscura::scene::{Filter, Microfacet, Scene};
 
 const DEFAULT_WIDTH: u32 = 1280;
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
@@ -125,39 +124,4 @@ fn check_pixels(width: u32, height: u32) -> Result<()> {
         return Err(Error::usage(message).with_help("give a smaller --width or --height"));
     }
     Ok(())
-}
-
-/// Replaces or adjusts the scene's environment as the arguments ask.
-pub(crate) fn apply_environment(args: &RenderArgs, scene: &mut Scene) -> Result<Vec<Warning>> {
-    let mut warnings = Vec::new();
-    if let Some(path) = &args.env {
-        if path.as_os_str().is_empty() {
-            scene.environment = Environment::Black;
-        } else {
-            scene.images.push(load_environment(path, &mut warnings)?);
-            let image = ImageId((scene.images.len() - 1) as u32);
-            scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.0 };
-        }
-    }
-    let factor = args.env_strength;
-    match &mut scene.environment {
-        Environment::Image { strength, rotation_rad, .. } => {
-            *strength = factor.unwrap_or(*strength);
-            *rotation_rad = args.env_rotation.map_or(*rotation_rad, f64::to_radians);
-            return Ok(warnings);
-        }
-        Environment::Constant(color) => *color = color.map(|v| v * factor.unwrap_or(1.0)),
-        Environment::Gradient { nadir, zenith } => {
-            *nadir = nadir.map(|v| v * factor.unwrap_or(1.0));
-            *zenith = zenith.map(|v| v * factor.unwrap_or(1.0));
-        }
-        Environment::Black if factor.is_some() => {
-            warnings.push(Warning::general("--env-strength has no effect: there is no environment"));
-        }
-        Environment::Black => {}
-    }
-    if args.env_rotation.is_some() {
-        warnings.push(Warning::general("--env-rotation has no effect: there is no environment picture"));
-    }
-    Ok(warnings)
 }

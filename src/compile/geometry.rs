@@ -85,6 +85,15 @@ pub struct Corners {
     pub normals: [[f32; 3]; 3],
 }
 
+/// What textures need to know about the corners of a triangle.
+#[derive(Clone, Copy, Debug)]
+pub struct TextureCorners {
+    /// Texture coordinates.
+    pub uv: [[f32; 2]; 3],
+    /// Tangents, with the sign of the bitangent of all in the fourth number; zero for none.
+    pub tangents: [[f32; 4]; 3],
+}
+
 /// Which kind of primitive an id means.
 enum Primitive<'a> {
     Triangle([u32; 3]),
@@ -161,6 +170,26 @@ impl Geometries {
         Some(Corners { positions: positions.map(|p| p.to_array()), normals: [[0.0; 3]; 3] })
     }
 
+    /// Is the hit on a triangle of the world's own geometry without a second set of texture coordinates?
+    #[inline(always)]
+    pub fn is_plainly_textured(&self, hit: &Hit) -> bool {
+        hit.instance == 0
+            && (hit.prim as usize) < self.shapes[0].triangles.len()
+            && self.attributes[0].uv[1].is_empty()
+    }
+
+    /// What textures need of such a triangle.
+    #[inline(always)]
+    pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
+        let (shapes, attributes) = (&self.shapes[0], &self.attributes[0]);
+        let &t = shapes.triangles.get(hit.prim as usize)?;
+        let uv = &attributes.uv[0];
+        let uv = if uv.is_empty() { [[0.0; 2]; 3] } else { vertices(uv, t) };
+        let tangents = &attributes.tangents;
+        let tangents = if tangents.is_empty() { [[0.0; 4]; 3] } else { vertices(tangents, t) };
+        Some(TextureCorners { uv, tangents })
+    }
+
     /// The surface at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
@@ -191,8 +220,9 @@ impl Geometries {
         surface
     }
 
-    /// Texture coordinates, colour and tangents at a hit.
-    pub fn coordinates(&self, surface: &Surface, hit: &Hit) -> Coordinates {
+    /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
+    /// so.
+    pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> Coordinates {
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
         let geometry = placement.map_or(0, |p| p.geometry as usize);
         let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
@@ -200,7 +230,8 @@ impl Geometries {
             Primitive::Triangle(t) => {
                 let linear = placement.map_or(Mat3::IDENTITY, |p| p.linear);
                 let corners = vertices(&shapes.positions, t).map(Vec3::from_array);
-                attributes.of_triangle(t, corners.map(|c| linear * c), hit, surface, &linear)
+                let corners = corners.map(|c| linear * c);
+                attributes.of_triangle(t, corners, hit, surface, &linear, footprints)
             }
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
@@ -232,6 +263,7 @@ impl Attributes {
         hit: &Hit,
         surface: &Surface,
         linear: &Mat3,
+        footprints: bool,
     ) -> Coordinates {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let corner_uv =
@@ -247,10 +279,14 @@ impl Attributes {
             }
         };
         let (first, second) = (corner_uv(0), corner_uv(1));
-        let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
-        let density = |uv: Option<[Vec2; 3]>| {
-            uv.map_or(0.0, |c| ((c[1] - c[0]).perp_dot(c[2] - c[0]).abs() / area).sqrt())
-        };
+        let mut uv_per_metre = [0.0; 2];
+        if footprints {
+            let area = (corners[1] - corners[0]).cross(corners[2] - corners[0]).length();
+            let density = |uv: Option<[Vec2; 3]>| {
+                uv.map_or(0.0, |c| ((c[1] - c[0]).perp_dot(c[2] - c[0]).abs() / area).sqrt())
+            };
+            uv_per_metre = [density(first), density(second)];
+        }
         let from_vertices = (!self.tangents.is_empty())
             .then(|| vertices(&self.tangents, t))
             .filter(|c| c[0] != [0.0; 4])
@@ -260,12 +296,7 @@ impl Attributes {
                 frame_of(*linear * tangent, surface.ns, c[0][3] * linear.determinant().signum())
             });
         let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
-        Coordinates {
-            uv: [mix(first), mix(second)],
-            color,
-            tangent_frame,
-            uv_per_metre: [density(first), density(second)],
-        }
+        Coordinates { uv: [mix(first), mix(second)], color, tangent_frame, uv_per_metre }
     }
 }
 

@@ -2,10 +2,13 @@
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
+use super::medium::Medium;
 use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
-use crate::math::{Frame, Mat3, Vec3, poly};
-use crate::scene::{AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap};
-use crate::texture::{CompiledTextures, TexturePoint};
+use crate::math::{Frame, Mat3, Vec3};
+use crate::scene::{
+    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
+};
+use crate::texture::{CompiledTextures, PointReader};
 
 /// A material as the integrator sees it.
 #[derive(Clone, Debug)]
@@ -20,8 +23,10 @@ pub struct CompiledMaterial {
     pub emission: Option<CompiledEmission>,
     /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
     pub is_two_sided: bool,
-    /// Extinction coefficient inside, per metre; `None` for clear or opaque materials.
-    pub absorption: Option<Vec3>,
+    /// What its solids are filled with; `None` for opaque and thin-walled ones.
+    pub medium: Option<Medium>,
+    /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
+    pub medium_index: u16,
     /// Bends shading normals.
     pub normal_map: Option<NormalMap>,
     /// Where the surface is absent; `None` is nowhere.
@@ -32,8 +37,6 @@ pub struct CompiledMaterial {
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
     pub uses_frame: bool,
-    /// Indices of refraction of the red, green and blue channel, where they differ.
-    pub dispersion: Option<[f32; 3]>,
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
     model: Model,
@@ -56,22 +59,14 @@ pub struct Alpha {
     cutoff: Option<f32>,
 }
 
-/// Slots with their textures looked up at a point.
-pub struct TexturedSlots<'a> {
-    /// The scene's textures.
-    pub textures: &'a CompiledTextures,
-    /// Where.
-    pub point: TexturePoint,
-}
-
-impl Slots for TexturedSlots<'_> {
+impl Slots for PointReader<'_> {
     #[inline]
     fn color(&self, slot: &ColorSlot) -> Vec3 {
         let factor = Vec3::from_array(slot.factor);
         match slot.texture {
             None => factor,
             Some(id) => {
-                let [r, g, b, _] = self.textures.eval_at(id, &self.point);
+                let [r, g, b, _] = self.eval(id);
                 factor * Vec3::new(r, g, b)
             }
         }
@@ -81,9 +76,7 @@ impl Slots for TexturedSlots<'_> {
     fn number(&self, slot: &FloatSlot) -> f32 {
         match slot.texture {
             None => slot.factor,
-            Some((id, channel)) => {
-                slot.factor * self.textures.eval_at(id, &self.point)[usize::from(channel & 3)]
-            }
+            Some((id, channel)) => slot.factor * self.eval(id)[usize::from(channel & 3)],
         }
     }
 }
@@ -100,7 +93,6 @@ impl CompiledMaterial {
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
         let folded = Material { model, ..material.clone() };
         let is_textured = model_textures(&folded).next().is_some();
-        let absorption = absorption(&folded.model, class);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = clearcoat(&folded.model);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
@@ -121,13 +113,13 @@ impl CompiledMaterial {
             albedo: constant.map_or(Vec3::ZERO, |b| b.albedo()),
             emission,
             is_two_sided: material.double_sided || is_transmissive(&folded.model),
-            absorption,
+            medium: Medium::of(&folded.model, class),
+            medium_index: 0,
             normal_map,
             alpha,
             uses_vertex_colors,
             uses_uv,
             uses_frame,
-            dispersion: dispersion(&folded.model, class),
             coat_normal_map,
             model: folded.model,
             microfacet,
@@ -151,7 +143,7 @@ impl CompiledMaterial {
 
     /// The BSDF at a point.
     #[inline]
-    pub fn bsdf(&self, slots: &TexturedSlots<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
+    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
@@ -163,18 +155,24 @@ impl CompiledMaterial {
     #[inline]
     pub fn shading_normal(
         &self,
-        slots: &TexturedSlots<'_>,
+        slots: &PointReader<'_>,
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
         mapped_normal(self.normal_map, slots, surface, tangent_frame)
     }
 
+    /// What the normal map says at a point, in the frame of tangents; not normalised, zero without a map.
+    #[inline]
+    pub fn mapped(&self, slots: &PointReader<'_>) -> Vec3 {
+        self.normal_map.map_or(Vec3::ZERO, |map| local_normal(map, slots))
+    }
+
     /// The clearcoat's normal at a point. Without a map it is the surface's own, not the base's mapped one.
     #[inline]
     pub fn coat_normal(
         &self,
-        slots: &TexturedSlots<'_>,
+        slots: &PointReader<'_>,
         surface: &Surface,
         tangent_frame: Option<Mat3>,
     ) -> Vec3 {
@@ -203,15 +201,20 @@ impl CompiledMaterial {
 #[inline]
 fn mapped_normal(
     map: Option<NormalMap>,
-    slots: &TexturedSlots<'_>,
+    slots: &PointReader<'_>,
     surface: &Surface,
     tangent_frame: Option<Mat3>,
 ) -> Vec3 {
     let (Some(map), Some(frame)) = (map, tangent_frame) else { return surface.ns };
-    let [x, y, z, _] = slots.textures.eval_at(map.texture, &slots.point);
-    let local = Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0);
-    let bent = (frame * local).normalize_or_zero();
+    let bent = (frame * local_normal(map, slots)).normalize_or_zero();
     if bent.dot(surface.ns) > 0.0 { bent } else { surface.ns }
+}
+
+/// What a normal map says, in the frame of the surface; not normalised.
+#[inline(always)]
+fn local_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
+    let [x, y, z, _] = slots.eval(map.texture);
+    Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
 }
 
 impl Alpha {
@@ -222,7 +225,7 @@ impl Alpha {
 
     /// The chance that the surface is present at a point.
     #[inline]
-    pub fn presence(&self, slots: &TexturedSlots<'_>, vertex_alpha: f32) -> f32 {
+    pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;
         match self.cutoff {
             Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),
@@ -244,29 +247,6 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-/// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
-fn absorption(model: &Model, class: BsdfClass) -> Option<Vec3> {
-    let Model::Pbr(pbr) = model else { return None };
-    let is_volume = pbr.has_volume
-        && is_transmissive(model)
-        && matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-    let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
-    if !is_volume || is_clear || pbr.attenuation_distance <= 0.0 {
-        return None;
-    }
-    // Black would be infinite; f32's smallest normal number is black enough.
-    let sigma =
-        |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
-    Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
-}
-
-/// What is left of light after a way through an absorbing medium.
-#[inline]
-pub fn transmittance(absorption: Vec3, distance: f32) -> Vec3 {
-    let optical = absorption * -distance;
-    Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
-}
-
 fn clearcoat(model: &Model) -> Option<Clearcoat> {
     match model {
         Model::Pbr(pbr) => pbr.clearcoat,
@@ -274,35 +254,17 @@ fn clearcoat(model: &Model) -> Option<Clearcoat> {
     }
 }
 
-/// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).
-///
-/// Cauchy's n(l) = A + B / l^2 has index `ior` at the d line (587.6 nm) and the Abbe number 20 / dispersion between the
-/// F and C lines (486.1 and 656.3 nm). The channels stand for the wavelengths at which the primaries of
-/// Rec.709 dominate: 611.4, 549.1 and 464.2 nm.
-fn dispersion(model: &Model, class: BsdfClass) -> Option<[f32; 3]> {
-    let Model::Pbr(pbr) = model else { return None };
-    let refracts = matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-    if !refracts
-        || !pbr.has_volume
-        || pbr.transmission.factor <= 0.0
-        || pbr.dispersion <= 0.0
-        || pbr.ior <= 0.0
-    {
-        return None;
-    }
-    let inverse_square = |nm: f64| 1e6 / (nm * nm);
-    let spread = (f64::from(pbr.ior) - 1.0) * f64::from(pbr.dispersion) / 20.0;
-    let b = spread / (inverse_square(486.1) - inverse_square(656.3));
-    let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
-    Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
-}
-
 fn is_transmissive(model: &Model) -> bool {
     match model {
         Model::Dielectric { .. } | Model::Glass { .. } => true,
-        Model::Pbr(pbr) => pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some(),
+        Model::Pbr(pbr) => lets_light_in(pbr),
         _ => false,
     }
+}
+
+/// Does light pass the surface?
+pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
+    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
 fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {

@@ -6,10 +6,14 @@ mod emitters;
 mod fold;
 mod geometry;
 mod material;
+mod medium;
 mod tangents;
 
-pub use geometry::{Coordinates, Corners, Geometries, Surface, shading_normal, triangle_surface};
-pub use material::{Alpha, CompiledEmission, CompiledMaterial, TexturedSlots, transmittance};
+pub use geometry::{
+    Coordinates, Corners, Geometries, Surface, TextureCorners, shading_normal, triangle_surface,
+};
+pub use material::{Alpha, CompiledEmission, CompiledMaterial};
+pub use medium::Medium;
 
 use crate::accel::{Accel, BuildOptions, BuildStats};
 use crate::camera::Camera;
@@ -71,6 +75,10 @@ pub struct CompiledScene {
     pub geometries: Geometries,
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
+    /// Treatment of light that bounces between microfacets.
+    pub microfacet: Microfacet,
+    /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
+    pub media: Vec<Medium>,
     /// Texture lookups.
     pub textures: CompiledTextures,
     /// Everything that shines.
@@ -91,6 +99,8 @@ pub struct Features {
     pub bent_normals: bool,
     /// Some textures depend on how much of a surface a path sees.
     pub footprints: bool,
+    /// Light passes through solids.
+    pub media: bool,
 }
 
 impl CompiledScene {
@@ -116,7 +126,8 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     };
     let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
     let compiled = |m| CompiledMaterial::new(m, &textures, options.microfacet);
-    let materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
+    let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
+    let media = medium::number(&mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
         bake::bake(scene, &materials, origin, &mut report.warnings, &mut report.left_out);
     check_size(&geometries)?;
@@ -134,10 +145,23 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
+        media: media.len() > 1,
     };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
-    Ok((CompiledScene { accel, camera, geometries, materials, textures, lights, features, emitters }, report))
+    let compiled = CompiledScene {
+        accel,
+        camera,
+        geometries,
+        materials,
+        microfacet: options.microfacet,
+        media,
+        textures,
+        lights,
+        features,
+        emitters,
+    };
+    Ok((compiled, report))
 }
 
 fn choose_camera<'a>(scene: &'a Scene, options: &CompileOptions) -> Result<&'a crate::scene::Camera> {

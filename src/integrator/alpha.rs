@@ -13,13 +13,17 @@ impl Integrator<'_> {
     /// Moves hits on absent surfaces to the next present one.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         w.pending.clear();
-        w.pending.extend(0..w.rays.len() as u32);
+        for (i, hit) in w.hits.iter().enumerate() {
+            if self.is_doubtful(hit) {
+                w.pending.push(i as u32);
+            }
+        }
         for pass in 0..MAX_PASSES {
             let Workspace { pending, pending_rays, pending_hits, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                let salt = hash32(arriving.seed[i] ^ hash32(arriving.shuffled[i]) ^ (bounce << 16));
-                !self.is_present(&rays[i], &hits[i], salt.wrapping_add(pass))
+                let salt = || hash32(arriving.seed[i] ^ hash32(arriving.shuffled[i]) ^ (bounce << 16));
+                !self.is_present(&rays[i], &hits[i], || salt().wrapping_add(pass))
             });
             if pending.is_empty() {
                 return;
@@ -53,9 +57,24 @@ impl Integrator<'_> {
             pending_hits,
             ..
         } = &mut *w;
+        if pending_hits.len() < shadow_rays.len() {
+            pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        }
+        self.scene.accel.any(shadow_rays, pending_hits);
+        *ray_count += shadow_rays.len() as u64;
+        // Most meet nothing, or something that is there.
         pending.clear();
-        pending.extend(0..shadow_rays.len() as u32);
+        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
+            let is_doubtful = self.is_doubtful(hit);
+            *occluded = hit.is_hit() && !is_doubtful;
+            if is_doubtful {
+                pending.push(k as u32);
+            }
+        }
         for pass in 0..MAX_PASSES {
+            if pending.is_empty() {
+                return;
+            }
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
             pending_hits.clear();
@@ -72,32 +91,36 @@ impl Integrator<'_> {
                 }
                 let i = shadow_vertices[k] as usize;
                 let paths = &wave.paths;
-                let salt = hash32(paths.seed[i] ^ hash32(!paths.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, salt.wrapping_add(pass)) {
+                let salt = || hash32(paths.seed[i] ^ hash32(!paths.shuffled[i]) ^ (bounce << 16));
+                if self.is_present(&shadow_rays[k], &hit, || salt().wrapping_add(pass)) {
                     occluded[k] = true;
                     return false;
                 }
                 shadow_rays[k].t_min = hit.t;
                 true
             });
-            if pending.is_empty() {
-                return;
-            }
         }
     }
 
+    /// Is there a hit, on a surface that may be absent?
+    #[inline(always)]
+    fn is_doubtful(&self, hit: &Hit) -> bool {
+        hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
+    }
+
     /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
-    fn is_present(&self, ray: &Ray, hit: &Hit, salt: u32) -> bool {
+    #[inline(always)]
+    fn is_present(&self, ray: &Ray, hit: &Hit, salt: impl Fn() -> u32) -> bool {
         if !hit.is_hit() {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let Some(alpha) = material.alpha else { return true };
         let surface: Surface = self.scene.geometries.surface(ray, hit);
-        let at = self.scene.geometries.coordinates(&surface, hit);
+        let at = self.scene.geometries.coordinates(&surface, hit, false);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
-        let chance = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0);
+        let chance = (hash32(salt()) >> 8) as f32 * (1.0 / 16_777_216.0);
         chance < presence
     }
 }

@@ -1,6 +1,7 @@
 //! Direct light: one light sample a vertex, weighted against scattering, and its shadow ray.
 
 use super::environment::SampleEnvironment;
+use super::metal_rough;
 use super::normals::terminator;
 use super::surface::{Sorted, add};
 use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
@@ -26,8 +27,8 @@ impl Integrator<'_> {
             dispatch(SampleEnvironment { wave, count, dimensions: &dimensions, map });
             return;
         }
-        let (lights, lambert) = (&self.scene.lights, sorted.lambert);
-        dispatch(SelectLights { wave, count, lambert, lights, dimensions: &dimensions });
+        let (lights, opaque) = (&self.scene.lights, sorted.metal_rough);
+        dispatch(SelectLights { wave, count, opaque, lights, dimensions: &dimensions });
         for i in 0..count {
             let v = &wave.vertices;
             let (p, u, chance) = (get(&v.p, i), get(&v.light, i), v.light_chance[i]);
@@ -58,8 +59,12 @@ impl Integrator<'_> {
         } else {
             dispatch(LambertDirect::<false> { wave: &mut w.wave, count: sorted.lambert });
         }
-        for i in sorted.lambert..sorted.lit {
-            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], softens);
+        metal_rough::direct(&mut w.wave, sorted.lambert..sorted.metal_rough, softens);
+        for i in sorted.metal_rough..sorted.lit {
+            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.metal_rough], softens);
+        }
+        if self.scene.features.media {
+            self.absorb_light(sorted, &mut w.wave);
         }
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
@@ -104,8 +109,8 @@ fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
 struct SelectLights<'a> {
     wave: &'a mut Wave,
     count: usize,
-    /// So many Lambertian vertices come first: light from behind does nothing there.
-    lambert: usize,
+    /// So many opaque vertices come first: light from behind does nothing there.
+    opaque: usize,
     lights: &'a Lights,
     dimensions: &'a Dimensions,
 }
@@ -124,7 +129,7 @@ impl Kernel for SelectLights<'_> {
             v.light_chance[i] = d;
         }
         for i in 0..count {
-            let normal = if i < self.lambert { get(&v.ns, i) } else { Vec3::ZERO };
+            let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
             set(&mut paths.receiver_normal, i, normal);
             let receiver = Receiver { p: get(&v.p, i), normal };
             let chosen = self.lights.select(&receiver, [v.light[2][i], v.light_chance[i]]);
@@ -236,7 +241,7 @@ fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf, softens_terminator: bo
 
 /// Weight over density of a light sample; lights without size (negative density) have no competitor.
 #[inline(always)]
-fn light_factor(light_pdf: f32, bsdf_pdf: f32) -> f32 {
+pub(super) fn light_factor(light_pdf: f32, bsdf_pdf: f32) -> f32 {
     let is_delta = light_pdf < 0.0;
     let pdf = light_pdf.abs();
     let weight = power_heuristic(pdf, if is_delta { 0.0 } else { bsdf_pdf });

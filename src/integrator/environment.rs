@@ -89,6 +89,11 @@ impl Kernel for LookUp<'_> {
     }
 }
 
+/// Light samples that are chosen together; what is beyond the last vertex counts for nothing.
+const LANES: usize = 16;
+
+const _: () = assert!(WAVE.is_multiple_of(LANES));
+
 /// Light samples of a scene in which nothing shines but a picture around it.
 pub(super) struct SampleEnvironment<'a> {
     pub wave: &'a mut Wave,
@@ -109,11 +114,19 @@ impl Kernel for SampleEnvironment<'_> {
             let [a, b, ..] = point.sample_4d(self.dimensions);
             set(&mut v.target, i, Vec3::new(a, b, 0.0));
         }
+        for first in (0..count).step_by(LANES) {
+            let [x, y, _] = &mut v.target;
+            let at = first..first + LANES;
+            let mut u = [[0.0; LANES]; 2];
+            u[0].copy_from_slice(&x[at.clone()]);
+            u[1].copy_from_slice(&y[at.clone()]);
+            let chosen = map.sample_many_uv(u);
+            x[at.clone()].copy_from_slice(&chosen.u);
+            y[at.clone()].copy_from_slice(&chosen.v);
+            v.light_pdf[at].copy_from_slice(&chosen.pdf_area);
+        }
         for i in 0..count {
-            let chosen = map.sample_uv([v.target[0][i], v.target[1][i]]);
-            (v.target[0][i], v.target[1][i]) = (chosen.uv[0], chosen.uv[1]);
-            v.light_pdf[i] = chosen.pdf_area;
-            set(&mut v.light, i, map.lookup(chosen.uv));
+            set(&mut v.light, i, map.lookup([v.target[0][i], v.target[1][i]]));
         }
         for i in 0..count {
             let direction = map.direction([v.target[0][i], v.target[1][i]]);

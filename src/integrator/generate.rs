@@ -2,7 +2,9 @@
 
 use super::wave::{Paths, Vertices, WAVE, Workspace, get, set};
 use super::{Block, Integrator, Purpose};
-use crate::math::Vec3;
+use crate::camera::Camera;
+use crate::film::FilterSampler;
+use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::{Dimensions, SobolPoint, pixel_seed};
 use crate::simd::{Kernel, dispatch};
 
@@ -16,28 +18,32 @@ impl Integrator<'_> {
         if self.options.aovs {
             w.aovs.resize(count, None);
         }
-        let (paths, numbers) = (&mut *w.arriving, &mut w.wave.vertices);
-        self.number_samples(block, first, count, paths);
-        let dimensions = self.dimensions(0, Purpose::Camera);
-        dispatch(StartPaths { paths, numbers, count, dimensions: &dimensions });
-        if self.scene.features.footprints {
-            let (width, spread) = self.scene.camera.pixel_cone();
+        let (paths, vertices) = (&mut *w.arriving, &mut w.wave.vertices);
+        self.number_samples(block, first, count, paths, vertices);
+        let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);
+        let (camera, filter) = (&scene.camera, self.options.filter);
+        dispatch(StartPaths { paths, vertices, count, dimensions: &dimensions, camera, filter });
+        if scene.features.footprints {
+            let (width, spread) = camera.pixel_cone();
             paths.cone_width[..count].fill(width);
             paths.cone_spread[..count].fill(spread);
         }
-        let samples = u64::from(block.samples);
-        let mut at = Cursor::new(block, first);
-        for i in 0..count {
-            let film = get(&numbers.light, i);
-            let x = at.x as f32 + 0.5 + self.options.filter.sample(film.x);
-            let y = at.y as f32 + 0.5 + self.options.filter.sample(film.y);
-            w.rays.push(self.scene.camera.ray(x, y, [film.z, numbers.light_pdf[i]]));
-            at.advance(samples);
+        if scene.features.media {
+            paths.interior[..count].fill(self.camera_interior);
         }
+        let start = |i| Ray::new(get(&vertices.origin, i), get(&vertices.direction, i));
+        w.rays.extend((0..count).map(start));
     }
 
-    /// Gives each path its pixel's seed and its sample's number.
-    fn number_samples(&self, block: &Block, first: u64, count: usize, paths: &mut Paths) {
+    /// Gives each path its pixel's seed and its sample's number, and `vertices.p` the pixel's corner.
+    fn number_samples(
+        &self,
+        block: &Block,
+        first: u64,
+        count: usize,
+        paths: &mut Paths,
+        vertices: &mut Vertices,
+    ) {
         let mut at = Cursor::new(block, first);
         let mut seed = pixel_seed(at.x, at.y, self.options.seed);
         for i in 0..count {
@@ -47,6 +53,7 @@ impl Integrator<'_> {
             paths.seed[i] = seed;
             paths.shuffled[i] = block.first_sample + at.sample as u32;
             paths.sample[i] = i as u32;
+            (vertices.p[0][i], vertices.p[1][i]) = (at.x as f32, at.y as f32);
             at.advance(u64::from(block.samples));
         }
     }
@@ -87,13 +94,15 @@ impl Cursor {
     }
 }
 
-/// Starts paths from their pixels' seeds and samples' numbers. The camera's four random numbers go to `numbers.light`
-/// and `numbers.light_pdf`.
+/// Starts paths from their pixels' seeds, samples' numbers and pixels' corners; the rays go to `vertices.origin` and
+/// `vertices.direction`.
 struct StartPaths<'a> {
     paths: &'a mut Paths,
-    numbers: &'a mut Vertices,
+    vertices: &'a mut Vertices,
     count: usize,
     dimensions: &'a Dimensions,
+    camera: &'a Camera,
+    filter: &'a FilterSampler,
 }
 
 impl Kernel for StartPaths<'_> {
@@ -101,16 +110,27 @@ impl Kernel for StartPaths<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let StartPaths { paths, numbers, .. } = self;
-        for i in 0..self.count.min(WAVE) {
+        let StartPaths { paths, vertices: v, camera, filter, .. } = self;
+        let count = self.count.min(WAVE);
+        // Loops of one kind each vectorise; together they don't.
+        for i in 0..count {
             let point = SobolPoint::new(paths.seed[i], paths.shuffled[i]);
             let [film_x, film_y, lens_u, lens_v] = point.sample_4d(self.dimensions);
-            set(&mut numbers.light, i, Vec3::new(film_x, film_y, lens_u));
-            numbers.light_pdf[i] = lens_v;
+            (v.light[0][i], v.light[1][i]) = (film_x, film_y);
+            (v.weights[0][i], v.weights[1][i]) = (lens_u, lens_v);
             set(&mut paths.throughput, i, Vec3::ONE);
             paths.pdf[i] = 0.0;
             paths.eta_squared[i] = 1.0;
             (paths.seed[i], paths.shuffled[i]) = point.to_parts();
+        }
+        for i in 0..count {
+            v.p[0][i] = v.p[0][i] + 0.5 + filter.sample(v.light[0][i]);
+            v.p[1][i] = v.p[1][i] + 0.5 + filter.sample(v.light[1][i]);
+        }
+        for i in 0..count {
+            let ray = camera.ray(v.p[0][i], v.p[1][i], [v.weights[0][i], v.weights[1][i]]);
+            set(&mut v.origin, i, ray.origin);
+            set(&mut v.direction, i, ray.direction);
         }
     }
 }

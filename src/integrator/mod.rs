@@ -15,9 +15,13 @@ mod alpha;
 mod direct;
 mod environment;
 mod generate;
+mod interior;
+mod metal_rough;
 mod normals;
+mod plain;
 mod scatter;
 mod surface;
+mod textured;
 mod wave;
 
 pub use wave::{WAVE, Workspace};
@@ -25,6 +29,7 @@ pub use wave::{WAVE, Workspace};
 use crate::compile::CompiledScene;
 use crate::film::{AovSample, FilterSampler};
 use crate::sampling::sampler::Dimensions;
+use interior::Interior;
 use surface::{Group, group_of};
 
 /// Options that concern paths.
@@ -78,6 +83,10 @@ pub struct Integrator<'a> {
     options: PathOptions<'a>,
     /// Shading group of each material.
     groups: Vec<Group>,
+    /// By material: may its surfaces be absent in places?
+    may_be_absent: Vec<bool>,
+    /// Solids around the camera.
+    camera_interior: Interior,
     /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
     dimensions: Vec<Dimensions>,
 }
@@ -104,7 +113,16 @@ impl<'a> Integrator<'a> {
     pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
-        Integrator { scene, options, groups, dimensions: (0..sets).map(Dimensions::new).collect() }
+        let dimensions = (0..sets).map(Dimensions::new).collect();
+        let may_be_absent = scene.materials.iter().map(|m| m.alpha.is_some()).collect();
+        Integrator {
+            scene,
+            options,
+            groups,
+            may_be_absent,
+            camera_interior: Interior::of_camera(scene),
+            dimensions,
+        }
     }
 
     /// Traces all samples of a block and hands them on in order: pixel by pixel, sample by sample. Asks `stop` once in

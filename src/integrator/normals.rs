@@ -1,6 +1,6 @@
 //! What to do where the normal that a surface is shaded with is not its geometric one.
 
-use crate::math::Vec3;
+use crate::math::{Vec3, select};
 
 /// Smallest cosine between the viewer and the normal that lobes are evaluated around.
 const LEAST: f32 = 1e-4;
@@ -14,23 +14,25 @@ const LIFT: f32 = 0.01;
 /// black spots. All vectors have unit length; `ns` is on the side of `ng`.
 #[inline(always)]
 pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
-    if ns == ng {
-        return ns;
-    }
     let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let (n, g) = (ns * side, ng * side);
     let cosine = n.dot(wo);
-    let n = if cosine >= LEAST { n } else { (n + wo * (LEAST - cosine)).normalize() };
+    let raised = n + wo * if cosine >= LEAST { 0.0 } else { LEAST - cosine };
+    let n = raised / raised.length();
     let mirror = n * (2.0 * n.dot(wo)) - wo;
     let (above, seen) = (mirror.dot(g), wo.dot(g));
     // A viewer at grazing incidence sees mirror directions at grazing angles.
     let least = if seen < LIFT { 0.9 * seen } else { LIFT };
-    if above >= least {
-        return n * side;
-    }
-    let lifted = (mirror + g * (least - above)).normalize();
-    let bent = (wo + lifted).try_normalize().unwrap_or(g);
-    bent * side
+    let lifted = mirror + g * (least - above);
+    let half = wo + lifted / lifted.length();
+    let length = half.length();
+    let bent = half / if length > 0.0 { length } else { 1.0 };
+    // All is computed, then chosen from: loops over many normals vectorise.
+    let is_far = length > 1e-12;
+    let bent = select(is_far, bent, g);
+    let n = select(above >= least, n, bent);
+    let is_flat = (ns.x == ng.x) & (ns.y == ng.y) & (ns.z == ng.z);
+    select(is_flat, ns, n * side)
 }
 
 /// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow

@@ -1,5 +1,6 @@
 //! Paths go on: scattering, Russian roulette, the next rays.
 
+use super::metal_rough;
 use super::normals::terminator;
 use super::surface::Sorted;
 use super::wave::{WAVE, Wave, Workspace, get, set};
@@ -26,9 +27,11 @@ impl Integrator<'_> {
         } else {
             dispatch(LambertScatter::<false> { wave, count, dimensions: &dimensions, roulette });
         }
+        let range = sorted.lambert..sorted.metal_rough;
+        metal_rough::scatter(&mut w.wave, range, &dimensions, roulette, softens);
         let how = Scatter { dimensions: &dimensions, roulette, softens_terminator: softens };
-        for i in sorted.lambert..sorted.total {
-            generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.lambert], &how);
+        for i in sorted.metal_rough..sorted.total {
+            generic_scatter(&mut w.wave, i, &w.bsdfs[i - sorted.metal_rough], &how);
         }
         let uses_tree = self.scene.lights.use_tree();
         w.rays.clear();
@@ -100,7 +103,7 @@ impl<const SOFT: bool> Kernel for LambertScatter<'_, SOFT> {
 /// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
 /// don't.
 #[inline(always)]
-fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
+pub(super) fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
     let brightest = throughput.x.max(throughput.y).max(throughput.z);
     let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
     let q = if q < 1.0 { q } else { 1.0 };
@@ -130,6 +133,9 @@ fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, how: &Scatter<'_>) {
         throughput *= terminator(ns * flip, ng * flip, wi);
     }
     paths.eta_squared[i] *= s.eta * s.eta;
+    if s.is_transmission {
+        paths.interior[i] = v.beyond[i];
+    }
     let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, how.roulette);
     // A direction that shading normals lead to the wrong side of the surface carries nothing.
     let crosses = side * wo.dot(ng) < 0.0;

@@ -1,19 +1,17 @@
 //! What rays meet: emitted light, and the surfaces that scatter it, sorted by the loop that shades them.
 
 use super::Integrator;
+use super::interior::Interior;
+use super::metal_rough;
 use super::normals::scattering_normal;
-use super::wave::{Lanes3, Paths, Vertices, WAVE, Wave, Workspace, get, set};
-use crate::bsdf::{Bsdf, BsdfClass, LocalFrame};
-use crate::compile::{
-    CompiledMaterial, Coordinates, Surface, TexturedSlots, shading_normal, transmittance, triangle_surface,
-};
+use super::wave::{Paths, Vertices, Workspace, get, set};
+use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
+use crate::compile::{CompiledMaterial, Coordinates, Surface};
 use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
-use crate::sampling::sampler::hash32;
-use crate::simd::{Kernel, dispatch};
-use crate::texture::TexturePoint;
+use crate::texture::{PointReader, TexturePoint};
 
 /// Which loop shades a vertex. The order is that of the sorted vertices.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,7 +21,11 @@ pub(super) enum Group {
     Plain,
     /// Other Lambertian ones.
     Lambert,
-    /// Light sampling may reach it.
+    /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
+    Textured,
+    /// Other opaque glTF materials.
+    MetalRough,
+    /// Others that light sampling may reach.
     Rough,
     /// It can't.
     Specular,
@@ -31,7 +33,7 @@ pub(super) enum Group {
     None,
 }
 
-const GROUPS: usize = 5;
+const GROUPS: usize = 7;
 
 /// How many vertices there are of each group.
 #[derive(Clone, Copy, Debug)]
@@ -39,6 +41,10 @@ pub(super) struct Sorted {
     plain: usize,
     /// Lambertian ones, the first.
     pub lambert: usize,
+    /// Those and the textured ones, the next.
+    textured: usize,
+    /// Those and the other ones of opaque glTF materials, the next.
+    pub metal_rough: usize,
     /// All that light sampling may reach, Lambertian ones included.
     pub lit: usize,
     /// All.
@@ -69,7 +75,12 @@ pub(super) fn group_of(material: &CompiledMaterial) -> Group {
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
         _ => {
             let is_specular = material.constant.is_some_and(|b| b.is_specular());
-            if is_specular { Group::Specular } else { Group::Rough }
+            match material.class {
+                _ if is_specular => Group::Specular,
+                BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
+                BsdfClass::MetalRough => Group::MetalRough,
+                _ => Group::Rough,
+            }
         }
     }
 }
@@ -84,13 +95,16 @@ impl Integrator<'_> {
                 paths.cone_width[i] += paths.cone_spread[i] * hit.t;
             }
         }
+        if self.scene.features.media {
+            self.absorb(w);
+        }
         let mut next = self.classify(bounce, is_last, w).starts();
-        let [_, plain, lambert, lit, total] = next;
-        let sorted = Sorted { plain, lambert, lit, total };
+        let [_, plain, lambert, textured, metal_rough, lit, total] = next;
+        let sorted = Sorted { plain, lambert, textured, metal_rough, lit, total };
         w.escaped.clear();
         // Each that is used is written below.
-        if w.bsdfs.len() < total - lambert {
-            w.bsdfs.resize(total - lambert, Bsdf::Black);
+        if w.bsdfs.len() < total - metal_rough {
+            w.bsdfs.resize(total - metal_rough, Bsdf::Black);
         }
         for i in 0..w.rays.len() {
             let group = w.groups[i];
@@ -98,55 +112,33 @@ impl Integrator<'_> {
             next[group as usize] += 1;
             match group {
                 Group::None if !w.hits[i].is_hit() => w.escaped.push(i as u32),
-                Group::None => {
-                    self.meet(bounce, i, w);
-                }
+                Group::None => self.end_at(bounce, i, w),
                 Group::Plain => self.gather(bounce, i, k, w),
+                Group::Textured => self.gather_textured(bounce, i, k, w),
                 Group::Lambert => {
                     let vertex = self.meet(bounce, i, w);
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
                     store_lambert(&mut w.wave.vertices, k, vertex);
                 }
+                Group::MetalRough => {
+                    let vertex = self.meet(bounce, i, w);
+                    w.arriving.copy_to(i, &mut w.wave.paths, k);
+                    store_metal_rough(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
+                }
                 Group::Rough | Group::Specular => {
                     let vertex = self.meet(bounce, i, w);
                     w.arriving.copy_to(i, &mut w.wave.paths, k);
-                    w.bsdfs[k - lambert] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
+                    w.bsdfs[k - metal_rough] = if vertex.is_dark { Bsdf::Black } else { vertex.bsdf };
+                    w.wave.vertices.beyond[k] = vertex.beyond;
                     store_generic(&mut w.wave.vertices, k, vertex, -w.rays[i].direction);
                 }
             }
         }
         self.escape(bounce, w);
-        let (wave, count) = (&mut *w.wave, sorted.plain);
-        if self.scene.features.normals {
-            dispatch(PlainVertices::<true> { wave, count });
-        } else {
-            dispatch(PlainVertices::<false> { wave, count });
-        }
+        self.look_at_textured(sorted.lambert..sorted.textured, w);
+        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.microfacet);
+        self.make_plain(sorted.plain, &mut w.wave);
         sorted
-    }
-
-    /// Collects what a plain vertex is made of.
-    #[inline(always)]
-    fn gather(&self, bounce: u32, i: usize, k: usize, w: &mut Workspace) {
-        let (hit, material) = (&w.hits[i], &self.scene.materials[w.materials[i] as usize]);
-        let Some(corners) = self.scene.geometries.corners(hit) else { return };
-        w.arriving.copy_to(i, &mut w.wave.paths, k);
-        let v = &mut w.wave.vertices;
-        for c in 0..3 {
-            set(&mut v.corners[c], k, corners.positions[c].into());
-        }
-        if self.scene.features.normals {
-            for c in 0..3 {
-                set(&mut v.normals[c], k, corners.normals[c].into());
-            }
-        }
-        (v.weights[0][k], v.weights[1][k]) = (hit.u, hit.v);
-        v.one_sided[k] = f32::from(u8::from(!material.is_two_sided));
-        set(&mut v.wo, k, -w.rays[i].direction);
-        set(&mut v.albedo, k, material.albedo);
-        if bounce == 0 {
-            w.radiance[w.arriving.sample[i] as usize][3] = 1.0;
-        }
     }
 
     /// Finds each hit's material and group.
@@ -161,6 +153,9 @@ impl Integrator<'_> {
                 material = self.scene.geometries.material(hit);
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
+                    Group::Textured if needs_details || !self.scene.geometries.is_plainly_textured(hit) => {
+                        Group::MetalRough
+                    }
                     Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
                     group => group,
                 };
@@ -172,16 +167,32 @@ impl Integrator<'_> {
         GroupCounts(counts)
     }
 
+    /// The path ends at a surface: adds its emission.
+    fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
+        let material = &self.scene.materials[w.materials[i] as usize];
+        if bounce == 0 && self.options.aovs || material.medium_index != 0 {
+            self.meet(bounce, i, w);
+            return;
+        }
+        if material.emission.is_some() {
+            let (ray, hit) = (w.rays[i], w.hits[i]);
+            let surface = self.scene.geometries.surface(&ray, &hit);
+            let is_back = surface.ng.dot(ray.direction) > 0.0;
+            self.emit(i, material, &surface, &hit, is_back, w);
+        }
+        if bounce == 0 {
+            w.radiance[w.arriving.sample[i] as usize][3] = 1.0;
+        }
+    }
+
     /// The path meets a surface: adds its emission and looks up how it scatters.
     fn meet(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let (ray, hit) = (&{ w.rays[i] }, &{ w.hits[i] });
         let mut surface = self.scene.geometries.surface(ray, hit);
         let material = &self.scene.materials[w.materials[i] as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        if is_back && let Some(absorption) = material.absorption {
-            let left = transmittance(absorption, hit.t);
-            let throughput = get(&w.arriving.throughput, i);
-            set(&mut w.arriving.throughput, i, throughput * left);
+        if material.medium_index != 0 && is_back {
+            self.enter_unnoticed(material, hit.t, i, &mut w.arriving);
         }
         let constant = material.constant.filter(|_| !material.uses_uv);
         let mut bsdf = match constant {
@@ -196,8 +207,13 @@ impl Integrator<'_> {
         if material.emission.is_some() {
             self.emit(i, material, &surface, hit, is_back, w);
         }
-        if let Some(iors) = material.dispersion {
-            bsdf = disperse(bsdf, iors, bounce, i, &mut w.arriving);
+        let mut beyond = w.arriving.interior[i];
+        if material.medium_index != 0 {
+            let boundary = self.boundary(bsdf, material, is_back, bounce, i, &mut w.arriving);
+            (bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            if boundary.is_inverted {
+                (surface.ng, surface.ns) = (-surface.ng, -surface.ns);
+            }
         }
         let is_dark = is_back && !material.is_two_sided;
         if bounce == 0 {
@@ -212,7 +228,7 @@ impl Integrator<'_> {
                 });
             }
         }
-        Vertex { surface, bsdf, is_back, is_dark }
+        Vertex { surface, bsdf, beyond, is_back, is_dark }
     }
 
     /// Looks up textures, vertex colours and the normal map.
@@ -224,7 +240,7 @@ impl Integrator<'_> {
         width: f32,
         wo: Vec3,
     ) -> (Bsdf, Vec3) {
-        let at = self.scene.geometries.coordinates(surface, hit);
+        let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints);
         let slots = self.slots(&at, surface, width);
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
@@ -239,14 +255,14 @@ impl Integrator<'_> {
     }
 
     /// Texture lookups at a point that a path sees in a certain width.
-    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> TexturedSlots<'_> {
+    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> PointReader<'_> {
         let (world, normal) = (surface.p, surface.ng);
         let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
-        TexturedSlots { textures: &self.scene.textures, point }
+        PointReader::new(&self.scene.textures, point)
     }
 
     /// Adds the light that a surface emits, weighted against sampling the light it is.
-    fn emit(
+    pub(super) fn emit(
         &self,
         i: usize,
         material: &CompiledMaterial,
@@ -261,7 +277,7 @@ impl Integrator<'_> {
             Some(_) => {
                 use crate::bsdf::Slots;
                 // A point: light sampling, which this is weighted against, sees points too.
-                let at = self.scene.geometries.coordinates(surface, hit);
+                let at = self.scene.geometries.coordinates(surface, hit, false);
                 self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };
@@ -280,29 +296,12 @@ impl Integrator<'_> {
     }
 }
 
-/// A path meets a material whose index of refraction differs between channels: it goes on with one of them, chosen by
-/// its throughput.
-fn disperse(bsdf: Bsdf, iors: [f32; 3], bounce: u32, i: usize, paths: &mut Paths) -> Bsdf {
-    let throughput = get(&paths.throughput, i).to_array();
-    let total: f32 = throughput.iter().sum();
-    let salt = hash32(paths.seed[i] ^ hash32(paths.shuffled[i]).rotate_left(7) ^ (bounce << 20));
-    let mut at = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0) * total;
-    let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
-    let mut channel = 0;
-    while channel < last && at >= throughput[channel] {
-        at -= throughput[channel];
-        channel += 1;
-    }
-    let mut single = Vec3::ZERO;
-    single[channel] = total;
-    set(&mut paths.throughput, i, single);
-    bsdf.with_ior(iors[channel])
-}
-
 /// A surface with its BSDF.
 struct Vertex {
     surface: Surface,
     bsdf: Bsdf,
+    /// Solids on its other side.
+    beyond: Interior,
     /// The ray came from behind.
     is_back: bool,
     /// The back of a one-sided material: black.
@@ -310,7 +309,7 @@ struct Vertex {
 }
 
 #[inline(always)]
-fn store(v: &mut Vertices, k: usize, surface: &Surface) {
+pub(super) fn store(v: &mut Vertices, k: usize, surface: &Surface) {
     set(&mut v.p, k, surface.p);
     set(&mut v.ng, k, surface.ng);
     set(&mut v.ns, k, surface.ns);
@@ -318,7 +317,7 @@ fn store(v: &mut Vertices, k: usize, surface: &Surface) {
 }
 
 fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
-    let Vertex { mut surface, bsdf, is_back, is_dark } = vertex;
+    let Vertex { mut surface, bsdf, is_back, is_dark, .. } = vertex;
     let side = if is_back { -1.0 } else { 1.0 };
     surface.ng *= side;
     surface.ns *= side;
@@ -326,42 +325,24 @@ fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
     set(&mut v.albedo, k, if is_dark { Vec3::ZERO } else { bsdf.albedo() });
 }
 
+fn store_metal_rough(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
+    let Vertex { mut surface, bsdf, is_back, is_dark, .. } = vertex;
+    let side = if is_back { -1.0 } else { 1.0 };
+    surface.ng *= side;
+    surface.ns *= side;
+    store(v, k, &surface);
+    set(&mut v.wo, k, wo);
+    match bsdf {
+        Bsdf::MetalRough(material) if !is_dark => metal_rough::store(&mut v.metal_rough, k, &material),
+        _ => metal_rough::store(&mut v.metal_rough, k, &MetalRough::BLACK),
+    }
+}
+
 fn store_generic(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
     let mut surface = vertex.surface;
     surface.ns = scattering_normal(surface.ns, surface.ng, wo);
     store(v, k, &surface);
     set(&mut v.wo, k, wo);
-}
-
-/// Makes the plain vertices from their corners, with shading normals or without.
-struct PlainVertices<'a, const SMOOTH: bool> {
-    wave: &'a mut Wave,
-    count: usize,
-}
-
-impl<const SMOOTH: bool> Kernel for PlainVertices<'_, SMOOTH> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let v = &mut self.wave.vertices;
-        for i in 0..self.count.min(WAVE) {
-            let at = |lanes: &[Lanes3; 3]| [0, 1, 2].map(|c| get(&lanes[c], i).to_array());
-            let (a, b) = (v.weights[0][i], v.weights[1][i]);
-            let surface = triangle_surface(at(&v.corners), a, b);
-            let mut ns = surface.ng;
-            if SMOOTH {
-                ns = shading_normal(at(&v.normals), a, b, surface.ng);
-            }
-            let is_back = surface.ng.dot(get(&v.wo, i)) < 0.0;
-            let side = if is_back { -1.0 } else { 1.0 };
-            let surface = Surface { ng: surface.ng * side, ns: ns * side, ..surface };
-            store(v, i, &surface);
-            let is_dark = is_back & (v.one_sided[i] > 0.0);
-            let albedo = get(&v.albedo, i) * if is_dark { 0.0 } else { 1.0 };
-            set(&mut v.albedo, i, albedo);
-        }
-    }
 }
 
 /// Adds light to a sample.
@@ -385,5 +366,6 @@ impl Paths {
         other.sample[k] = self.sample[i];
         other.cone_width[k] = self.cone_width[i];
         other.cone_spread[k] = self.cone_spread[i];
+        other.interior[k] = self.interior[i];
     }
 }

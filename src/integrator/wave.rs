@@ -1,5 +1,6 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
 
+use super::interior::Interior;
 use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -18,6 +19,8 @@ const LENGTH: usize = WAVE + 16;
 pub type Lanes = [f32; LENGTH];
 /// One integer a path.
 pub type Words = [u32; LENGTH];
+/// The solids around each path.
+pub type Interiors = [Interior; LENGTH];
 /// One vector or colour a path, by component.
 pub type Lanes3 = [Lanes; 3];
 
@@ -51,6 +54,8 @@ pub struct Paths {
     /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; only where that
     /// choice depends on it.
     pub receiver_normal: Lanes3,
+    /// Solids that the path is inside of; only where there are some.
+    pub interior: Interiors,
     /// Sobol point: its two parts.
     pub seed: Words,
     pub shuffled: Words,
@@ -58,8 +63,48 @@ pub struct Paths {
     pub sample: Words,
 }
 
-/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then other ones
-/// that light sampling can reach, then specular ones.
+/// Opaque glTF materials at vertices ([`crate::bsdf::MetalRough`]), and what a direction sees of them
+/// ([`crate::bsdf::View`]) in the same places once that is computed.
+#[derive(Zeroable)]
+pub struct MetalRoughs {
+    /// Diffuse colour; then what is seen of it.
+    pub diffuse: Lanes3,
+    /// Reflectance of the dielectric layer at normal incidence; then that of the whole.
+    pub f0: Lanes3,
+    /// Reflectance of the metal at normal incidence; then that of the whole at grazing incidence.
+    pub f90: Lanes3,
+    /// Reflectance of the layer at grazing incidence; then the chance of reflection by microfacets.
+    pub p_specular: Lanes,
+    /// Share of metal; then the chance of diffuse reflection.
+    pub p_diffuse: Lanes,
+    /// Mean albedo.
+    pub albedo: Lanes,
+    /// GGX alpha.
+    pub alpha: Lanes,
+}
+
+/// What textured vertices are made of besides corners and normals, and where textures are looked up.
+#[derive(Zeroable)]
+pub struct TexturedLanes {
+    /// Texture coordinates of the corners.
+    pub corner_uv: [[Lanes; 2]; 3],
+    /// Tangents of the corners, and which way bitangents go; 0 where there are none.
+    pub tangents: [Lanes3; 3],
+    pub handedness: Lanes,
+    /// Texture coordinates, and how much they change over a metre.
+    pub uv: [Lanes; 2],
+    pub uv_per_metre: Lanes,
+    /// Directions of the normal map's x and y; zero where there are none.
+    pub tangent: Lanes3,
+    pub bitangent: Lanes3,
+    /// What the normal map says; zero where nothing.
+    pub mapped: Lanes3,
+    /// Which ray.
+    pub ray: Words,
+}
+
+/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then opaque glTF
+/// materials, then other ones that light sampling can reach, then specular ones.
 #[derive(Zeroable)]
 pub struct Vertices {
     /// What plain vertices are made of: the corners of their primitives with the normals there, and the weights of the
@@ -70,14 +115,18 @@ pub struct Vertices {
     /// 1 if the back is black, else 0.
     pub one_sided: Lanes,
     pub p: Lanes3,
-    /// Geometric normal; towards the viewer at Lambertian vertices, on the front at others.
+    /// Geometric normal; towards the viewer at Lambertian and opaque glTF vertices, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
     /// Distance along the normal that a secondary ray's origin must keep.
     pub offset: Lanes,
+    /// Solids on the other side of the surface than the viewer's; only where there are some.
+    pub beyond: Interiors,
     /// Albedo of Lambertian vertices.
     pub albedo: Lanes3,
+    pub metal_rough: MetalRoughs,
+    pub textured: TexturedLanes,
     /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
     pub wo: Lanes3,
     /// Towards the sampled light, unit length.
@@ -121,7 +170,7 @@ pub struct Workspace {
     /// Paths that left the scene.
     pub(super) escaped: Vec<u32>,
     pub(super) materials: Vec<u32>,
-    /// BSDFs of the vertices that are not Lambertian.
+    /// BSDFs of the vertices that are neither Lambertian nor of opaque glTF materials.
     pub(super) bsdfs: Vec<Bsdf>,
     pub(super) shadow_rays: Vec<Ray>,
     /// Vertex of each shadow ray.

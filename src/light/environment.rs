@@ -2,9 +2,10 @@
 
 use crate::color::luminance;
 use crate::image::Image;
-use crate::math::{Vec3, poly};
-use crate::sampling::{BilinearMap, MapSample, warp};
+use crate::math::{Vec3, Vec4, poly};
+use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
 use crate::scene::Environment;
+use crate::simd::Table;
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
@@ -43,8 +44,9 @@ enum Kind {
 pub struct ImageMap {
     width: usize,
     height: usize,
-    /// Linear RGB times the strength, row by row from the top.
-    texels: Vec<[f32; 3]>,
+    /// Linear RGB times the strength, row by row from the top; the fourth number fills up to what is loaded at once.
+    texels: Vec<Vec4>,
+    mean_luminance: f32,
     map: BilinearMap,
     /// Sine and cosine of the rotation.
     sine: f32,
@@ -131,7 +133,7 @@ impl EnvironmentLight {
         match &self.kind {
             Kind::Constant(c) => luminance(c.to_array()),
             Kind::Gradient { middle, .. } => luminance(middle.to_array()),
-            Kind::Image(map) => mean_luminance(map.width, &map.texels) as f32,
+            Kind::Image(map) => map.mean_luminance,
         }
     }
 }
@@ -158,8 +160,8 @@ impl ImageMap {
         if !light.iter().any(|&l| l > 0.0) {
             return None;
         }
+        let mean = mean_luminance(width, &texels) as f32;
         if mis_compensation {
-            let mean = mean_luminance(width, &texels) as f32;
             // Rounding leaves specks of a constant image: only what is clearly brighter counts.
             let brighter: Vec<f32> = light.iter().map(|l| (l - mean).max(0.0)).collect();
             if brighter.iter().any(|&l| l > 1e-4 * mean) {
@@ -174,7 +176,8 @@ impl ImageMap {
         Some(ImageMap {
             width,
             height,
-            texels,
+            texels: texels.iter().map(|t| Vec3::from_array(*t).extend(0.0)).collect(),
+            mean_luminance: mean,
             map,
             sine: rotation_rad.sin() as f32,
             cosine: rotation_rad.cos() as f32,
@@ -215,19 +218,28 @@ impl ImageMap {
         self.map.sample(u)
     }
 
+    /// The same from many pairs of numbers, the first ones of all pairs first.
+    #[inline(always)]
+    pub fn sample_many_uv<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+        self.map.sample_many(u)
+    }
+
     /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
     #[inline(always)]
     pub fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
-        let x = u * self.width as f32 - 0.5;
-        let x = if x < 0.0 { x + self.width as f32 } else { x };
-        let y = (v * self.height as f32 - 0.5).max(0.0);
-        let (i, j) = ((x as usize).min(self.width - 1), (y as usize).min(self.height - 1));
+        let (width, height) = (self.width as u32, self.height as u32);
+        let x = u * width as f32 - 0.5;
+        let x = if x < 0.0 { x + width as f32 } else { x };
+        let y = v * height as f32 - 0.5;
+        let y = if y > 0.0 { y } else { 0.0 };
+        let (i, j) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
         let (s, t) = (x - i as f32, y - j as f32);
-        let (next_i, next_j) = (if i + 1 == self.width { 0 } else { i + 1 }, (j + 1).min(self.height - 1));
-        let texel = |i: usize, j: usize| Vec3::from_array(self.texels[j * self.width + i]);
+        let (next_i, next_j) = (if i + 1 == width { 0 } else { i + 1 }, (j + 1).min(height - 1));
+        let texels = Table::new(&self.texels);
+        let texel = |i: u32, j: u32| texels.at(j * width + i);
         let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
         let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
-        top + (bottom - top) * t
+        (top + (bottom - top) * t).truncate()
     }
 
     fn sample(&self, u: [f32; 2]) -> EnvironmentSample {

@@ -9,8 +9,9 @@ use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_exte
 const VFOV_DEGREES: f64 = 40.0;
 
 /// Radiance of the default sky straight down and straight up. The mean over the sphere of a blend linear in y is that
-/// of the two: (0.934, 1.0, 1.066), a luminance of 0.99.
-const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([1.068, 1.0, 0.932], [0.8, 1.0, 1.2]);
+/// of the two: (0.934, 1.0, 1.066), a luminance of 0.99. It is dark below, so that pale models stand out from what is
+/// behind them when they are seen from above, and have a lit and a shaded side.
+const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.107, 0.1, 0.093], [1.761, 1.9, 2.039]);
 
 /// Adds a camera that frames the model where the scene has none, and a soft sky where nothing in it shines (unless the
 /// caller brings an environment); each with a warning that says so.

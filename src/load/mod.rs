@@ -1,8 +1,10 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+mod digits;
 pub mod framing;
 pub mod gltf;
+mod guard;
 pub mod image;
 pub mod obj;
 pub mod ply;
@@ -14,6 +16,7 @@ mod uri;
 use crate::error::{Error, Result, Warning};
 use crate::math::DAffine3;
 use crate::scene::Scene;
+use std::ops::ControlFlow;
 use std::path::Path;
 
 /// What the user may choose about loading.
@@ -41,6 +44,8 @@ pub struct Loaded {
     pub scene: Scene,
     /// What was ignored, approximated or repaired.
     pub warnings: Vec<Warning>,
+    /// What the user may want to know, though nothing is amiss: a choice that was made, a file that was found.
+    pub notes: Vec<Warning>,
     /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
     pub left_out: Vec<String>,
     /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
@@ -50,8 +55,11 @@ pub struct Loaded {
 
 /// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file (told apart by content where the name doesn't
 /// say).
+///
+/// # Errors
+/// An input error with all problems of the file.
 pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    let extension = extension(path);
     let mut loaded = match extension.as_str() {
         "gltf" | "glb" => gltf::load(path, options)?,
         "obj" => obj::load(path, options)?,
@@ -67,13 +75,55 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
-    if extension != "toml" && !options.no_sidecar {
+    complete(path, options, &mut loaded)?;
+    Ok(loaded)
+}
+
+/// Loads the same scene at one moment (seconds) after another and hands each to `each`, until that breaks off. Of a glTF
+/// file everything that doesn't move is read once: the file itself, images, materials, and meshes that neither a skin nor
+/// morph targets deform. `each` may change the scene it gets, but not its first meshes. Files of other types are loaded
+/// for every moment.
+///
+/// # Errors
+/// As for [`load`], and those of `each`.
+pub fn load_moments(
+    path: &Path,
+    options: &LoadOptions,
+    moments: impl IntoIterator<Item = f64>,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    let mut moments = moments.into_iter().map(Some);
+    if matches!(extension(path).as_str(), "gltf" | "glb") {
+        return gltf::load_moments(path, options, moments, &mut |loaded| {
+            complete(path, options, loaded)?;
+            each(loaded)
+        });
+    }
+    let ended = moments.try_for_each(|time_s| {
+        let options =
+            LoadOptions { gltf: gltf::GltfOptions { time_s, ..options.gltf.clone() }, ..options.clone() };
+        match load(path, &options).and_then(|mut loaded| each(&mut loaded)) {
+            Ok(ControlFlow::Continue(())) => ControlFlow::Continue(()),
+            Ok(ControlFlow::Break(())) => ControlFlow::Break(Ok(())),
+            Err(error) => ControlFlow::Break(Err(error)),
+        }
+    });
+    ended.break_value().unwrap_or(Ok(()))
+}
+
+fn extension(path: &Path) -> String {
+    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
+}
+
+/// Adds what lies beside a model and what bare models lack, and checks the whole.
+fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
+    if extension(path) != "toml" && !options.no_sidecar {
         let beside = scene_file::sidecar::path_for(path);
         if beside.is_file() {
-            scene_file::sidecar::apply(&beside, options, &mut loaded)?;
+            scene_file::sidecar::apply(&beside, options, loaded)?;
         }
     }
-    framing::complete(&mut loaded, options.brings_environment);
+    framing::complete(loaded, options.brings_environment);
     let problems = loaded.scene.validate();
-    if problems.is_empty() { Ok(loaded) } else { Err(Error::input_problems(path, problems)) }
+    if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }
 }

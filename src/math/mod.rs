@@ -8,6 +8,13 @@ mod ray;
 
 pub use bounds::Bounds3;
 pub use frame::{Frame, orthonormal_basis};
-pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Vec2, Vec3};
+pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Vec2, Vec3, Vec4};
 pub use offset::{MACHINE_EPSILON, gamma, next_down, next_up, offset_along, offset_ray_origin};
 pub use ray::{Hit, NO_HIT, Ray};
+
+/// One of two vectors, without a branch: loops that choose vectorise.
+#[inline(always)]
+pub fn select(condition: bool, yes: Vec3, no: Vec3) -> Vec3 {
+    let pick = |a: f32, b: f32| if condition { a } else { b };
+    Vec3::new(pick(yes.x, no.x), pick(yes.y, no.y), pick(yes.z, no.z))
+}

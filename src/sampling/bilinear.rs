@@ -3,8 +3,21 @@
 //! A density that is constant per texel under a bilinear lookup misses the light that a bright texel spreads over its
 //! neighbours and is a large source of noise on skies with a sun; this one matches the lookup everywhere.
 
-/// Texels per entry of the coarse distribution function: one cache line of values.
-const BLOCK: usize = 16;
+use crate::simd::Table;
+
+/// Texels per entry of the coarse distribution function.
+const BLOCK: u32 = 4;
+
+/// Positions with their densities.
+#[derive(Clone, Copy, Debug)]
+pub struct MapSamples<const N: usize> {
+    /// In 0..1, along u.
+    pub u: [f32; N],
+    /// In 0..1, along v.
+    pub v: [f32; N],
+    /// Densities per area of the unit square.
+    pub pdf_area: [f32; N],
+}
 
 /// A position with its density.
 #[derive(Clone, Copy, Debug)]
@@ -23,8 +36,8 @@ pub struct MapSample {
 /// monotonically, so stratified numbers stay stratified.
 #[derive(Clone, Debug)]
 pub struct BilinearMap {
-    width: usize,
-    height: usize,
+    width: u32,
+    height: u32,
     /// Values scaled to a mean of 1, row by row, each row with its first value repeated at the end.
     values: Vec<f32>,
     /// For each row the integral from its first texel centre up to every [`BLOCK`]th one, and to the end, in texels.
@@ -34,7 +47,9 @@ pub struct BilinearMap {
     /// Integral of the marginal at its breakpoints 0, 0.5, 1.5, .., height - 0.5, height, divided by the height.
     row_cumulative: Vec<f32>,
     /// Where the search for a block starts: the largest power of two below their number.
-    first_step: usize,
+    first_step: u32,
+    /// The same for a piece of the marginal.
+    first_row_step: u32,
 }
 
 impl BilinearMap {
@@ -42,11 +57,12 @@ impl BilinearMap {
     /// density. `weights` must hold `width * height` values, both at least 1.
     pub fn new(width: usize, height: usize, weights: &[f32]) -> BilinearMap {
         assert!(width > 0 && height > 0 && weights.len() == width * height, "a weight for every texel");
+        assert!((width + 1) * height < u32::MAX as usize, "an image of at most 2^32 texels");
         let clean = |w: f32| if w.is_finite() && w > 0.0 { f64::from(w) } else { 0.0 };
         let total: f64 = weights.iter().map(|&w| clean(w)).sum();
         let mean = total / weights.len() as f64;
         let scaled = |w: f32| if total > 0.0 { (clean(w) / mean) as f32 } else { 1.0 };
-        let blocks = width.div_ceil(BLOCK);
+        let blocks = width.div_ceil(BLOCK as usize);
         let mut values = Vec::with_capacity((width + 1) * height);
         let mut coarse = Vec::with_capacity((blocks + 1) * height);
         let mut rows = Vec::with_capacity(height);
@@ -56,7 +72,7 @@ impl BilinearMap {
             values.push(values[start]);
             let mut sum = 0.0f64;
             for (i, pair) in values[start..].windows(2).enumerate() {
-                if i % BLOCK == 0 {
+                if i % BLOCK as usize == 0 {
                     coarse.push(sum as f32);
                 }
                 sum += 0.5 * (f64::from(pair[0]) + f64::from(pair[1]));
@@ -65,8 +81,10 @@ impl BilinearMap {
             rows.push((sum / width as f64) as f32);
         }
         let row_cumulative = cumulative_of_rows(&rows);
-        let first_step = blocks.next_power_of_two() / 2;
-        BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step }
+        let first_step = (blocks.next_power_of_two() / 2) as u32;
+        let first_row_step = ((height + 1).next_power_of_two() / 2) as u32;
+        let (width, height) = (width as u32, height as u32);
+        BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step, first_row_step }
     }
 
     /// Bytes that it takes.
@@ -77,88 +95,150 @@ impl BilinearMap {
     /// Density per area of the unit square at a position in 0..1.
     #[inline(always)]
     pub fn pdf_area(&self, uv: [f32; 2]) -> f32 {
-        let y = uv[1] * self.height as f32 - 0.5;
-        let (low, high, t) = self.row_pair(y);
+        let rows = self.row_pair(uv[1] * self.height as f32 - 0.5);
         let x = uv[0] * self.width as f32 - 0.5;
         let x = if x < 0.0 { x + self.width as f32 } else { x };
-        let i = (x as usize).min(self.width - 1);
+        let i = (x as u32).min(self.width - 1);
         let s = x - i as f32;
-        let (a, b) = (self.blend(low, high, t, i), self.blend(low, high, t, i + 1));
+        let (a, b) = (self.blend(&rows, i), self.blend(&rows, i + 1));
         a + s * (b - a)
     }
 
     /// A position with density proportional to the interpolant.
     #[inline(always)]
     pub fn sample(&self, u: [f32; 2]) -> MapSample {
-        let y = self.sample_row(u[1]);
-        let (low, high, t) = self.row_pair(y);
-        let (x, pdf_area) = self.sample_column(u[0], low, high, t);
-        let x = x + 0.5;
-        let x = if x >= self.width as f32 { x - self.width as f32 } else { x };
-        MapSample { uv: [x / self.width as f32, (y + 0.5) / self.height as f32], pdf_area }
+        let many = self.sample_many([[u[0]], [u[1]]]);
+        MapSample { uv: [many.u[0], many.v[0]], pdf_area: many.pdf_area[0] }
     }
 
-    /// The rows around a position in texel centres, and the second one's share.
+    /// The same from many pairs of numbers, the first ones of all pairs first. All take the same steps, without branches,
+    /// so that loops over them vectorise.
     #[inline(always)]
-    fn row_pair(&self, y: f32) -> (usize, usize, f32) {
+    pub fn sample_many<const N: usize>(&self, u: [[f32; N]; 2]) -> MapSamples<N> {
+        let y = self.sample_rows(u[1]);
+        let mut rows = [RowPair::default(); N];
+        for i in 0..N {
+            rows[i] = self.row_pair(y[i]);
+        }
+        let (mut x, pdf_area) = self.sample_columns(u[0], &rows);
+        let mut v = [0.0; N];
+        for i in 0..N {
+            let moved = x[i] + 0.5;
+            let moved = if moved >= self.width as f32 { moved - self.width as f32 } else { moved };
+            x[i] = moved / self.width as f32;
+            v[i] = (y[i] + 0.5) / self.height as f32;
+        }
+        MapSamples { u: x, v, pdf_area }
+    }
+
+    /// The rows around a position in texel centres.
+    #[inline(always)]
+    fn row_pair(&self, y: f32) -> RowPair {
         let last = self.height - 1;
         let y = if y > 0.0 { y } else { 0.0 };
-        let low = (y as usize).min(last);
-        (low, (low + 1).min(last), y - low as f32)
+        let low = (y as u32).min(last);
+        RowPair { low, high: (low + 1).min(last), share: y - low as f32 }
     }
 
     #[inline(always)]
-    fn blend(&self, low: usize, high: usize, t: f32, i: usize) -> f32 {
-        let stride = self.width + 1;
-        let (a, b) = (self.values[low * stride + i], self.values[high * stride + i]);
-        a + t * (b - a)
+    fn blend(&self, rows: &RowPair, i: u32) -> f32 {
+        let (values, stride) = (Table::new(&self.values), self.width + 1);
+        let (a, b) = (values.at(rows.low * stride + i), values.at(rows.high * stride + i));
+        a + rows.share * (b - a)
     }
 
-    /// Inverts the marginal along v: a position in texel centres, -0.5 to height - 0.5.
+    /// Inverts the marginal along v: positions in texel centres, -0.5 to height - 0.5.
     #[inline(always)]
-    fn sample_row(&self, u: f32) -> f32 {
-        let target = u * self.row_cumulative[self.height + 1];
-        let piece = (self.row_cumulative.partition_point(|&c| c <= target).max(1) - 1).min(self.height);
-        let rest = (target - self.row_cumulative[piece]) * self.height as f32;
-        let (a, b) = (self.rows[piece.max(1) - 1], self.rows[piece.min(self.height - 1)]);
-        // The outer pieces are half a row long and constant.
-        let outer = piece == 0 || piece == self.height;
-        let length = if outer { 0.5 } else { 1.0 };
-        let start = if piece == 0 { -0.5 } else { piece as f32 - 1.0 };
-        let t = invert_linear(a * length, b * length, rest) * length;
-        (start + t).min(self.height as f32 - 0.5)
-    }
-
-    /// Inverts the density along u at a blend of two rows: a position in texel centres, 0 to width, and the density.
-    #[inline(always)]
-    fn sample_column(&self, u: f32, low: usize, high: usize, t: f32) -> (f32, f32) {
-        let blocks = self.width.div_ceil(BLOCK);
-        let row = |j: usize| &self.coarse[j * (blocks + 1)..][..blocks + 1];
-        let (c0, c1) = (row(low), row(high));
-        let at = |k: usize| c0[k] + t * (c1[k] - c0[k]);
-        let target = u * at(blocks);
-        // The last block whose start is at or before the target; by sums, since branches would be mispredicted.
-        let (mut block, mut step) = (0, self.first_step);
+    fn sample_rows<const N: usize>(&self, u: [f32; N]) -> [f32; N] {
+        let (cumulative, values) = (Table::new(&self.row_cumulative), Table::new(&self.rows));
+        let total = cumulative.at(self.height + 1);
+        // The last piece that starts at or before the target.
+        let mut pieces = [0u32; N];
+        let mut step = self.first_row_step;
         while step > 0 {
-            let next = (block + step).min(blocks);
-            let is_before = (next < blocks) & (at(next) <= target);
-            block += step * usize::from(is_before);
+            for i in 0..N {
+                let next = pieces[i] + step;
+                let is_before = (next <= self.height) & (cumulative.at(next) <= u[i] * total);
+                pieces[i] += if is_before { step } else { 0 };
+            }
             step /= 2;
         }
-        let mut rest = target - at(block);
-        let last = ((block + 1) * BLOCK).min(self.width) - 1;
-        let mut i = block * BLOCK;
-        let mut a = self.blend(low, high, t, i);
-        let mut b = self.blend(low, high, t, i + 1);
-        while i < last && rest >= 0.5 * (a + b) {
-            rest -= 0.5 * (a + b);
-            i += 1;
-            a = b;
-            b = self.blend(low, high, t, i + 1);
+        let mut y = [0.0; N];
+        for i in 0..N {
+            let piece = pieces[i];
+            let rest = (u[i] * total - cumulative.at(piece)) * self.height as f32;
+            let first = if piece > 0 { piece - 1 } else { 0 };
+            let (a, b) = (values.at(first), values.at(piece));
+            // The outer pieces are half a row long and constant.
+            let outer = (piece == 0) | (piece == self.height);
+            let length = if outer { 0.5 } else { 1.0 };
+            let start = if piece == 0 { -0.5 } else { piece as f32 - 1.0 };
+            let t = invert_linear(a * length, b * length, rest) * length;
+            let end = self.height as f32 - 0.5;
+            y[i] = if start + t < end { start + t } else { end };
+        }
+        y
+    }
+
+    /// Inverts the density along u at blends of two rows: positions in texel centres, 0 to width, and the densities.
+    #[inline(always)]
+    fn sample_columns<const N: usize>(&self, u: [f32; N], rows: &[RowPair; N]) -> ([f32; N], [f32; N]) {
+        let coarse = Table::new(&self.coarse);
+        let blocks = self.width.div_ceil(BLOCK);
+        let stride = blocks + 1;
+        let sum_before = |rows: &RowPair, block: u32| {
+            let (a, b) = (coarse.at(rows.low * stride + block), coarse.at(rows.high * stride + block));
+            a + rows.share * (b - a)
+        };
+        let (mut targets, mut found) = ([0.0; N], [0u32; N]);
+        for i in 0..N {
+            targets[i] = u[i] * sum_before(&rows[i], blocks);
+        }
+        // The last block whose start is at or before the target.
+        let mut step = self.first_step;
+        while step > 0 {
+            for i in 0..N {
+                let next = found[i] + step;
+                let next = if next < blocks { next } else { blocks };
+                let is_before = (next < blocks) & (sum_before(&rows[i], next) <= targets[i]);
+                found[i] += if is_before { step } else { 0 };
+            }
+            step /= 2;
+        }
+        let (mut x, mut density) = ([0.0; N], [0.0; N]);
+        for i in 0..N {
+            (x[i], density[i]) =
+                self.sample_block(targets[i] - sum_before(&rows[i], found[i]), &rows[i], found[i]);
+        }
+        (x, density)
+    }
+
+    /// Inverts the density within a block of texels, from the integral since its start.
+    #[inline(always)]
+    fn sample_block(&self, rest: f32, rows: &RowPair, block: u32) -> (f32, f32) {
+        let (mut rest, mut i) = (rest, block * BLOCK);
+        let (mut a, mut b) = (self.blend(rows, i), self.blend(rows, i + 1));
+        let mut is_searching = true;
+        for k in 2..=BLOCK {
+            let area = 0.5 * (a + b);
+            is_searching &= (rest >= area) & (i + 1 < self.width);
+            let next = self.blend(rows, block * BLOCK + k);
+            rest -= if is_searching { area } else { 0.0 };
+            i += u32::from(is_searching);
+            a = if is_searching { b } else { a };
+            b = if is_searching { next } else { b };
         }
         let s = invert_linear(a, b, rest);
         (i as f32 + s, a + s * (b - a))
     }
+}
+
+/// Two rows, and the share of the second one.
+#[derive(Clone, Copy, Default)]
+struct RowPair {
+    low: u32,
+    high: u32,
+    share: f32,
 }
 
 /// Integrals of the marginal along v at its breakpoints, over the height.

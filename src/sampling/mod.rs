@@ -15,7 +15,7 @@ pub mod sphere_light;
 pub mod triangle;
 pub mod warp;
 
-pub use bilinear::{BilinearMap, MapSample};
+pub use bilinear::{BilinearMap, MapSample, MapSamples};
 pub use distribution::AliasTable;
 pub use mis::power_heuristic;
 pub use rectangle::SphericalRectangle;

@@ -24,6 +24,29 @@ impl Extent {
     }
 }
 
+/// What stands for a mesh when its boxes are made.
+enum Points<'m> {
+    /// Those of its vertices that are marked.
+    Used(&'m Mesh, Vec<bool>),
+    /// Some points around it.
+    Around(Vec<DVec3>),
+}
+
+impl Points<'_> {
+    /// The box around the points, placed.
+    fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Extent {
+        let mut extent = Extent::default();
+        match self {
+            Points::Used(mesh, used) => {
+                let points = mesh.positions.iter().zip(used).filter(|(_, used)| **used);
+                points.for_each(|(p, _)| extent.grow(place(DVec3::from(p.map(f64::from)))));
+            }
+            Points::Around(points) => points.iter().for_each(|&p| extent.grow(place(p))),
+        }
+        extent
+    }
+}
+
 /// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
 /// count. The scene need not be valid.
 pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
@@ -33,38 +56,30 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
             *times += 1;
         }
     }
-    let corners: Vec<Vec<DVec3>> = scene
-        .meshes
-        .iter()
-        .zip(&placements)
-        .map(|(mesh, &times)| {
-            let points = used_positions(mesh);
-            if mesh.positions.len().saturating_mul(times) <= MOST_VERTICES {
-                return points.collect();
-            }
-            let mut extent = Extent::default();
-            points.for_each(|p| extent.grow(p));
-            extent.0.map_or(Vec::new(), |(low, high)| box_corners(low, high))
-        })
-        .collect();
+    let points = |(mesh, &times): (_, &usize)| {
+        let used = Points::Used(mesh, used_vertices(mesh));
+        if mesh.positions.len().saturating_mul(times) <= MOST_VERTICES {
+            return used;
+        }
+        Points::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
+    };
+    let points: Vec<Points> = scene.meshes.iter().zip(&placements).map(points).collect();
     let of = |i: &Instance| {
-        let mut extent = Extent::default();
-        let points = corners.get(i.mesh.index()).into_iter().flatten();
-        points.for_each(|&p| extent.grow(i.world_from_object.transform_point3(p)));
-        extent
+        let place = |p| i.world_from_object.transform_point3(p);
+        points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
     };
     scene.instances.iter().map(of).collect()
 }
 
-/// Each vertex that a triangle uses, once, however many share it.
-fn used_positions(mesh: &Mesh) -> impl Iterator<Item = DVec3> {
+/// Marks the vertices that triangles use.
+fn used_vertices(mesh: &Mesh) -> Vec<bool> {
     let mut used = vec![false; mesh.positions.len()];
     for &i in mesh.triangles.as_flattened() {
         if let Some(used) = used.get_mut(i as usize) {
             *used = true;
         }
     }
-    mesh.positions.iter().zip(used).filter(|(_, used)| *used).map(|(p, _)| DVec3::from(p.map(f64::from)))
+    used
 }
 
 fn box_corners(low: DVec3, high: DVec3) -> Vec<DVec3> {

@@ -135,6 +135,9 @@ pub struct PbrMaterial {
     pub transmission: FloatSlot,
     /// Is there a volume behind the surface (KHR_materials_volume with thickness above 0)? Otherwise it is thin-walled.
     pub has_volume: bool,
+    /// The base colour is what a solid lets pass from its front to its back, as Blender understands it: each crossing of
+    /// its surface takes the square root. Otherwise it is the factor of each crossing (KHR_materials_transmission).
+    pub tints_once: bool,
     /// Colour of white light after `attenuation_distance` in the volume.
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
@@ -231,6 +234,7 @@ impl Default for PbrMaterial {
             specular_color: ColorSlot::constant([1.0; 3]),
             transmission: FloatSlot::constant(0.0),
             has_volume: false,
+            tints_once: false,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,

@@ -18,19 +18,26 @@ const _: () = assert!(size_of::<Line>() == 64 && align_of::<Line>() == 64);
 /// memory then misses fewer address translations.
 pub fn reserve_lines(lines: &mut Vec<Line>, additional: usize) {
     lines.reserve_exact(additional);
+    prefer_huge_pages(lines);
+}
+
+/// Asks that a list's memory, which nothing has been written to yet, come in huge pages: its first touch then takes a
+/// fault for each 2 MiB in place of 4 KiB. Only advice: what the list holds stays as it is.
+pub fn prefer_huge_pages<T>(list: &mut Vec<T>) {
     #[cfg(target_os = "linux")]
     {
-        // Advice is for whole huge pages that hold nothing yet: what is written already keeps its small pages.
-        let room = lines.spare_capacity_mut();
-        let first = room.as_mut_ptr().cast::<u8>();
+        let first = list.as_mut_ptr().cast::<u8>();
         let skip = first.align_offset(HUGE_PAGE);
-        let length = size_of_val(room).saturating_sub(skip) / HUGE_PAGE * HUGE_PAGE;
+        let size = list.capacity().saturating_mul(size_of::<T>());
+        let length = size.saturating_sub(skip) / HUGE_PAGE * HUGE_PAGE;
         if length > 0 {
             // SAFETY: the range lies in memory that the vector owns; the advice changes how it is mapped, not what it holds.
             // Failure (an old kernel, say) is as good as no advice.
             unsafe { libc::madvise(first.wrapping_add(skip).cast(), length, libc::MADV_HUGEPAGE) };
         }
     }
+    #[cfg(not(target_os = "linux"))]
+    let _ = list;
 }
 
 /// The size of a huge page on x86-64, and on AArch64 with small pages of 4 KiB.

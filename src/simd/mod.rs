@@ -9,12 +9,14 @@
 
 mod line;
 mod slab;
+mod table;
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use line::{Line, prefetch_lines, reserve_lines};
+pub use line::{Line, prefer_huge_pages, prefetch_lines, reserve_lines};
 pub use slab::{BoxRay, Entry, Planes};
+pub use table::Table;
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 
 use std::sync::OnceLock;

@@ -26,10 +26,16 @@ pub trait Wide: Copy {
     fn store_masked(self, mask: u32, child: &[u32; 8], to: &mut [Entry; 8]);
     /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
     /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
-    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32;
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32;
     /// Where a ray meets the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
-    /// levels; NaN where the ray is parallel to the plane.
-    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4];
+    /// levels; NaN where the ray is parallel to the plane, and, to save the division, where it meets none of `lanes` ahead.
+    fn plane_parameters(
+        self,
+        rows: &[[f32; 4]; 12],
+        origin: &[f32; 3],
+        direction: &[f32; 3],
+        lanes: u32,
+    ) -> [f32; 4];
 }
 
 /// A loop over [`Wide`] vectors that is compiled once per CPU level.
@@ -106,9 +112,9 @@ impl Wide for ScalarWide {
     }
 
     #[inline(always)]
-    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32 {
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32 {
         let [kx, ky, kz] = ray.axes();
-        let [shear_x, shear_y] = shear;
+        let [shear_x, shear_y] = *shear;
         let o = ray.permute(*origin);
         let vertex = |k: usize| {
             let z = rows[4 * kz + k].map(|z| z - o[2]);
@@ -126,7 +132,13 @@ impl Wide for ScalarWide {
     }
 
     #[inline(always)]
-    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4] {
+    fn plane_parameters(
+        self,
+        rows: &[[f32; 4]; 12],
+        origin: &[f32; 3],
+        direction: &[f32; 3],
+        lanes: u32,
+    ) -> [f32; 4] {
         std::array::from_fn(|lane| {
             let at = |axis: usize, vertex: usize| f64::from(rows[4 * axis + vertex][lane]);
             let edge = |axis: usize, vertex: usize| at(axis, vertex) - at(axis, 0);
@@ -135,7 +147,8 @@ impl Wide for ScalarWide {
             let [o, d] = [*origin, *direction].map(|v| v.map(f64::from));
             let below = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
             let above = n[0] * (at(0, 0) - o[0]) + n[1] * (at(1, 0) - o[1]) + n[2] * (at(2, 0) - o[2]);
-            if below == 0.0 { f32::NAN } else { (above / below) as f32 }
+            let asked = lanes >> lane & 1 == 1;
+            if asked & (below != 0.0) { (above / below) as f32 } else { f32::NAN }
         })
     }
 }

@@ -109,8 +109,10 @@ unsafe fn sort8(keys: __m256i) -> __m256i {
 /// The lanes of a packet in which three edge functions, four lanes each, are all at least 0 or all at most 0.
 #[inline(always)]
 fn same_sign(not_negative: u32, not_positive: u32) -> u32 {
-    let all = |m: u32| m & (m >> 4) & (m >> 8);
-    (all(not_negative) | all(not_positive)) & 15
+    // Both at once: what moves from one half to the other is not looked at.
+    let both = not_negative | (not_positive << 16);
+    let all = both & (both >> 4) & (both >> 8);
+    (all | (all >> 16)) & 15
 }
 
 type Vector = (__m256d, __m256d, __m256d);
@@ -210,7 +212,7 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     }
 
     #[inline(always)]
-    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: [f32; 2]) -> u32 {
+    fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32 {
         // SAFETY: see above: an axis has 16 floats.
         unsafe {
             let rows = rows.as_ptr().cast::<f32>();
@@ -223,12 +225,12 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let ox = *origin.get_unchecked(usize::from(kx));
             let oy = *origin.get_unchecked(usize::from(ky));
             let oz = *origin.get_unchecked(usize::from(kz));
-            let [sx, sy] = shear;
+            let [sx, sy] = *shear;
             if AVX512 {
-                // All vertices at once; the fourth row of each axis is none and read as 0.
-                let x = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, xs), _mm512_set1_ps(ox));
-                let y = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, ys), _mm512_set1_ps(oy));
-                let z = _mm512_sub_ps(_mm512_maskz_loadu_ps(0x0fff, zs), _mm512_set1_ps(oz));
+                // All vertices at once. The fourth row of each axis is none: nothing looks at what comes of it.
+                let x = _mm512_sub_ps(_mm512_loadu_ps(xs), _mm512_set1_ps(ox));
+                let y = _mm512_sub_ps(_mm512_loadu_ps(ys), _mm512_set1_ps(oy));
+                let z = _mm512_sub_ps(_mm512_loadu_ps(zs), _mm512_set1_ps(oz));
                 let x = _mm512_sub_ps(x, _mm512_mul_ps(_mm512_set1_ps(sx), z));
                 let y = _mm512_sub_ps(y, _mm512_mul_ps(_mm512_set1_ps(sy), z));
                 let next_x = _mm512_shuffle_f32x4::<0b11_00_10_01>(x, x);
@@ -264,7 +266,13 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     }
 
     #[inline(always)]
-    fn plane_parameters(self, rows: &[[f32; 4]; 12], origin: &[f32; 3], direction: &[f32; 3]) -> [f32; 4] {
+    fn plane_parameters(
+        self,
+        rows: &[[f32; 4]; 12],
+        origin: &[f32; 3],
+        direction: &[f32; 3],
+        lanes: u32,
+    ) -> [f32; 4] {
         // SAFETY: see above.
         unsafe {
             macro_rules! row {
@@ -283,13 +291,22 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
             let (fx, fy, fz) =
                 (_mm256_sub_pd(row!(2), ax), _mm256_sub_pd(row!(6), ay), _mm256_sub_pd(row!(10), az));
             let (nx, ny, nz) = (cross!(ey, fy, ez, fz), cross!(ez, fz, ex, fx), cross!(ex, fx, ey, fy));
-            let [dx, dy, dz] = direction.map(f64::from);
-            let [ox, oy, oz] = origin.map(f64::from);
-            let below = dot((nx, ny, nz), (_mm256_set1_pd(dx), _mm256_set1_pd(dy), _mm256_set1_pd(dz)));
-            let px = _mm256_sub_pd(ax, _mm256_set1_pd(ox));
-            let py = _mm256_sub_pd(ay, _mm256_set1_pd(oy));
-            let pz = _mm256_sub_pd(az, _mm256_set1_pd(oz));
-            let above = dot((nx, ny, nz), (px, py, pz));
+            // Numbers are spread before they are widened: from memory that is one instruction.
+            macro_rules! spread {
+                ($x:expr) => {
+                    _mm256_cvtps_pd(_mm_set1_ps($x))
+                };
+            }
+            let n = (nx, ny, nz);
+            let below = dot(n, (spread!(direction[0]), spread!(direction[1]), spread!(direction[2])));
+            let px = _mm256_sub_pd(ax, spread!(origin[0]));
+            let py = _mm256_sub_pd(ay, spread!(origin[1]));
+            let pz = _mm256_sub_pd(az, spread!(origin[2]));
+            let above = dot(n, (px, py, pz));
+            let behind = _mm256_movemask_pd(_mm256_xor_pd(above, below)) as u32;
+            if lanes & !behind == 0 {
+                return [f32::NAN; 4];
+            }
             let parallel = _mm256_cmp_pd::<_CMP_EQ_OQ>(below, _mm256_setzero_pd());
             // A mask of ones is a NaN.
             let t = _mm256_cvtpd_ps(_mm256_or_pd(_mm256_div_pd(above, below), parallel));

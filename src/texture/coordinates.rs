@@ -19,7 +19,7 @@ pub struct TexturePoint {
 }
 
 /// An affine map of texture coordinates with its set.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct UvMap {
     set: usize,
     x: Vec2,
@@ -57,7 +57,7 @@ impl UvMap {
 }
 
 /// A compiled [`Mapping`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Coordinates {
     Uv(UvMap),
     World,

@@ -5,6 +5,7 @@ use super::texels::{Texels, WithTexels, with_texels};
 use crate::image::Image;
 use crate::math::Vec2;
 use crate::scene::{Interpolation, Wrap};
+use std::cmp::Ordering;
 use std::sync::Arc;
 
 /// Numbers of this size and above have no fraction.
@@ -51,95 +52,103 @@ impl ImageLookup {
     /// concerns trilinear lookups only.
     #[inline]
     pub fn eval(&self, uv: Vec2, footprint: f32) -> [f32; 4] {
-        if self.interpolation == Interpolation::Trilinear {
-            let texels = footprint * self.mean_size;
-            // Also where it is no number.
-            if texels > 1.0 {
-                return self.eval_between_levels(uv, texels);
-            }
-        }
-        self.eval_level(&self.image, uv)
+        self.eval_by(footprint, |image, _| self.taps(image, uv))
     }
 
-    /// Between the two levels whose texels are just smaller and just larger than the footprint; the larger one's share
-    /// grows linearly with it.
-    #[inline]
-    fn eval_between_levels(&self, uv: Vec2, texels: f32) -> [f32; 4] {
+    /// The same where texels are found by `taps`, from a level of the pyramid and its number.
+    #[inline(always)]
+    pub(super) fn eval_by(&self, footprint: f32, taps: impl Fn(&Image, usize) -> Taps) -> [f32; 4] {
+        let texels = footprint * self.mean_size;
+        // Not where it is no number.
+        if self.interpolation != Interpolation::Trilinear
+            || texels.partial_cmp(&1.0) != Some(Ordering::Greater)
+        {
+            return blend(&self.image, taps(&self.image, 0));
+        }
+        // Between the two levels whose texels are just smaller and just larger than the footprint; the larger one's
+        // share grows linearly with it.
         let bits = texels.to_bits();
         let level = (bits >> 23) as usize - 127;
         let share = f32::from_bits((bits & 0x007f_ffff) | 0x3f80_0000) - 1.0;
-        let Some(coarse) = self.coarser.get(level) else {
-            return self.eval_level(self.coarser.last().unwrap_or(&self.image), uv);
+        let fine = if level == 0 { Some(&self.image) } else { self.coarser.get(level - 1) };
+        let (Some(fine), Some(coarse)) = (fine, self.coarser.get(level)) else {
+            let last = self.coarser.last().unwrap_or(&self.image);
+            return blend(last, taps(last, self.coarser.len()));
         };
-        let fine = if level == 0 { &self.image } else { &self.coarser[level - 1] };
-        let (a, b) = (self.eval_level(fine, uv), self.eval_level(coarse, uv));
+        let (a, b) = (blend(fine, taps(fine, level)), blend(coarse, taps(coarse, level + 1)));
         std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
     }
 
-    #[inline]
-    fn eval_level(&self, image: &Image, uv: Vec2) -> [f32; 4] {
+    /// Do both find the same texels at the same coordinates?
+    pub(super) fn shares_grid(&self, other: &ImageLookup) -> bool {
+        (self.image.width, self.image.height, self.wrap, self.interpolation)
+            == (other.image.width, other.image.height, other.wrap, other.interpolation)
+    }
+
+    /// The texels of a level at texture coordinates.
+    #[inline(always)]
+    pub(super) fn taps(&self, image: &Image, uv: Vec2) -> Taps {
         let size = [image.width, image.height];
         let x = fold(uv.x, self.wrap[0]) * size[0] as f32;
         let y = fold(uv.y, self.wrap[1]) * size[1] as f32;
-        if self.interpolation == Interpolation::Nearest {
-            let (x, y) = ((x as u32).min(size[0] - 1), (y as u32).min(size[1] - 1));
-            return with_texels(image, One(y as usize * size[0] as usize + x as usize));
-        }
-        let (x0, x1, s) = neighbours(x, size[0], self.wrap[0]);
-        let (y0, y1, t) = neighbours(y, size[1], self.wrap[1]);
-        let rows = [y0, y1].map(|y| y as usize * size[0] as usize);
-        with_texels(image, Blend { columns: [x0 as usize, x1 as usize], rows, s, t })
+        let (x, y) = if self.interpolation == Interpolation::Nearest {
+            (nearest(x, size[0]), nearest(y, size[1]))
+        } else {
+            (neighbours(x, size[0], self.wrap[0]), neighbours(y, size[1], self.wrap[1]))
+        };
+        let width = size[0] as usize;
+        let texel = |x: u32, y: u32| y as usize * width + x as usize;
+        let texels = [texel(x.0, y.0), texel(x.1, y.0), texel(x.0, y.1), texel(x.1, y.1)];
+        Taps { texels, s: x.2, t: y.2 }
     }
 }
 
-/// One texel.
-struct One(usize);
-
-impl WithTexels for One {
-    type Output = [f32; 4];
-
-    #[inline(always)]
-    fn run(self, texels: impl Texels) -> [f32; 4] {
-        texels.texel(self.0)
-    }
-}
-
-/// Four texels by their shares: `s` of the second column, `t` of the second row.
-struct Blend {
-    columns: [usize; 2],
-    rows: [usize; 2],
+/// Four texels by their shares: `s` of the second column, `t` of the second row. The first two are of the first row.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Taps {
+    texels: [usize; 4],
     s: f32,
     t: f32,
 }
+
+#[inline(always)]
+fn blend(image: &Image, taps: Taps) -> [f32; 4] {
+    with_texels(image, Blend(taps))
+}
+
+struct Blend(Taps);
 
 impl WithTexels for Blend {
     type Output = [f32; 4];
 
     #[inline(always)]
     fn run(self, texels: impl Texels) -> [f32; 4] {
-        let ([x0, x1], [y0, y1]) = (self.columns, self.rows);
-        let (a, b) = (texels.texel(y0 + x0), texels.texel(y0 + x1));
-        let (c, d) = (texels.texel(y1 + x0), texels.texel(y1 + x1));
-        std::array::from_fn(|i| {
-            let top = a[i] + self.s * (b[i] - a[i]);
-            let bottom = c[i] + self.s * (d[i] - c[i]);
-            top + self.t * (bottom - top)
-        })
+        let Taps { texels: at, s, t } = self.0;
+        // Written out: the array's own `map` would be a call.
+        let (a, b, c, d) =
+            (texels.texel(at[0]), texels.texel(at[1]), texels.texel(at[2]), texels.texel(at[3]));
+        let channel = |i: usize| {
+            let top = a[i] + s * (b[i] - a[i]);
+            let bottom = c[i] + s * (d[i] - c[i]);
+            top + t * (bottom - top)
+        };
+        [channel(0), channel(1), channel(2), channel(3)]
     }
 }
 
-/// The part after the point; 0 for what is no number, infinite, or too large to have one. Numbers are rounded down by
-/// conversion, which every CPU has, instead of a call of the C library.
+/// The part after the point; 0 for what is no number, infinite, or has less than two bits of it. Numbers are rounded
+/// down by sums, which every CPU has, instead of a call of the C library.
 #[inline(always)]
 fn fraction(x: f32) -> f32 {
-    if x.abs() < NO_FRACTION { x - floor(x) } else { 0.0 }
+    if x.abs() < NO_FRACTION * 0.5 { x - floor(x) } else { 0.0 }
 }
 
-/// The next whole number at or below; for numbers less than 2^31.
+/// The next whole number at or below, for numbers below 2^22: adding 1.5 * 2^23 leaves no room for a fraction.
 #[inline(always)]
 fn floor(x: f32) -> f32 {
-    let towards_zero = x as i32 as f32;
-    if towards_zero > x { towards_zero - 1.0 } else { towards_zero }
+    const SHIFT: f32 = 1.5 * NO_FRACTION;
+    let nearest = (x + SHIFT) - SHIFT;
+    if nearest > x { nearest - 1.0 } else { nearest }
 }
 
 /// A coordinate brought into 0..1.
@@ -155,6 +164,13 @@ fn fold(x: f32, wrap: Wrap) -> f32 {
         Wrap::Clamp if x > 0.0 => x.min(1.0),
         Wrap::Clamp => 0.0,
     }
+}
+
+/// The texel at a position, as both of two neighbours.
+#[inline(always)]
+fn nearest(x: f32, size: u32) -> (u32, u32, f32) {
+    let i = (x as u32).min(size - 1);
+    (i, i, 0.0)
 }
 
 /// The texels around a position (in texels from the border) and the second one's share. A mirrored or clamped border

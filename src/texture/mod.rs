@@ -4,16 +4,18 @@ mod coordinates;
 mod image;
 mod noise;
 mod pyramid;
+mod reader;
 mod texels;
 
 pub use coordinates::TexturePoint;
 pub use image::ImageLookup;
 pub use noise::{marble, perlin, turbulence};
+pub use reader::PointReader;
 
 use crate::image::Image;
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
-use coordinates::{Coordinates, triplanar};
+use coordinates::Coordinates;
 use rayon::prelude::*;
 use std::collections::BTreeMap;
 
@@ -32,10 +34,27 @@ pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
 #[derive(Clone, Debug)]
 enum Compiled {
     Constant([f32; 4]),
-    Image { lookup: ImageLookup, coordinates: Coordinates },
-    Checker { even: u32, odd: u32, inverse_size: f32, coordinates: Coordinates },
+    /// Images that share a grid find the same texels at the same coordinates.
+    Image {
+        lookup: ImageLookup,
+        coordinates: Coordinates,
+        grid: u32,
+    },
+    Checker {
+        even: u32,
+        odd: u32,
+        inverse_size: f32,
+        coordinates: Coordinates,
+    },
     Normal,
-    Noise { kind: NoiseKind, frequency: f32, octaves: u32, low: [f32; 3], high: [f32; 3], seed: u32 },
+    Noise {
+        kind: NoiseKind,
+        frequency: f32,
+        octaves: u32,
+        low: [f32; 3],
+        high: [f32; 3],
+        seed: u32,
+    },
 }
 
 /// All textures of a scene, by [`TextureId`].
@@ -53,6 +72,7 @@ impl CompiledTextures {
         let pyramids = pyramids(textures, images);
         let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, &pyramids)).collect();
         fold_constant_checkers(&mut compiled);
+        number_grids(&mut compiled);
         CompiledTextures { textures: compiled, world_offset }
     }
 
@@ -81,29 +101,7 @@ impl CompiledTextures {
     /// Linear RGBA of a texture.
     #[inline]
     pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
-        let moved = TexturePoint { world: point.world + self.world_offset, ..*point };
-        let mut at = id.index();
-        for _ in 0..MAX_DEPTH {
-            match self.textures.get(at) {
-                Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
-                    let is_odd = checker_is_odd(coordinates, *inverse_size, &moved);
-                    at = if is_odd { *odd } else { *even } as usize;
-                }
-                Some(Compiled::Constant(c)) => return *c,
-                Some(Compiled::Image { lookup, coordinates }) => return look_up(lookup, coordinates, &moved),
-                Some(Compiled::Normal) => {
-                    let [r, g, b] = (0.5 + 0.5 * point.normal).to_array();
-                    return [r, g, b, 1.0];
-                }
-                Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
-                    let value = noise_value(*kind, moved.world * *frequency, *octaves, *seed);
-                    let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));
-                    return [r, g, b, 1.0];
-                }
-                None => break,
-            }
-        }
-        [0.0, 0.0, 0.0, 1.0]
+        PointReader::new(self, *point).eval(id)
     }
 }
 
@@ -128,24 +126,6 @@ fn pyramids(textures: &[Texture], images: &[Image]) -> BTreeMap<ImageId, ImageLo
     used.into_par_iter().map(build).collect()
 }
 
-#[inline]
-fn look_up(lookup: &ImageLookup, coordinates: &Coordinates, point: &TexturePoint) -> [f32; 4] {
-    match coordinates {
-        Coordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),
-        Coordinates::World => lookup.eval(Vec2::new(point.world.x, point.world.z), point.width),
-        Coordinates::Triplanar(inverse_size) => {
-            let mut sum = [0.0; 4];
-            for (uv, weight) in triplanar(point, *inverse_size) {
-                if weight > 0.0 {
-                    let value = lookup.eval(uv, point.width * inverse_size);
-                    sum = std::array::from_fn(|i| sum[i] + weight * value[i]);
-                }
-            }
-            sum
-        }
-    }
-}
-
 fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, ImageLookup>) -> Compiled {
     match texture {
         Texture::Solid([r, g, b]) => Compiled::Constant([*r, *g, *b, 1.0]),
@@ -157,7 +137,7 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
                     Some(same) => same.reread(*wrap_u, *wrap_v, *interpolation),
                     None => ImageLookup::new(pixels.clone(), *wrap_u, *wrap_v, *interpolation),
                 };
-                Compiled::Image { lookup, coordinates: Coordinates::new(mapping) }
+                Compiled::Image { lookup, coordinates: Coordinates::new(mapping), grid: 0 }
             }
         },
         Texture::Checker { even, odd, cell_size, mapping } => Compiled::Checker {
@@ -181,6 +161,23 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
                 seed: *seed,
             }
         }
+    }
+}
+
+/// Numbers the grids of images, equal ones alike.
+fn number_grids(textures: &mut [Compiled]) {
+    for i in 0..textures.len() {
+        let (before, rest) = textures.split_at_mut(i);
+        let Compiled::Image { lookup, coordinates, grid } = &mut rest[0] else { continue };
+        let same = before.iter().find_map(|t| match t {
+            Compiled::Image { lookup: l, coordinates: c, grid }
+                if c == coordinates && l.shares_grid(lookup) =>
+            {
+                Some(*grid)
+            }
+            _ => None,
+        });
+        *grid = same.unwrap_or(i as u32);
     }
 }
 

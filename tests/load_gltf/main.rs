@@ -11,3 +11,4 @@ mod materials;
 mod motion;
 mod nodes;
 mod packed;
+mod uv_sets;

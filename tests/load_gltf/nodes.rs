@@ -136,7 +136,7 @@ fn lights_come_in_watts() {
     };
     assert!((direction - DVec3::Z).length() < 1e-14);
     assert_eq!((inner_angle_rad, outer_angle_rad), (0.2, 0.3));
-    assert!(loaded.warnings.iter().any(|w| w.message.contains("683")));
+    assert!(loaded.notes.iter().any(|w| w.message.contains("683")));
 }
 
 #[test]

@@ -35,7 +35,7 @@ fn all_problems_come_at_once() {
     let error = load_files(&[("a.obj", text.as_bytes())]).expect_err("it is broken");
     let places: Vec<&str> = error.problems.iter().map(|p| p.place.as_str()).collect();
     assert_eq!(places, ["line 3", "line 5", "line 6", "line 7", "line 8", "line 9"], "{error}");
-    assert!(error.to_string().contains("refers to vertex 9, but 3 stand before it"), "{error}");
+    assert!(error.to_string().contains("refers to vertex 9, but there are 3"), "{error}");
     let many = format!("v 0 0 0\n{}", "f 1 2 3\n".repeat(1000));
     let error = load_files(&[("a.obj", many.as_bytes())]).expect_err("it is broken");
     assert_eq!(error.problems.len(), 11);
@@ -166,4 +166,26 @@ fn colours_of_some_vertices_leave_the_others_white() {
     let color = |p: [f32; 3]| mesh.colors[mesh.positions.iter().position(|q| *q == p).expect("it is there")];
     assert_eq!(color([1.0, 0.0, 0.0]), [0.0, 0.0, 0.0, 1.0]);
     assert_eq!((color([0.0, 0.0, 0.0]), color([1.0, 1.0, 0.0])), ([1.0; 4], [1.0; 4]));
+}
+
+/// Indices count through the whole file, and nothing says that a vertex must precede the faces that use it.
+#[test]
+fn faces_may_precede_their_vertices() {
+    let vertices = "v 0 0 0 1 0 0\nv 1 0 0\nv 0 1 0\nvt 0.5 0.25\nvn 0 0 1\n";
+    let faces = "usemtl late\nf 1/1/1 2/1/1 3/1/1\n";
+    let (usual, turned) = (obj_scene(format!("{vertices}{faces}")), obj_scene(format!("{faces}{vertices}")));
+    let all = |s: &Scene| format!("{:?} {:?}", s.meshes, s.materials);
+    assert_eq!(all(&turned), all(&usual));
+    // Negative indices count back from their line: the second face takes the corners that stand before it.
+    let mixed = obj_scene("f 4 5 6\nv 9 0 0\nv 8 0 0\nv 9 1 0\nf -3 -2 -1\nv 0 0 0\nv 1 0 0\nv 0 1 0\n");
+    let mesh = &mixed.meshes[0];
+    let corners: Vec<f32> =
+        mesh.triangles.as_flattened().iter().map(|&i| mesh.positions[i as usize][0]).collect();
+    assert_eq!(corners, [0.0, 1.0, 0.0, 9.0, 8.0, 9.0]);
+    let error = load_files(&[("a.obj", b"f 1 2 3\nf 1 2 4\nf x\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf -4 1 2\n")]);
+    let error = error.expect_err("two indices lead nowhere and one is none").to_string();
+    for part in ["line 2: refers to vertex 4, but there are 3", "line 3: 'x'", "line 7: refers to vertex -4"]
+    {
+        assert!(error.contains(part), "{error}");
+    }
 }

@@ -39,6 +39,10 @@ pub fn lines(path: &Path, loaded: &Loaded) -> Vec<String> {
     if !settings.is_empty() {
         out.push(format!("  settings   {}", settings.join(", ")));
     }
+    if !loaded.notes.is_empty() {
+        section(&mut out, "notes", loaded.notes.len());
+        out.extend(loaded.notes.iter().map(|w| format!("    {w}")));
+    }
     section(&mut out, "warnings", loaded.warnings.len());
     out.extend(loaded.warnings.iter().map(|w| format!("    {w}")));
     section(&mut out, "left out", loaded.left_out.len());

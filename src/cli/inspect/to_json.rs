@@ -27,6 +27,7 @@ pub fn of(path: &Path, loaded: &Loaded) -> Json {
         ("environment", text(environment_name(&scene.environment))),
         ("images", images(scene)),
         ("cameras", Json::List(scene.cameras.iter().map(camera).collect())),
+        ("notes", Json::List(loaded.notes.iter().map(warning).collect())),
         ("warnings", Json::List(loaded.warnings.iter().map(warning).collect())),
         ("left_out", Json::texts(&loaded.left_out)),
     ])

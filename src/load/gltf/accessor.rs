@@ -1,6 +1,7 @@
 //! Accessors: typed numbers in buffers. [`Accessor::open`] checks everything, reading can't fail.
 
-use super::document::{Document, Report, Unpacked, pointer};
+use super::document::{Document, Unpacked, pointer};
+use super::report::Report;
 use gltf::json::accessor::{self, ComponentType, Type};
 use gltf::json::validation::Checked;
 

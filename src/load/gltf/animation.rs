@@ -2,7 +2,8 @@
 //! of the file play together; where two move the same thing, the first counts.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report, index_of, pointer};
+use super::document::{Document, index_of, pointer};
+use super::report::Report;
 use crate::math::{DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;

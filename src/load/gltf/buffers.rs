@@ -1,7 +1,8 @@
 //! Buffers and buffer views, checked before anything looks into them.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, pointer};
 use super::meshopt;
+use super::report::Report;
 use crate::load::uri::{self, Target};
 use gltf::json::{Buffer, buffer};
 use serde_json::Value;
@@ -29,7 +30,9 @@ impl<'a> Document<'a> {
         }
         if let Some((place, packed)) = meshopt::packed(&self.json, &at) {
             let cell = self.views.get(index)?;
-            let bytes = cell.get_or_init(|| self.unpack(packed, &place, report)).as_deref()?;
+            let bytes = cell
+                .get_or_init(|| report.lasting(|report| self.unpack(packed, &place, report)))
+                .as_deref()?;
             if view.byte_length.0 != bytes.len() as u64 {
                 let (says, holds) = (view.byte_length.0, bytes.len());
                 report.problem(place, format!("holds {holds} bytes for a bufferView of {says}"));
@@ -84,7 +87,7 @@ impl<'a> Document<'a> {
             report.problem(from, message);
             return None;
         };
-        cell.get_or_init(|| self.read_buffer(index, from, report)).as_deref()
+        cell.get_or_init(|| report.lasting(|report| self.read_buffer(index, from, report))).as_deref()
     }
 
     fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Option<Cow<'a, [u8]>> {

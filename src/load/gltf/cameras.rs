@@ -1,8 +1,9 @@
 //! Cameras and lights of nodes.
 
-use super::document::{Document, Report, name_of, number_of, numbers_of, pointer};
+use super::document::{Document, name_of, number_of, numbers_of, pointer};
 use super::nodes::Node;
 use super::options::LightUnits;
+use super::report::Report;
 use crate::math::{DAffine3, DMat3};
 use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
 use gltf::json::camera::Type;
@@ -115,7 +116,7 @@ fn fade(doc: &Document) -> SpotFade {
 }
 
 /// Says what was done to the numbers of so many lights.
-pub(super) fn warn_units(doc: &Document, lights: usize, report: &mut Report) {
+pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
     if lights == 0 {
         return;
     }
@@ -132,7 +133,7 @@ pub(super) fn warn_units(doc: &Document, lights: usize, report: &mut Report) {
         // The user knows.
         LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,
     };
-    report.warn(format!("/{LIGHTS}"), message);
+    report.note(format!("/{LIGHTS}"), message);
 }
 
 /// The light of a node.

@@ -3,99 +3,14 @@
 
 use super::container::Parts;
 use super::options::GltfOptions;
-use crate::error::{Problem, Warning};
+use super::report::Report;
 use crate::load::LoadOptions;
 use gltf::json::accessor::ComponentType;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
 use std::borrow::Cow;
 use std::cell::{Cell, OnceCell};
-use std::collections::{HashMap, HashSet};
-use std::path::{Path, PathBuf};
-
-/// Most problems that are listed, and most warnings with the same words.
-const LISTED: usize = 32;
-const ALIKE: usize = 8;
-
-/// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
-pub(super) struct Report {
-    file: PathBuf,
-    problems: Vec<Problem>,
-    unlisted: usize,
-    warnings: Vec<Warning>,
-    /// How many warnings have the same words.
-    alike: HashMap<String, usize>,
-    seen: HashSet<(String, String)>,
-}
-
-impl Report {
-    /// Nothing yet about a file.
-    pub fn new(file: &Path) -> Report {
-        Report {
-            file: file.to_path_buf(),
-            problems: Vec::new(),
-            unlisted: 0,
-            warnings: Vec::new(),
-            alike: HashMap::new(),
-            seen: HashSet::new(),
-        }
-    }
-
-    /// Notes a problem.
-    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        self.add(Problem::new(pointer, message));
-    }
-
-    /// Notes a problem with its remedy.
-    pub fn add(&mut self, problem: Problem) {
-        if !self.seen.insert((problem.place.clone(), problem.message.clone())) {
-            return;
-        }
-        if self.problems.len() < LISTED {
-            self.problems.push(problem);
-        } else {
-            self.unlisted += 1;
-        }
-    }
-
-    /// Notes a warning.
-    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        let (pointer, message) = (pointer.into(), message.into());
-        if !self.seen.insert((pointer.clone(), message.clone())) {
-            return;
-        }
-        let alike = self.alike.entry(message.clone()).or_default();
-        *alike += 1;
-        if *alike <= ALIKE {
-            self.warnings.push(Warning::new(&self.file, pointer, message));
-        }
-    }
-
-    /// Adds warnings from elsewhere.
-    pub fn extend(&mut self, warnings: &[Warning]) {
-        self.warnings.extend_from_slice(warnings);
-    }
-
-    /// All problems, with a last line for those beyond the list.
-    pub fn take_problems(&mut self) -> Vec<Problem> {
-        let mut problems = std::mem::take(&mut self.problems);
-        if self.unlisted > 0 {
-            problems.push(Problem::new("", format!("and {} more problems", self.unlisted)));
-        }
-        problems
-    }
-
-    /// All warnings, with a line for each kind of which there are many.
-    pub fn into_warnings(mut self) -> Vec<Warning> {
-        let mut many: Vec<(String, usize)> = self.alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();
-        many.sort();
-        for (message, count) in many {
-            let message = format!("{} more places: {message}", count - ALIKE);
-            self.warnings.push(Warning::new(&self.file, "", message));
-        }
-        self.warnings
-    }
-}
+use std::path::Path;
 
 /// A glTF file in memory.
 pub(super) struct Document<'a> {
@@ -167,6 +82,11 @@ impl<'a> Document<'a> {
             self.decoded.set(total);
         }
         total <= allowed
+    }
+
+    /// Starts with another moment of the file: what the last one decoded is gone, or kept and not decoded again.
+    pub fn begin_moment(&self) {
+        self.decoded.set(0);
     }
 
     /// Is the file written by Blender's exporter?

@@ -1,15 +1,16 @@
 //! KHR_draco_mesh_compression: primitives whose vertices and indices are one compressed stream. What it holds stands in
 //! for the contents of the primitive's accessors.
 
-use super::document::{Document, Report, Unpacked, pointer};
+use super::document::{Document, Unpacked, pointer};
+use super::report::Report;
 use crate::error::Problem;
+use crate::load::guard;
 use draco_core::{
     DataType, DecodeLimits, DecoderBuffer, FaceIndex, Mesh, MeshDecoder, PointAttribute, PointIndex,
 };
 use gltf::json::accessor::ComponentType;
 use gltf::json::mesh::Primitive;
 use serde_json::Value;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 
 /// The extension's name.
 const DRACO: &str = "KHR_draco_mesh_compression";
@@ -112,7 +113,7 @@ fn decode(bytes: &[u8]) -> Result<Mesh, String> {
         let mut mesh = Mesh::new();
         MeshDecoder::new().decode(&mut buffer, &mut mesh).map(|()| mesh).map_err(|e| e.to_string())
     };
-    let mesh = catch_unwind(AssertUnwindSafe(decode)).map_err(|_| "the stream is damaged".to_string())??;
+    let mesh = guard::catch(decode)??;
     if mesh.num_points() as u64 > most {
         return Err(format!("it claims {} vertices in {} bytes", mesh.num_points(), bytes.len()));
     }

@@ -1,6 +1,7 @@
 //! Versions and extensions: what the file demands, and what it uses that is not understood.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, pointer};
+use super::report::Report;
 use crate::error::Problem;
 use serde_json::Value;
 use std::collections::BTreeMap;

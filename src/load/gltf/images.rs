@@ -1,7 +1,8 @@
 //! The images that textures need: fetched one after the other, decoded in parallel, each once.
 
 use super::buffers::Fetched;
-use super::document::{Document, Report, name_of, pointer};
+use super::document::{Document, name_of, pointer};
+use super::report::Report;
 use super::textures::ImageNeed;
 use crate::error::Warning;
 use crate::image::{Encoding, Image, Pixels};

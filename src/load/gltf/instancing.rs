@@ -1,7 +1,8 @@
 //! EXT_mesh_gpu_instancing: one node shows its mesh many times.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report, index_of};
+use super::document::{Document, index_of};
+use super::report::Report;
 use crate::math::{DAffine3, DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;

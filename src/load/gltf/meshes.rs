@@ -2,8 +2,9 @@
 //! flat, so a mesh that has both kinds becomes two, and likewise for tangents.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report, name_of, pointer};
+use super::document::{Document, name_of, pointer};
 use super::materials::Materials;
+use super::report::Report;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use super::{draco, repair, triangles, variants};
 use crate::scene::{MaterialId, Mesh, MeshPart};
@@ -14,16 +15,15 @@ use std::collections::HashMap;
 /// What the meshes of a file left out.
 #[derive(Default)]
 pub(super) struct Skipped {
-    /// Primitives that are points.
-    pub points: usize,
-    /// Primitives that are lines.
-    pub lines: usize,
+    /// By mesh, the numbers of primitives that are points and lines.
+    by_mesh: HashMap<usize, [usize; 2]>,
 }
 
 impl Skipped {
     /// Says so.
     pub fn warn(&self, report: &mut Report) {
-        for (count, what) in [(self.points, "points"), (self.lines, "lines")] {
+        for (kind, what) in ["points", "lines"].into_iter().enumerate() {
+            let count: usize = self.by_mesh.values().map(|counts| counts[kind]).sum();
             if count > 0 {
                 let message =
                     format!("{count} primitives are {what}, which have no surface, and are skipped");
@@ -63,11 +63,12 @@ impl MeshReader<'_, '_> {
         let Some(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
             return Vec::new();
         };
-        let mut groups: Vec<Group> = Vec::new();
+        let (mut groups, mut skipped) = (Vec::<Group>::new(), [0; 2]);
         for (i, primitive) in json.primitives.iter().enumerate() {
             let at = format!("{}/primitives/{i}", pointer("meshes", index));
-            self.add_primitive(primitive, &at, &mut groups);
+            self.add_primitive(primitive, &at, &mut groups, &mut skipped);
         }
+        self.skipped.by_mesh.insert(index, skipped);
         let raw = doc.raw("meshes", index, from, self.report);
         let name = raw.map(|raw| name_of(raw, "mesh", index)).unwrap_or_default();
         let finish = |group: Group| {
@@ -79,13 +80,19 @@ impl MeshReader<'_, '_> {
         groups.into_iter().map(finish).filter(|mesh| !mesh.triangles.is_empty()).collect()
     }
 
-    fn add_primitive(&mut self, primitive: &Primitive, at: &str, groups: &mut Vec<Group>) {
+    fn add_primitive(
+        &mut self,
+        primitive: &Primitive,
+        at: &str,
+        groups: &mut Vec<Group>,
+        skipped: &mut [usize; 2],
+    ) {
         match primitive.mode {
             Checked::Invalid => {
                 self.report.problem(format!("{at}/mode"), "is no mode of glTF 2.0 (0 to 6)");
             }
-            Checked::Valid(Mode::Points) => self.skipped.points += 1,
-            Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => self.skipped.lines += 1,
+            Checked::Valid(Mode::Points) => skipped[0] += 1,
+            Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => skipped[1] += 1,
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
                 self.add_triangles(primitive, mode, at, groups);
             }
@@ -100,7 +107,7 @@ impl MeshReader<'_, '_> {
         groups: &mut Vec<Group>,
     ) -> Option<()> {
         let doc = self.doc;
-        let is_compressed = draco::unpack(doc, primitive, at, self.report)?;
+        let is_compressed = self.report.lasting(|report| draco::unpack(doc, primitive, at, report))?;
         // A compressed primitive is a list of triangles, whatever it was made from.
         let mode = if is_compressed { Mode::Triangles } else { mode };
         let material = variants::material(doc, primitive, at, self.report);
@@ -110,8 +117,8 @@ impl MeshReader<'_, '_> {
             self.report.warn(at, "has no positions and is skipped");
             return None;
         };
-        for set in (0..needs.uv_sets.len()).filter(|&set| needs.uv_sets[set]) {
-            if attributes.uv_sets.get(set).copied().flatten().is_none() && !self.materials.geometry_only {
+        for (needed, held) in needs.uv_slots.sets.iter().zip(&attributes.uv_slots) {
+            if let (Some(set), None) = (needed, held) {
                 let message = format!("has no TEXCOORD_{set}, which its material's textures use; taken as 0");
                 self.report.warn(format!("{at}/attributes"), message);
             }

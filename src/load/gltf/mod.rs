@@ -18,6 +18,7 @@ mod draco;
 mod extensions;
 mod images;
 mod instancing;
+mod keep;
 mod materials;
 mod meshes;
 mod meshopt;
@@ -26,6 +27,7 @@ mod nodes;
 mod options;
 mod place;
 mod repair;
+mod report;
 mod skin;
 mod textures;
 mod transform;
@@ -38,10 +40,15 @@ pub use options::{Glass, GltfOptions, LightUnits};
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result};
 use crate::scene::Scene;
+use crate::simd::prefer_huge_pages;
 use animation::Pose;
-use document::{Document, Report, pointer};
+use document::{Document, pointer};
+use keep::{Kept, StillMesh};
 use place::Builder;
+use report::Report;
 use serde_json::Value;
+use std::io::Read;
+use std::ops::ControlFlow;
 use std::path::Path;
 use transform::Family;
 
@@ -50,31 +57,81 @@ use transform::Family;
 /// # Errors
 /// An input error with all the problems of what the shown scene reaches.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let mut only = Loaded::default();
+    load_moments(path, options, [options.gltf.time_s], &mut |loaded| {
+        only = std::mem::take(loaded);
+        Ok(ControlFlow::Break(()))
+    })?;
+    Ok(only)
+}
+
+/// Loads a file and hands its scene at each moment to `each`, until that breaks off. The file, its images, its materials
+/// and the meshes that nothing deforms are read once; `each` may change what it gets, but the scene's first meshes must
+/// stay what they are.
+///
+/// # Errors
+/// An input error with all the problems of what the shown scene reaches, and the errors of `each`.
+pub(super) fn load_moments(
+    path: &Path,
+    options: &LoadOptions,
+    moments: impl IntoIterator<Item = Option<f64>>,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
     let doc = Document::new(path, parts, bytes.len(), options);
-    let mut report = Report::new(path);
-    extensions::check(&doc, &mut report);
-    variants::check(&doc, &mut report);
-    let pose = match options.gltf.time_s {
-        Some(time_s) => animation::pose(&doc, time_s, &mut report),
-        None => Pose::default(),
-    };
-    let family = Family::new(&doc, &pose);
-    let hierarchy = nodes::walk(&doc, &pose, &family, &mut report);
-    let mut builder = Builder::new(&doc, &pose, &family);
-    builder.materials.geometry_only = options.geometry_only;
-    builder.add(&hierarchy, &mut report);
-    let empties = hierarchy.empties(&doc);
-    let left_out = left_out(&doc, &builder, &pose);
-    let mut scene = builder.finish(&mut report);
-    read_scene(&doc, hierarchy.scene, &mut scene, &mut report);
-    extensions::warn_unread(&doc, &mut report);
+    let (mut report, mut kept) = (Report::new(path), Kept::default());
+    kept.materials.geometry_only = options.geometry_only;
+    for time_s in moments {
+        report.begin_moment();
+        doc.begin_moment();
+        let (mut loaded, still) = at(&doc, time_s, &mut kept, &mut report)?;
+        if each(&mut loaded)?.is_break() {
+            break;
+        }
+        kept.take_back(&mut loaded.scene, still);
+    }
+    Ok(())
+}
+
+/// All bytes of a file.
+fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
+    let mut file = std::fs::File::open(path)?;
+    let mut bytes = Vec::new();
+    // The length is a guess only: what the file really holds is read.
+    let length = file.metadata().map_or(0, |m| m.len());
+    if bytes.try_reserve_exact(usize::try_from(length).unwrap_or(0)).is_ok() {
+        prefer_huge_pages(&mut bytes);
+    }
+    file.read_to_end(&mut bytes)?;
+    Ok(bytes)
+}
+
+/// The scene at a moment, seconds; `None` is the file's rest state.
+fn at(
+    doc: &Document,
+    time_s: Option<f64>,
+    kept: &mut Kept,
+    report: &mut Report,
+) -> Result<(Loaded, Vec<StillMesh>)> {
+    extensions::check(doc, report);
+    variants::check(doc, report);
+    let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
+    let family = Family::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &family, report);
+    let mut builder = Builder::new(doc, &pose, &family, kept);
+    builder.add(&hierarchy, report);
+    let empties = hierarchy.empties(doc);
+    let left_out = left_out(doc, &builder, &pose);
+    let (mut scene, still) = builder.finish(report);
+    read_scene(doc, hierarchy.scene, &mut scene, report);
+    extensions::warn_unread(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
-        return Err(Error::input_problems(path, problems));
+        return Err(Error::input_problems(doc.path, problems));
     }
-    Ok(Loaded { scene, warnings: report.into_warnings(), left_out, empties })
+    let (warnings, notes) = (report.warnings(), report.notes());
+    Ok((Loaded { scene, warnings, notes, left_out, empties }, still))
 }
 
 /// What the scene's `extras` say about the picture.

@@ -1,6 +1,7 @@
 //! Morph targets: displacements of positions, normals and tangents, each times its weight.
 
-use super::document::{Document, Report};
+use super::document::Document;
+use super::report::Report;
 use super::vertices::{Kind, Opener};
 use crate::scene::Mesh;
 use gltf::json::accessor::Type;

@@ -1,9 +1,10 @@
 //! The node hierarchy: which nodes are seen, and where they stand.
 
 use super::animation::Pose;
-use super::document::{Document, Report, index_of, list_of_indices, name_of, names_of, pointer};
+use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer};
 use super::instancing;
 use super::options::GltfOptions;
+use super::report::Report;
 use super::transform::{self, Family};
 use crate::error::Problem;
 use crate::math::DAffine3;

@@ -34,7 +34,9 @@ pub enum LightUnits {
     Raw,
 }
 
-/// How materials with transmission and without a volume (thickness 0) are understood.
+/// How materials with transmission and without a volume (thickness 0) are understood. Where they become solids, their
+/// colour is that of light that has passed the whole body, as in Blender; the colour of solids that the file declares is
+/// met at each crossing of their surface, as the specification says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Glass {
     /// Solid in files by Blender, which leaves the volume out for ordinary glass; thin in all others, as the

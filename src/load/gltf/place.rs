@@ -1,10 +1,11 @@
 //! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
 
 use super::cameras;
-use super::document::{Document, Report};
-use super::materials::Materials;
-use super::meshes::{MeshReader, Skipped};
+use super::document::Document;
+use super::keep::{Kept, StillMesh};
+use super::meshes::MeshReader;
 use super::nodes::{Hierarchy, Node};
+use super::report::Report;
 use super::skin::{self, SkinPose};
 use super::transform::Family;
 use super::vertices::Deformation;
@@ -23,29 +24,32 @@ struct Shape {
     skin: Option<(usize, usize)>,
 }
 
+impl Shape {
+    /// Does it look the same at all moments?
+    fn is_still(&self) -> bool {
+        self.weights.is_empty() && self.skin.is_none()
+    }
+}
+
 /// The scene being put together.
 pub(super) struct Builder<'b, 'a> {
     doc: &'b Document<'a>,
     pose: &'b Pose,
     family: &'b Family<'b, 'a>,
     scene: Scene,
-    pub materials: Materials,
+    kept: &'b mut Kept,
     shapes: HashMap<Shape, Vec<MeshId>>,
-    skipped: Skipped,
 }
 
 impl<'b, 'a> Builder<'b, 'a> {
     /// An empty scene.
-    pub fn new(doc: &'b Document<'a>, pose: &'b Pose, family: &'b Family<'b, 'a>) -> Builder<'b, 'a> {
-        Builder {
-            doc,
-            pose,
-            family,
-            scene: Scene::default(),
-            materials: Materials::default(),
-            shapes: HashMap::new(),
-            skipped: Skipped::default(),
-        }
+    pub fn new(
+        doc: &'b Document<'a>,
+        pose: &'b Pose,
+        family: &'b Family<'b, 'a>,
+        kept: &'b mut Kept,
+    ) -> Builder<'b, 'a> {
+        Builder { doc, pose, family, scene: Scene::default(), kept, shapes: HashMap::new() }
     }
 
     /// Adds what all nodes show.
@@ -61,8 +65,8 @@ impl<'b, 'a> Builder<'b, 'a> {
                 self.scene.lights.extend(cameras::light(self.doc, node, index, report));
             }
         }
-        cameras::warn_units(self.doc, self.scene.lights.len(), report);
-        self.skipped.warn(report);
+        cameras::note_units(self.doc, self.scene.lights.len(), report);
+        self.kept.skipped.warn(report);
     }
 
     fn add_mesh(
@@ -127,14 +131,16 @@ impl<'b, 'a> Builder<'b, 'a> {
         if let Some(known) = self.shapes.get(&shape) {
             return known.clone();
         }
-        let reader = MeshReader {
-            doc: self.doc,
-            materials: &mut self.materials,
-            skipped: &mut self.skipped,
-            report,
-            deformation: Deformation { weights, skin },
+        let Kept { materials, skipped, still, .. } = &mut *self.kept;
+        let (doc, from) = (self.doc, format!("{}/mesh", node.pointer()));
+        let mut read = |report: &mut Report| {
+            let deformation = Deformation { weights, skin };
+            MeshReader { doc, materials, skipped, report, deformation }.read(mesh, &from)
         };
-        let read = reader.read(mesh, &format!("{}/mesh", node.pointer()));
+        let read = match shape.is_still() {
+            true => still.remove(&mesh).unwrap_or_else(|| report.lasting(read)),
+            false => read(report),
+        };
         let first = self.scene.meshes.len() as u32;
         self.scene.meshes.extend(read);
         let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
@@ -169,20 +175,24 @@ impl<'b, 'a> Builder<'b, 'a> {
 
     /// How many materials of the file are shown.
     pub fn used_materials(&self) -> usize {
-        self.materials.used()
+        self.kept.materials.used()
     }
 
     /// The images of the file that are needed.
     pub fn images(&self) -> HashSet<usize> {
-        self.materials.textures.images.iter().map(|need| need.index).collect()
+        self.kept.materials.textures.images.iter().map(|need| need.index).collect()
     }
 
-    /// Decodes the images and gives the scene.
-    pub fn finish(self, report: &mut Report) -> Scene {
-        let Builder { mut scene, materials, doc, .. } = self;
-        scene.images = images::read(doc, &materials.textures.images, report);
-        scene.materials = materials.list;
-        scene.textures = materials.textures.list;
-        scene
+    /// Decodes the images and gives the scene, with the places in it of the meshes that can be kept.
+    pub fn finish(self, report: &mut Report) -> (Scene, Vec<StillMesh>) {
+        let Builder { mut scene, kept, doc, shapes, .. } = self;
+        let needs = &kept.materials.textures.images;
+        let further = report.lasting(|report| images::read(doc, &needs[kept.images.len()..], report));
+        kept.images.extend(further);
+        scene.images = kept.images.clone();
+        scene.materials = kept.materials.list.clone();
+        scene.textures = kept.materials.textures.list.clone();
+        let still = shapes.into_iter().filter(|(shape, _)| shape.is_still());
+        (scene, still.map(|(shape, meshes)| StillMesh { mesh: shape.mesh, meshes }).collect())
     }
 }

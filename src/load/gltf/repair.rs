@@ -1,6 +1,6 @@
 //! What files get wrong in the numbers of meshes: each repair is counted in a warning. Sound meshes cost one look.
 
-use super::document::Report;
+use super::report::Report;
 use crate::load::shapes::normalize_normals;
 use crate::scene::Mesh;
 

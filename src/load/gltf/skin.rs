@@ -2,7 +2,8 @@
 //! are, whatever the transform of its node.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report, index_of, list_of_indices, pointer};
+use super::document::{Document, index_of, list_of_indices, pointer};
+use super::report::Report;
 use super::transform::{Family, affine};
 use super::vertices::Influence;
 use crate::math::{DAffine3, DMat3, DVec3};

@@ -1,6 +1,7 @@
 //! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
 
-use super::document::{Document, Report, pointer};
+use super::document::{Document, pointer};
+use super::report::Report;
 use crate::image::Encoding;
 use crate::math::Vec2;
 use crate::scene::{ImageId, Interpolation, Mapping, Texture, TextureId, TextureTransform, Wrap};
@@ -10,15 +11,14 @@ use gltf::json::validation::Checked;
 use serde_json::Value;
 use std::collections::HashMap;
 
-/// Highest set of texture coordinates that textures can use.
-pub(super) const LAST_UV_SET: u32 = 1;
-
 /// How a material refers to a texture.
 pub(super) struct Reference {
     /// Index of the texture.
     pub texture: usize,
-    /// Set of texture coordinates.
+    /// Set of texture coordinates of the file.
     pub uv_set: u32,
+    /// Where the mesh keeps that set for this material ([`UvSlots`](super::materials::UvSlots)).
+    pub slot: u32,
     /// Applied to the coordinates.
     pub transform: Option<TransformJson>,
     /// JSON pointer of the reference.
@@ -47,10 +47,10 @@ impl Reference {
     /// The reference of a texture info.
     pub fn new(info: &gltf::json::texture::Info, at: String) -> Reference {
         let transform = info.extensions.as_ref().and_then(|e| e.texture_transform.clone());
-        Reference { texture: info.index.value(), uv_set: info.tex_coord, transform, at, gloss: None }
+        Reference { texture: info.index.value(), uv_set: info.tex_coord, slot: 0, transform, at, gloss: None }
     }
 
-    /// The set of texture coordinates that counts.
+    /// The set of texture coordinates of the file that counts.
     pub fn effective_uv_set(&self) -> u32 {
         self.transform.as_ref().and_then(|t| t.tex_coord).unwrap_or(self.uv_set)
     }
@@ -81,7 +81,7 @@ pub(super) struct Textures {
 #[derive(PartialEq, Eq, Hash)]
 struct Key {
     texture: usize,
-    uv_set: u32,
+    slot: u32,
     transform: [u32; 5],
     is_color: bool,
     gloss: Option<Gloss>,
@@ -100,7 +100,7 @@ impl Textures {
         let [o, s] = [transform.offset.to_array(), transform.scale.to_array()];
         let key = Key {
             texture: reference.texture,
-            uv_set: reference.effective_uv_set(),
+            slot: reference.slot,
             transform: [o[0], o[1], s[0], s[1], transform.rotation_rad].map(f32::to_bits),
             is_color: encoding == Encoding::Srgb,
             gloss: reference.gloss,
@@ -145,13 +145,6 @@ impl Textures {
             wraps = (wrap(sampler.wrap_s), wrap(sampler.wrap_t));
             interpolation = filter(&sampler);
         }
-        let set = reference.effective_uv_set();
-        if set > LAST_UV_SET {
-            let message =
-                format!("uses the texture coordinates {set}; of those beyond {LAST_UV_SET} none are read");
-            report.warn(reference.at.clone(), message);
-            return None;
-        }
         if !(transform.offset.is_finite()
             && transform.scale.is_finite()
             && transform.rotation_rad.is_finite())
@@ -159,7 +152,7 @@ impl Textures {
             report.problem(reference.at.clone(), "has a transform beyond the range of numbers");
             return None;
         }
-        let mapping = Mapping::Uv { set, transform };
+        let mapping = Mapping::Uv { set: reference.slot, transform };
         let image = self.image(ImageNeed { index, encoding, gloss: reference.gloss });
         let (wrap_u, wrap_v) = wraps;
         self.list.push(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping });

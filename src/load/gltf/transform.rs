@@ -1,7 +1,8 @@
 //! Where nodes stand. Transforms are taken from the JSON in full precision and composed in f64.
 
 use super::animation::{NodePose, Pose};
-use super::document::{Document, Report, numbers_of, pointer};
+use super::document::{Document, numbers_of, pointer};
+use super::report::Report;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use serde_json::Value;
 

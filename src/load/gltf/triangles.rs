@@ -1,7 +1,8 @@
 //! The triangles of a primitive: lists, strips and fans, with or without indices.
 
 use super::accessor::Accessor;
-use super::document::Report;
+use super::report::Report;
+use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::Mode;
 
@@ -31,7 +32,13 @@ pub(super) fn append(
     }
     let first = triangles.len();
     if mode == Mode::Triangles {
-        triangles.resize(first + count / 3, [0; 3]);
+        if first == 0 {
+            // Fresh zeros come from the system without being written.
+            *triangles = vec![[0; 3]; count / 3];
+            prefer_huge_pages(triangles);
+        } else {
+            triangles.resize(first + count / 3, [0; 3]);
+        }
         read(indices, bytemuck::cast_slice_mut(&mut triangles[first..]));
     } else {
         let mut corners = vec![0; count];

@@ -1,7 +1,8 @@
 //! KHR_materials_variants: the material of a primitive in the variant that is shown.
 
-use super::document::{Document, Report};
+use super::document::Document;
 use super::options::GltfOptions;
+use super::report::Report;
 use crate::error::Problem;
 use gltf::json::mesh::Primitive;
 use serde_json::Value;

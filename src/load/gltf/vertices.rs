@@ -1,12 +1,14 @@
 //! Vertices of primitives: their attributes, checked, read, morphed and skinned.
 
 use super::accessor::Accessor;
-use super::document::{Document, Report};
+use super::document::Document;
 use super::materials::Needs;
 use super::morph::{self, Target};
+use super::report::Report;
 use super::skin::{self, SkinPose};
 use crate::math::Vec3;
 use crate::scene::Mesh;
+use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::{Primitive, Semantic};
 use gltf::json::validation::Checked;
@@ -21,8 +23,8 @@ pub(super) struct Attributes {
     pub tangents: Option<usize>,
     /// Vertex colours.
     pub colors: Option<usize>,
-    /// Sets of texture coordinates.
-    pub uv_sets: Vec<Option<usize>>,
+    /// For each slot of texture coordinates, the set of the file in it and its accessor.
+    pub uv_slots: [Option<(u32, usize)>; 2],
     /// Morph targets that show.
     targets: Vec<Target>,
     /// Accessors of joints and of weights; empty without a skin.
@@ -51,7 +53,7 @@ const MOST_INFLUENCE_SETS: u32 = 4;
 /// What a primitive's vertices are made of, as far as its material needs it; `None` without positions. Tangents mean
 /// nothing without normals.
 ///
-/// The first set of texture coordinates is always read: a scene file may replace the material.
+/// The first slot of texture coordinates is always filled: a scene file may replace the material.
 pub(super) fn attributes(
     primitive: &Primitive,
     needs: Needs,
@@ -59,6 +61,7 @@ pub(super) fn attributes(
 ) -> Option<Attributes> {
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
+    let uv = |set: Option<u32>| Some((set?, accessor(Semantic::TexCoords(set?))?));
     let normals = accessor(Semantic::Normals);
     let sets = deformation.skin.map_or(0..0, |_| 0u32..MOST_INFLUENCE_SETS);
     let influences =
@@ -68,10 +71,7 @@ pub(super) fn attributes(
         normals,
         tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
-        uv_sets: (0u32..)
-            .zip(needs.uv_sets)
-            .map(|(set, used)| accessor(Semantic::TexCoords(set)).filter(|_| used || set == 0))
-            .collect(),
+        uv_slots: [needs.uv_slots.sets[0].or(Some(0)), needs.uv_slots.sets[1]].map(uv),
         targets: morph::shown(primitive.targets.as_ref(), deformation.weights),
         influences: influences.collect(),
     })
@@ -92,11 +92,11 @@ pub(super) fn add_vertices(
     let normals = opener.open(attributes.normals, "NORMAL", &[Type::Vec3], Kind::Signed);
     let tangents = opener.open(attributes.tangents, "TANGENT", &[Type::Vec4], Kind::Signed);
     let colors = opener.open(attributes.colors, "COLOR_0", &[Type::Vec3, Type::Vec4], Kind::Unsigned);
-    let mut uv = |(set, &index): (usize, &Option<usize>)| {
-        opener.open(index, &format!("TEXCOORD_{set}"), &[Type::Vec2], Kind::Coordinate)
-    };
-    let uv_sets: Vec<_> = attributes.uv_sets.iter().enumerate().map(&mut uv).collect();
-    let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_sets.len() as u64)?;
+    let uv_slots = attributes.uv_slots.map(|slot| {
+        let (set, index) = slot?;
+        opener.open(Some(index), &format!("TEXCOORD_{set}"), &[Type::Vec2], Kind::Coordinate)
+    });
+    let count = opener.finish(base, 12 + 12 + 16 + 16 + 8 * uv_slots.len() as u64)?;
     // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
     let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
     let is_rounded = rounded(&normals) || rounded(&tangents);
@@ -110,12 +110,12 @@ pub(super) fn add_vertices(
     if let Some(colors) = colors {
         read_colors(&colors, tail(&mut mesh.colors, base, count, [1.0; 4]));
     }
-    for (set, uv) in uv_sets.into_iter().enumerate() {
+    for (slot, uv) in uv_slots.into_iter().enumerate() {
         let Some(uv) = uv else { continue };
-        if mesh.uv_sets.len() <= set {
-            mesh.uv_sets.resize(set + 1, Vec::new());
+        if mesh.uv_sets.len() <= slot {
+            mesh.uv_sets.resize(slot + 1, Vec::new());
         }
-        uv.read_floats(tail(&mut mesh.uv_sets[set], base, count, [0.0; 2]));
+        uv.read_floats(tail(&mut mesh.uv_sets[slot], base, count, [0.0; 2]));
     }
     for target in &attributes.targets {
         morph::apply(doc, target, at, mesh, base, report)?;
@@ -259,6 +259,7 @@ fn tail<T: Copy>(list: &mut Vec<T>, base: usize, count: usize, default: T) -> &m
     if base == 0 {
         // Fresh zeros come from the system without being written.
         *list = vec![default; count];
+        prefer_huge_pages(list);
     } else {
         list.resize(base, default);
         list.resize(base + count, default);

@@ -6,7 +6,6 @@ use crate::error::Result;
 use crate::image::{Encoding, Image, Pixels};
 use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
 use half::f16;
-use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 
 /// The first bytes of each KTX2 file.
@@ -100,8 +99,7 @@ fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
     }
 }
 
-/// Basis Universal as RGB(A), 8-bit or float. The transcoder returns errors for damaged files; should it panic all the
-/// same, that is one, too.
+/// Basis Universal as RGB(A), 8-bit or float.
 fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
     let transcode = || {
         let texture = Transcoder::new(source.bytes).map_err(|e| format!("{e:?}"))?;
@@ -114,9 +112,7 @@ fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
             texture.transcode_image(0, 0, 0, target, DecodeFlags::NONE).map_err(|e| format!("{e:?}"))?;
         Ok((is_hdr, texture.has_alpha(), bytes))
     };
-    let outcome =
-        catch_unwind(AssertUnwindSafe(transcode)).unwrap_or_else(|_| Err("it is damaged".to_string()));
-    let (is_hdr, has_alpha, bytes) = outcome
+    let (is_hdr, has_alpha, bytes) = transcode()
         .map_err(|e: String| source.error(format!("can't be read as a Basis Universal texture: {e}")))?;
     let expected = pixels * if is_hdr { 8 } else { 4 };
     if bytes.len() as u64 != expected {

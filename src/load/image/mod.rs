@@ -9,6 +9,7 @@ mod openexr;
 
 use crate::error::{Error, Problem, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
+use crate::load::guard;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use std::io::Cursor;
@@ -73,14 +74,15 @@ pub(crate) fn decode(
     warnings: &mut Vec<Warning>,
 ) -> Result<Image> {
     let source = Source { bytes, file, pointer };
-    let mut image = if ktx2::is_ktx2(bytes) {
-        ktx2::decode(&source, purpose)?
-    } else {
-        match format_of(&source, mime, warnings)? {
-            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color)?,
-            format => decode_common(&source, format, purpose, warnings)?,
+    let mut image = guarded(&source, || {
+        if ktx2::is_ktx2(bytes) {
+            return ktx2::decode(&source, purpose);
         }
-    };
+        match format_of(&source, mime, warnings)? {
+            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color),
+            format => decode_common(&source, format, purpose, warnings),
+        }
+    })?;
     if let Some(Pixels::F32(numbers)) = Arc::get_mut(&mut image.pixels) {
         repair(&source, numbers, purpose, warnings);
     }
@@ -109,18 +111,20 @@ pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Imag
 pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path)?;
     let source = Source { bytes: &bytes, file: path, pointer: "" };
-    let image = match signature(&bytes) {
-        Some(ImageFormat::OpenExr) => openexr::decode(&source, false)?,
-        Some(ImageFormat::Hdr) => {
-            decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new())?
-        }
-        _ => {
-            return Err(source
-                .error("is neither an EXR nor a Radiance HDR file")
-                .with_help("linear pictures come as .exr or .hdr"));
-        }
-    };
+    let image = guarded(&source, || match signature(&bytes) {
+        Some(ImageFormat::OpenExr) => openexr::decode(&source, false),
+        Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
+        _ => Err(source
+            .error("is neither an EXR nor a Radiance HDR file")
+            .with_help("linear pictures come as .exr or .hdr")),
+    })?;
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
+}
+
+/// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
+fn guarded(source: &Source, decode: impl FnOnce() -> Result<Image>) -> Result<Image> {
+    let broken = |message| source.error(format!("can't be read as an image: {message}"));
+    guard::catch(decode).map_err(broken)?
 }
 
 fn read_bytes(path: &Path) -> Result<Vec<u8>> {

@@ -1,4 +1,4 @@
-//! OBJ meshes with MTL materials, read in one pass over the file.
+//! OBJ meshes with MTL materials, read in one pass over the file (in two where faces precede their vertices).
 //!
 //! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
 //! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);

@@ -1,11 +1,12 @@
 //! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1).
 
-use super::build::{Builder, MaterialName, Object};
+use super::build::{Attributes, Builder, MaterialName, Object};
 use super::lines::{Lines, Words, decoded, float};
 use super::vertices::{Corner, NONE, NormalSource};
 use crate::error::Problem;
+use crate::load::digits::integer;
 use std::collections::{BTreeMap, HashMap};
-use std::io::Read;
+use std::io::{Read, Seek};
 
 /// How many problems are worth listing.
 const LISTED: usize = 10;
@@ -21,25 +22,40 @@ pub(super) struct Parsed {
     pub warnings: Vec<(usize, String)>,
 }
 
-/// Reads a whole file.
+/// Reads a whole file. Where a face comes before what it refers to, which the format doesn't forbid, the file is read a
+/// second time with all vertices known.
 ///
 /// # Errors
 /// All problems of the file, at least one.
-pub(super) fn parse(file: impl Read) -> Result<Parsed, Vec<Problem>> {
-    let (mut lines, mut parser) = (Lines::new(file), Parser::default());
-    loop {
-        match lines.next() {
-            Ok(Some((line, text))) => parser.statement(line, text),
-            Ok(None) => break,
-            Err(e) => return Err(vec![Problem::new("", format!("can't be read: {e}"))]),
-        }
+pub(super) fn parse(mut file: impl Read + Seek) -> Result<Parsed, Vec<Problem>> {
+    let broken = |e| vec![Problem::new("", format!("can't be read: {e}"))];
+    let mut parser = Parser::default();
+    parser.read(&mut file).map_err(broken)?;
+    if parser.looks_ahead {
+        file.rewind().map_err(broken)?;
+        parser = Parser::knowing(parser.builder.attributes);
+        parser.read(&mut file).map_err(broken)?;
     }
     parser.finish()
+}
+
+/// How many statements of vertices there were so far.
+#[derive(Clone, Copy, Default)]
+struct Counts {
+    positions: usize,
+    uvs: usize,
+    normals: usize,
 }
 
 #[derive(Default)]
 struct Parser {
     builder: Builder,
+    /// What negative indices count back from.
+    counts: Counts,
+    /// The builder had all vertices before the first statement.
+    knows_all: bool,
+    /// A face refers to a vertex that comes later; faces are skipped from there on.
+    looks_ahead: bool,
     /// The corners of the current face.
     face: Vec<Corner>,
     material: MaterialName,
@@ -58,16 +74,29 @@ struct Parser {
 }
 
 impl Parser {
+    /// A parser for a file whose vertices have been read.
+    fn knowing(attributes: Attributes) -> Parser {
+        let mut parser = Parser { knows_all: true, ..Parser::default() };
+        parser.builder.attributes = attributes;
+        parser
+    }
+
+    /// Reads all statements.
+    fn read(&mut self, file: impl Read) -> std::io::Result<()> {
+        let mut lines = Lines::new(file);
+        while let Some((line, text)) = lines.next()? {
+            self.statement(line, text);
+        }
+        Ok(())
+    }
+
     fn statement(&mut self, line: usize, text: &[u8]) {
         let mut words = Words(text);
         let Some(keyword) = words.next() else { return };
         match keyword {
             b"v" => self.position(line, words),
             b"f" | b"fo" => self.face(line, words),
-            b"vn" => match numbers(words) {
-                Some(n) => self.builder.attributes.normals.push(n),
-                None => self.problem(line, "'vn' needs three numbers"),
-            },
+            b"vn" => self.normal(line, words),
             b"vt" => self.uv(line, words),
             b"usemtl" => self.use_material(line, words.rest()),
             b"s" => self.smoothing(words.rest()),
@@ -125,6 +154,10 @@ impl Parser {
         if count < 3 || attributes.positions.len() as u32 >= NONE - 1 {
             return self.problem(line, "'v' needs three numbers");
         }
+        self.counts.positions += 1;
+        if self.knows_all {
+            return;
+        }
         let [x, y, z, r, g, b] = values;
         attributes.positions.push([x, y, z]);
         if count == 6 {
@@ -138,14 +171,31 @@ impl Parser {
             return self.problem(line, "'vt' needs a number");
         };
         let v = words.next().and_then(float).unwrap_or(0.0);
-        self.builder.attributes.uvs.push([u, v]);
+        self.counts.uvs += 1;
+        if !self.knows_all {
+            self.builder.attributes.uvs.push([u, v]);
+        }
+    }
+
+    fn normal(&mut self, line: usize, words: Words) {
+        let Some(normal) = numbers(words) else {
+            return self.problem(line, "'vn' needs three numbers");
+        };
+        self.counts.normals += 1;
+        if !self.knows_all {
+            self.builder.attributes.normals.push(normal);
+        }
     }
 
     fn face(&mut self, line: usize, words: Words) {
         self.face.clear();
         for word in words {
+            if self.looks_ahead {
+                return;
+            }
             match self.corner(line, word) {
                 Ok(corner) => self.face.push(corner),
+                Err(_) if self.looks_ahead => return,
                 Err(message) => return self.problem(line, message),
             }
         }
@@ -172,24 +222,36 @@ impl Parser {
             }
         };
         let (position, uv, normal) = (index()?, index()?, index()?);
-        let counts = &self.builder.attributes;
-        let (positions, uvs, normals) = (counts.positions.len(), counts.uvs.len(), counts.normals.len());
+        let all = &self.builder.attributes;
+        let (positions, uvs, normals) = (all.positions.len(), all.uvs.len(), all.normals.len());
         let wanted = position.ok_or_else(broken)?;
-        let position = resolve(wanted, positions)
-            .ok_or_else(|| format!("refers to vertex {wanted}, but {positions} stand before it"))?;
-        let mut optional = |index: Option<i64>, count: usize, what: &str| match index {
+        let counts = self.counts;
+        let position = self
+            .resolve(wanted, counts.positions, positions)
+            .ok_or_else(|| format!("refers to vertex {wanted}, but there are {positions}"))?;
+        let mut optional = |index: Option<i64>, before: usize, all: usize, what: &str| match index {
             None => NONE,
-            Some(i) => resolve(i, count).unwrap_or_else(|| {
+            Some(i) => self.resolve(i, before, all).unwrap_or_else(|| {
                 self.ignore(line, what);
                 NONE
             }),
         };
-        let uv = optional(uv, uvs, "references to texture coordinates that don't exist");
-        let normal = match optional(normal, normals, "references to normals that don't exist") {
+        let uv = optional(uv, counts.uvs, uvs, "references to texture coordinates that don't exist");
+        let normal = match optional(normal, counts.normals, normals, "references to normals that don't exist")
+        {
             NONE => self.group.map_or(NormalSource::FLAT, NormalSource::smooth),
             i => NormalSource::given(i),
         };
         Ok(Corner { position, uv, normal })
+    }
+
+    /// The place of an index in a list of `all` entries of which `before` stand before this line; 1 is the first, -1
+    /// the last before the line. Beyond the list there may be more to come.
+    #[inline]
+    fn resolve(&mut self, index: i64, before: usize, all: usize) -> Option<u32> {
+        let place = if index < 0 { before as i64 + index } else { index - 1 };
+        self.looks_ahead |= place >= all as i64 && !self.knows_all;
+        (0..all as i64).contains(&place).then_some(place as u32)
     }
 
     fn use_material(&mut self, line: usize, name: &[u8]) {
@@ -248,29 +310,4 @@ impl Parser {
 fn numbers(words: Words) -> Option<[f32; 3]> {
     let mut values = words.map(float);
     Some([values.next()??, values.next()??, values.next()??])
-}
-
-/// A whole number of at most 18 digits.
-#[inline]
-fn integer(word: &[u8]) -> Option<i64> {
-    let (negative, digits) = match word {
-        [b'-', rest @ ..] => (true, rest),
-        [b'+', rest @ ..] => (false, rest),
-        _ => (false, word),
-    };
-    if digits.is_empty() || digits.len() > 18 {
-        return None;
-    }
-    let mut value = 0;
-    for b in digits {
-        value = value * 10 + i64::from(b.is_ascii_digit().then(|| b - b'0')?);
-    }
-    Some(if negative { -value } else { value })
-}
-
-/// The place of an index among `count` statements; 1 is the first, -1 the last.
-#[inline]
-fn resolve(index: i64, count: usize) -> Option<u32> {
-    let place = if index < 0 { count as i64 + index } else { index - 1 };
-    (0..count as i64).contains(&place).then_some(place as u32)
 }

@@ -3,6 +3,7 @@
 use super::elements::{Record, Slot};
 use super::header::{cut, split_line};
 use crate::error::Problem;
+use crate::load::digits::integer;
 use ply_rs::ply::{ElementDef, Property, PropertyType, ScalarType};
 
 /// The lines of an ascii payload.
@@ -136,21 +137,4 @@ fn scalar(kind: &ScalarType, word: &[u8]) -> Option<Property> {
 /// A whole number, also when it is written as `3.0`.
 fn whole(text: &str) -> Option<f64> {
     text.parse::<f64>().ok().filter(|v| v.is_finite())
-}
-
-/// A whole number of at most 18 digits.
-#[inline]
-fn integer(word: &[u8]) -> Option<i64> {
-    let (negative, digits) = match word {
-        [b'-', rest @ ..] => (true, rest),
-        _ => (false, word),
-    };
-    if digits.is_empty() || digits.len() > 18 {
-        return None;
-    }
-    let mut value = 0;
-    for b in digits {
-        value = value * 10 + i64::from(b.is_ascii_digit().then(|| b - b'0')?);
-    }
-    Some(if negative { -value } else { value })
 }

@@ -105,6 +105,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 /// Moves a file's meshes, materials, textures and images into the scene.
 fn absorb(build: &mut Build, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
+    build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
     let Scene { meshes, instances, materials, textures, images, cameras, .. } = loaded.scene;
     let scene = &mut build.loaded.scene;

@@ -6,7 +6,7 @@
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5; inside over outside, so 0.667 is a bubble of air in glass), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
+//! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | see [`super::pbr`] |
 //!

@@ -98,7 +98,11 @@ fn read_object<'a>(
         None if materials.contains("default") => materials.get(build, textures, "default", fields.span()),
         None => {
             let message = format!("{} needs 'material'", object.name);
-            fields.problems.push_help(fields.span(), message, "or a table [materials.default]");
+            fields.problems.push_help(
+                fields.span(),
+                message,
+                "name one, or write a table [materials.default] for all objects without",
+            );
             None
         }
     };

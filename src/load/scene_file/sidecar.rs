@@ -23,7 +23,7 @@ pub fn path_for(model: &Path) -> PathBuf {
     model.with_extension("oscura.toml")
 }
 
-/// Adds what the file at `path` says to a model that has been loaded, with a warning that says so.
+/// Adds what the file at `path` says to a model that has been loaded, with a note that says so.
 ///
 /// # Errors
 /// All problems of that file.
@@ -32,7 +32,7 @@ pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Lo
     let problems = Problems::new(&text);
     let message = add(path, &text, options, &problems, loaded);
     problems.into_result(path, &text)?;
-    loaded.warnings.push(Warning::new(path, "", message));
+    loaded.notes.push(Warning::new(path, "", message));
     Ok(())
 }
 

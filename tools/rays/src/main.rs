@@ -5,6 +5,7 @@ mod make;
 mod table;
 mod world;
 
+use cpu_time::ProcessTime;
 use files::Result;
 use oscura::accel::{Accel, BuildOptions};
 use oscura::math::{Hit, Ray};
@@ -12,7 +13,7 @@ use oscura::simd::{Level, best_level};
 use rayon::prelude::*;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 use world::World;
 
 const USAGE: &str =
@@ -167,14 +168,34 @@ fn speeds(accel: &Accel, options: &Options, rays: &[Ray]) -> Result<(Vec<f64>, V
     let mut hits = vec![Hit::MISS; rays.len()];
     let mut speeds = Vec::new();
     for repetition in 0..=options.reps {
-        let begin = Instant::now();
+        let begin = Clock::start(options.threads);
         pool.install(|| trace(accel, options, rays, &mut hits));
+        let seconds = begin.elapsed().as_secs_f64();
         if repetition > 0 {
-            speeds.push(rays.len() as f64 / begin.elapsed().as_secs_f64() / 1e6);
+            speeds.push(rays.len() as f64 / seconds / 1e6);
         }
     }
     speeds.sort_by(f64::total_cmp);
     Ok((speeds, hits))
+}
+
+/// Processor time where one thread works, so that other work on the machine does not count; else time on the wall.
+enum Clock {
+    Processor(ProcessTime),
+    Wall(Instant),
+}
+
+impl Clock {
+    fn start(threads: usize) -> Clock {
+        if threads == 1 { Clock::Processor(ProcessTime::now()) } else { Clock::Wall(Instant::now()) }
+    }
+
+    fn elapsed(&self) -> Duration {
+        match self {
+            Clock::Processor(begin) => begin.elapsed(),
+            Clock::Wall(begin) => begin.elapsed(),
+        }
+    }
 }
 
 /// One pass over all rays. An occluded ray counts as a hit at 0.

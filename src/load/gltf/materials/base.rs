@@ -128,13 +128,13 @@ impl Builder<'_, '_> {
     /// Decides whether a transparent material is solid or a thin wall.
     fn glass(&mut self, model: &mut PbrMaterial) {
         match self.doc.options.glass {
-            Glass::Solid => model.has_volume = true,
+            Glass::Solid => make_solid(model),
             Glass::Thin => model.has_volume = false,
             Glass::Auto if !model.has_volume && self.doc.is_from_blender() => {
                 let message =
                     "is transparent without a volume, as Blender exports glass; taken as solid (--glass)";
-                self.report.warn(&*self.at, message);
-                model.has_volume = true;
+                self.report.note(&*self.at, message);
+                make_solid(model);
             }
             Glass::Auto => {}
         }
@@ -155,4 +155,11 @@ impl Builder<'_, '_> {
     fn ior(&mut self, ior: f32) -> f32 {
         if ior == 0.0 { 0.0 } else { self.clamped(ior, 1.0, f32::MAX, "/extensions/KHR_materials_ior/ior") }
     }
+}
+
+/// Gives a body to glass that has none in the file. Its exporters mean a solid whose colour shows once in light that has
+/// passed all of it.
+fn make_solid(model: &mut PbrMaterial) {
+    model.tints_once |= !model.has_volume;
+    model.has_volume = true;
 }

@@ -2,7 +2,8 @@
 
 use super::Needs;
 use crate::image::Encoding;
-use crate::load::gltf::document::{Document, Report, number_of, numbers_of};
+use crate::load::gltf::document::{Document, number_of, numbers_of};
+use crate::load::gltf::report::Report;
 use crate::load::gltf::textures::{Gloss, Reference, Textures};
 use crate::scene::{ColorSlot, FloatSlot, NormalMap, TextureId};
 use gltf::json::extensions::texture::TextureTransform;
@@ -45,24 +46,30 @@ impl<'b> Builder<'b, '_> {
         Some((extension, format!("/extensions/{name}")))
     }
 
-    fn texture(&mut self, reference: &Reference, encoding: Encoding) -> Option<TextureId> {
-        let id = self.textures.get(self.doc, reference, encoding, self.report)?;
-        if let Some(used) = self.needs.uv_sets.get_mut(reference.effective_uv_set() as usize) {
-            *used = true;
-        }
+    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Option<TextureId> {
+        let (mut slots, set) = (self.needs.uv_slots, reference.effective_uv_set());
+        let Some(slot) = slots.take(set) else {
+            let message =
+                format!("uses the texture coordinates {set}, the third set of its material; left out");
+            self.report.warn(reference.at.clone(), message);
+            return None;
+        };
+        let reference = Reference { slot, ..reference };
+        let id = self.textures.get(self.doc, &reference, encoding, self.report)?;
+        self.needs.uv_slots = slots;
         Some(id)
     }
 
     /// A colour slot; places are relative to the material.
     pub fn color(&mut self, factor: [f32; 3], info: Option<&Info>, place: &str) -> ColorSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
-        ColorSlot { factor, texture: reference.and_then(|r| self.texture(&r, Encoding::Srgb)) }
+        ColorSlot { factor, texture: reference.and_then(|r| self.texture(r, Encoding::Srgb)) }
     }
 
     /// A slot of a number that stands in a channel of a texture.
     pub fn float(&mut self, factor: f32, info: Option<&Info>, channel: u8, place: &str) -> FloatSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
-        let texture = reference.and_then(|r| self.texture(&r, Encoding::Linear));
+        let texture = reference.and_then(|r| self.texture(r, Encoding::Linear));
         FloatSlot { factor, texture: texture.map(|id| (id, channel)) }
     }
 
@@ -70,7 +77,7 @@ impl<'b> Builder<'b, '_> {
     pub fn roughness_of_gloss(&mut self, factor: f32, info: &Info, place: &str) -> FloatSlot {
         let at = format!("{}{place}", self.at);
         let reference = Reference { gloss: Some(Gloss::new(factor)), ..Reference::new(info, at) };
-        match self.texture(&reference, Encoding::Linear) {
+        match self.texture(reference, Encoding::Linear) {
             Some(id) => FloatSlot { factor: 1.0, texture: Some((id, 0)) },
             None => FloatSlot::constant(1.0 - factor),
         }
@@ -128,7 +135,7 @@ impl<'b> Builder<'b, '_> {
     pub fn data_texture(&mut self, from: (&Value, &str), key: &str) -> Option<TextureId> {
         let info = self.info(from, key)?;
         let reference = Reference::new(&info, format!("{}{}/{key}", self.at, from.1));
-        self.texture(&reference, Encoding::Linear)
+        self.texture(reference, Encoding::Linear)
     }
 
     /// The normal map at a place in the material.
@@ -154,7 +161,7 @@ impl<'b> Builder<'b, '_> {
                 }
             };
         let reference = Reference { transform, ..Reference::new(&info, at.clone()) };
-        let texture = self.texture(&reference, Encoding::Linear)?;
+        let texture = self.texture(reference, Encoding::Linear)?;
         let scale = number_of(raw, "scale", &at, self.report).map_or(1.0, |s| s as f32);
         let scale = self.clamped(scale, -MOST_NORMAL_SCALE, MOST_NORMAL_SCALE, &format!("{place}/scale"));
         Some(NormalMap { texture, scale })

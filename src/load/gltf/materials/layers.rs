@@ -61,7 +61,7 @@ impl Builder<'_, '_> {
         let rotation_rad = self.number(from, "anisotropyRotation", 0.0, [f32::MIN, f32::MAX]);
         let texture = self.data_texture(from, "anisotropyTexture");
         // The direction is that of the tangents, which come from the first set of texture coordinates.
-        self.needs.uv_sets[0] = true;
+        self.needs.uv_slots.take(0);
         Some(Anisotropy { strength, rotation_rad, texture })
     }
 

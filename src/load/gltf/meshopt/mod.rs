@@ -7,7 +7,8 @@ mod attributes;
 mod filters;
 mod indices;
 
-use super::document::{Report, index_of};
+use super::document::index_of;
+use super::report::Report;
 use crate::error::Problem;
 use serde_json::Value;
 

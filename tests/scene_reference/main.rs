@@ -1,6 +1,8 @@
 //! The reference of scene files against the parser: each key that the parser knows is explained, and each key that the
 //! tables explain is known.
 
+mod keys;
+
 use oscura::load::load;
 use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
 use std::collections::BTreeSet;

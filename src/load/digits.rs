@@ -1,0 +1,40 @@
+//! Whole numbers in text files.
+
+/// A whole number of at most 18 digits, with or without a sign.
+#[inline]
+pub(super) fn integer(word: &[u8]) -> Option<i64> {
+    let (negative, digits) = match word {
+        [b'-', rest @ ..] => (true, rest),
+        [b'+', rest @ ..] => (false, rest),
+        _ => (false, word),
+    };
+    if digits.is_empty() || digits.len() > 18 {
+        return None;
+    }
+    let mut value = 0;
+    for b in digits {
+        value = value * 10 + i64::from(b.is_ascii_digit().then(|| b - b'0')?);
+    }
+    Some(if negative { -value } else { value })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::integer;
+
+    #[test]
+    fn signs_and_lengths() {
+        for (text, expected) in [
+            ("0", Some(0)),
+            ("+12", Some(12)),
+            ("-999999999999999999", Some(-999_999_999_999_999_999)),
+            ("1000000000000000000", None),
+            ("", None),
+            ("-", None),
+            ("1.0", None),
+            ("--1", None),
+        ] {
+            assert_eq!(integer(text.as_bytes()), expected, "{text}");
+        }
+    }
+}

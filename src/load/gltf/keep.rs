@@ -1,0 +1,40 @@
+//! What is read once for all moments of a file: materials, images, and the meshes that nothing deforms.
+
+use super::materials::Materials;
+use super::meshes::Skipped;
+use crate::image::Image;
+use crate::scene::{Mesh, MeshId, Scene};
+use std::collections::HashMap;
+
+/// Everything that outlives a moment. Lists only grow, so that ids stay what they are.
+#[derive(Default)]
+pub(super) struct Kept {
+    /// The materials and textures met so far.
+    pub materials: Materials,
+    /// The images that they need, in the order of the needs.
+    pub images: Vec<Image>,
+    /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
+    pub still: HashMap<usize, Vec<Mesh>>,
+    /// What the meshes left out.
+    pub skipped: Skipped,
+}
+
+/// Where a scene has what became of a mesh of the file that nothing deforms.
+pub(super) struct StillMesh {
+    /// The mesh of the file.
+    pub mesh: usize,
+    /// The scene's meshes, in a row.
+    pub meshes: Vec<MeshId>,
+}
+
+impl Kept {
+    /// Takes meshes back from a scene that is not needed any more. Where it lacks any of them, they are read again.
+    pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StillMesh>) {
+        for StillMesh { mesh, meshes } in still {
+            let taken = meshes.iter().map(|id| scene.meshes.get_mut(id.index()).map(std::mem::take));
+            if let Some(taken) = taken.collect() {
+                self.still.insert(mesh, taken);
+            }
+        }
+    }
+}

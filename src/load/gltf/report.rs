@@ -1,0 +1,141 @@
+//! What is said about a glTF file while it is read.
+
+use crate::error::{Problem, Warning};
+use std::collections::{HashMap, HashSet};
+use std::path::{Path, PathBuf};
+
+/// Most problems that are listed, and most warnings with the same words.
+const LISTED: usize = 32;
+const ALIKE: usize = 8;
+
+/// How much something matters.
+#[derive(Clone, Copy, PartialEq, Eq, Hash)]
+enum Kind {
+    /// Something was ignored, approximated or repaired.
+    Warning,
+    /// Something was understood in one of several ways that are all right.
+    Note,
+}
+
+/// One warning or note.
+struct Entry {
+    kind: Kind,
+    /// It is about something that is read once and kept for all moments.
+    is_lasting: bool,
+    said: Warning,
+}
+
+/// What went wrong and what was repaired, in the order in which it was found; the same is noted once.
+pub(in crate::load::gltf) struct Report {
+    file: PathBuf,
+    problems: Vec<Problem>,
+    unlisted: usize,
+    entries: Vec<Entry>,
+    seen: HashSet<(String, String)>,
+    /// What is said now is about something that is kept.
+    is_lasting: bool,
+}
+
+impl Report {
+    /// Nothing yet about a file.
+    pub fn new(file: &Path) -> Report {
+        Report {
+            file: file.to_path_buf(),
+            problems: Vec::new(),
+            unlisted: 0,
+            entries: Vec::new(),
+            seen: HashSet::new(),
+            is_lasting: false,
+        }
+    }
+
+    /// Starts with another moment of the file: of what was said, only that about things that are kept holds on.
+    pub fn begin_moment(&mut self) {
+        self.entries.retain(|e| e.is_lasting);
+        self.seen = self.entries.iter().map(|e| (e.said.place.clone(), e.said.message.clone())).collect();
+    }
+
+    /// Does something whose result is kept: what is said about it holds at all later moments.
+    pub fn lasting<T>(&mut self, work: impl FnOnce(&mut Report) -> T) -> T {
+        let before = std::mem::replace(&mut self.is_lasting, true);
+        let result = work(self);
+        self.is_lasting = before;
+        result
+    }
+
+    /// Notes a problem.
+    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+        self.add(Problem::new(pointer, message));
+    }
+
+    /// Notes a problem with its remedy.
+    pub fn add(&mut self, problem: Problem) {
+        if !self.seen.insert((problem.place.clone(), problem.message.clone())) {
+            return;
+        }
+        if self.problems.len() < LISTED {
+            self.problems.push(problem);
+        } else {
+            self.unlisted += 1;
+        }
+    }
+
+    /// Notes a warning.
+    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+        self.say(Kind::Warning, pointer.into(), message.into());
+    }
+
+    /// Notes how something was understood that has more than one sound meaning.
+    pub fn note(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+        self.say(Kind::Note, pointer.into(), message.into());
+    }
+
+    fn say(&mut self, kind: Kind, pointer: String, message: String) {
+        if self.seen.insert((pointer.clone(), message.clone())) {
+            let said = Warning::new(&self.file, pointer, message);
+            self.entries.push(Entry { kind, is_lasting: self.is_lasting, said });
+        }
+    }
+
+    /// Adds warnings from elsewhere.
+    pub fn extend(&mut self, warnings: &[Warning]) {
+        let is_lasting = self.is_lasting;
+        let entry = |said: &Warning| Entry { kind: Kind::Warning, is_lasting, said: said.clone() };
+        self.entries.extend(warnings.iter().map(entry));
+    }
+
+    /// All problems, with a last line for those beyond the list.
+    pub fn take_problems(&mut self) -> Vec<Problem> {
+        let mut problems = std::mem::take(&mut self.problems);
+        if self.unlisted > 0 {
+            problems.push(Problem::new("", format!("and {} more problems", self.unlisted)));
+        }
+        problems
+    }
+
+    /// All warnings, with a line for each kind of which there are many.
+    pub fn warnings(&self) -> Vec<Warning> {
+        self.list(Kind::Warning)
+    }
+
+    /// All notes, likewise.
+    pub fn notes(&self) -> Vec<Warning> {
+        self.list(Kind::Note)
+    }
+
+    fn list(&self, kind: Kind) -> Vec<Warning> {
+        let (mut list, mut alike) = (Vec::new(), HashMap::<&str, usize>::new());
+        for entry in self.entries.iter().filter(|e| e.kind == kind) {
+            let count = alike.entry(&entry.said.message).or_default();
+            *count += 1;
+            if *count <= ALIKE {
+                list.push(entry.said.clone());
+            }
+        }
+        let mut many: Vec<(&str, usize)> = alike.into_iter().filter(|(_, n)| *n > ALIKE).collect();
+        many.sort();
+        let rest = |(message, n)| format!("{} more places: {message}", n - ALIKE);
+        list.extend(many.into_iter().map(|m| Warning::new(&self.file, "", rest(m))));
+        list
+    }
+}

@@ -1,0 +1,171 @@
+//! Exit codes and messages of what can't be done; nothing is left behind.
+
+use crate::program::*;
+use std::fs;
+
+#[test]
+fn usage_errors_exit_with_2_before_any_work() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.gltf"), "not read at all").unwrap();
+    for args in [
+        &["render", "a.gltf"][..],
+        &["render", "a.gltf", "-o", "a.jpg"],
+        &["render", "a.gltf", "-o", "a.exr", "-o", "a.exr"],
+        &["render", "a.gltf", "-o", "a.exr", "--spp", "0"],
+        &["render", "a.gltf", "-o", "a.exr", "--width", "0"],
+        &["render", "a.gltf", "-o", "a.exr", "--time-limit", "-1"],
+        &["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"],
+        &["render", "a.gltf", "-o", "a.exr", "--aov", "depth,colour"],
+        &["render", "a.gltf", "-o", "a.exr", "--no-such-option"],
+        &["render", "a.gltf", "-o", "a.png", "-o", "./a.png"],
+        &["render", "a.gltf", "-o", "a.exr", "--width", "60000", "--height", "60000"],
+        &["render", "a.gltf", "-o", "a.exr", "--exposure", "101"],
+        &["render", "a.gltf", "-o", "a.exr", "--exposure", "NaN"],
+        &["render", "a.gltf", "-o", "a.exr", "--env-strength", "-1"],
+        &["render", "a.gltf", "-o", "a.exr", "--env-rotation", "inf"],
+        &["compare", "a.exr", "b.exr", "--other-seed", "c.exr"],
+        &["paint"],
+    ] {
+        let output = oscura(folder.path(), args);
+        assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
+        assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{args:?}");
+    }
+    assert_eq!(names(folder.path()), ["a.gltf"]);
+}
+
+/// The Cornell box with a text replaced.
+fn cornell_with(from: &str, to: &str) -> Vec<u8> {
+    let text = fs::read_to_string(cornell()).expect("the asset");
+    assert!(text.contains(from), "{from}");
+    text.replacen(from, to, 1).into_bytes()
+}
+
+/// The Cornell box as a `.glb` that claims more bytes than follow.
+fn truncated_glb() -> Vec<u8> {
+    let json = fs::read(cornell()).expect("the asset");
+    let mut bytes = b"glTF\x02\0\0\0".to_vec();
+    bytes.extend((20 + json.len() as u32).to_le_bytes());
+    bytes.extend((json.len() as u32).to_le_bytes());
+    bytes.extend(b"JSON");
+    bytes.extend(&json[..json.len() / 2]);
+    bytes
+}
+
+/// Names of broken inputs, their content, and words that the error must have besides the name.
+fn broken_inputs() -> Vec<(&'static str, Vec<u8>, &'static [&'static str])> {
+    let half = fs::read(cornell()).map(|b| b[..b.len() / 2].to_vec()).expect("the asset");
+    let ply = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+               element face 1\nproperty list uchar int vertex_indices\nend_header\n";
+    vec![
+        ("text.gltf", b"this is no glTF".to_vec(), &["JSON"]),
+        ("empty.gltf", Vec::new(), &[]),
+        ("truncated.gltf", half, &["line"]),
+        ("truncated.glb", truncated_glb(), &[]),
+        ("broken.glb", b"glTF\x02\0\0\0\xff\xff\xff\xff".to_vec(), &[]),
+        ("accessor.gltf", cornell_with("\"count\": 12", "\"count\": 99999"), &["/accessors/0", "99999"]),
+        ("type.gltf", cornell_with("\"VEC3\"", "\"VEC2\""), &["/accessors/0", "VEC2"]),
+        ("header.ply", b"ply\nformat ascii 1.0\nelement vertex 9\n".to_vec(), &[]),
+        ("short.ply", format!("{ply}0 0 0\n1 0 0\n").into_bytes(), &[]),
+        ("index.ply", format!("{ply}0 0 0\n1 0 0\n0 1 0\n3 0 1 7\n").into_bytes(), &["7"]),
+        ("index.obj", b"v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n".to_vec(), &[]),
+        ("words.obj", b"v 0 zero 0\nf 1 1 1\n".to_vec(), &["1"]),
+        (
+            "key.toml",
+            b"no_such_key = 1\n[camera]\nlook_form = [0, 0, 1]\n".to_vec(),
+            &["no_such_key", "look_form"],
+        ),
+        ("syntax.toml", b"[camera\n".to_vec(), &["1"]),
+        ("scene.xyz", b"?".to_vec(), &[".gltf"]),
+        ("folder.glb", Vec::new(), &[]),
+    ]
+}
+
+#[test]
+fn broken_inputs_exit_with_3_and_leave_no_file() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut inputs = broken_inputs();
+    for (name, content, _) in &inputs {
+        match *name {
+            "folder.glb" => fs::create_dir(folder.path().join(name)).unwrap(),
+            _ => fs::write(folder.path().join(name), content).unwrap(),
+        }
+    }
+    let before = names(folder.path());
+    inputs.push(("missing.gltf", Vec::new(), &[]));
+    for (name, _, words) in &inputs {
+        let output = oscura(folder.path(), &["render", name, "-o", "out.exr", "-o", "out.png"]);
+        let text = stderr(&output);
+        println!("{text}");
+        assert_eq!(code(&output), 3, "{name}: {text}");
+        for word in std::iter::once(name).chain(*words) {
+            assert!(text.contains(word), "{name}: '{word}' isn't in: {text}");
+        }
+        assert_eq!(text.matches("error:").count(), 1, "{text}");
+        assert!(!text.contains("panicked") && !text.contains("warning:"), "{text}");
+        assert_eq!(names(folder.path()), before, "{name} left a file");
+    }
+}
+
+#[test]
+fn files_outside_the_folder_need_permission() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("scene")).unwrap();
+    let asset: serde_json::Value = serde_json::json!({
+        "asset": {"version": "2.0"},
+        "scenes": [{"nodes": [0]}],
+        "scene": 0,
+        "nodes": [{"mesh": 0}],
+        "meshes": [{"primitives": [{"attributes": {"POSITION": 0}}]}],
+        "accessors": [{"bufferView": 0, "componentType": 5126, "type": "VEC3", "count": 3}],
+        "bufferViews": [{"buffer": 0, "byteLength": 36}],
+        "buffers": [{"byteLength": 36, "uri": "../a.bin"}]
+    });
+    fs::write(folder.path().join("scene/s.gltf"), asset.to_string()).unwrap();
+    let corners = [0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0];
+    fs::write(folder.path().join("a.bin"), corners.map(f32::to_le_bytes).concat()).unwrap();
+    for command in
+        [&["inspect", "scene/s.gltf"][..], &["render", "scene/s.gltf", "-o", "a.png", "--width", "8"]]
+    {
+        let refused = oscura(folder.path(), command);
+        assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+        assert!(stderr(&refused).contains("--allow-external"), "{}", stderr(&refused));
+        let allowed = oscura(folder.path(), &[command, &["--allow-external"]].concat());
+        assert_eq!(code(&allowed), 0, "{}", stderr(&allowed));
+    }
+}
+
+#[test]
+fn targets_that_cannot_be_written_exit_with_4_before_the_scene_is_read() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("folder.png")).unwrap();
+    for target in ["no/such/folder/a.exr", "folder.png"] {
+        let output = oscura(folder.path(), &["render", "missing.gltf", "-o", target]);
+        assert_eq!(code(&output), 4, "{}", stderr(&output));
+        assert!(stderr(&output).contains(target), "{}", stderr(&output));
+    }
+    assert_eq!(names(folder.path()), ["folder.png"]);
+}
+
+#[test]
+fn errors_are_json_too() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = oscura(folder.path(), &["render", "missing.gltf", "-o", "a.exr", "--json"]);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!(value["error"]["exit_code"], 3);
+    assert_eq!(value["error"]["file"], "missing.gltf");
+}
+
+#[test]
+fn long_lines_are_cut_in_errors() {
+    let folder = tempfile::tempdir().unwrap();
+    let long = format!("no_such_key = [{}]\n", "0, ".repeat(100_000));
+    fs::write(folder.path().join("a.toml"), long).unwrap();
+    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
+    assert_eq!(code(&output), 3);
+    let text = stderr(&output);
+    assert!(
+        text.contains("no_such_key") && text.contains("a.toml:1:") && text.len() < 2000,
+        "{} bytes",
+        text.len()
+    );
+}

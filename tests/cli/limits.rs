@@ -1,0 +1,43 @@
+//! Time limits.
+
+use crate::program::*;
+
+#[test]
+fn a_time_limit_holds_for_large_pictures_and_endless_paths() {
+    let folder = tempfile::tempdir().unwrap();
+    endless_scene(folder.path());
+    let cornell = cornell();
+    // One sample of each pixel of the first would take seconds, one path of the second for ever.
+    for (scene, more) in [
+        (cornell.as_str(), &["--width", "4000", "--height", "4000"][..]),
+        ("endless.toml", &["--depth", "4294967295", "--width", "64"]),
+    ] {
+        let fixed = ["render", scene, "-o", "a.exr", "--time-limit", "0.3", "--threads", "1", "--json"];
+        let output = oscura(folder.path(), &[&fixed, more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let value = report(&output);
+        assert_eq!((&value["timed_out"], &value["interrupted"]), (&true.into(), &false.into()), "{value}");
+        // A tile or 64 bounces of one are what it may take longer; the rest is for a busy machine.
+        let render_s = value["render_s"].as_f64().expect("a number");
+        assert!(render_s < 3.0, "{scene}: {render_s} s");
+        assert!(stderr(&output).contains("pixels have no sample"), "{}", stderr(&output));
+        let path = folder.path().join("a.exr");
+        assert_eq!(attribute(&path, "stoppedBy"), text("time limit"));
+        let samples = value["samples_per_pixel"].as_f64().expect("a number");
+        let written = match attribute(&path, "samples") {
+            Some(exr::prelude::AttributeValue::F32(v)) => f64::from(v),
+            Some(exr::prelude::AttributeValue::I32(v)) => f64::from(v),
+            other => panic!("{other:?}"),
+        };
+        assert!(samples < 1.0 && (written - samples).abs() < 1e-6, "{written} {samples}");
+    }
+}
+
+#[test]
+fn a_generous_time_limit_changes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--time-limit", "1000", "--json"]);
+    let value = report(&output);
+    assert_eq!((&value["timed_out"], &value["samples_per_pixel"]), (&false.into(), &4.into()), "{value}");
+    assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), None);
+}

@@ -1,0 +1,240 @@
+//! Options of `render` that change the picture or what is said about it.
+
+use crate::program::*;
+use std::fs;
+
+#[test]
+fn an_environment_of_the_caller_replaces_the_default_sky() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("env.exr"), 16, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
+    let shoot = |more: &[&str]| {
+        let output = oscura(
+            folder.path(),
+            &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
+        );
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(shoot(&[]).contains("default sky"));
+    assert!(!shoot(&["--env", "env.exr"]).contains("default sky"));
+    assert!(!shoot(&["--env", ""]).contains("default sky"));
+    let missing = oscura(folder.path(), &["render", "a.obj", "-o", "b.exr", "--env", "none.exr"]);
+    assert_eq!(code(&missing), 3);
+    assert!(stderr(&missing).contains("none.exr"), "{}", stderr(&missing));
+}
+
+#[test]
+fn env_rotation_turns_the_surroundings() {
+    let folder = tempfile::tempdir().unwrap();
+    // One bright column in 8: the camera looks at it or not.
+    exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, |x, _| {
+        if x == 0 { (1.0f32, 1.0f32, 1.0f32) } else { (0.0, 0.0, 0.0) }
+    })
+    .unwrap();
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 0]
+        look_at = [0, 0, -1]
+        vfov = 5
+        [materials]
+        black = { type = "lambert", color = [0, 0, 0] }
+        [[objects]]
+        sphere = { center = [0, 0, 9], radius = 1 }
+        material = "black"
+    "#;
+    fs::write(folder.path().join("a.toml"), scene).unwrap();
+    let brightness = |degrees: u32| {
+        let degrees = degrees.to_string();
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--width", "4", "--height", "4", "--spp", "4"];
+        let more = ["--env", "env.exr", "--env-rotation", &degrees];
+        let output = oscura(folder.path(), &[&fixed[..], &more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        pixels(&folder.path().join("a.exr")).iter().map(|p| p[0]).sum::<f32>() / 16.0
+    };
+    let around: Vec<f32> = (0..8).map(|i| brightness(45 * i + 22)).collect();
+    let brightest = around.iter().copied().fold(0.0, f32::max);
+    // Texels are interpolated: the column is seen from one or two directions of eight, and not from the others.
+    let seen = around.iter().filter(|v| **v > 0.25 * brightest).count();
+    assert!(brightest > 0.4 && (1..=3).contains(&seen), "{around:?}");
+    assert!((brightness(22) - brightness(382)).abs() < 1e-3);
+}
+
+#[test]
+fn microfacet_chooses_the_model() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 5]
+        look_at = [0, 0, 0]
+        vfov = 10
+        [environment]
+        background = [1, 1, 1]
+        [materials]
+        rough = { type = "metal", color = [1, 1, 1], roughness = 1 }
+        [[objects]]
+        sphere = { center = [0, 0, 0], radius = 1 }
+        material = "rough"
+    "#;
+    fs::write(folder.path().join("a.toml"), scene).unwrap();
+    let mean = |model: &str| {
+        let output = oscura(
+            folder.path(),
+            &[
+                "render",
+                "a.toml",
+                "-o",
+                "a.exr",
+                "--float",
+                "--width",
+                "16",
+                "--height",
+                "16",
+                "--microfacet",
+                model,
+            ],
+        );
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let pixels = pixels(&folder.path().join("a.exr"));
+        pixels.iter().map(|p| f64::from(p[1])).sum::<f64>() / pixels.len() as f64
+    };
+    // White metal in a white furnace: light that bounces more than once between facets is lost or not.
+    let (multi, single) = (mean("multi"), mean("single"));
+    assert!((multi - 1.0).abs() < 0.05 && single < multi - 0.2, "{multi} {single}");
+}
+
+#[test]
+fn a_render_reports_in_plain_decimals() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--json", "-o", "a.png", "--aov", "depth,normal,albedo"]);
+    assert_eq!(names(folder.path()), ["a.exr", "a.png"]);
+    let text = String::from_utf8(output.stdout).expect("UTF-8");
+    let value: serde_json::Value = serde_json::from_str(&text).expect("one object");
+    for key in ["load_s", "build_s", "render_s", "write_s", "render_cpu_s", "rays", "samples"] {
+        assert!(value[key].as_f64().expect(key) >= 0.0, "{key}: {value}");
+        let number = text.split(&format!("\"{key}\": ")).nth(1).and_then(|t| t.split([',', '}']).next());
+        assert!(number.expect(key).chars().all(|c| c.is_ascii_digit() || c == '.'), "{key}: {text}");
+    }
+    assert_eq!(value["samples"], u64::from(48u32 * value["height"].as_u64().unwrap() as u32 * 4));
+    assert!(value["rays"].as_u64().unwrap() > value["samples"].as_u64().unwrap());
+}
+
+#[test]
+fn reproducible_files_do_not_depend_on_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let bytes = |name: &str| fs::read(folder.path().join(name)).expect("a picture");
+    let shoot = |name: &str, more: &[&str]| {
+        render(folder.path(), name, &[&["--reproducible", "--quiet"], more].concat());
+        bytes(name)
+    };
+    for format in [&[][..], &["--float", "--aov", "depth,normal,albedo"]] {
+        let files =
+            ["1", "2", "7"].map(|t| shoot(&format!("{t}.exr"), &[&["--threads", t], format].concat()));
+        assert!(files[0] == files[1] && files[0] == files[2], "{format:?}");
+        assert!(files[0] != shoot("seed.exr", &[&["--seed", "1"], format].concat()), "{format:?}");
+    }
+    assert!(shoot("half.exr", &[]) != shoot("float.exr", &["--float"]));
+}
+
+#[test]
+fn quiet_is_quiet() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.exr", &["--quiet"]);
+    assert!(output.stdout.is_empty() && output.stderr.is_empty(), "{}", stderr(&output));
+}
+
+#[test]
+fn options_without_effect_are_warned_of() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = render(folder.path(), "a.png", &["--aov", "depth", "--float"]);
+    for option in ["--aov", "--float"] {
+        let warning = format!("warning: {option} has no effect");
+        assert!(stderr(&output).contains(&warning), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn strict_makes_warnings_errors_before_rendering() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let shoot = |more: &[&str]| {
+        oscura(
+            folder.path(),
+            &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
+        )
+    };
+    let refused = shoot(&["--strict"]);
+    assert_eq!(code(&refused), 3, "{}", stderr(&refused));
+    assert!(stderr(&refused).contains("default sky") && stderr(&refused).contains("--strict"));
+    assert_eq!(names(folder.path()), ["a.obj"]);
+    assert_eq!(code(&shoot(&[])), 0);
+    let scene = cornell();
+    let clean =
+        oscura(folder.path(), &["render", &scene, "-o", "b.exr", "--width", "8", "--spp", "1", "--strict"]);
+    assert_eq!(code(&clean), 0, "{}", stderr(&clean));
+}
+
+#[test]
+fn explain_says_what_was_left_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let obj = "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl used\nf 1 2 3\n";
+    fs::write(folder.path().join("a.obj"), obj).unwrap();
+    fs::write(folder.path().join("a.mtl"), "newmtl used\nKd 1 1 1\nnewmtl aside\nKd 1 0 0\n").unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"];
+        let output = oscura(folder.path(), &[&fixed, more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(shoot(&["--explain"]).contains("left out: material 'aside'"));
+    assert!(!shoot(&[]).contains("left out: "));
+}
+
+#[test]
+fn clamped_values_stand_in_the_header() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = r#"
+        [camera]
+        look_from = [0, 0, 0]
+        look_at = [0, 0, 1]
+        [environment]
+        background = [1e6, 1, 1]
+        [materials]
+        black = { type = "lambert", color = [0, 0, 0] }
+        [[objects]]
+        sphere = { center = [0, 0, -9], radius = 1 }
+        material = "black"
+    "#;
+    fs::write(folder.path().join("bright.toml"), scene).unwrap();
+    let output = oscura(
+        folder.path(),
+        &["render", "bright.toml", "-o", "a.exr", "--width", "8", "--height", "8", "--spp", "1"],
+    );
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    match attribute(&folder.path().join("a.exr"), "warnings") {
+        Some(exr::prelude::AttributeValue::Text(t)) => {
+            assert!(t.to_string().contains("64 values above"), "{t}")
+        }
+        other => panic!("{other:?}"),
+    }
+}
+
+/// A file beside the model is found, not complained about.
+#[test]
+fn settings_beside_a_model_are_a_note_and_pass_strict() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let settings =
+        "environment.background = [1, 1, 1]\ncamera = { look_from = [0, 0, 3], look_at = [0, 0, 0] }\n";
+    fs::write(folder.path().join("a.oscura.toml"), settings).unwrap();
+    let args = ["render", "a.obj", "-o", "a.png", "--width", "8", "--spp", "1", "--strict", "--json"];
+    let output = oscura(folder.path(), &args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stderr(&output).contains("note: a.oscura.toml: lies beside the model"), "{}", stderr(&output));
+    let report = report(&output);
+    assert_eq!(report["warnings"].as_array().map(Vec::len), Some(0), "{report}");
+    assert!(report["notes"][0].as_str().is_some_and(|n| n.contains("a.oscura.toml")), "{report}");
+    let shown = stdout(&oscura(folder.path(), &["inspect", "a.obj"]));
+    assert!(shown.contains("  notes      1\n    a.oscura.toml: lies beside"), "{shown}");
+}

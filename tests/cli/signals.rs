@@ -1,0 +1,96 @@
+//! Signals, threads and memory, as Linux shows them.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+/// Starts a render that would go on for ever, and waits until its threads are at work.
+fn endless(folder: &Path, more: &[&str]) -> Child {
+    endless_scene(folder);
+    let fixed = ["render", "endless.toml", "-o", "a.exr", "--depth", "4294967295", "--width", "64"];
+    let child = Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(fixed.iter().chain(more))
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let begin = Instant::now();
+    while cpu_ticks(child.id()) < 10 {
+        assert!(begin.elapsed() < Duration::from_secs(60), "it does nothing");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child
+}
+
+/// Processor time of a process, hundredths of a second.
+fn cpu_ticks(id: u32) -> u64 {
+    let stat = fs::read_to_string(format!("/proc/{id}/stat")).expect("the process runs");
+    let fields: Vec<&str> = stat.rsplit(')').next().unwrap_or_default().split_whitespace().collect();
+    fields[11].parse::<u64>().expect("a number") + fields[12].parse::<u64>().expect("a number")
+}
+
+fn send(child: &Child, signal: &str) {
+    let status = Command::new("kill").args([signal, &child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+}
+
+#[test]
+fn the_first_signal_ends_even_endless_paths_and_writes_what_is_there() {
+    for signal in ["-INT", "-TERM"] {
+        let folder = tempfile::tempdir().unwrap();
+        let child = endless(folder.path(), &["--strict", "--json"]);
+        send(&child, signal);
+        let output = child.wait_with_output().expect("it ends");
+        assert_eq!(output.status.code(), Some(130), "{}", stderr(&output));
+        assert_eq!(report(&output)["interrupted"], true);
+        assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), text("signal"));
+        assert_eq!(names(folder.path()), ["a.exr", "endless.toml"]);
+    }
+}
+
+#[test]
+fn a_second_signal_ends_the_program_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = endless(folder.path(), &[]);
+    // Stopped, it gets both when it goes on.
+    send(&child, "-STOP");
+    send(&child, "-INT");
+    send(&child, "-TERM");
+    send(&child, "-CONT");
+    let status = child.wait().expect("it ends");
+    assert_eq!(status.code(), Some(130));
+    let picture = folder.path().join("a.exr");
+    // Signals of both kinds may also arrive too late for the second to matter; then the picture is whole.
+    assert!(!picture.exists() || attribute(&picture, "stoppedBy") == text("signal"));
+}
+
+#[test]
+fn one_thread_is_all_that_works() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = endless(folder.path(), &["--threads", "1"]);
+    let status = fs::read_to_string(format!("/proc/{}/status", child.id())).expect("it runs");
+    child.kill().expect("it can be ended");
+    child.wait().expect("it ends");
+    let threads = status.lines().find_map(|l| l.strip_prefix("Threads:")).expect("a count");
+    // The main thread, the one that waits for signals, the one that works.
+    assert_eq!(threads.trim(), "3");
+}
+
+#[test]
+fn memory_that_is_not_there_is_an_error() {
+    let folder = tempfile::tempdir().unwrap();
+    let run = |more: &str| {
+        let program = env!("CARGO_BIN_EXE_oscura");
+        let line = format!("ulimit -v 3000000; exec {program} render {} -o a.png {more}", cornell());
+        let output = Command::new("sh").args(["-c", &line]).current_dir(folder.path()).output();
+        let output = output.expect("the shell runs");
+        assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+        stderr(&output)
+    };
+    assert!(run("--width 16384 --height 16384").contains("9.0 GiB"));
+    assert!(run("--threads 1000").contains("threads"));
+    assert!(names(folder.path()).is_empty());
+}

@@ -1,0 +1,378 @@
+//! Every key of scene files does something: the scene with it differs from the scene with another value, and no key that
+//! the parser knows is left out here.
+
+use super::{WRONG, known_keys};
+use oscura::load::load;
+use std::collections::BTreeSet;
+
+/// Keys that may stand together in one table, each with two values, and what is around them.
+struct Table {
+    /// Tables of the same keys share this.
+    about: &'static str,
+    before: &'static str,
+    /// Between two keys.
+    between: &'static str,
+    after: &'static str,
+    keys: &'static [(&'static str, &'static str, &'static str)],
+}
+
+const fn lines(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
+    Table { about, before, between: "\n", after: BALL, keys }
+}
+
+type Key = (&'static str, &'static str, &'static str);
+
+/// An object that uses the material `a`.
+const BALL: &str = "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+/// Shapes with a material.
+const SHAPE: &str = "[materials]\na = { type = \"lambert\" }\nb = { type = \"phong\" }\n[[objects]]\n";
+const PLAIN: &str = "[materials]\na = { type = \"lambert\" }\n";
+const TEXTURED: &str = "[materials]\na = { type = \"lambert\", color = \"t\" }\n[textures.t]\n";
+
+const fn shape(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
+    Table { about, before, between: ", ", after: " }\nmaterial = \"a\"\n", keys }
+}
+
+const fn light(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
+    let after = " }\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+    Table { about, before, between: ", ", after, keys }
+}
+
+/// A table of keys, named after what comes before them.
+macro_rules! before {
+    ($shape:literal) => {
+        concat!("[materials]\na = { type = \"lambert\" }\n[[objects]]\n", $shape, " = { ")
+    };
+    (light $shape:literal) => {
+        concat!("[materials]\na = { type = \"lambert\" }\n[[lights]]\n", $shape, " = { ")
+    };
+    (material $kind:literal) => {
+        concat!("[materials.a]\ntype = \"", $kind, "\"\n")
+    };
+    (texture $kind:literal) => {
+        concat!(
+            "[materials]\na = { type = \"lambert\", color = \"t\" }\n[textures.t]\ntype = \"",
+            $kind,
+            "\"\n"
+        )
+    };
+}
+
+const NOISE: &[Key] = &[
+    ("frequency", "2", "3"),
+    ("octaves", "3", "4"),
+    ("low", "[0, 0, 0.1]", "0.5"),
+    ("high", "[1, 0.5, 0]", "0.7"),
+    ("seed", "1", "2"),
+];
+
+const TABLES: &[Table] = &[
+    lines(
+        "render",
+        "[materials]\na = { type = \"lambert\" }\n[render]\n",
+        &[
+            ("width", "64", "65"),
+            ("height", "64", "65"),
+            ("samples", "3", "4"),
+            ("depth", "0", "7"),
+            ("seed", "5", "6"),
+            ("filter", "\"box\"", "\"gaussian\""),
+            ("microfacet", "\"single\"", "\"multi\""),
+            ("exposure", "-1.5", "2"),
+        ],
+    ),
+    lines(
+        "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\n",
+        &[
+            ("look_from", "[0, 1, 5]", "[0, 1, 6]"),
+            ("look_at", "[0, 0, 0]", "[0, 1, 0]"),
+            ("view_up", "[0, 1, 0]", "[1, 1, 0]"),
+            ("vfov", "30", "31"),
+            ("aspect_ratio", "1.5", "2"),
+            ("width", "64", "65"),
+            ("height", "64", "65"),
+            ("defocus_angle", "1", "2"),
+            ("focus_distance", "3", "4"),
+        ],
+    ),
+    lines(
+        "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
+        &[("f_stop", "2.8", "4"), ("focal_length", "35", "50"), ("focus_at", "[0, 0, 1]", "[0, 0, 2]")],
+    ),
+    lines(
+        "environment",
+        "[materials]\na = { type = \"lambert\" }\n[environment]\n",
+        &[("background", "[1, 2, 3]", "2")],
+    ),
+    lines(
+        "environment",
+        "[materials]\na = { type = \"lambert\" }\n[environment]\n",
+        &[("sky", "{ nadir = [1, 0, 0], zenith = [0, 0, 1] }", "{ nadir = [1, 1, 0], zenith = [0, 0, 1] }")],
+    ),
+    lines(
+        "environment",
+        "[materials]\na = { type = \"lambert\" }\n[environment]\n",
+        &[("image", "\"one.png\"", "\"two.png\""), ("rotation", "10", "20"), ("strength", "0.5", "2")],
+    ),
+    lines("lambert", before!(material "lambert"), &[("color", "[0.1, 0.2, 0.3]", "0.4")]),
+    lines(
+        "oren-nayar",
+        before!(material "oren-nayar"),
+        &[("color", "0.3", "0.4"), ("roughness", "0.3", "0.4")],
+    ),
+    lines(
+        "phong",
+        before!(material "phong"),
+        &[("diffuse", "0.3", "0.4"), ("specular", "0.3", "0.4"), ("exponent", "7", "8")],
+    ),
+    lines("metal", before!(material "metal"), &[("color", "0.3", "0.4"), ("fuzz", "0.3", "0.4")]),
+    lines(
+        "metal",
+        before!(material "metal"),
+        &[("name", "\"gold\"", "\"copper\""), ("roughness", "0.3", "0.4")],
+    ),
+    lines(
+        "dielectric",
+        before!(material "dielectric"),
+        &[
+            ("ior", "1.3", "1.4"),
+            ("tint", "[1, 0.5, 1]", "0.9"),
+            ("roughness", "0.3", "0.4"),
+            ("thin", "true", "false"),
+        ],
+    ),
+    lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
+    lines(
+        "emissive",
+        before!(material "emissive"),
+        &[("radiance", "3", "[1, 2, 3]"), ("two_sided", "true", "false")],
+    ),
+    lines(
+        "pbr",
+        before!(material "pbr"),
+        &[
+            ("base_color", "0.3", "0.4"),
+            ("metallic", "0.3", "0.4"),
+            ("roughness", "0.3", "0.4"),
+            ("ior", "1.3", "1.4"),
+            ("specular", "0.3", "0.4"),
+            ("specular_color", "0.3", "0.4"),
+            ("transmission", "0.3", "0.4"),
+            ("volume", "true", ""),
+            ("attenuation_color", "[1, 0.5, 0.5]", "0.5"),
+            ("attenuation_distance", "2", "3"),
+            ("dispersion", "0.1", "0.2"),
+            ("clearcoat", "0.3", "0.4"),
+            ("clearcoat_roughness", "0.3", "0.4"),
+            ("sheen_color", "0.3", "0.4"),
+            ("sheen_roughness", "0.3", "0.4"),
+            ("anisotropy", "0.3", "0.4"),
+            ("anisotropy_rotation", "30", "40"),
+            ("iridescence", "0.3", "0.4"),
+            ("iridescence_ior", "1.4", "1.5"),
+            ("iridescence_thickness", "300", "350"),
+            ("diffuse_transmission", "0.3", "0.4"),
+            ("diffuse_transmission_color", "0.3", "0.4"),
+            ("emission", "2", "3"),
+            ("two_sided", "true", "false"),
+        ],
+    ),
+    lines("solid", before!(texture "solid"), &[("color", "0.3", "[0.1, 0.2, 0.3]")]),
+    lines(
+        "image",
+        before!(texture "image"),
+        &[
+            ("file", "\"one.png\"", "\"two.png\""),
+            ("wrap", "\"clamp\"", "\"mirror\""),
+            ("interpolation", "\"nearest\"", "\"bilinear\""),
+        ],
+    ),
+    lines(
+        "image",
+        concat!(before!(texture "image"), "file = \"one.png\"\nmapping = \"triplanar\"\n"),
+        &[("size", "2", "3")],
+    ),
+    lines(
+        "image",
+        concat!(before!(texture "image"), "file = \"one.png\"\n"),
+        &[("mapping", "\"triplanar\"", "\"uv\"")],
+    ),
+    lines(
+        "checker",
+        before!(texture "checker"),
+        &[
+            ("even", "0.1", "0.2"),
+            ("odd", "[0.8, 0.1, 0.1]", "0.7"),
+            ("size", "0.5", "0.25"),
+            ("mapping", "\"uv\"", "\"world\""),
+        ],
+    ),
+    lines("perlin", before!(texture "perlin"), NOISE),
+    lines("turbulence", before!(texture "turbulence"), NOISE),
+    lines("marble", before!(texture "marble"), NOISE),
+    shape("sphere", before!("sphere"), &[("center", "[0, 1, 0]", "[0, 2, 0]"), ("radius", "2", "3")]),
+    shape(
+        "quad",
+        before!("quad"),
+        &[
+            ("corner", "[0, 0, 0]", "[0, 0, 1]"),
+            ("u", "[1, 0, 0]", "[2, 0, 0]"),
+            ("v", "[0, 1, 0]", "[0, 2, 0]"),
+        ],
+    ),
+    shape("box", before!("box"), &[("min", "[0, 0, 0]", "[0, 0, 0.5]"), ("max", "[1, 1, 1]", "[1, 1, 2]")]),
+    shape(
+        "pyramid",
+        before!("pyramid"),
+        &[("base", "[0, 0, 0]", "[0, 1, 0]"), ("size", "[1, 2]", "[2, 2]"), ("height", "1", "2")],
+    ),
+    light(
+        "area",
+        before!(light "area"),
+        &[
+            ("center", "[0, 3, 0]", "[0, 4, 0]"),
+            ("target", "[0, 0, 1]", "[0, 0, 2]"),
+            ("up", "[1, 0, 0]", "[0, 1, 1]"),
+            ("size", "[1, 2]", "[2, 2]"),
+            ("power", "10", "20"),
+        ],
+    ),
+    light(
+        "area",
+        before!(light "area"),
+        &[
+            ("center", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("size", "[1, 2]", "[2, 2]"),
+            ("radiance", "10", "20"),
+        ],
+    ),
+    light("point", before!(light "point"), &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("power", "10", "20")]),
+    light(
+        "point",
+        before!(light "point"),
+        &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("intensity", "10", "20")],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("target", "[0, 0, 1]", "[0, 0, 2]"),
+            ("angle", "30", "40"),
+            ("blend", "0.5", "0.25"),
+            ("power", "10", "20"),
+        ],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("intensity", "10", "20"),
+        ],
+    ),
+    light(
+        "sun",
+        before!(light "sun"),
+        &[("direction", "[0, -1, 0.5]", "[0, -1, 1]"), ("irradiance", "3", "4")],
+    ),
+];
+
+impl Table {
+    /// A scene with the first value of each key, except that one key may have another value (empty: none).
+    fn text(&self, changed: Option<(&str, &str)>) -> String {
+        let value =
+            |&(key, first, _): &Key| changed.filter(|(name, _)| *name == key).map_or(first, |(_, v)| v);
+        let set = self.keys.iter().map(|key| (key.0, value(key))).filter(|(_, value)| !value.is_empty());
+        let set: Vec<String> = set.map(|(key, value)| format!("{key} = {value}")).collect();
+        format!("{}{}{}", self.before, set.join(self.between), self.after)
+    }
+}
+
+/// A scene as text.
+fn scene(text: &str) -> String {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    for (name, red) in [("one.png", 10), ("two.png", 20)] {
+        let picture = image::RgbImage::from_pixel(4, 2, image::Rgb([red, 0, 0]));
+        picture.save(folder.path().join(name)).expect("a picture");
+    }
+    let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;
+    format!("{scene:?}").replace(&folder.path().display().to_string(), "")
+}
+
+#[test]
+fn every_key_changes_the_scene() {
+    for table in TABLES {
+        let usual = scene(&table.text(None));
+        for &(key, _, other) in table.keys {
+            // Without the volume its inside means nothing.
+            let inside = ["attenuation_color", "attenuation_distance", "dispersion"];
+            let other = match other {
+                "" => {
+                    let text = table.text(None).replace("volume = true\n", "");
+                    let text: Vec<&str> =
+                        text.lines().filter(|l| !inside.iter().any(|key| l.starts_with(key))).collect();
+                    scene(&text.join("\n"))
+                }
+                _ => scene(&table.text(Some((key, other)))),
+            };
+            assert!(usual != other, "'{key}' of '{}' changes nothing", table.about);
+        }
+    }
+}
+
+#[test]
+fn no_key_is_left_out() {
+    let abouts: BTreeSet<&str> = TABLES.iter().map(|t| t.about).collect();
+    for about in abouts {
+        let tables: Vec<&Table> = TABLES.iter().filter(|t| t.about == about).collect();
+        let tried: BTreeSet<&str> = tables.iter().flat_map(|t| t.keys).map(|key| key.0).collect();
+        let first = tables[0];
+        let text = first.text(None).replacen(
+            first.after,
+            &format!("{}{WRONG} = 1{}", first.between, first.after),
+            1,
+        );
+        let known = known_keys(&text);
+        // The type is in every table's head; cameras and lights from models have tests of their own.
+        let elsewhere = ["type", "from", "name", "node"];
+        let missing: Vec<&String> = known
+            .iter()
+            .filter(|k| !tried.contains(k.as_str()) && !elsewhere.contains(&k.as_str()))
+            .collect();
+        assert!(missing.is_empty(), "{about}: no test of {missing:?}");
+    }
+}
+
+/// Keys of objects and steps of transforms, which exclude one another.
+#[test]
+fn objects_and_their_transforms() {
+    let ball = "sphere = { center = [1, 2, 3], radius = 1 }\nmaterial = \"a\"\n";
+    let shown = |more: &str| scene(&format!("{SHAPE}{ball}{more}\n"));
+    let plain = shown("");
+    for more in [
+        "name = \"other\"",
+        "transform = [{ translate = [1, 0, 0] }]",
+        "transform = [{ rotate = { axis = [0, 1, 0], angle = 30 } }]",
+        "transform = [{ euler = [0, 30, 0] }]",
+        "transform = [{ quaternion = [0, 0.6, 0, 0.8] }]",
+        "transform = [{ scale = 2 }]",
+        "transform = [{ matrix = [1, 0, 0, 5,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1] }]",
+    ] {
+        assert!(shown(more) != plain, "{more}");
+    }
+    let of = |object: &str| scene(&format!("{SHAPE}{object}\n"));
+    let triangle = "triangle = [[0, 0, 0], [1, 0, 0], [0, 1, 0]]\n";
+    assert!(of(&format!("{triangle}material = \"a\"")) != of(&format!("{triangle}material = \"b\"")));
+    let cube = "box = { min = [0, 0, 0], max = [1, 1, 1] }\nmaterials = ";
+    let mixed = of(&format!("{cube}[\"a\", \"a\", \"a\", \"a\", \"a\", \"b\"]"));
+    assert!(mixed != of(&format!("{cube}[\"a\", \"a\", \"a\", \"a\", \"b\", \"a\"]")));
+    let normal = scene(&format!("{TEXTURED}type = \"normal\"\n{BALL}"));
+    assert!(normal.contains("Normal") && !scene(&format!("{PLAIN}{BALL}")).contains("Normal"));
+}
