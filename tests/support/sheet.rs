@@ -67,7 +67,6 @@ fn sheet(variant: &Variant) -> Mesh {
         uv_sets: vec![uv],
         tangents: if variant.tangents { tangents } else { Vec::new() },
         colors: if variant.colored { vec![[1.0; 4]; count] } else { Vec::new() },
-        ..Mesh::default()
     }
 }
 
