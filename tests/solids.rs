@@ -139,3 +139,42 @@ fn overlapping_solids_share_the_overlap() {
     let truth = 0.5f64.powf(0.6) * 0.25;
     assert_radiance("overlapping slabs", &scene, &options(16, 256, 8), truth, 2e-3);
 }
+
+/// A slab whose two faces have materials of their own is left where the second one says so: what is behind it is seen as
+/// through a slab of one material, and is not absorbed.
+#[test]
+fn a_body_of_two_materials_is_left() {
+    let mut scene = Scene::default();
+    let (front, back) = (glass(&mut scene, 1.5, 0.5), glass(&mut scene, 1.5, 0.5));
+    quad(&mut scene, [-50.0, 1.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], front);
+    quad(&mut scene, [-50.0, 0.0, 50.0], [0.0, 0.0, -100.0], [100.0, 0.0, 0.0], back);
+    let walls = material(&mut scene, Material::emitter("walls", [1.0; 3], true));
+    quad(&mut scene, [-50.0, -7.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], walls);
+    quad(&mut scene, [-50.0, 7.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], walls);
+    look(&mut scene, [0.0, 3.0, 0.0], [0.0; 3]);
+    let (r, t) = (0.04f64, 0.5f64);
+    // Both faces, and all reflections between them; of what is reflected and passes, all comes from white.
+    let truth = r + (1.0 - r) * (1.0 - r) * t / (1.0 - r * t);
+    assert_radiance("slab of two materials", &scene, &options(16, 256, 100), truth, 2e-3);
+}
+
+/// A single sheet of clear solid glass is a window, not the end of a solid that fills the room behind it: a ball of the same
+/// glass there is seen.
+#[test]
+fn a_sheet_of_glass_is_a_window() {
+    let radiance = |with_ball: bool| {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let clear = glass(&mut scene, 1.5, 1.0);
+        quad(&mut scene, [-50.0, 1.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], clear);
+        let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+        quad(&mut scene, [-50.0, -9.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], black);
+        if with_ball {
+            sphere(&mut scene, [0.0, -2.0, 0.0], 1.0, clear);
+        }
+        // Towards the ball's rim, where it reflects the sky beside the black ground.
+        look(&mut scene, [0.9, 3.0, 0.0], [0.9, -2.0, 0.0]);
+        support::mean(&support::picture(&scene, &options(16, 64, 16)))
+    };
+    let (without, with) = (radiance(false), radiance(true));
+    assert!(with > without + 0.05, "{without} {with}");
+}

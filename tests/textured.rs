@@ -1,139 +1,42 @@
-//! Textured vertices are made in vectorised loops, except where AOVs want to know more of the first surface: both ways
-//! give the same picture.
+//! Textured vertices are made in vectorised loops, except where vertices have colours: both ways give the same picture,
+//! and the same AOVs.
 
 mod support;
 
 use oscura::film::AovSet;
-use oscura::image::Image;
-use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::RenderOptions;
-use oscura::scene::{
-    ColorSlot, Emission, Environment, FloatSlot, ImageId, Instance, Interpolation, Mapping, Material, Mesh,
-    MeshId, MeshPart, Model, NormalMap, PbrMaterial, Scene, Texture, TextureId,
-};
-use support::{camera, material, options, picture};
-
-const CELLS: u32 = 12;
-
-/// How the surface is described.
-#[derive(Clone, Copy, Debug)]
-struct Variant {
-    smooth: bool,
-    tangents: bool,
-    mirrored: bool,
-    from_behind: bool,
-    interpolation: Interpolation,
-}
-
-/// A wavy sheet over -1..1 in x and y.
-fn sheet(variant: &Variant) -> Mesh {
-    let (mut positions, mut normals, mut uv, mut tangents) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
-    let side = if variant.mirrored { -1.0f32 } else { 1.0 };
-    for j in 0..=CELLS {
-        for i in 0..=CELLS {
-            let (s, t) = (i as f32 / CELLS as f32, j as f32 / CELLS as f32);
-            let (x, y) = (2.0 * s - 1.0, 2.0 * t - 1.0);
-            positions.push([x, y, 0.1 * (5.0 * x).sin() + 0.1 * (4.0 * y).cos()]);
-            let (dx, dy) = (0.5 * (5.0 * x).cos(), -0.4 * (4.0 * y).sin());
-            let normal = Vec3::new(-dx, -dy, 1.0).normalize();
-            normals.push(normal.to_array());
-            uv.push([side * 1.7 * s + 0.3 * t, -1.3 * t]);
-            let tangent = Vec3::new(side, 0.0, side * dx).normalize();
-            let tangent = (tangent - normal * normal.dot(tangent)).normalize();
-            tangents.push([tangent.x, tangent.y, tangent.z, side]);
-        }
-    }
-    let corner = |i: u32, j: u32| j * (CELLS + 1) + i;
-    let triangles: Vec<[u32; 3]> = (0..CELLS * CELLS)
-        .map(|k| (k % CELLS, k / CELLS))
-        .flat_map(|(i, j)| {
-            let (a, b, c, d) = (corner(i, j), corner(i + 1, j), corner(i, j + 1), corner(i + 1, j + 1));
-            [[a, b, d], [a, d, c]]
-        })
-        .collect();
-    Mesh {
-        name: "sheet".into(),
-        positions,
-        parts: vec![MeshPart {
-            first_triangle: 0,
-            triangle_count: triangles.len() as u32,
-            material: oscura::scene::MaterialId(0),
-        }],
-        triangles,
-        normals: if variant.smooth { normals } else { Vec::new() },
-        uv_sets: vec![uv],
-        tangents: if variant.tangents { tangents } else { Vec::new() },
-        ..Mesh::default()
-    }
-}
-
-fn scene(variant: &Variant) -> Scene {
-    let mut scene = Scene {
-        environment: Environment::Gradient { nadir: [0.2, 0.1, 0.1], zenith: [1.0, 1.5, 2.0] },
-        ..Scene::default()
-    };
-    let mut texture = |name: &str, value: &dyn Fn(u32) -> [f32; 3]| {
-        let rgb = (0..16 * 16).flat_map(value).collect();
-        scene.images.push(Image::from_linear_rgb(name, 16, 16, rgb));
-        scene.textures.push(Texture::Image {
-            image: ImageId(scene.images.len() as u32 - 1),
-            wrap_u: Default::default(),
-            wrap_v: Default::default(),
-            interpolation: variant.interpolation,
-            mapping: Mapping::Uv { set: 0, transform: Default::default() },
-        });
-        TextureId(scene.textures.len() as u32 - 1)
-    };
-    let share = |k: u32, of: u32| ((k * 7919 + of * 104_729) % 97) as f32 / 96.0;
-    let base = texture("base", &|k| [share(k, 1), share(k, 2), share(k, 3)]);
-    let rough = texture("rough", &|k| [0.0, 0.2 + 0.8 * share(k, 4), share(k, 5)]);
-    let bumps = texture("bumps", &|k| [0.3 + 0.4 * share(k, 6), 0.3 + 0.4 * share(k, 7), 0.9]);
-    let glow = texture("glow", &|k| [share(k, 8).powi(8); 3]);
-    let pbr = PbrMaterial {
-        base_color: ColorSlot::texture(base),
-        roughness: FloatSlot { factor: 1.0, texture: Some((rough, 1)) },
-        metallic: FloatSlot { factor: 1.0, texture: Some((rough, 2)) },
-        ..PbrMaterial::default()
-    };
-    let mut painted = Material::new("painted", Model::Pbr(Box::new(pbr)));
-    painted.normal_map = Some(NormalMap { texture: bumps, scale: 0.8 });
-    painted.emission = Some(Emission { radiance: ColorSlot::texture(glow), two_sided: false });
-    material(&mut scene, painted);
-    scene.meshes.push(sheet(variant));
-    scene.instances.push(Instance {
-        name: "sheet".into(),
-        mesh: MeshId(0),
-        world_from_object: DAffine3::IDENTITY,
-        material: None,
-    });
-    let z = if variant.from_behind { -2.0 } else { 2.0 };
-    scene.cameras.push(camera(DVec3::new(0.4, 0.7, z), DVec3::ZERO, DVec3::Y, 60.0));
-    scene
-}
+use oscura::scene::Interpolation;
+use support::sheet::{Variant, scene};
+use support::{options, picture};
 
 #[test]
 fn both_ways_of_making_vertices_agree() {
     let kinds = [Interpolation::Trilinear, Interpolation::Bilinear];
+    let all = AovSet { depth: true, normal: true, albedo: true };
+    let options = RenderOptions { aovs: all, ..options(24, 16, 1) };
     for bits in 0..32u32 {
         let is = |bit: u32| bits >> bit & 1 == 1;
         let variant = Variant {
+            colored: false,
             smooth: is(0),
             tangents: is(1),
             mirrored: is(2),
             from_behind: is(3),
             interpolation: kinds[usize::from(is(4))],
         };
-        let scene = scene(&variant);
-        let quick = options(24, 16, 1);
-        let careful = RenderOptions { aovs: AovSet { depth: true, normal: true, albedo: true }, ..quick };
-        let (a, b) = (picture(&scene, &quick), picture(&scene, &careful));
-        let pixels = (0..24 * 24).map(|i| (a.mean_rgba(i % 24, i / 24), b.mean_rgba(i % 24, i / 24)));
+        let a = picture(&scene(&variant), &options);
+        let b = picture(&scene(&Variant { colored: true, ..variant }), &options);
         let (mut worst, mut brightest) = (0.0f32, 0.0f32);
-        for (x, y) in pixels {
-            for c in 0..4 {
-                worst = worst.max((x[c] - y[c]).abs() / (0.1 + x[c].abs()));
-                brightest = brightest.max(x[c]);
+        let mut compare = |x: f32, y: f32| worst = worst.max((x - y).abs() / (0.1 + x.abs()));
+        for (x, y) in (0..24 * 24).map(|i| (i % 24, i / 24)) {
+            let (p, q) = (a.mean_rgba(x, y), b.mean_rgba(x, y));
+            (0..4).for_each(|c| compare(p[c], q[c]));
+            for (p, q) in [(a.normal(x, y), b.normal(x, y)), (a.albedo(x, y), b.albedo(x, y))] {
+                let (p, q) = (p.unwrap_or_default(), q.unwrap_or_default());
+                (0..3).for_each(|c| compare(p[c], q[c]));
             }
+            compare(a.depth(x, y).unwrap_or(0.0), b.depth(x, y).unwrap_or(0.0));
+            brightest = brightest.max(a.mean_rgba(x, y)[0]);
         }
         assert!(brightest > 0.2, "{variant:?}: there is something to see");
         // One of the samples of a pixel may take another way on account of rounding.

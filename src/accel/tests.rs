@@ -107,6 +107,11 @@ fn levels_and_batch_sizes_agree_to_the_bit() {
             accel.occluded_at(level, &rays, &mut occluded);
             assert!(occluded.iter().zip(&scalar).all(|(o, h)| *o == h.is_hit()), "{} {count}", level.name());
         }
+        let mut any = vec![Hit::MISS; rays.len()];
+        accel.any(&rays, &mut any);
+        assert!(any.iter().zip(&scalar).all(|(a, h)| a.is_hit() == h.is_hit()), "{count}");
+        let primitives = (count + 2 * (count / 10)) as u32;
+        assert!(any.iter().filter(|a| a.is_hit()).all(|a| a.instance == 0 && a.prim < primitives));
     }
 }
 

@@ -76,6 +76,11 @@ impl Camera {
         self.origin
     }
 
+    /// Do all rays start at its lens?
+    pub fn is_perspective(&self) -> bool {
+        self.is_perspective
+    }
+
     /// Width of what a camera ray stands for at its start, and its growth over a metre: half a pixel's, so that the many
     /// rays of a pixel see more than one of them would.
     pub fn pixel_cone(&self) -> (f32, f32) {

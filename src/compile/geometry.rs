@@ -293,7 +293,11 @@ impl Attributes {
             .and_then(|c| {
                 let tangent = interpolate(c.map(|[x, y, z, _]| [x, y, z]), hit.u, hit.v);
                 // Texture v grows downwards: glTF's bitangent is w (n x t).
-                frame_of(*linear * tangent, surface.ns, c[0][3] * linear.determinant().signum())
+                frame_of(
+                    *linear * tangent,
+                    surface.ns,
+                    1.0f32.copysign(c[0][3]) * linear.determinant().signum(),
+                )
             });
         let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
         Coordinates { uv: [mix(first), mix(second)], color, tangent_frame, uv_per_metre }

@@ -1,10 +1,11 @@
 //! What solids are filled with: indices of refraction and absorption.
 
+use super::closed::{Outline, outline};
 use super::material::{CompiledMaterial, lets_light_in};
 use crate::bsdf::BsdfClass;
 use crate::error::Warning;
 use crate::math::{Vec3, poly};
-use crate::scene::{Model, PbrMaterial};
+use crate::scene::{MaterialId, Model, PbrMaterial, Scene};
 
 /// The inside of a solid that light passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -37,6 +38,12 @@ impl Medium {
         }
     }
 
+    /// Does its index of refraction differ between channels?
+    #[inline]
+    pub fn is_dispersive(&self) -> bool {
+        self.iors.is_some_and(|[r, g, b]| r != g || g != b)
+    }
+
     /// What is left of light after a way through the medium, in metres.
     #[inline]
     pub fn transmittance(&self, distance: f32) -> Vec3 {
@@ -46,12 +53,27 @@ impl Medium {
     }
 }
 
-/// Gathers the media of materials after that of the surroundings, and tells the materials their numbers.
-pub(super) fn number(materials: &mut [CompiledMaterial], warnings: &mut Vec<Warning>) -> Vec<Medium> {
+/// Gathers the media of a scene's materials after that of the surroundings, and tells the materials their numbers.
+///
+/// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
+/// a window, and would fill the room behind it with glass.
+pub(super) fn number(
+    scene: &Scene,
+    materials: &mut [CompiledMaterial],
+    warnings: &mut Vec<Warning>,
+) -> Vec<Medium> {
     let mut media = vec![Medium::AIR];
     let mut left_out = 0;
-    for material in materials {
+    for (id, material) in materials.iter_mut().enumerate() {
         let Some(medium) = material.medium else { continue };
+        let is_kept = match outline(scene, MaterialId(id as u32)) {
+            Outline::None => false,
+            Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
+            Outline::Closed => true,
+        };
+        if !is_kept {
+            continue;
+        }
         match u16::try_from(media.len()) {
             Ok(index) => {
                 material.medium_index = index;
@@ -63,7 +85,8 @@ pub(super) fn number(materials: &mut [CompiledMaterial], warnings: &mut Vec<Warn
     if left_out > 0 {
         let most = u16::MAX;
         warnings.push(Warning::general(format!(
-            "{left_out} materials of solids are more than the {most} whose insides are kept apart: theirs do not absorb"
+            "{left_out} materials of solids are more than the {most} whose insides are kept apart: the others neither \
+             absorb nor show what is around them"
         )));
     }
     media

@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod closed;
 mod emitters;
 mod fold;
 mod geometry;
@@ -127,7 +128,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
     let compiled = |m| CompiledMaterial::new(m, &textures, options.microfacet);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
-    let media = medium::number(&mut materials, &mut report.warnings);
+    let media = medium::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
         bake::bake(scene, &materials, origin, &mut report.warnings, &mut report.left_out);
     check_size(&geometries)?;

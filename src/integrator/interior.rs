@@ -10,7 +10,7 @@ use super::Integrator;
 use super::surface::Sorted;
 use super::wave::{Paths, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, Dielectric};
-use crate::compile::{CompiledMaterial, CompiledScene, Medium};
+use crate::compile::{CompiledMaterial, CompiledScene};
 use crate::math::{Ray, Vec3};
 use crate::sampling::sampler::hash32;
 use crate::scene::FresnelModel;
@@ -46,6 +46,11 @@ impl Interior {
         Interior(outer | inner)
     }
 
+    #[inline]
+    fn contains(self, medium: u16) -> bool {
+        self.position(medium).is_some()
+    }
+
     /// The lowest bit of the last entry of a medium.
     #[inline]
     fn position(self, medium: u16) -> Option<u32> {
@@ -55,7 +60,8 @@ impl Interior {
     /// The solids around a scene's camera: a ray that leaves it meets their surfaces from behind once more often than
     /// from the front. Three rays vote, as models have holes.
     pub(super) fn of_camera(scene: &CompiledScene) -> Interior {
-        if !scene.features.media {
+        // Rays of an orthographic camera start all over its plane: each learns where it is from what it meets.
+        if !scene.features.media || !scene.camera.is_perspective() {
             return Interior::AIR;
         }
         let ways =
@@ -88,7 +94,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3) -> Vec<u16> {
             entered.push(medium);
         } else if let Some(at) = entered.iter().rposition(|&m| m == medium) {
             entered.remove(at);
-        } else {
+        } else if entered.pop().is_none() {
             left.push(medium);
         }
     }
@@ -163,10 +169,13 @@ impl Integrator<'_> {
         i: usize,
         paths: &mut Paths,
     ) -> Boundary {
-        let (here, medium) = (paths.interior[i], material.medium_index);
+        let (here, own) = (paths.interior[i], material.medium_index);
+        // A body may have several materials, one where it is entered and another where it is left: then what was entered
+        // last is left.
+        let medium = if is_back && !here.contains(own) { here.medium() } else { own };
         let beyond = if is_back { here.left(medium) } else { here.entered(medium) };
         let outer = if is_back { beyond } else { here };
-        let is_displaced = is_back && beyond != here && here.medium() != medium;
+        let is_displaced = is_back && here.medium() != medium;
         if is_displaced || outer.medium() == medium {
             return Boundary { bsdf: HIDDEN, is_inverted: false, beyond };
         }
@@ -175,9 +184,9 @@ impl Integrator<'_> {
         let (Some(inner_iors), Some(outer_iors)) = (inside.iors, outside.iors) else {
             return Boundary { bsdf, is_inverted: false, beyond };
         };
-        if is_dispersive(inside) {
+        if inside.is_dispersive() || outside.is_dispersive() {
             choose_channel(bounce, i, paths);
-        } else if outer == Interior::AIR {
+        } else if outer == Interior::AIR && medium == own {
             return Boundary { bsdf, is_inverted: false, beyond };
         }
         let channel = channel_of(get(&paths.throughput, i));
@@ -191,10 +200,6 @@ impl Integrator<'_> {
             _ => Boundary { bsdf: bsdf.with_ior(1.0 / ior), is_inverted: true, beyond },
         }
     }
-}
-
-fn is_dispersive(medium: &Medium) -> bool {
-    medium.iors.is_some_and(|[r, g, b]| r != g || g != b)
 }
 
 /// The path goes on with one channel, chosen by its throughput.

@@ -86,7 +86,7 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
         let v = &mut self.wave.vertices;
         let microfacet = if MULTI { Microfacet::Multi } else { Microfacet::Single };
         let range = self.range.start..self.range.end.min(WAVE);
-        // A loop for the table alone: the others vectorise.
+        // The second loop looks up a table, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let ns = scattering_normal(ns, get(&v.ng, i), wo);

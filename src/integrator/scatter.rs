@@ -42,7 +42,9 @@ impl Integrator<'_> {
                 paths.copy_to(i, &mut w.arriving, k);
                 w.arriving.pdf[k] = v.next_pdf[i];
                 if uses_tree {
-                    set(&mut w.arriving.receiver_normal, k, get(&paths.receiver_normal, i));
+                    // No light was chosen at specular vertices.
+                    let normal = if i < sorted.lit { get(&paths.receiver_normal, i) } else { Vec3::ZERO };
+                    set(&mut w.arriving.receiver_normal, k, normal);
                 }
                 if self.scene.features.footprints {
                     widen(&mut w.arriving.cone_spread[k], v.next_pdf[i]);

@@ -74,7 +74,9 @@ pub(super) fn group_of(material: &CompiledMaterial) -> Group {
         }
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
         _ => {
-            let is_specular = material.constant.is_some_and(|b| b.is_specular());
+            // What is smooth in air need not be within another solid.
+            let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();
+            let is_specular = material.constant.is_some_and(|b| b.is_specular() && stays_smooth(b));
             match material.class {
                 _ if is_specular => Group::Specular,
                 BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
@@ -135,7 +137,7 @@ impl Integrator<'_> {
             }
         }
         self.escape(bounce, w);
-        self.look_at_textured(sorted.lambert..sorted.textured, w);
+        self.look_at_textured(bounce, sorted.lambert..sorted.textured, w);
         metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.microfacet);
         self.make_plain(sorted.plain, &mut w.wave);
         sorted
@@ -153,9 +155,7 @@ impl Integrator<'_> {
                 material = self.scene.geometries.material(hit);
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
-                    Group::Textured if needs_details || !self.scene.geometries.is_plainly_textured(hit) => {
-                        Group::MetalRough
-                    }
+                    Group::Textured if !self.scene.geometries.is_plainly_textured(hit) => Group::MetalRough,
                     Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
                     group => group,
                 };
@@ -220,7 +220,7 @@ impl Integrator<'_> {
             let sample = w.arriving.sample[i] as usize;
             w.radiance[sample][3] = 1.0;
             if let Some(aov) = w.aovs.get_mut(sample) {
-                let flip = if is_back { -1.0 } else { 1.0 };
+                let flip = if surface.ng.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
                 *aov = Some(AovSample {
                     depth: self.scene.camera.depth(surface.p),
                     normal: (surface.ns * flip).to_array(),

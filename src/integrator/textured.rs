@@ -6,6 +6,7 @@ use super::surface::store;
 use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::compile::{Surface, shading_normal, triangle_surface};
+use crate::film::AovSample;
 use crate::math::{Vec2, Vec3, select};
 use crate::simd::{Kernel, dispatch};
 use crate::texture::{PointReader, TexturePoint};
@@ -23,12 +24,13 @@ impl Integrator<'_> {
             let [x, y, z, _] = corners.tangents[c];
             set(&mut t.tangents[c], k, Vec3::new(x, y, z));
         }
-        t.handedness[k] = corners.tangents[0][3];
+        let [x, y, z, w] = corners.tangents[0];
+        t.handedness[k] = if [x, y, z, w] == [0.0; 4] { 0.0 } else { 1.0f32.copysign(w) };
         t.ray[k] = i as u32;
     }
 
     /// Makes the vertices from their corners and reads their textures.
-    pub(super) fn look_at_textured(&self, range: Range<usize>, w: &mut Workspace) {
+    pub(super) fn look_at_textured(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
         let wave = &mut *w.wave;
         let (first, last) = (range.clone(), range.clone());
         if self.scene.features.normals {
@@ -36,10 +38,25 @@ impl Integrator<'_> {
         } else {
             dispatch(Surfaces::<false> { wave, range: first });
         }
-        for k in range {
+        for k in range.clone() {
             self.read_textures(k, w);
         }
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: last });
+        if bounce == 0 && self.options.aovs {
+            for k in range {
+                self.describe_first(k, w);
+            }
+        }
+    }
+
+    /// Keeps what AOVs show of the first surface.
+    fn describe_first(&self, k: usize, w: &mut Workspace) {
+        let v = &w.wave.vertices;
+        w.aovs[w.wave.paths.sample[k] as usize] = Some(AovSample {
+            depth: self.scene.camera.depth(get(&v.p, k)),
+            normal: get(&v.ns, k).to_array(),
+            albedo: get(&v.albedo, k).to_array(),
+        });
     }
 
     fn read_textures(&self, k: usize, w: &mut Workspace) {
@@ -58,12 +75,12 @@ impl Integrator<'_> {
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
         let is_back = ng.dot(get(&v.wo, k)) < 0.0;
-        match material.bsdf(&reader, &LocalFrame::STRAIGHT, Vec3::ONE) {
-            Bsdf::MetalRough(m) if material.is_two_sided || !is_back => {
-                metal_rough::store(&mut v.metal_rough, k, &m);
-            }
-            _ => metal_rough::store(&mut v.metal_rough, k, &MetalRough::BLACK),
-        }
+        let seen = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Vec3::ONE) {
+            Bsdf::MetalRough(m) if material.is_two_sided || !is_back => m,
+            _ => MetalRough::BLACK,
+        };
+        metal_rough::store(&mut v.metal_rough, k, &seen);
+        set(&mut v.albedo, k, seen.albedo());
         if material.emission.is_some() {
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];

@@ -8,7 +8,7 @@ use crate::film::AovSample;
 use crate::math::{Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
-/// Paths in flight. All arrays together stay within a core's second-level cache.
+/// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
 pub const WAVE: usize = 2048;
 
 /// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same

@@ -4,7 +4,7 @@ use super::{ImageId, TextureId};
 use crate::math::Vec2;
 
 /// What happens outside 0..1.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {
     /// Starts over.
     #[default]
@@ -16,7 +16,7 @@ pub enum Wrap {
 }
 
 /// How values between texel centres come about.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Interpolation {
     /// Linear between the four nearest texels, and between ever coarser copies of the image where a pixel sees many
     /// texels at once.

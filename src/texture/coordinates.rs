@@ -19,7 +19,7 @@ pub struct TexturePoint {
 }
 
 /// An affine map of texture coordinates with its set.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) struct UvMap {
     set: usize,
     x: Vec2,
@@ -50,6 +50,14 @@ impl UvMap {
         self.offset + Vec2::new(self.x.dot(uv), self.y.dot(uv))
     }
 
+    /// The same for maps that do the same.
+    pub fn bits(&self) -> [u32; 7] {
+        let numbers =
+            [self.x.x, self.x.y, self.y.x, self.y.y, self.offset.x, self.offset.y].map(f32::to_bits);
+        let [a, b, c, d, e, f] = numbers;
+        [self.set as u32, a, b, c, d, e, f]
+    }
+
     #[inline(always)]
     pub fn footprint(&self, point: &TexturePoint) -> f32 {
         point.width * point.uv_per_metre[self.set] * self.scale
@@ -57,7 +65,7 @@ impl UvMap {
 }
 
 /// A compiled [`Mapping`].
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub(super) enum Coordinates {
     Uv(UvMap),
     World,

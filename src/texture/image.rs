@@ -79,10 +79,9 @@ impl ImageLookup {
         std::array::from_fn(|i| a[i] + share * (b[i] - a[i]))
     }
 
-    /// Do both find the same texels at the same coordinates?
-    pub(super) fn shares_grid(&self, other: &ImageLookup) -> bool {
+    /// What decides which texels are found at given coordinates.
+    pub(super) fn grid(&self) -> (u32, u32, [Wrap; 2], Interpolation) {
         (self.image.width, self.image.height, self.wrap, self.interpolation)
-            == (other.image.width, other.image.height, other.wrap, other.interpolation)
     }
 
     /// The texels of a level at texture coordinates.

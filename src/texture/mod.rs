@@ -17,7 +17,7 @@ use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
 use coordinates::Coordinates;
 use rayon::prelude::*;
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
 const MAX_DEPTH: u32 = 64;
@@ -166,18 +166,11 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
 
 /// Numbers the grids of images, equal ones alike.
 fn number_grids(textures: &mut [Compiled]) {
-    for i in 0..textures.len() {
-        let (before, rest) = textures.split_at_mut(i);
-        let Compiled::Image { lookup, coordinates, grid } = &mut rest[0] else { continue };
-        let same = before.iter().find_map(|t| match t {
-            Compiled::Image { lookup: l, coordinates: c, grid }
-                if c == coordinates && l.shares_grid(lookup) =>
-            {
-                Some(*grid)
-            }
-            _ => None,
-        });
-        *grid = same.unwrap_or(i as u32);
+    let mut known = HashMap::new();
+    for (i, texture) in textures.iter_mut().enumerate() {
+        if let Compiled::Image { lookup, coordinates: Coordinates::Uv(map), grid } = texture {
+            *grid = *known.entry((map.bits(), lookup.grid())).or_insert(i as u32);
+        }
     }
 }
 

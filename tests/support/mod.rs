@@ -1,6 +1,8 @@
 //! Small scenes and measured radiances for tests of light transport.
 #![allow(dead_code)]
 
+pub mod sheet;
+
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};

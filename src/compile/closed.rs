@@ -1,0 +1,127 @@
+//! Whether the surfaces of a material enclose something.
+
+use crate::scene::{Instance, MaterialId, Mesh, Scene};
+
+/// What the surfaces of a material are like together.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Outline {
+    /// There are none.
+    None,
+    /// Some end at an edge.
+    Open,
+    /// They enclose bodies, as far as can be told from edges.
+    Closed,
+}
+
+/// The outline of all that has a material. Meshes count as wholes, since a body may have several materials; quads of one
+/// material belong together, spheres are always closed.
+pub(super) fn outline(scene: &Scene, material: MaterialId) -> Outline {
+    let has = |i: &&Instance| match (i.material, scene.meshes.get(i.mesh.index())) {
+        (Some(own), _) => own == material,
+        (None, Some(mesh)) => mesh.parts.iter().any(|part| part.material == material),
+        (None, None) => false,
+    };
+    let mut meshes: Vec<usize> = scene.instances.iter().filter(has).map(|i| i.mesh.index()).collect();
+    meshes.sort_unstable();
+    meshes.dedup();
+    let (mut edges, mut count) = (Edges::default(), 0);
+    for mesh in meshes.into_iter().filter_map(|i| scene.meshes.get(i)) {
+        count += mesh.triangles.len();
+        edges.add_mesh(mesh);
+    }
+    for quad in scene.quads.iter().filter(|q| q.material == material) {
+        count += 1;
+        let c = quad.corner;
+        let corners = [c, c + quad.edge_u, c + quad.edge_u + quad.edge_v, c + quad.edge_v];
+        edges.add_polygon(&corners.map(|p| p.as_vec3().to_array()));
+    }
+    let has_spheres = scene.spheres.iter().any(|s| s.material == material);
+    match count {
+        0 if !has_spheres => Outline::None,
+        _ if edges.sum == 0 => Outline::Closed,
+        _ => Outline::Open,
+    }
+}
+
+/// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
+#[derive(Default)]
+struct Edges {
+    sum: u64,
+}
+
+impl Edges {
+    fn add_mesh(&mut self, mesh: &Mesh) {
+        for triangle in &mesh.triangles {
+            let corners = triangle.map(|i| mesh.positions.get(i as usize).copied().unwrap_or_default());
+            self.add_polygon(&corners);
+        }
+    }
+
+    /// Edges go by where their ends are: vertices may be split for normals or texture coordinates.
+    fn add_polygon(&mut self, corners: &[[f32; 3]]) {
+        let keys = corners.iter().map(|&p| key(p));
+        let next = corners.iter().cycle().skip(1).map(|&p| key(p));
+        for (a, b) in keys.zip(next) {
+            if a != b {
+                self.sum ^= mix(a.wrapping_add(b) ^ mix(a ^ b));
+            }
+        }
+    }
+}
+
+fn key(position: [f32; 3]) -> u64 {
+    // Both zeros are one place.
+    position.iter().fold(0x9e37_79b9_7f4a_7c15, |sum, &c| mix(sum ^ u64::from((c + 0.0).to_bits())))
+}
+
+/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014).
+fn mix(x: u64) -> u64 {
+    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
+    x ^ x >> 31
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::DVec3;
+    use crate::scene::Quad;
+
+    /// A box of quads with some faces left out.
+    fn outline_of_box(faces: usize) -> Outline {
+        let (x, y, z) = (DVec3::X, DVec3::Y * 2.0, DVec3::Z * 3.0);
+        let all =
+            [(DVec3::ZERO, y, x), (z, x, y), (DVec3::ZERO, x, z), (y, z, x), (DVec3::ZERO, z, y), (x, y, z)];
+        let mut scene = Scene::default();
+        for &(corner, edge_u, edge_v) in &all[..faces] {
+            let quad = Quad { name: String::new(), corner, edge_u, edge_v, material: MaterialId(3) };
+            scene.quads.push(quad);
+        }
+        outline(&scene, MaterialId(3))
+    }
+
+    #[test]
+    fn boxes_are_closed_with_all_their_faces() {
+        assert_eq!([0, 1, 5, 6].map(outline_of_box), {
+            [Outline::None, Outline::Open, Outline::Open, Outline::Closed]
+        });
+    }
+
+    #[test]
+    fn the_order_of_ends_does_not_matter_but_the_pairing_does() {
+        let sum = |edges: &[[[f32; 3]; 2]]| {
+            let mut e = Edges::default();
+            edges.iter().for_each(|edge| e.add_polygon(edge));
+            e.sum
+        };
+        let (a, b, c, d) = ([0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]);
+        let mut e = Edges::default();
+        e.add_polygon(&[a, b, c]);
+        e.add_polygon(&[c, b, a]);
+        assert_eq!(e.sum, 0);
+        e.add_polygon(&[a, b, d]);
+        assert_ne!(e.sum, 0);
+        // A polygon of two corners has its edge twice.
+        assert_eq!(sum(&[[a, b]]), 0);
+    }
+}
