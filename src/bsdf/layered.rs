@@ -45,6 +45,8 @@ struct Seen {
     view: View,
     above: Vec3,
     glass: RoughDielectric,
+    /// Index of refraction of the other side over this one.
+    eta: f32,
     /// Coat, sheen, opaque, through, glass.
     weights: [Vec3; PARTS],
     chances: [f32; PARTS],
@@ -102,6 +104,9 @@ impl Layered {
         }
         let of_opaque = left * (1.0 - self.glass_share);
         let through = self.through * (view.rest * of_opaque);
+        // Where light is refracted as well, radiance inside is of the denser medium for all that arrives there.
+        let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
+        let eta = if refracts { self.glass.eta(wo) } else { 1.0 };
         let of_glass = left * self.glass_share;
         let strength = self.coat.factor * f32::from(u8::from(!is_inside));
         let shares = [
@@ -114,7 +119,14 @@ impl Layered {
         let total: f32 = shares.iter().sum();
         let scale = if total > LEAST_ALBEDO { 1.0 / total } else { 0.0 };
         Seen {
-            weights: [Vec3::splat(strength), sheen, Vec3::splat(of_opaque), through, Vec3::splat(of_glass)],
+            weights: [
+                Vec3::splat(strength),
+                sheen,
+                Vec3::splat(of_opaque),
+                through / (eta * eta),
+                Vec3::splat(of_glass),
+            ],
+            eta,
             chances: shares.map(|s| s * scale),
             opaque,
             view,
@@ -133,7 +145,8 @@ impl Layered {
             part += 1;
         }
         let chance = seen.chances[part];
-        if chance <= 0.0 {
+        // Rounding may lead to the last part, whatever its chance.
+        if chance <= LEAST_ALBEDO {
             return BsdfSample::ABSORBED;
         }
         let u = [u[0], u[1], (rest / chance).min(1.0f32.next_down())];
@@ -141,7 +154,7 @@ impl Layered {
             0 => self.coat.sample(wo, u),
             1 => self.sheen.sample(wo, u),
             2 => seen.view.sample(&seen.opaque.surface, wo, seen.above, u),
-            3 => DiffuseThrough.sample(wo, u),
+            3 => BsdfSample { eta: seen.eta, ..DiffuseThrough.sample(wo, u) },
             _ => seen.glass.sample(wo, u),
         };
         if s.is_specular {

@@ -81,7 +81,7 @@ impl RoughDielectric {
 
     /// Index of refraction of the other side over the side of `wo`.
     #[inline(always)]
-    fn eta(&self, wo: Vec3) -> f32 {
+    pub(super) fn eta(&self, wo: Vec3) -> f32 {
         if self.walls == Walls::Solid && wo.z < 0.0 { 1.0 / self.ior } else { self.ior }
     }
 
