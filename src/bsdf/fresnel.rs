@@ -38,7 +38,7 @@ pub struct Interface {
 pub fn exact(cos_theta: f32, eta: f32) -> Interface {
     // (eta cos_t)^2 = eta^2 - sin^2, with the difference factored so that eta near 1 keeps its digits.
     let squared = (eta - 1.0) * (eta + 1.0) + cos_theta * cos_theta;
-    let total = squared <= 0.0;
+    let total = squared < 0.0;
     let g = if total { 0.0 } else { squared }.sqrt();
     // In terms of g = eta cos_t: r_s = (c - g) / (c + g), r_p = (eta^2 c - g) / (eta^2 c + g).
     let eta2c = eta * eta * cos_theta;

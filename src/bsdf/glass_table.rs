@@ -1,6 +1,6 @@
 //! Directional albedo of rough glass: the share of light that single scattering reflects and transmits, from a table.
 
-/// Nodes along the table's axes; see [`Place`].
+/// Nodes along the table's axes; see `place`.
 pub const NODES: [usize; 3] = [32, 20, 64];
 
 /// The largest value of the table's integers, an albedo of 1.

@@ -114,7 +114,8 @@ impl Layered {
             mean(sheen),
             of_opaque * view.albedo,
             mean(through),
-            of_glass * glass.albedo_estimate(above.z, wo.z < 0.0),
+            // Where all light is reflected there is no glass, and its index means nothing.
+            if of_glass > 0.0 { of_glass * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
         let total: f32 = shares.iter().sum();
         let scale = if total > LEAST_ALBEDO { 1.0 / total } else { 0.0 };

@@ -89,7 +89,7 @@ impl RoughDielectric {
     #[inline(always)]
     fn facet(&self, c: f32, eta: f32) -> Facet {
         let interface = fresnel::exact(c, eta);
-        let total = interface.cos_transmitted <= 0.0;
+        let total = interface.cos_transmitted <= 0.0 && interface.reflectance > 0.0;
         let mut reflected = match self.reflectance {
             GlassReflectance::Plain => Vec3::splat(interface.reflectance),
             GlassReflectance::Between { .. } if total => Vec3::ONE,
@@ -126,7 +126,10 @@ impl RoughDielectric {
             let facet = self.facet(c.min(1.0), eta);
             mean(facet.reflected) + mean(facet.transmitted)
         };
-        0.5 * (share(cosine) + share(cosine.max(0.5)))
+        let estimate = 0.5 * (share(cosine) + share(cosine.max(0.5)));
+        // From within, facets may reflect everything where their mean does not: they must not be starved.
+        let least = if is_inside && !self.is_smooth() { 0.01 } else { 0.0 };
+        if estimate > least { estimate } else { least }
     }
 
     /// What makes up for the light that single scattering loses.
