@@ -36,6 +36,8 @@ pub struct Interface {
 /// Fresnel's equations. `eta` is the index of the other side over that of the incident side; `cos_theta` in 0..1.
 #[inline(always)]
 pub fn exact(cos_theta: f32, eta: f32) -> Interface {
+    // Smaller cosines have squares that are too small to be numbers.
+    let cos_theta = if cos_theta > 1e-18 { cos_theta } else { 1e-18 };
     // (eta cos_t)^2 = eta^2 - sin^2, with the difference factored so that eta near 1 keeps its digits.
     let squared = (eta - 1.0) * (eta + 1.0) + cos_theta * cos_theta;
     let total = squared < 0.0;
