@@ -41,7 +41,7 @@ impl Conductor {
     /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         if self.is_mirror() {
             return BsdfSample::mirror(wo, fresnel::schlick(self.f0, Vec3::ONE, above.z), 1.0);
         }
@@ -67,7 +67,7 @@ impl Conductor {
         if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         let r = ggx::reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()), self.alpha);
         let factor = fresnel::schlick(self.f0, Vec3::ONE, r.cos_half) * self.compensation(above.z);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }

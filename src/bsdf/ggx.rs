@@ -10,6 +10,13 @@ pub const MIN_ALPHA: f32 = 1e-3;
 /// Smallest cosine that formulas divide by.
 pub const MIN_COS: f32 = 1e-6;
 
+/// A direction turned to the upper side, where formulas hold, and kept off the horizon.
+#[inline(always)]
+pub fn above(wo: Vec3) -> Vec3 {
+    let z = wo.z.abs();
+    Vec3::new(wo.x, wo.y, if z > MIN_COS { z } else { MIN_COS })
+}
+
 /// sqrt(alpha^2 + (1 - alpha^2) z^2), the root in Smith's masking: G1 = 2 z / (z + root).
 #[inline(always)]
 pub fn smith_root(z: f32, alpha_squared: f32) -> f32 {

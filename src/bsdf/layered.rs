@@ -82,7 +82,7 @@ impl Layered {
 
     #[inline]
     fn seen(&self, wo: Vec3) -> Seen {
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         let (mut opaque, mut glass) = (self.opaque, self.glass);
         if self.film.factor > 0.0 {
             opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, above.z);

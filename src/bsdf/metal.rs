@@ -40,7 +40,7 @@ impl Metal {
     /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         if self.surface.is_mirror() {
             return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
         }
@@ -67,7 +67,7 @@ impl Metal {
         if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
         let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }

@@ -113,7 +113,7 @@ impl<S: Facets> MetalRough<S> {
     /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         self.view(above).sample(&self.surface, wo, above, u)
     }
 
@@ -123,7 +123,7 @@ impl<S: Facets> MetalRough<S> {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         self.view(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
     }
 }

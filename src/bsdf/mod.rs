@@ -37,7 +37,7 @@ pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};
 pub use film::Film;
-pub use ggx::MIN_COS;
+pub use ggx::above;
 pub use lambert::Lambert;
 pub use layered::Layered;
 pub use metal::Metal;

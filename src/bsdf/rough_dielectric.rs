@@ -151,7 +151,7 @@ impl RoughDielectric {
         if self.is_smooth() {
             return self.sample_smooth(wo, u[2]);
         }
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
         let c = above.dot(normal).clamp(0.0, 1.0);
         let eta = self.eta(wo);
@@ -215,7 +215,7 @@ impl RoughDielectric {
         if self.is_smooth() || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
-        let above = Vec3::new(wo.x, wo.y, wo.z.abs().max(ggx::MIN_COS));
+        let above = ggx::above(wo);
         let crosses = (wo.z < 0.0) != (wi.z < 0.0);
         let unflipped = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
         let eta = self.eta(wo);

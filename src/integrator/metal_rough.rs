@@ -4,8 +4,8 @@ use super::direct::light_factor;
 use super::normals::{scattering_normal, terminator};
 use super::scatter::survival;
 use super::wave::{MetalRoughs, WAVE, Wave, get, set};
-use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MIN_COS, MetalRough, View};
-use crate::math::{Frame, Vec3, offset_along};
+use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MetalRough, View, above};
+use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::Microfacet;
 use crate::simd::{Kernel, dispatch};
@@ -56,13 +56,6 @@ fn view(m: &MetalRoughs, k: usize) -> View {
         p_specular: m.p_specular[k],
         p_diffuse: m.p_diffuse[k],
     }
-}
-
-/// A direction to the viewer, who is above the surface up to rounding.
-#[inline(always)]
-fn above(local: Vec3) -> Vec3 {
-    let z = local.z.abs();
-    Vec3::new(local.x, local.y, if z > MIN_COS { z } else { MIN_COS })
 }
 
 /// Makes normals usable for scattering, and materials what their viewers see of them.
