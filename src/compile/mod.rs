@@ -102,6 +102,8 @@ pub struct Features {
     pub footprints: bool,
     /// Light passes through solids.
     pub media: bool,
+    /// Some of them absorb it.
+    pub absorption: bool,
 }
 
 impl CompiledScene {
@@ -147,6 +149,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1,
+        absorption: media.iter().any(|m| m.absorption.is_some()),
     };
     let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();

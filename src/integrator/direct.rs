@@ -63,7 +63,7 @@ impl Integrator<'_> {
         for i in sorted.metal_rough..sorted.lit {
             generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.metal_rough], softens);
         }
-        if self.scene.features.media {
+        if self.scene.features.absorption {
             self.absorb_light(sorted, &mut w.wave);
         }
         w.shadow_rays.clear();

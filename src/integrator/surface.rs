@@ -97,7 +97,7 @@ impl Integrator<'_> {
                 paths.cone_width[i] += paths.cone_spread[i] * hit.t;
             }
         }
-        if self.scene.features.media {
+        if self.scene.features.absorption {
             self.absorb(w);
         }
         let mut next = self.classify(bounce, is_last, w).starts();
