@@ -4,7 +4,9 @@ use super::binary::{self, Binary};
 use super::collapse::{Collapse, WIDTH};
 use super::emit::{Emit, Emitted};
 use super::gather::{Dropped, Kind, Primitive, gather, is_in_reach};
+use super::halves;
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
+use super::slot::DeepSlot;
 use super::{Accel, AccelInstance, BuildOptions, Geometry};
 use crate::math::{Bounds3, DAffine3, DVec3};
 use crate::simd::Line;
@@ -80,6 +82,17 @@ impl Built {
     }
 }
 
+/// Stack entries that a ray may need in trees of this many nodes, one below the other: one below everything, all but one
+/// child of each node on the way, a leaf's next packet and an instance's three, and one more, since a full stack's first
+/// free entry has a number too.
+const fn stack_size(depth: usize) -> usize {
+    depth * (WIDTH - 1) + 1 + 1 + 3 + 1
+}
+
+/// Deeper trees are built anew, in halves: twice this, for the world and what is placed in it, fits the deepest stacks.
+const MAX_DEPTH: usize = 72;
+const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
+
 struct Builder<'a> {
     geometries: &'a [Geometry],
     quality: Quality,
@@ -103,9 +116,7 @@ pub(super) fn build(geometries: &[Geometry], instances: &[AccelInstance], option
     }
     let world = builder.tree(0, placed, &records);
     let deepest_shared = shared.iter().flatten().map(|b| b.tree.depth).max().unwrap_or(0);
-    // One entry below everything, all but one child of each node on the way, a leaf's next packet and an instance's
-    // three, and 8 for whole vectors.
-    let stack_size = (world.tree.depth + deepest_shared) * (WIDTH - 1) + 1 + 1 + 3 + 8;
+    let stack_size = stack_size(world.tree.depth + deepest_shared);
     let mut expected = vec![world.tree];
     expected.extend(shared.iter().flatten().map(|b| b.tree));
     let Builder { mut lines, mut stats, .. } = builder;
@@ -130,19 +141,29 @@ impl Builder<'_> {
         if primitives.is_empty() {
             return Built { tree: EMPTY, bounds: Bounds3::EMPTY };
         }
-        let binary: Binary = binary::build(&primitives, self.quality);
-        let collapse = Collapse::new(&binary, &primitives);
-        let emit = Emit {
-            binary: &binary,
-            collapse: &collapse,
-            primitives: &primitives,
-            geometry,
-            instances: records,
-        };
-        let Emitted { root, depth } = emit.write(&mut self.lines);
+        let start = self.lines.len();
+        let mut binary = binary::build(&primitives, self.quality);
+        let mut emitted = self.emit(&binary, &primitives, geometry, records);
+        if emitted.depth > MAX_DEPTH {
+            self.lines.truncate(start);
+            binary = halves::build(&primitives);
+            emitted = self.emit(&binary, &primitives, geometry, records);
+        }
+        let Emitted { root, depth } = emitted;
         assert!(self.lines.len() <= MAX_LINE, "a scene may have 32 GiB of acceleration structure");
         let tree = Tree { root, depth, primitives: counts.0, instances: counts.1 };
         Built { tree, bounds: binary.bounds[0] }
+    }
+
+    fn emit(
+        &mut self,
+        binary: &Binary,
+        primitives: &[Primitive],
+        geometry: &Geometry,
+        instances: &[InstanceRecord],
+    ) -> Emitted {
+        let collapse = &Collapse::new(binary, primitives);
+        Emit { binary, collapse, primitives, geometry, instances }.write(&mut self.lines)
     }
 
     /// The record of an instance and its box in the world; builds its geometry if it is the first to use it.

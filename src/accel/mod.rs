@@ -11,6 +11,7 @@ mod build;
 mod collapse;
 mod emit;
 mod gather;
+mod halves;
 mod layout;
 mod normalize;
 mod prepare;
@@ -27,6 +28,7 @@ pub use gather::Dropped;
 
 use crate::math::{DAffine3, Hit, Ray, Vec3};
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
+use slot::ShallowSlot;
 use std::cell::RefCell;
 use stream::{Any, Closest, Occluded, Output, Stream, Workspace};
 
@@ -146,10 +148,14 @@ impl Accel {
     }
 
     fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+        let &Accel { ref lines, root, reach, .. } = self;
         WORKSPACE.with(|workspace| {
-            let workspace = &mut *workspace.borrow_mut();
-            let &Accel { ref lines, root, reach, stack_size, .. } = self;
-            dispatch_wide_at(level, Stream { lines, root, reach, stack_size, rays, output, workspace });
+            let Workspace { shallow, deep } = &mut *workspace.borrow_mut();
+            if self.stack_size <= ShallowSlot::STACK {
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: shallow });
+            } else {
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: deep });
+            }
         });
     }
 }

@@ -14,8 +14,6 @@ pub struct PreparedRay {
     pub direction: [f32; 3],
     /// Shear of the space in which triangles are seen along the ray (Woop, Benthin, Wald 2013, section 3.1, `Sx`, `Sy`).
     pub shear: [f32; 2],
-    /// Lower bound of the parameter.
-    pub t_min: f32,
     /// Parameters in the caller's units are ours times this power of two.
     pub unscale: f32,
 }
@@ -23,13 +21,13 @@ pub struct PreparedRay {
 impl PreparedRay {
     /// Never hits anything; fills unused slots.
     pub const NONE: PreparedRay =
-        PreparedRay { origin: [0.0; 3], direction: [0.0; 3], shear: [0.0; 2], t_min: 0.0, unscale: 1.0 };
+        PreparedRay { origin: [0.0; 3], direction: [0.0; 3], shear: [0.0; 2], unscale: 1.0 };
 
-    /// Prepares a ray in place, for geometry within `reach` of the coordinates' origin, and returns its upper bound of the
+    /// Prepares a ray in place, for geometry within `reach` of the coordinates' origin, and returns its bounds of the
     /// parameter; `None` where it can hit nothing: an empty range, a zero direction, or a component that is infinite or NaN.
     /// (In place, since copies in whole vectors would wait for the narrow stores before them.)
     #[inline(always)]
-    pub fn set(&mut self, boxes: &mut BoxRay, ray: &Ray, reach: f32) -> Option<f32> {
+    pub fn set(&mut self, boxes: &mut BoxRay, ray: &Ray, reach: f32) -> Option<(f32, f32)> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let largest = d[0].abs().max(d[1].abs()).max(d[2].abs());
         // Zero times anything but infinity and NaN is zero.
@@ -41,27 +39,26 @@ impl PreparedRay {
         let (scale, unscale) = power_of_two_scale(largest);
         self.origin = o;
         self.direction = d.map(|d| d * unscale);
-        self.t_min = t_min * scale;
         self.unscale = unscale;
         boxes.set(o, self.direction, reach);
         let [kx, ky, kz] = boxes.axes();
         let sz = boxes.inverse(kz);
         self.shear = [self.direction[kx] * sz, self.direction[ky] * sz];
-        Some(ray.t_max * scale)
+        Some((t_min * scale, ray.t_max * scale))
     }
 }
 
 impl InstanceRecord {
     /// A world ray in object space. The direction keeps its parametrisation.
     #[inline(always)]
-    pub fn transform(&self, ray: &PreparedRay, t_max: f32) -> Ray {
+    pub fn transform(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Ray {
         let [o, d] = [ray.origin, ray.direction];
         let row = |k: usize| {
             let m = &self.object_from_world[k];
             ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
         };
         let [x, y, z] = [row(0), row(1), row(2)];
-        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min: ray.t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
+        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
     }
 }
 

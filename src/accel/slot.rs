@@ -1,21 +1,26 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
-use super::layout::{PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
+use super::layout::{DONE, PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
 use super::prepare::PreparedRay;
 use super::triangle;
-use crate::math::{Hit, NO_HIT};
-use crate::simd::{BoxRay, WIDEN, Wide};
+use crate::math::{Hit, NO_HIT, Ray};
+use crate::simd::{BoxRay, Entry, WIDEN, Wide};
 
-/// A ray in flight. What a step at a node needs comes first.
+/// A ray in flight with a stack of `N - 8` entries, a power of two. What a step at a node needs comes first, in one cache
+/// line.
 #[derive(Clone, Copy)]
 #[repr(C, align(64))]
-pub struct Slot {
+pub struct Slot<const N: usize> {
     /// The ray for box tests.
     pub boxes: BoxRay,
     /// Boxes that begin behind this hold nothing nearer.
     pub limit: f32,
-    /// The first free entry of this ray's stack.
-    pub top: u32,
+    /// Lower bound of the parameter.
+    pub t_min: f32,
+    /// The first free entry of the stack.
+    top: u32,
+    /// What the ray visits next.
+    pub current: u32,
     /// Which ray of the batch.
     pub index: u32,
     /// The ray for everything else.
@@ -24,19 +29,97 @@ pub struct Slot {
     pub best: Hit,
     /// The instance whose space the ray is in; 0 in the world.
     pub instance: u32,
+    /// What the ray visits later, next last, with 8 entries to spare for a node's children.
+    stack: [Entry; N],
 }
 
-impl Slot {
+/// Slots for trees of the usual depths. An odd number of cache lines, so that stacks do not compete for the same places
+/// in the cache.
+pub type ShallowSlot = Slot<264>;
+/// Slots for all trees that are built. (Used for all trees they cost 1 to 4 % of the speed: they are spread too far.)
+pub type DeepSlot = Slot<1032>;
+
+const _: () = assert!(size_of::<ShallowSlot>() / 64 % 2 == 1 && size_of::<DeepSlot>() / 64 % 2 == 1);
+
+impl<const N: usize> Slot<N> {
+    /// Entries that a stack may hold. (Places are taken modulo this, so that they need no check.)
+    pub const STACK: usize = N - 8;
+
     /// Fills unused slots.
-    pub const EMPTY: Slot = Slot {
+    pub const EMPTY: Slot<N> = Slot {
         boxes: BoxRay::NONE,
         limit: 0.0,
+        t_min: 0.0,
         top: 0,
+        current: DONE,
         index: 0,
         ray: PreparedRay::NONE,
         best: Hit::MISS,
         instance: 0,
+        stack: [Entry { reference: DONE, distance: f32::NEG_INFINITY }; N],
     };
+
+    /// Prepares a ray for a space; `false`, and nothing is changed, where it can hit nothing there.
+    #[inline(always)]
+    pub fn set(&mut self, ray: &Ray, reach: f32) -> bool {
+        let Some((t_min, t_max)) = self.ray.set(&mut self.boxes, ray, reach) else { return false };
+        self.t_min = t_min;
+        self.best.t = t_max;
+        self.limit = t_max * WIDEN;
+        true
+    }
+
+    /// Empties the stack but for the entry that ends the ray.
+    #[inline(always)]
+    pub fn clear_stack(&mut self) {
+        self.top = 0;
+        self.push(DONE);
+    }
+
+    /// Room for a node's children at the top of the stack.
+    #[inline(always)]
+    pub fn room(&mut self) -> &mut [Entry; 8] {
+        const { assert!(Self::STACK.is_power_of_two()) };
+        self.stack[self.top as usize % Self::STACK..].first_chunk_mut().expect("eight entries are to spare")
+    }
+
+    /// Something to visit whatever is hit before.
+    #[inline(always)]
+    pub fn push(&mut self, reference: u32) {
+        self.stack[self.top as usize % Self::STACK] = Entry { reference, distance: f32::NEG_INFINITY };
+        self.top += 1;
+    }
+
+    /// The next packet of a leaf, if there is one, without a branch.
+    #[inline(always)]
+    pub fn push_next(&mut self, reference: u32) {
+        let top = self.top + u32::from(reference != DONE);
+        self.push(reference);
+        self.top = top;
+    }
+
+    /// Takes the topmost entry, of `count` more than were pushed, that can still matter: in search of any hit each one, and
+    /// the bottom entry always.
+    #[inline(always)]
+    pub fn pop(&mut self, count: u32, any_hit: bool) -> u32 {
+        let below = |top: usize| top.wrapping_sub(1) % Self::STACK;
+        let mut top = below((self.top + count) as usize);
+        if !any_hit {
+            // As integers, which are compared sooner: neither is NaN, and only the bottom entry's is negative.
+            while self.stack[top].distance.to_bits() as i32 > self.limit.to_bits() as i32 {
+                top = below(top);
+            }
+        }
+        self.top = top as u32;
+        self.current = self.stack[top].reference;
+        self.current
+    }
+
+    /// Puts what [`Slot::pop`] took last back.
+    #[inline(always)]
+    pub fn put_back(&mut self) {
+        self.top += 1;
+    }
 
     /// Tests the lanes of a packet exactly. Was there a nearer hit?
     #[inline(always)]
@@ -55,7 +138,7 @@ impl Slot {
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
-            if t[lane] > self.ray.t_min && t[lane] <= self.best.t {
+            if t[lane] > self.t_min && t[lane] <= self.best.t {
                 self.triangle(packet, lane, t[lane]);
             }
         }
@@ -82,7 +165,7 @@ impl Slot {
         let tie = t == self.best.t
             && self.best.prim != NO_HIT
             && (self.instance, prim) < (self.best.instance, self.best.prim);
-        if t > self.ray.t_min && (nearer || tie) {
+        if t > self.t_min && (nearer || tie) {
             self.best = Hit { t, u, v, prim, instance: self.instance };
             self.limit = t * WIDEN;
         }

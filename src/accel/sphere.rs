@@ -6,7 +6,13 @@ use super::prepare::PreparedRay;
 
 /// The smallest parameter in `t_min < t <= t_max` at which a ray meets the sphere of a lane.
 #[inline(always)]
-pub fn intersect(packet: &SpherePacket, lane: usize, ray: &PreparedRay, t_max: f32) -> Option<f32> {
+pub fn intersect(
+    packet: &SpherePacket,
+    lane: usize,
+    ray: &PreparedRay,
+    t_min: f32,
+    t_max: f32,
+) -> Option<f32> {
     let lane = lane & 3;
     let r = f64::from(packet.radius[lane]);
     let d = ray.direction.map(f64::from);
@@ -27,7 +33,7 @@ pub fn intersect(packet: &SpherePacket, lane: usize, ray: &PreparedRay, t_max: f
     let (near, far) = if first < second { (first, second) } else { (second, first) };
     let accept = |t: f64| {
         let t = t as f32;
-        (t > ray.t_min && t <= t_max).then_some(t)
+        (t > t_min && t <= t_max).then_some(t)
     };
     accept(near).or_else(|| accept(far))
 }

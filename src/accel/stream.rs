@@ -9,10 +9,10 @@ use super::layout::{
     DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, SPHERE_LINES,
     SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
-use super::slot::Slot;
+use super::slot::{DeepSlot, ShallowSlot, Slot};
 use super::{sphere, triangle};
 use crate::math::{Hit, NO_HIT, Ray};
-use crate::simd::{Entry, Line, WIDEN, Wide, WideKernel, prefetch_lines};
+use crate::simd::{Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
 pub const IN_FLIGHT: usize = 32;
@@ -57,48 +57,42 @@ impl Output for Any<'_> {
 
 /// Memory that a thread keeps between calls.
 pub struct Workspace {
-    slots: Vec<Slot>,
-    stacks: Vec<Entry>,
+    /// For trees that need stacks of at most `ShallowSlot::STACK` entries.
+    pub shallow: Vec<ShallowSlot>,
+    /// For the others.
+    pub deep: Vec<DeepSlot>,
 }
 
 impl Workspace {
     /// Without memory yet.
     pub const fn new() -> Workspace {
-        Workspace { slots: Vec::new(), stacks: Vec::new() }
+        Workspace { shallow: Vec::new(), deep: Vec::new() }
     }
 }
 
 /// One batch.
-pub struct Stream<'a, O> {
+pub struct Stream<'a, O, const N: usize> {
     /// Nodes and packets.
     pub lines: &'a [Line],
     /// Where to start.
     pub root: u32,
     /// The largest absolute coordinate of the world.
     pub reach: f32,
-    /// Stack entries that a ray may need, with 8 to spare.
-    pub stack_size: usize,
     /// The rays.
     pub rays: &'a [Ray],
     /// The results.
     pub output: O,
-    /// Scratch memory.
-    pub workspace: &'a mut Workspace,
+    /// Scratch memory, whose stacks are as deep as the tree needs.
+    pub slots: &'a mut Vec<Slot<N>>,
 }
 
-impl<O: Output> WideKernel for Stream<'_, O> {
+impl<O: Output, const N: usize> WideKernel for Stream<'_, O, N> {
     type Output = ();
 
     #[inline(always)]
     fn run<W: Wide>(self, w: W) {
-        let Stream { lines, root, reach, stack_size, rays, mut output, workspace } = self;
-        // An odd number of cache lines, so that the stacks do not compete for the same places in the cache.
-        let stack_size = 8 * (stack_size.div_ceil(8) | 1);
-        if workspace.stacks.len() < IN_FLIGHT * stack_size {
-            workspace.stacks.resize(IN_FLIGHT * stack_size, Entry { reference: DONE, distance: 0.0 });
-        }
-        workspace.slots.resize(IN_FLIGHT, Slot::EMPTY);
-        let Workspace { slots, stacks } = workspace;
+        let Stream { lines, root, reach, rays, mut output, slots } = self;
+        slots.resize(IN_FLIGHT, Slot::EMPTY);
         let Some(slots) = slots.first_chunk_mut() else { return };
         let mut flight = Flight {
             lines,
@@ -106,12 +100,9 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             reach,
             rays,
             slots,
-            stacks,
-            stack_size,
             next_ray: 0,
             flying: 0,
             waiting: 0,
-            current: [DONE; IN_FLIGHT],
             exact: 0,
             candidates: [Candidates { packet: 0, lanes: 0 }; IN_FLIGHT],
         };
@@ -125,14 +116,8 @@ impl<O: Output> WideKernel for Stream<'_, O> {
             let (leaf, special) = (flight.waiting >> 1, flight.waiting);
             let free = flight.flying & !exact;
             flight.waiting &= 3 * exact;
-            let mut ids = free & !leaf;
-            while ids != 0 {
-                flight.node_step::<W, O>(w, take_lowest(&mut ids));
-            }
-            let mut ids = free & leaf & !special;
-            while ids != 0 {
-                flight.triangle_step::<W, O>(w, take_lowest(&mut ids));
-            }
+            flight.waiting |= flight.pass::<W, O, false>(w, free & !leaf);
+            flight.waiting |= flight.pass::<W, O, true>(w, free & leaf & !special);
             let mut ids = exact;
             while ids != 0 {
                 flight.exact_step::<W, O>(w, take_lowest(&mut ids));
@@ -148,30 +133,31 @@ impl<O: Output> WideKernel for Stream<'_, O> {
 /// The rays of a set: bit `2 id` of each.
 type Rays = u64;
 
+/// The first ray of a set; some number if it is empty.
+#[inline(always)]
+fn lowest(rays: Rays) -> usize {
+    (rays.trailing_zeros() / 2) as usize & (IN_FLIGHT - 1)
+}
+
 /// The first ray of a set, which is then taken out.
 #[inline(always)]
 fn take_lowest(rays: &mut Rays) -> usize {
-    let id = (rays.trailing_zeros() / 2) as usize & (IN_FLIGHT - 1);
+    let id = lowest(*rays);
     *rays &= rays.wrapping_sub(1);
     id
 }
 
-struct Flight<'a> {
+struct Flight<'a, const N: usize> {
     lines: &'a [Line],
     root: u32,
     reach: f32,
     rays: &'a [Ray],
-    slots: &'a mut [Slot; IN_FLIGHT],
-    /// The stacks of all rays in flight, one after the other.
-    stacks: &'a mut [Entry],
-    stack_size: usize,
+    slots: &'a mut [Slot<N>; IN_FLIGHT],
     next_ray: usize,
     /// The rays on their way.
     flying: Rays,
     /// What each ray waits for: bits 30 and 31 of the reference that it visits next, in bits `2 id` and `2 id + 1`.
     waiting: u64,
-    /// What each ray visits next.
-    current: [u32; IN_FLIGHT],
     /// The rays whose line meets a triangle of the packet that they have just left.
     exact: Rays,
     /// For the rays in `exact`.
@@ -185,7 +171,7 @@ struct Candidates {
     lanes: u32,
 }
 
-impl Flight<'_> {
+impl<const N: usize> Flight<'_, N> {
     /// Puts the next ray that can hit something into a slot; the slot stays idle when there is none.
     #[inline(always)]
     fn start<O: Output>(&mut self, id: usize, output: &mut O) {
@@ -193,79 +179,105 @@ impl Flight<'_> {
             let index = self.next_ray;
             self.next_ray += 1;
             let slot = &mut self.slots[id];
-            let Some(t_max) = slot.ray.set(&mut slot.boxes, ray, self.reach) else {
+            slot.best = Hit::MISS;
+            if !slot.set(ray, self.reach) {
                 output.emit(index, &Hit::MISS);
                 continue;
-            };
-            let bottom = id * self.stack_size;
-            self.stacks[bottom] = Entry { reference: DONE, distance: f32::NEG_INFINITY };
-            slot.top = bottom as u32 + 1;
+            }
+            slot.clear_stack();
             slot.index = index as u32;
-            slot.best = Hit { t: t_max, ..Hit::MISS };
-            slot.limit = t_max * WIDEN;
             slot.instance = 0;
             self.flying |= 1 << (2 * id);
             return self.route(id, self.root);
         }
     }
 
-    /// Sends a ray to what it visits next and asks for the lines of that.
+    /// Sends a ray to what it visits next.
     #[inline(always)]
     fn route(&mut self, id: usize, reference: u32) {
+        self.slots[id].current = reference;
+        self.waiting |= self.ask(reference) << (2 * id);
+    }
+
+    /// Asks for the lines of what a ray visits next. Returns what it waits for.
+    #[inline(always)]
+    fn ask(&self, reference: u32) -> u64 {
         prefetch_lines::<NODE_LINES>(self.lines, line_of(reference));
-        self.current[id] = reference;
-        self.waiting |= u64::from(reference >> 30) << (2 * id);
+        u64::from(reference >> 30)
     }
 
-    /// Takes the topmost entry that can still matter. The bottom entry, which ends the ray, always does.
+    /// Sends a ray to the topmost entry of its stack that can still matter.
     #[inline(always)]
-    fn pop<O: Output>(&mut self, id: usize, top: usize) {
+    fn pop<O: Output>(&mut self, id: usize) {
+        let reference = self.slots[id].pop(0, O::ANY);
+        self.waiting |= self.ask(reference) << (2 * id);
+    }
+
+    /// A step of each ray of a set, which are at nodes or, if `LEAVES`, at packets of triangles. Returns what they wait for
+    /// after it. (As a result, since what is in memory is written there after each step. What a ray visits is read one step
+    /// ahead, so that its step can begin with asking for a node.)
+    #[inline(always)]
+    fn pass<W: Wide, O: Output, const LEAVES: bool>(&mut self, w: W, mut rays: Rays) -> u64 {
+        let mut waiting = 0;
+        let mut next = self.first(rays);
+        while rays != 0 {
+            let (id, current) = next;
+            rays &= rays.wrapping_sub(1);
+            next = self.first(rays);
+            let waits_for = if LEAVES {
+                self.triangle_step::<W, O>(w, id, current)
+            } else {
+                self.node_step::<W, O>(w, id, current)
+            };
+            waiting |= waits_for << (2 * id);
+        }
+        waiting
+    }
+
+    /// The first ray of a set and what it visits; some ray if the set is empty.
+    #[inline(always)]
+    fn first(&self, rays: Rays) -> (usize, u32) {
+        let id = lowest(rays);
+        (id, self.slots[id].current)
+    }
+
+    #[inline(always)]
+    fn node_step<W: Wide, O: Output>(&mut self, w: W, id: usize, current: u32) -> u64 {
         let slot = &mut self.slots[id];
-        let mut top = top - 1;
-        let mut entry = self.stacks[top];
-        if !O::ANY {
-            while entry.distance > slot.limit {
-                top -= 1;
-                entry = self.stacks[top];
-            }
-        }
-        slot.top = top as u32;
-        self.route(id, entry.reference);
-    }
-
-    #[inline(always)]
-    fn node_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
-        let slot = &self.slots[id];
-        let Some(node) = view::<Node, NODE_LINES>(self.lines, self.current[id] as usize) else {
-            return;
+        let Some(node) = view::<Node, NODE_LINES>(self.lines, current as usize) else {
+            return self.lost(id);
         };
-        let (mask, near) = w.boxes(&node.planes, &slot.boxes, slot.ray.t_min, slot.limit);
-        let top = slot.top as usize;
-        let Some(to) = self.stacks.get_mut(top..top + 8).and_then(|to| to.first_chunk_mut()) else {
-            return;
-        };
+        let (mask, near) = w.boxes(&node.planes, &slot.boxes, slot.t_min, slot.limit);
         if O::ANY {
-            w.store_masked(mask, &node.child, to);
+            w.store_masked(mask, &node.child, slot.room());
         } else {
-            w.store_sorted(mask, near, &node.child, to);
+            w.store_sorted(mask, near, &node.child, slot.room());
         }
-        self.pop::<O>(id, top + mask.count_ones() as usize);
+        let reference = slot.pop(mask.count_ones(), O::ANY);
+        self.ask(reference)
     }
 
     /// Tests a packet. A ray whose line meets a triangle is handed to [`Self::exact_step`], without a branch, which could
     /// not be predicted.
     #[inline(always)]
-    fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize) {
-        let slot = &self.slots[id];
-        let current = self.current[id];
+    fn triangle_step<W: Wide, O: Output>(&mut self, w: W, id: usize, current: u32) -> u64 {
+        let slot = &mut self.slots[id];
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
-            return;
+            return self.lost(id);
         };
         let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes);
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
-        let top = self.push_next(id, packet.next());
-        self.pop::<O>(id, top);
+        slot.push_next(packet.next());
+        let reference = slot.pop(0, O::ANY);
+        self.ask(reference)
+    }
+
+    /// Ends a ray that was sent out of the buffer, which no tree does.
+    #[cold]
+    fn lost(&mut self, id: usize) -> u64 {
+        self.slots[id].current = DONE;
+        u64::from(DONE >> 30)
     }
 
     /// Tests lanes exactly. The ray has left the packet already: what it visits next is still on its stack.
@@ -277,33 +289,25 @@ impl Flight<'_> {
         };
         let slot = &mut self.slots[id];
         if slot.triangles(w, packet, lanes, O::ANY) {
-            let top = slot.top as usize + 1;
+            slot.put_back();
             self.waiting &= !(3 << (2 * id));
-            self.pop_unless_done::<O>(id, top);
+            self.pop_unless_done::<O>(id);
         }
     }
 
     /// Takes the topmost entry, or ends the ray if any hit is enough and there is one.
     #[inline(always)]
-    fn pop_unless_done<O: Output>(&mut self, id: usize, top: usize) {
+    fn pop_unless_done<O: Output>(&mut self, id: usize) {
         let slot = &mut self.slots[id];
         if O::ANY && slot.best.prim != NO_HIT {
             return self.route(id, DONE);
         }
-        self.pop::<O>(id, top);
-    }
-
-    /// Puts the next packet of a leaf, if there is one, on the stack, without a branch. Returns the first free entry.
-    #[inline(always)]
-    fn push_next(&mut self, id: usize, next: u32) -> usize {
-        let top = self.slots[id].top as usize;
-        self.stacks[top] = Entry { reference: next, distance: f32::NEG_INFINITY };
-        top + usize::from(next != DONE)
+        self.pop::<O>(id);
     }
 
     #[inline(always)]
     fn special_step<O: Output>(&mut self, id: usize, output: &mut O) {
-        let current = self.current[id];
+        let current = self.slots[id].current;
         if current == DONE {
             return self.finish(id, output);
         }
@@ -314,8 +318,8 @@ impl Flight<'_> {
         } else {
             return self.enter_instance::<O>(id, current);
         };
-        let top = self.push_next(id, next);
-        self.pop_unless_done::<O>(id, top);
+        self.slots[id].push_next(next);
+        self.pop_unless_done::<O>(id);
     }
 
     /// Gives out the result of a ray and takes the next one.
@@ -336,7 +340,7 @@ impl Flight<'_> {
             return DONE;
         };
         for lane in 0..4 {
-            if let Some(t) = sphere::intersect(packet, lane, &slot.ray, slot.best.t) {
+            if let Some(t) = sphere::intersect(packet, lane, &slot.ray, slot.t_min, slot.best.t) {
                 slot.offer(t, 0.0, 0.0, packet.id[lane]);
             }
         }
@@ -350,34 +354,25 @@ impl Flight<'_> {
         let Some(record) = view::<InstanceRecord, INSTANCE_LINES>(self.lines, line_of(current)) else {
             return;
         };
-        let mut top = slot.top as usize;
-        let mut push = |reference: u32| {
-            self.stacks[top] = Entry { reference, distance: f32::NEG_INFINITY };
-            top += 1;
-        };
-        if record.next != DONE {
-            push(record.next);
-        }
-        let ray = record.transform(&slot.ray, slot.best.t);
-        if let Some(t_max) = slot.ray.set(&mut slot.boxes, &ray, record.reach) {
-            push(LEAVE_INSTANCE);
-            push(record.root);
-            slot.best.t = t_max;
-            slot.limit = t_max * WIDEN;
+        slot.push_next(record.next);
+        let ray = record.transform(&slot.ray, slot.t_min, slot.best.t);
+        if slot.set(&ray, record.reach) {
+            slot.push(LEAVE_INSTANCE);
+            slot.push(record.root);
             slot.instance = record.instance;
         }
-        self.pop::<O>(id, top);
+        self.pop::<O>(id);
     }
 
     /// Back to the world: its ray is computed again, the nearest hit so far goes along.
     #[inline(always)]
     fn leave_instance(&mut self, id: usize) -> u32 {
         let slot = &mut self.slots[id];
-        let unscale = slot.ray.unscale;
+        let t = slot.best.t * slot.ray.unscale;
         let world = &self.rays[slot.index as usize];
-        if slot.ray.set(&mut slot.boxes, world, self.reach).is_some() {
-            slot.best.t *= unscale;
-            slot.limit = slot.best.t * WIDEN;
+        if slot.set(world, self.reach) {
+            slot.best.t = t;
+            slot.limit = t * WIDEN;
             slot.instance = 0;
         }
         DONE

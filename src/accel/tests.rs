@@ -272,3 +272,38 @@ fn one_distant_vertex_leaves_the_rest_quick() {
         assert!(same, "{far}");
     }
 }
+
+/// Triangles in one corner, each a little larger than the one before.
+fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
+    let mut rng = Rng::new(seed);
+    let mut geometry = Geometry::default();
+    for k in 0..count {
+        let size = growth.powi(k as i32);
+        let first = geometry.positions.len() as u32;
+        let height = size * (0.5 + rng.unit());
+        geometry.positions.extend([[0.0; 3], [size, 0.0, height], [0.0, size, height]]);
+        geometry.triangles.push([first, first + 1, first + 2]);
+    }
+    geometry
+}
+
+/// The first triangle's tree would be deeper than any stack, the second one's is deeper than most.
+#[test]
+fn deep_trees_are_walked_to_their_end() {
+    let (world, placed) = (one_inside_the_next(4500, 1.006, 1), one_inside_the_next(700, 1.04, 2));
+    let rays: Vec<Ray> = random_rays(600, 3).iter().map(|r| Ray { origin: r.origin.abs(), ..*r }).collect();
+    let expected = brute_force(&world, &rays);
+    let nearer = |a: &Hit, b: &Hit| if b.t < a.t { Hit { instance: 1, ..*b } } else { *a };
+    let of_both: Vec<Hit> =
+        expected.iter().zip(&brute_force(&placed, &rays)).map(|(a, b)| nearer(a, b)).collect();
+    assert!(expected.iter().filter(|h| h.is_hit()).count() > 100);
+    assert!(of_both.iter().filter(|h| h.instance == 1).count() > 10);
+    let here = AccelInstance { geometry: 1, world_from_object: DAffine3::IDENTITY };
+    let shallow = build(std::slice::from_ref(&world), &[]);
+    let deep = build(&[world, placed], &[here]);
+    assert!(shallow.stack_size <= ShallowSlot::STACK && deep.stack_size > ShallowSlot::STACK);
+    for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+        assert_eq!(trace(&shallow, level, &rays), expected, "{}", level.name());
+        assert_eq!(trace(&deep, level, &rays), of_both, "{}", level.name());
+    }
+}
