@@ -247,6 +247,27 @@ pub(super) fn color(value: &DeValue) -> Option<[f32; 3]> {
     rgb.iter().all(|x| x.is_finite() && *x >= 0.0).then_some(rgb)
 }
 
+/// What `[materials.NAME]` or `[textures.NAME]` says, from the table of all materials or textures (`kind` in the singular). A
+/// problem at `span`, where the name is used, if it isn't there.
+pub(super) fn named<'a>(
+    all: Option<&Fields<'a>>,
+    kind: &str,
+    name: &str,
+    span: Range<usize>,
+    problems: &Problems,
+) -> Option<&'a Spanned<DeValue<'a>>> {
+    let entries = || all.into_iter().flat_map(|fields| fields.entries());
+    let found = entries().find(|(n, _)| *n == name);
+    if found.is_none() {
+        let help = match nearest(name, entries().map(|(n, _)| n)) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("add a table [{kind}s.{name}]"),
+        };
+        problems.push_help(span, format!("there is no {kind} '{name}'"), help);
+    }
+    found.map(|(_, value)| value)
+}
+
 /// The name most like `name`, if any is close enough to be what was meant.
 pub(super) fn nearest<'n>(name: &str, names: impl Iterator<Item = &'n str>) -> Option<&'n str> {
     let limit = (name.chars().count() / 2).clamp(1, 4);

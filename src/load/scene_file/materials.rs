@@ -17,7 +17,7 @@
 //! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
 //! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
 
-use super::fields::{Fields, nearest};
+use super::fields::{Fields, named};
 use super::textures::Textures;
 use super::{Build, metals, pbr};
 use crate::scene::{ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model};
@@ -51,16 +51,7 @@ impl<'a> Materials<'a> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
-        let found = self.fields.as_ref().and_then(|f| f.entries().find(|(n, _)| *n == name));
-        let Some((_, value)) = found else {
-            let known: Vec<&str> = self.fields.iter().flat_map(|f| f.entries().map(|e| e.0)).collect();
-            let help = match nearest(name, known.into_iter()) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => format!("add a table [materials.{name}]"),
-            };
-            build.problems.push_help(span, format!("there is no material '{name}'"), help);
-            return None;
-        };
+        let value = named(self.fields.as_ref(), "material", name, span, build.problems)?;
         let id = match (value.get_ref().as_table(), &self.fields) {
             (Some(table), Some(all)) => {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);

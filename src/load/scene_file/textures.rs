@@ -9,7 +9,7 @@
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
 use super::Build;
-use super::fields::{Fields, color, nearest};
+use super::fields::{Fields, color, named};
 use crate::load::image::{self, Use};
 use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
 use std::collections::HashMap;
@@ -64,16 +64,7 @@ impl<'a> Textures<'a> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
-        let found = self.fields.as_ref().and_then(|f| f.entries().find(|(n, _)| *n == name));
-        let Some((_, value)) = found else {
-            let known: Vec<&str> = self.fields.iter().flat_map(|f| f.entries().map(|e| e.0)).collect();
-            let help = match nearest(name, known.into_iter()) {
-                Some(near) => format!("did you mean '{near}'?"),
-                None => format!("add a table [textures.{name}]"),
-            };
-            build.problems.push_help(span, format!("there is no texture '{name}'"), help);
-            return None;
-        };
+        let value = named(self.fields.as_ref(), "texture", name, span, build.problems)?;
         if self.checking {
             // Its own keys have their turn in `check_unused`.
             return Some(TextureId(0));
