@@ -88,6 +88,12 @@ impl TrianglePacket {
         packet
     }
 
+    /// Primitive ids, as bits.
+    #[inline(always)]
+    pub fn ids(&self) -> &[f32; LANES] {
+        &self.rows[3]
+    }
+
     /// Primitive id of a lane.
     #[inline(always)]
     pub fn id(&self, lane: usize) -> u32 {

@@ -58,7 +58,8 @@ impl InstanceRecord {
             ((m[0] * o[0] + m[1] * o[1]) + (m[2] * o[2] + m[3]), m[0] * d[0] + m[1] * d[1] + m[2] * d[2])
         };
         let [x, y, z] = [row(0), row(1), row(2)];
-        Ray { origin: Vec3::new(x.0, y.0, z.0), t_min, direction: Vec3::new(x.1, y.1, z.1), t_max }
+        let (origin, direction) = (Vec3::new(x.0, y.0, z.0), Vec3::new(x.1, y.1, z.1));
+        Ray { t_min, t_max, ..Ray::new(origin, direction) }
     }
 }
 

@@ -4,6 +4,9 @@
 //! lines that this ray needs next, and goes on with another ray, so that the waiting of 32 rays overlaps; and since a
 //! queue holds only one kind of work, its branches are predictable. The order in which one ray visits its own nodes
 //! does not depend on the others: batches of any size give the same hits.
+//!
+//! A ray that leaves a triangle or quad says so: that primitive counts as missed, without an exact test, which nearly every
+//! such ray would ask for.
 
 use super::layout::{
     DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, SPHERE_LINES,
@@ -187,6 +190,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.clear_stack();
             slot.index = index as u32;
             slot.instance = 0;
+            slot.leaves = ray.leaves.prim_of(0);
             self.flying |= 1 << (2 * id);
             return self.route(id, self.root);
         }
@@ -265,7 +269,8 @@ impl<const N: usize> Flight<'_, N> {
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return self.lost(id);
         };
-        let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes);
+        let left = w.equal(packet.ids(), slot.leaves);
+        let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes) & !left;
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
         slot.push_next(packet.next());
@@ -360,6 +365,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.push(LEAVE_INSTANCE);
             slot.push(record.root);
             slot.instance = record.instance;
+            slot.leaves = self.rays[slot.index as usize].leaves.prim_of(record.instance);
         }
         self.pop::<O>(id);
     }
@@ -374,6 +380,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.best.t = t;
             slot.limit = t * WIDEN;
             slot.instance = 0;
+            slot.leaves = world.leaves.prim_of(0);
         }
         DONE
     }

@@ -1,7 +1,7 @@
 //! Against brute force, on all CPU levels, and on what breaks structures.
 
 use super::*;
-use crate::math::NO_HIT;
+use crate::math::{Departure, NO_HIT};
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
@@ -285,6 +285,52 @@ fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
         geometry.triangles.push([first, first + 1, first + 2]);
     }
     geometry
+}
+
+#[test]
+fn what_a_ray_leaves_is_not_met_again_unless_it_is_round() {
+    let mut soup = soup(400, 0.5, 5);
+    let (triangles, quads) = (soup.triangles.len() as u32, soup.quads.len() as u32);
+    soup.spheres.truncate(20);
+    let at = DAffine3::from_translation(Vec3::X.as_dvec3() * 3.0);
+    let accel = build(
+        &[soup.clone(), soup],
+        &[
+            AccelInstance { geometry: 1, world_from_object: at },
+            AccelInstance { geometry: 1, world_from_object: at },
+        ],
+    );
+    let rays: Vec<Ray> = random_rays(3000, 6)
+        .into_iter()
+        .flat_map(|ray| [ray, Ray { origin: ray.origin + Vec3::X * 3.0, ..ray }])
+        .collect();
+    let first = trace(&accel, Level::Scalar, &rays);
+    // Start again behind what was met: from there it would be met again by those that are sent back.
+    let back =
+        |(ray, hit): (&Ray, &Hit), leaves| Ray { leaves, ..Ray::new(ray.at(hit.t * 1.001), -ray.direction) };
+    let met: Vec<(&Ray, &Hit)> = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit()).collect();
+    assert!(met.len() > 1000 && met.iter().any(|(_, h)| h.instance != 0));
+    let free: Vec<Ray> = met.iter().map(|&m| back(m, Departure::NONE)).collect();
+    let leaving: Vec<Ray> = met.iter().map(|&m| back(m, m.1.into())).collect();
+    let elsewhere = |h: &Hit| Departure { prim: h.prim, instance: h.instance + 7 };
+    let others: Vec<Ray> = met.iter().map(|&m| back(m, elsewhere(m.1))).collect();
+    let expected = trace(&accel, Level::Scalar, &free);
+    for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+        assert_eq!(trace(&accel, level, &others), expected, "{}", level.name());
+        let hits = trace(&accel, level, &leaving);
+        let (mut again, mut round) = (0, 0);
+        for ((hit, free), (_, left)) in hits.iter().zip(&expected).zip(&met) {
+            let is_same = |h: &Hit| (h.prim, h.instance) == (left.prim, left.instance);
+            if is_same(free) && left.prim < triangles + quads {
+                assert!(!is_same(hit), "{}: {left:?}", level.name());
+                again += 1;
+            } else {
+                assert_eq!(hit, free, "{}", level.name());
+                round += u32::from(is_same(free));
+            }
+        }
+        assert!(again > 500 && round > 20, "{again} {round}");
+    }
 }
 
 /// The first triangle's tree would be deeper than any stack, the second one's is deeper than most.

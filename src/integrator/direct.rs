@@ -74,7 +74,7 @@ impl Integrator<'_> {
             if brightest > 0.0 {
                 let t_max = if v.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let (origin, direction) = (get(&v.origin, i), get(&v.direction, i));
-                w.shadow_rays.push(Ray { origin, t_min: 0.0, direction, t_max });
+                w.shadow_rays.push(Ray { t_max, leaves: v.departures[i], ..Ray::new(origin, direction) });
                 w.shadow_vertices.push(i as u32);
             }
         }

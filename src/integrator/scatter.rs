@@ -49,7 +49,8 @@ impl Integrator<'_> {
                 if self.scene.features.footprints {
                     widen(&mut w.arriving.cone_spread[k], v.next_pdf[i]);
                 }
-                w.rays.push(Ray::new(get(&v.origin, i), get(&v.direction, i)));
+                let ray = Ray::new(get(&v.origin, i), get(&v.direction, i));
+                w.rays.push(Ray { leaves: v.departures[i], ..ray });
             }
         }
     }

@@ -112,6 +112,9 @@ impl Integrator<'_> {
             let group = w.groups[i];
             let k = next[group as usize];
             next[group as usize] += 1;
+            if group != Group::None {
+                w.wave.vertices.departures[k] = (&w.hits[i]).into();
+            }
             match group {
                 Group::None if !w.hits[i].is_hit() => w.escaped.push(i as u32),
                 Group::None => self.end_at(bounce, i, w),

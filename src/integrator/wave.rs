@@ -5,7 +5,7 @@ use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::film::AovSample;
-use crate::math::{Hit, Ray, Vec3};
+use crate::math::{Departure, Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
 /// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
@@ -115,6 +115,8 @@ pub struct Vertices {
     /// 1 if the back is black, else 0.
     pub one_sided: Lanes,
     pub p: Lanes3,
+    /// What a ray from here leaves.
+    pub departures: [Departure; LENGTH],
     /// Geometric normal; towards the viewer at Lambertian and opaque glTF vertices, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.

@@ -15,21 +15,52 @@ pub struct Ray {
     pub direction: Vec3,
     /// Hits at or after this parameter don't count; may be infinite.
     pub t_max: f32,
+    /// What the ray leaves.
+    pub leaves: Departure,
 }
 
-const _: () = assert!(size_of::<Ray>() == 32);
+const _: () = assert!(size_of::<Ray>() == 40);
+
+/// What a ray leaves: a triangle or quad, which is flat, is not met by the ray that leaves it, and needs no test. (A sphere
+/// may be met.)
+#[repr(C)]
+#[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
+pub struct Departure {
+    /// Primitive id as in [`Hit`].
+    pub prim: u32,
+    /// Instance id as in [`Hit`].
+    pub instance: u32,
+}
+
+impl Departure {
+    /// Nothing in particular.
+    pub const NONE: Departure = Departure { prim: NO_HIT, instance: 0 };
+
+    /// The primitive, where it belongs to an instance, else [`NO_HIT`].
+    #[inline(always)]
+    pub fn prim_of(&self, instance: u32) -> u32 {
+        if self.instance == instance { self.prim } else { NO_HIT }
+    }
+}
+
+impl From<&Hit> for Departure {
+    #[inline(always)]
+    fn from(hit: &Hit) -> Departure {
+        Departure { prim: hit.prim, instance: hit.instance }
+    }
+}
 
 impl Ray {
     /// A ray without an end.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Ray {
-        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY }
+        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY, leaves: Departure::NONE }
     }
 
     /// A ray that counts hits strictly before the point `origin + direction`.
     #[inline(always)]
     pub fn segment(origin: Vec3, direction: Vec3) -> Ray {
-        Ray { origin, t_min: 0.0, direction, t_max: 1.0 }
+        Ray { t_max: 1.0, ..Ray::new(origin, direction) }
     }
 
     /// The point at parameter `t`.

@@ -27,6 +27,8 @@ pub trait Wide: Copy {
     /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
     /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
     fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32;
+    /// The lanes that hold these bits.
+    fn equal(self, row: &[f32; 4], number: u32) -> u32;
     /// Where a ray meets the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
     /// levels; NaN where the ray is parallel to the plane, and, to save the division, where it meets none of `lanes` ahead.
     fn plane_parameters(
@@ -129,6 +131,11 @@ impl Wide for ScalarWide {
         bits::<4>(|i| {
             ((u[i] >= 0.0) & (v[i] >= 0.0) & (w[i] >= 0.0)) | ((u[i] <= 0.0) & (v[i] <= 0.0) & (w[i] <= 0.0))
         })
+    }
+
+    #[inline(always)]
+    fn equal(self, row: &[f32; 4], number: u32) -> u32 {
+        bits::<4>(|i| row[i].to_bits() == number)
     }
 
     #[inline(always)]

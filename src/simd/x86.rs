@@ -269,6 +269,19 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     }
 
     #[inline(always)]
+    fn equal(self, row: &[f32; 4], number: u32) -> u32 {
+        // SAFETY: see above.
+        unsafe {
+            let (row, number) = (_mm_loadu_si128(row.as_ptr().cast()), _mm_set1_epi32(number as i32));
+            if AVX512 {
+                u32::from(_mm_cmpeq_epi32_mask(row, number))
+            } else {
+                _mm_movemask_ps(_mm_castsi128_ps(_mm_cmpeq_epi32(row, number))) as u32
+            }
+        }
+    }
+
+    #[inline(always)]
     fn plane_parameters(
         self,
         rows: &[[f32; 4]; 12],

@@ -5,7 +5,7 @@
 //! All little-endian.
 
 use oscura::accel::Geometry;
-use oscura::math::{Hit, Ray};
+use oscura::math::{Hit, Ray, Vec3};
 use std::fs;
 use std::path::Path;
 
@@ -52,18 +52,29 @@ pub fn write_mesh(path: &Path, mesh: &Geometry) -> Result<()> {
     write(path, &bytes)
 }
 
+/// A ray as it is written: origin, `t_min`, direction, `t_max`.
+type Record = [f32; 8];
+
 /// Reads a `.rays` file.
 pub fn read_rays(path: &Path) -> Result<Vec<Ray>> {
     let bytes = read(path)?;
-    if bytes.len() % size_of::<Ray>() != 0 {
+    if bytes.len() % size_of::<Record>() != 0 {
         return Err(format!("{}: {} bytes are no whole number of rays", path.display(), bytes.len()));
     }
-    Ok(bytes.chunks_exact(size_of::<Ray>()).map(bytemuck::pod_read_unaligned).collect())
+    let ray = |record: &[u8]| {
+        let [ox, oy, oz, t_min, dx, dy, dz, t_max] = bytemuck::pod_read_unaligned::<Record>(record);
+        Ray { t_min, t_max, ..Ray::new(Vec3::new(ox, oy, oz), Vec3::new(dx, dy, dz)) }
+    };
+    Ok(bytes.chunks_exact(size_of::<Record>()).map(ray).collect())
 }
 
 /// Writes a `.rays` file.
 pub fn write_rays(path: &Path, rays: &[Ray]) -> Result<()> {
-    write(path, bytemuck::cast_slice(rays))
+    let record = |ray: &Ray| -> Record {
+        let (o, d) = (ray.origin, ray.direction);
+        [o.x, o.y, o.z, ray.t_min, d.x, d.y, d.z, ray.t_max]
+    };
+    write(path, bytemuck::cast_slice(&rays.iter().map(record).collect::<Vec<Record>>()))
 }
 
 /// Writes a `.hits` file.
