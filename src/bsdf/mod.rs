@@ -24,6 +24,8 @@ mod oren_nayar;
 mod phong;
 #[cfg(test)]
 mod reference;
+#[cfg(test)]
+mod reference_glass;
 mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;

@@ -1,14 +1,10 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
-use super::glass_table::glass_albedo;
+use super::glass_table::{self, LEAST_SPREAD, Reflecting};
 use super::microsurface::{Facets, Microsurface};
 use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
 use crate::math::Vec3;
 use crate::scene::Microfacet;
-
-/// Below this product of alpha and |ior - 1| refraction spreads light by less than single precision can tell from a
-/// single direction: the surface counts as smooth.
-const LEAST_SPREAD: f32 = 1e-4;
 
 /// What is behind the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -139,7 +135,7 @@ impl RoughDielectric {
             (Microfacet::Single, ..) => 1.0,
             (_, Walls::Thin, ..) => 1.0 / self.surface.directional_albedo(above).full,
             (_, Walls::Solid, GlassReflectance::Plain, Some(alpha)) => {
-                1.0 / glass_albedo(above.z, alpha, self.ior, is_inside)
+                1.0 / glass_table::Place::new(above.z, alpha, self.ior, is_inside).albedo(Reflecting::Plain)
             }
             _ => 1.0,
         }
