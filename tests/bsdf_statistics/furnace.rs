@@ -146,6 +146,36 @@ fn white_furnace_of_glass_like_air_is_one_at_the_horizon() {
     }
 }
 
+/// Whatever share a facet reflects, it passes the rest: grey factors keep all light, coloured ones that of the brightest
+/// channel.
+#[test]
+fn white_furnace_of_glass_with_changed_reflectance_is_one() {
+    let mut all = Vec::new();
+    for ior in [1.05, 1.5, 2.6] {
+        for roughness in [0.1, 0.4, 1.0] {
+            for (specular, color) in
+                [(0.0, [1.0; 3]), (0.5, [1.0; 3]), (1.0, [4.0; 3]), (1.0, [1.0, 0.5, 0.0]), (0.7, [0.0; 3])]
+            {
+                let bsdf = resolved(pbr(|p| {
+                    (p.roughness, p.ior, p.specular) = (number(roughness), ior, number(specular));
+                    (p.transmission, p.has_volume) = (number(1.0), true);
+                    p.specular_color.factor = color;
+                }));
+                let name = format!("glass {ior} {roughness}, specular {specular} {color:?}");
+                // Where total reflection begins, smooth glass without other reflection has a step that the table blurs.
+                let bound = if roughness < 0.2 { 1e-2 } else { 5e-3 };
+                for cosine in [1.0, 0.5, 0.1, -0.9, -0.3] {
+                    let a = albedo(&bsdf, direction(cosine, 0.6), 150_000);
+                    assert!((a.x - 1.0).abs() < bound, "{name}, cos {cosine}: {a}");
+                    assert!(a.y <= a.x && a.z <= a.y, "{name}, cos {cosine}: {a}");
+                }
+                all.push((name, bsdf));
+            }
+        }
+    }
+    assert_no_gain(&all, &[0.7, 0.03, -0.1, -0.7]);
+}
+
 #[test]
 fn white_furnace_of_rough_diffuse_is_one() {
     for roughness in ROUGHNESSES {
