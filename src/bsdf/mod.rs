@@ -6,7 +6,6 @@
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets a roulette undo it.
 
 pub mod albedo_table;
-mod anisotropic_data;
 pub mod anisotropic_table;
 mod coat;
 mod conductor;
