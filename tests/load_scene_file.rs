@@ -3,6 +3,7 @@
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
+use oscura::sampling::hash::SplitMix64;
 use oscura::scene::Projection;
 use std::path::{Path, PathBuf};
 
@@ -178,12 +179,9 @@ fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
     assert_eq!(loaded.warnings.len(), 1);
 }
 
-/// A small generator for damaged files: the same ones on every run (splitmix64).
-fn random(state: &mut u64) -> usize {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 1) as usize
+/// A number for damaging files: the same ones on every run.
+fn random(stream: &mut SplitMix64) -> usize {
+    (stream.next_bits() >> 1) as usize
 }
 
 #[test]
@@ -191,15 +189,15 @@ fn damaged_scene_files_never_panic() {
     let folder = tempfile::tempdir().expect("a temporary folder");
     let path = folder.path().join("scene.toml");
     let original = std::fs::read(scenes().join("materials.toml")).expect("it exists");
-    let (mut state, mut refused) = (1, 0);
+    let (mut stream, mut refused) = (SplitMix64::new(1), 0);
     for _ in 0..600 {
         let mut bytes = original.clone();
-        for _ in 0..1 + random(&mut state) % 4 {
-            let at = random(&mut state) % bytes.len();
-            match random(&mut state) % 3 {
+        for _ in 0..1 + random(&mut stream) % 4 {
+            let at = random(&mut stream) % bytes.len();
+            match random(&mut stream) % 3 {
                 0 => bytes.truncate(at.max(1)),
-                1 => bytes[at] = random(&mut state) as u8,
-                _ => bytes.insert(at, b"[]{}=\"#.-9e\n,"[random(&mut state) % 13]),
+                1 => bytes[at] = random(&mut stream) as u8,
+                _ => bytes.insert(at, b"[]{}=\"#.-9e\n,"[random(&mut stream) % 13]),
             }
         }
         std::fs::write(&path, &bytes).expect("written");

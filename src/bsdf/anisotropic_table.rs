@@ -1,7 +1,6 @@
 //! Directional albedo of facets with two roughnesses, from a table.
 
 use super::albedo_table::DirectionalAlbedo;
-use super::anisotropic_data::ANISOTROPIC;
 use crate::math::Vec3;
 
 /// Nodes along the table's axes: the square root r of the smaller alpha; how far the root of the larger one is from it
@@ -15,6 +14,25 @@ const MARGIN: f32 = 0.2;
 
 /// The largest value of the table's integers, 1.
 const UNIT: f32 = 65535.0;
+
+/// Pairs (full, grazing / full) by the axes of [`NODES`].
+type Table = [[[[[u16; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
+
+static ANISOTROPIC: Table = decoded(include_bytes!("anisotropic.bin"));
+
+/// Little-endian numbers, the last axis first.
+const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
+    let mut table = [[[[[0; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
+    let [_, nb, nc, nd] = NODES;
+    let mut n = 0;
+    while 2 * n < bytes.len() {
+        let at = n / 2;
+        let (a, b, c, d) = (at / (nb * nc * nd), at / (nc * nd) % nb, at / nd % nc, at % nd);
+        table[a][b][c][d][n % 2] = u16::from_le_bytes([bytes[2 * n], bytes[2 * n + 1]]);
+        n += 1;
+    }
+    table
+}
 
 /// The albedo of facets with alphas along x and y under a direction, interpolated linearly on all axes, on the
 /// side of too large values.
@@ -112,29 +130,9 @@ mod tests {
     #[test]
     fn table_is_the_integral() {
         if std::env::var_os("OSCURA_WRITE_TABLES").is_some() {
-            let mut text = String::from(
-                "//! Data of `anisotropic_table`: pairs (full, grazing / full) by smaller and larger roughness, azimuth and cosine; 65535\n//! is 1. Written by its test `table_is_the_integral`.\n\n#[rustfmt::skip]\npub static ANISOTROPIC: [[[[[u16; 2]; 20]; 5]; 10]; 14] = [\n",
-            );
-            for index in indices() {
-                let [_, b, c, d] = index;
-                text += match (b, c, d) {
-                    (0, 0, 0) => "[[[",
-                    (_, 0, 0) => "[[",
-                    (_, _, 0) => "[",
-                    _ => "",
-                };
-                let [full, grazing] = node(index, 2584).map(|v| (v.clamp(0.0, 1.0) * 65535.0).round());
-                text += &format!("[{full},{grazing}]");
-                let last = [1, 2, 3].map(|axis| index[axis] + 1 == NODES[axis]);
-                text += match last {
-                    [true, true, true] => "]]],\n",
-                    [false, true, true] => "]],\n",
-                    [_, false, true] => "],\n",
-                    _ => ",",
-                };
-            }
-            let path = concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/anisotropic_data.rs");
-            std::fs::write(path, text + "];\n").unwrap();
+            let quantised = |v: f64| ((v.clamp(0.0, 1.0) * f64::from(UNIT)).round() as u16).to_le_bytes();
+            let bytes: Vec<u8> = indices().flat_map(|i| node(i, 2584)).flat_map(quantised).collect();
+            std::fs::write(concat!(env!("CARGO_MANIFEST_DIR"), "/src/bsdf/anisotropic.bin"), bytes).unwrap();
             return;
         }
         for index in indices().step_by(97) {

@@ -6,7 +6,6 @@
 //! 1 / eta^2 and back on the way out (as in pbrt and Mitsuba); [`BsdfSample::eta`] lets a roulette undo it.
 
 pub mod albedo_table;
-mod anisotropic_data;
 pub mod anisotropic_table;
 mod coat;
 mod conductor;
@@ -24,6 +23,8 @@ mod oren_nayar;
 mod phong;
 #[cfg(test)]
 mod reference;
+#[cfg(test)]
+mod reference_glass;
 mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;

@@ -31,7 +31,7 @@ fn visible_normals(
 }
 
 /// The root in Smith's masking: G1 = 2 z / (z + root).
-fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
+pub(super) fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     (ax * ax * v.x * v.x + ay * ay * v.y * v.y + v.z * v.z).sqrt()
 }
 
@@ -85,7 +85,7 @@ pub fn split(cosine: f64, alpha: f64, eta: f64, points: usize) -> f64 {
 }
 
 /// Fresnel's equations for unpolarised light: reflectance and cosine behind the interface.
-fn fresnel(c: f64, eta: f64) -> (f64, f64) {
+pub(super) fn fresnel(c: f64, eta: f64) -> (f64, f64) {
     let squared = 1.0 - (1.0 - c * c) / (eta * eta);
     if squared <= 0.0 {
         return (1.0, 0.0);

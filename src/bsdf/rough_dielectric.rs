@@ -1,14 +1,10 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
-use super::glass_table::glass_albedo;
+use super::glass_table::{LEAST_SPREAD, Place, Reflecting};
 use super::microsurface::{Facets, Microsurface};
 use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
 use crate::math::Vec3;
 use crate::scene::Microfacet;
-
-/// Below this product of alpha and |ior - 1| refraction spreads light by less than single precision can tell from a
-/// single direction: the surface counts as smooth.
-const LEAST_SPREAD: f32 = 1e-4;
 
 /// What is behind the surface.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -39,9 +35,10 @@ pub enum GlassReflectance {
 ///
 /// Reflection is shadowed by the height-correlated Smith term as metals are, transmission by the separable one, which is
 /// nearer to the exact beta function of Heitz et al. 2016, eq. 20. With [`Microfacet::Multi`] value
-/// and samples are divided by the directional albedo of single scattering (Turquin 2019, section 4), so that clear glass
-/// keeps all energy from all directions on both sides. Solids with changed
-/// reflectance or two roughnesses are not compensated.
+/// and samples are divided by the directional albedo of single scattering (Turquin 2019, section 4), so that white glass
+/// keeps all energy from all directions on both sides. A facet of glass with changed reflectance passes what its brightest
+/// channel does not reflect, so that channel keeps all energy as well, and the others less by what it alone reflects.
+/// Solids of two roughnesses are not compensated.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// Its facets; smooth ones give single directions.
@@ -135,14 +132,38 @@ impl RoughDielectric {
     /// What makes up for the light that single scattering loses.
     #[inline(always)]
     fn compensation(&self, above: Vec3, is_inside: bool) -> f32 {
-        match (self.microfacet, self.walls, self.reflectance, self.surface.isotropic_alpha()) {
-            (Microfacet::Single, ..) => 1.0,
-            (_, Walls::Thin, ..) => 1.0 / self.surface.directional_albedo(above).full,
-            (_, Walls::Solid, GlassReflectance::Plain, Some(alpha)) => {
-                1.0 / glass_albedo(above.z, alpha, self.ior, is_inside)
+        match (self.microfacet, self.walls, self.surface.isotropic_alpha()) {
+            (Microfacet::Single, ..) | (_, Walls::Solid, None) => 1.0,
+            (_, Walls::Thin, _) => 1.0 / self.surface.directional_albedo(above).full,
+            (_, Walls::Solid, Some(alpha)) => {
+                let place = Place::new(above.z, alpha, self.ior, is_inside);
+                let albedo = match self.reflectance {
+                    GlassReflectance::Plain => place.albedo(Reflecting::Plain),
+                    GlassReflectance::Between { f0, f90 } => {
+                        let full = self.surface.directional_albedo(above).full;
+                        self.changed_albedo(&place, full, [f0.max_element(), f90])
+                    }
+                };
+                1.0 / albedo
             }
-            _ => 1.0,
         }
+    }
+
+    /// Albedo of the brightest channel of changed reflectance, which is linear in `f0` and `f90` and known for three
+    /// pairs: those of Fresnel's equations, both 1 (`full`) and both 0.
+    #[inline]
+    fn changed_albedo(&self, place: &Place, full: f32, [f0, f90]: [f32; 2]) -> f32 {
+        // In doubt too much, as in the table of glass.
+        let full = full * 1.001;
+        let clear = place.albedo(Reflecting::Clear);
+        let at = |f: f32| clear + (full - clear) * f;
+        let normal = fresnel::f0_from_eta(self.ior);
+        if normal > 0.5 {
+            // Errors would grow without bounds.
+            return at(f0).max(at(f90));
+        }
+        let plain = place.albedo(Reflecting::Plain);
+        at(f90) + (plain - full) * ((f90 - f0) / (1.0 - normal))
     }
 
     /// See [`super::Bsdf::sample`].

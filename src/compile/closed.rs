@@ -1,5 +1,6 @@
 //! Whether the surfaces of a material enclose something.
 
+use crate::sampling::hash::mix64;
 use crate::scene::{Instance, MaterialId, Mesh, Scene};
 
 /// What the surfaces of a material are like together.
@@ -63,7 +64,7 @@ impl Edges {
         let next = corners.iter().cycle().skip(1).map(|&p| key(p));
         for (a, b) in keys.zip(next) {
             if a != b {
-                self.sum ^= mix(a.wrapping_add(b) ^ mix(a ^ b));
+                self.sum ^= mix64(a.wrapping_add(b) ^ mix64(a ^ b));
             }
         }
     }
@@ -71,14 +72,7 @@ impl Edges {
 
 fn key(position: [f32; 3]) -> u64 {
     // Both zeros are one place.
-    position.iter().fold(0x9e37_79b9_7f4a_7c15, |sum, &c| mix(sum ^ u64::from((c + 0.0).to_bits())))
-}
-
-/// The finaliser of SplitMix64 (Steele, Lea, Flood 2014).
-fn mix(x: u64) -> u64 {
-    let x = (x ^ x >> 30).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let x = (x ^ x >> 27).wrapping_mul(0x94d0_49bb_1331_11eb);
-    x ^ x >> 31
+    position.iter().fold(0x9e37_79b9_7f4a_7c15, |sum, &c| mix64(sum ^ u64::from((c + 0.0).to_bits())))
 }
 
 #[cfg(test)]

@@ -103,6 +103,7 @@ fn exp_of_negative(x: f64) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::hash::{SplitMix64, unit};
 
     const FILTERS: [Filter; 3] = [Filter::Box, Filter::Gaussian, Filter::BlackmanHarris];
 
@@ -161,13 +162,9 @@ mod tests {
             let sampler = FilterSampler::new(filter);
             let mut counts = [0u64; BINS];
             let n = 4_000_000u64;
-            let mut state = 0x9E37_79B9_7F4A_7C15u64 ^ k as u64;
+            let mut random = SplitMix64::new(0x9E37_79B9_7F4A_7C15 ^ k as u64);
             for _ in 0..n {
-                // splitmix64
-                state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-                let mut z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-                z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-                let u = ((z ^ (z >> 31)) >> 40) as f32 / (1u64 << 24) as f32;
+                let u = unit((random.next_bits() >> 32) as u32);
                 let x = f64::from(sampler.sample(u));
                 counts[((x + 1.5) / 3.0 * BINS as f64).clamp(0.0, BINS as f64 - 1.0) as usize] += 1;
             }

@@ -4,7 +4,7 @@ use super::Integrator;
 use super::wave::Workspace;
 use crate::compile::Surface;
 use crate::math::{Hit, Ray};
-use crate::sampling::sampler::hash32;
+use crate::sampling::hash::{hash32, unit};
 
 /// Surfaces in a row that a ray may pass; a guard against endless stacks.
 const MAX_PASSES: u32 = 4096;
@@ -120,7 +120,6 @@ impl Integrator<'_> {
         let at = self.scene.geometries.coordinates(&surface, hit, false);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
-        let chance = (hash32(salt()) >> 8) as f32 * (1.0 / 16_777_216.0);
-        chance < presence
+        unit(hash32(salt())) < presence
     }
 }

@@ -12,7 +12,7 @@ use super::wave::{Paths, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, Dielectric};
 use crate::compile::{CompiledMaterial, CompiledScene};
 use crate::math::{Ray, Vec3};
-use crate::sampling::sampler::hash32;
+use crate::sampling::hash::{hash32, unit};
 use crate::scene::FresnelModel;
 use bytemuck::Zeroable;
 
@@ -207,7 +207,7 @@ fn choose_channel(bounce: u32, i: usize, paths: &mut Paths) {
     let throughput = get(&paths.throughput, i).to_array();
     let total: f32 = throughput.iter().sum();
     let salt = hash32(paths.seed[i] ^ hash32(paths.shuffled[i]).rotate_left(7) ^ (bounce << 20));
-    let mut at = (hash32(salt) >> 8) as f32 * (1.0 / 16_777_216.0) * total;
+    let mut at = unit(hash32(salt)) * total;
     let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
     let mut channel = 0;
     while channel < last && at >= throughput[channel] {

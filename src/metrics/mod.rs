@@ -196,17 +196,13 @@ fn assert_same_size(images: &[&Image]) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::sampling::hash::SplitMix64;
 
     /// A picture of mean `base` with independent uniform noise of the given standard deviation.
     fn noisy(seed: u64, base: f64, sigma: f64) -> Image {
-        let mut state = seed;
-        let data = (0..64 * 64 * 3).map(|_| {
-            state = state.wrapping_add(0x9E37_79B9_7F4A_7C15);
-            let mut z = (state ^ (state >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
-            z = (z ^ (z >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
-            let u = ((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64;
-            (base + sigma * 12f64.sqrt() * (u - 0.5)) as f32
-        });
+        let mut random = SplitMix64::new(seed);
+        let data =
+            (0..64 * 64 * 3).map(|_| (base + sigma * 12f64.sqrt() * (random.next_unit() - 0.5)) as f32);
         Image::from_linear_rgb("noise", 64, 64, data.collect())
     }
 

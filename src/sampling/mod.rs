@@ -8,6 +8,7 @@ pub mod bilinear;
 #[doc(hidden)]
 pub mod chi2;
 pub mod distribution;
+pub mod hash;
 pub mod mis;
 pub mod rectangle;
 pub mod sampler;

@@ -7,6 +7,7 @@
 //! shape of the computation: a fixed number of steps without a branch or a table lookup that depends on the path, so
 //! that a loop over paths vectorises.
 
+use super::hash::{hash32, unit};
 use std::sync::OnceLock;
 
 /// Samples that one seed offers; beyond them, a new seed starts over.
@@ -14,17 +15,6 @@ pub const SAMPLES_PER_SEED: u32 = 1 << 16;
 
 /// The direction vectors of the third and fourth dimension, bits reversed: `vectors[bit][dimension]`.
 type DirectionVectors = [[u32; 2]; 16];
-
-/// A well mixed hash of 32 bits that does not map zero to zero (the mixer is Wellons' lowbias32).
-#[inline(always)]
-pub fn hash32(mut x: u32) -> u32 {
-    x ^= 0xe6fe_3beb;
-    x ^= x >> 16;
-    x = x.wrapping_mul(0x7feb_352d);
-    x ^= x >> 15;
-    x = x.wrapping_mul(0x846c_a68b);
-    x ^ (x >> 16)
-}
 
 /// The seed of a pixel: another for each (x, y, user seed).
 #[inline(always)]
@@ -78,9 +68,7 @@ impl SobolPoint {
         let salts = [0x912f_69bau32, 0x174f_18ab, 0x691e_72ca, 0xb40c_c1b8];
         let mut out = [0.0f32; 4];
         for d in 0..4 {
-            let scrambled = owen_scramble_rev(sobol[d], hash32(base ^ salts[d])).reverse_bits();
-            // 24 bits, so that 1 can't come out. Through i32, which every CPU converts in one step.
-            out[d] = (scrambled >> 8) as i32 as f32 * (1.0 / 16_777_216.0);
+            out[d] = unit(owen_scramble_rev(sobol[d], hash32(base ^ salts[d])).reverse_bits());
         }
         out
     }

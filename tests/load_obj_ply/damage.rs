@@ -2,13 +2,11 @@
 
 use super::binary_ply;
 use oscura::load::{LoadOptions, load};
+use oscura::sampling::hash::SplitMix64;
 
-/// A small generator for damaged files: the same ones on every run (splitmix64).
-fn random(state: &mut u64) -> usize {
-    *state = state.wrapping_add(0x9e37_79b9_7f4a_7c15);
-    let z = (*state ^ (*state >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-    let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-    ((z ^ (z >> 31)) >> 1) as usize
+/// A number for damaging files: the same ones on every run.
+fn random(stream: &mut SplitMix64) -> usize {
+    (stream.next_bits() >> 1) as usize
 }
 
 #[test]
@@ -23,16 +21,16 @@ fn damaged_files_never_panic() {
         ("c.ply", binary_ply(false)),
         ("d.ply", binary_ply(true)),
     ];
-    let (mut state, mut refused) = (2, 0);
+    let (mut stream, mut refused) = (SplitMix64::new(2), 0);
     for (name, original) in &seeds {
         let path = folder.path().join(name);
         for _ in 0..1500 {
             let mut bytes = original.clone();
-            for _ in 0..1 + random(&mut state) % 3 {
-                let at = random(&mut state) % bytes.len();
-                let usual = b"-/ 0123456789.\n"[random(&mut state) % 15];
-                match random(&mut state) % 4 {
-                    0 => bytes[at] = random(&mut state) as u8,
+            for _ in 0..1 + random(&mut stream) % 3 {
+                let at = random(&mut stream) % bytes.len();
+                let usual = b"-/ 0123456789.\n"[random(&mut stream) % 15];
+                match random(&mut stream) % 4 {
+                    0 => bytes[at] = random(&mut stream) as u8,
                     1 => bytes[at] = usual,
                     2 => bytes.insert(at, usual),
                     _ => bytes.truncate(at.max(1)),
