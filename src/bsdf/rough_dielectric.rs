@@ -38,7 +38,10 @@ pub enum GlassReflectance {
 /// and samples are divided by the directional albedo of single scattering (Turquin 2019, section 4), so that white glass
 /// keeps all energy from all directions on both sides. A facet of glass with changed reflectance passes what its brightest
 /// channel does not reflect, so that channel keeps all energy as well, and the others less by what it alone reflects.
-/// Solids of two roughnesses are not compensated.
+/// Solids of two roughnesses are not compensated: of light on alphas 0.5 and 0.125 (index 1.5, cosines 0.2 to 0.9) they lose
+/// 2 to 20 % outside and 16 to 36 % inside. Their albedo depends on five numbers, and total reflection makes it steep in them:
+/// tried, and lost, a table of its ratio to that of isotropic facets as rough as those along the azimuth; 84,000
+/// numbers a side, cubic, left errors of 1 % outside and 5 % inside.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// Its facets; smooth ones give single directions.

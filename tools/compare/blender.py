@@ -104,9 +104,10 @@ def shrunk(mask):
     return padded[:-2, 1:-1] & padded[2:, 1:-1] & padded[1:-1, :-2] & padded[1:-1, 2:]
 
 
-def in_coded_values(png, times=8):
+def in_coded_values(png, times=32):
     """A texture enlarged by interpolation between its coded values, which is how Cycles filters 8-bit textures; glTF
-    filters light."""
+    filters light. What is left to interpolate light in is a step of a thirty-second of a texel: with an eighth, dark
+    squares beside bright ones were still 1 to 2 % too bright."""
     import io
 
     from PIL import Image
@@ -147,6 +148,8 @@ def as_cycles(source, target):
         larger = in_coded_values(bytes(binary[start : start + view["byteLength"]]))
         view["byteOffset"], view["byteLength"] = len(binary), len(larger)
         binary += larger + bytes(-len(larger) % 4)
+    for sampler in gltf.get("samplers", []):
+        sampler["minFilter"] = 9729  # linear: Cycles knows no mip levels
     for material in gltf["materials"]:
         cycles_anisotropy(material)
     gltf["buffers"][0]["byteLength"] = len(binary)
