@@ -100,6 +100,10 @@ fn frames_are_numbered_and_equal_single_moments() {
         oscura(folder.path(), &["-o", "f.##.png", "-o", "f.exr", "--frames", "0-24x12", "--fps", "24"]);
     assert!(output.status.success(), "{}", String::from_utf8_lossy(&output.stderr));
     let read = |name: &str| std::fs::read(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    // What holds for all frames is said once, and which frame a report is about, each time.
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert_eq!(said.matches("intensities of 2 lights").count(), 1, "{said}");
+    assert!(said.contains("frame    12, 0.500 s") && said.contains("frame    24, 1.000 s"), "{said}");
     let [first, second, third] = ["f.00.png", "f.12.png", "f.24.png"].map(read);
     assert!(first != second && second != third);
     for name in ["f.0000.exr", "f.0012.exr", "f.0024.exr"] {

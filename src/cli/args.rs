@@ -100,6 +100,14 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
+/// Axes that point up in files that don't say.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum UpArg {
+    Y,
+    /// As in Blender and most scans and CAD.
+    Z,
+}
+
 /// View transforms of PNGs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ViewArg {
@@ -164,6 +172,9 @@ pub(crate) struct RenderArgs {
     /// Show the points of a point cloud as spheres of this radius, metres.
     #[arg(long, value_name = "R")]
     pub point_radius: Option<f64>,
+    /// Axis of OBJ and PLY files that points up.
+    #[arg(long, value_name = "AXIS", default_value = "y")]
+    pub up: UpArg,
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,

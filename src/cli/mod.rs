@@ -16,6 +16,7 @@ mod process;
 mod progress;
 mod render;
 mod report;
+mod scene_path;
 mod settings;
 mod surroundings;
 
@@ -37,7 +38,7 @@ pub(crate) enum Outcome {
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
 pub(crate) fn main() -> ExitCode {
     // clap prints usage errors itself and exits with 2.
-    let arguments = Arguments::parse();
+    let arguments = Arguments::try_parse().unwrap_or_else(|error| scene_path::explain(error).exit());
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),

@@ -1,12 +1,13 @@
 //! `oscura render`: load, compile, render, write, report.
 
 use super::Outcome;
-use super::args::RenderArgs;
+use super::args::{RenderArgs, UpArg};
 use super::frames::Frames;
 use super::pictures::{Pictures, Targets};
 use super::process::{peak_memory, stop_flag};
 use super::progress::Progress;
-use super::report::{self, Run};
+use super::report::{self, Run, Said};
+use super::scene_path;
 use super::settings::{Settled, check_size, settle};
 use super::surroundings::Surroundings;
 use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
@@ -28,21 +29,27 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     let Some(frames) = args.frames else {
         let targets = Targets::check(&args.output)?;
         let start = Instant::now();
+        scene_path::check(&args.scene)?;
         let surroundings = Surroundings::load(args)?;
         let mut loaded = load(&args.scene, &load_options(args))?;
-        return run_one(args, stop, &targets, &surroundings, &mut loaded, start);
+        return run_one(args, stop, &targets, &surroundings, &mut loaded, start, &mut Said::default());
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
     let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
+    let mut said = Said::default();
+    scene_path::check(&args.scene)?;
     let surroundings = Surroundings::load(args)?;
     let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
     load_moments(&args.scene, &load_options(args), moments, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
         let targets = Targets::check(&file(number))?;
-        outcome = run_one(args, stop, &targets, &surroundings, loaded, start)?;
+        if !args.quiet {
+            eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
+        }
+        outcome = run_one(args, stop, &targets, &surroundings, loaded, start, &mut said)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -58,6 +65,7 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
         point_radius: args.point_radius,
+        z_up: args.up == UpArg::Z,
         no_sidecar: args.no_sidecar,
         ..LoadOptions::default()
     }
@@ -71,12 +79,13 @@ fn run_one(
     surroundings: &Surroundings,
     loaded: &mut Loaded,
     start: Instant,
+    said: &mut Said,
 ) -> Result<Outcome> {
     let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), surroundings, loaded, start)?;
     if !args.quiet {
-        report::notes(&notes);
-        report::warnings(&warnings);
+        said.notes(&notes);
+        said.warnings(&warnings);
         if args.explain {
             left_out.iter().for_each(|what| eprintln!("left out: {what}"));
         }
@@ -91,7 +100,7 @@ fn run_one(
     let start = Instant::now();
     let pictures = Pictures::encode(args, targets, &film, &settled, &build, &statistics, &warnings)?;
     if !args.quiet {
-        report::warnings(&pictures.warnings);
+        said.warnings(&pictures.warnings);
     }
     // Who stops a run wants what is there.
     if !statistics.interrupted {

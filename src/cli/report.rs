@@ -6,6 +6,7 @@ use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::compile::CompileReport;
 use oscura::error::{Error, ErrorKind, Problem, Warning};
 use oscura::render::Statistics;
+use std::collections::HashSet;
 use std::fmt;
 use std::io::Write;
 
@@ -125,17 +126,28 @@ pub(crate) fn print_text(text: &str) {
     let _ = std::io::stdout().write_all(text.as_bytes());
 }
 
-/// Prints warnings.
-pub(crate) fn warnings(list: &[Warning]) {
-    for warning in list {
-        eprintln!("warning: {warning}");
-    }
-}
+/// What was printed before: each frame of a sequence says what is new.
+#[derive(Default)]
+pub(crate) struct Said(HashSet<String>);
 
-/// Prints notes.
-pub(crate) fn notes(list: &[Warning]) {
-    for note in list {
-        eprintln!("note: {note}");
+impl Said {
+    /// Prints warnings.
+    pub fn warnings(&mut self, list: &[Warning]) {
+        self.print("warning", list);
+    }
+
+    /// Prints notes.
+    pub fn notes(&mut self, list: &[Warning]) {
+        self.print("note", list);
+    }
+
+    fn print(&mut self, kind: &str, list: &[Warning]) {
+        for line in list.iter().map(|what| format!("{kind}: {what}")) {
+            if !self.0.contains(&line) {
+                eprintln!("{line}");
+                self.0.insert(line);
+            }
+        }
     }
 }
 

@@ -9,29 +9,46 @@ use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_exte
 const VFOV_DEGREES: f64 = 40.0;
 
 /// Radiance of the default sky straight down and straight up. The mean over the sphere of a blend linear in y is that
-/// of the two: (0.934, 1.0, 1.066), a luminance of 0.99. It is dark below, so that pale models stand out from what is
-/// behind them when they are seen from above, and have a lit and a shaded side.
-const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.107, 0.1, 0.093], [1.761, 1.9, 2.039]);
+/// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. It is dark below, so that pale models stand out from what is
+/// behind them when they are seen from above, and have a lit and a shaded side. Faces that look straight up reflect
+/// (0.6 + 0.54 * 2 / 3) = 0.96 times their albedo: white ones are not burnt out in a PNG.
+const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
-/// Adds a camera that frames the model where the scene has none, and a soft sky where nothing in it shines (unless the
-/// caller brings an environment); each with a warning that says so.
+/// Adds a camera that frames the model where the scene has none, and a soft sky where nothing lights it (unless the
+/// caller brings an environment); each with a warning that says so. Parts that shine light a scene with a camera; a model
+/// without one is to be looked at, and is lit by the sky, too.
 pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
     let scene = &mut loaded.scene;
-    if scene.cameras.is_empty() {
+    if scene.instances.is_empty() && scene.spheres.is_empty() && scene.quads.is_empty() {
+        let message = "there is nothing to see: no triangles, spheres or quads";
+        loaded.warnings.push(Warning::general(message));
+    }
+    let is_bare = scene.cameras.is_empty();
+    if is_bare {
         scene.cameras.push(framing_camera(scene));
         let message =
             "no camera: the whole model is shown from the front, right and above, field of view 40 degrees";
         loaded.warnings.push(Warning::general(message));
     }
-    if !brings_environment && !has_light(scene) {
-        let (nadir, zenith) = DEFAULT_SKY;
-        scene.environment = Environment::Gradient { nadir, zenith };
-        loaded.warnings.push(Warning::general("no light: lit by a soft default sky of mean radiance 1"));
+    // A black environment that a scene file asks for is a choice, and stays.
+    let has_lamps = scene.environment != Environment::Black || !scene.lights.is_empty();
+    if brings_environment || has_lamps {
+        return;
     }
+    let message = match has_shining_parts(scene) {
+        false => "no light: lit by a soft default sky of mean radiance 0.6",
+        true if is_bare => {
+            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too (--env '' for none)"
+        }
+        true => return,
+    };
+    let (nadir, zenith) = DEFAULT_SKY;
+    scene.environment = Environment::Gradient { nadir, zenith };
+    loaded.warnings.push(Warning::general(message));
 }
 
-/// Does anything in the scene shine? Materials count only where something uses them.
-fn has_light(scene: &Scene) -> bool {
+/// Does any part of the scene shine? Materials count only where something uses them.
+fn has_shining_parts(scene: &Scene) -> bool {
     let shines = |id: crate::scene::MaterialId| {
         scene
             .materials
@@ -39,10 +56,7 @@ fn has_light(scene: &Scene) -> bool {
             .and_then(|m| m.emission)
             .is_some_and(|e| e.radiance.factor != [0.0; 3])
     };
-    // A black environment that a scene file asks for is a choice, and stays.
-    scene.environment != Environment::Black
-        || !scene.lights.is_empty()
-        || scene.spheres.iter().any(|s| shines(s.material))
+    scene.spheres.iter().any(|s| shines(s.material))
         || scene.quads.iter().any(|q| shines(q.material))
         || scene.instances.iter().any(|i| match i.material {
             Some(material) => shines(material),
@@ -120,11 +134,20 @@ mod tests {
     }
 
     #[test]
-    fn what_shines_needs_no_sky() {
-        let mut loaded = ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
-        complete(&mut loaded, false);
-        assert_eq!(loaded.scene.environment, Environment::Black);
-        assert_eq!(loaded.warnings.len(), 1);
+    fn parts_that_shine_light_scenes_but_not_bare_models() {
+        let shining = || ball(DVec3::ZERO, 1.0, Material::emitter("lamp", [1.0; 3], false));
+        let mut scene = shining();
+        scene.scene.cameras.push(framing_camera(&scene.scene));
+        complete(&mut scene, false);
+        assert_eq!((scene.scene.environment, scene.warnings.len()), (Environment::Black, 0));
+        let mut bare = shining();
+        complete(&mut bare, false);
+        assert!(matches!(bare.scene.environment, Environment::Gradient { .. }));
+        let said: Vec<String> = bare.warnings.iter().map(ToString::to_string).collect();
+        assert!(said.len() == 2 && said[1].contains("parts that shine"), "{said:?}");
+        let mut without = shining();
+        complete(&mut without, true);
+        assert_eq!((without.scene.environment, without.warnings.len()), (Environment::Black, 1));
     }
 
     #[test]

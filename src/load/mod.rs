@@ -14,7 +14,7 @@ mod shapes;
 mod uri;
 
 use crate::error::{Error, Result, Warning};
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DQuat};
 use crate::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -33,6 +33,8 @@ pub struct LoadOptions {
     pub point_radius: Option<f64>,
     /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
+    /// The z axis of an OBJ or PLY file points up, not the y axis: its model is turned to stand upright.
+    pub z_up: bool,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
     pub no_sidecar: bool,
 }
@@ -75,6 +77,16 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
+    if options.z_up {
+        match extension.as_str() {
+            "obj" | "ply" => stand_upright(&mut loaded.scene),
+            _ => loaded.warnings.push(Warning::new(
+                path,
+                "",
+                "the choice of the axis that points up changes nothing here",
+            )),
+        }
+    }
     complete(path, options, &mut loaded)?;
     Ok(loaded)
 }
@@ -109,6 +121,18 @@ pub fn load_moments(
         }
     });
     ended.break_value().unwrap_or(Ok(()))
+}
+
+/// Turns a model whose z axis points up so that its y axis does: z to y, and -y, its front in most programs, to z.
+fn stand_upright(scene: &mut Scene) {
+    let y_from_z = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
+    for instance in &mut scene.instances {
+        instance.world_from_object = DAffine3::from_quat(y_from_z) * instance.world_from_object;
+    }
+    for sphere in &mut scene.spheres {
+        sphere.center = y_from_z * sphere.center;
+        sphere.rotation = y_from_z * sphere.rotation;
+    }
 }
 
 fn extension(path: &Path) -> String {

@@ -26,6 +26,37 @@ fn an_environment_of_the_caller_replaces_the_default_sky() {
 }
 
 #[test]
+fn a_model_with_z_up_stands_upright() {
+    let folder = tempfile::tempdir().unwrap();
+    // A quad in the plane of x and z, whose front faces -y. Turned upright, it faces the viewer in the plane of x and y.
+    let (lying, standing, face) =
+        ("v 0 0 0\nv 1 0 0\nv 1 0 1\nv 0 0 1\n", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\n", "f 1 2 3 4\n");
+    for (name, vertices) in [("z.obj", lying), ("y.obj", standing)] {
+        fs::write(folder.path().join(name), format!("{vertices}{face}")).unwrap();
+    }
+    let shoot = |scene: &str, out: &str, more: &[&str]| {
+        let fixed = ["render", scene, "-o", out, "--width", "24", "--spp", "2", "--quiet"];
+        let output = oscura(folder.path(), &[&fixed[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        image::open(folder.path().join(out)).unwrap().into_rgb8()
+    };
+    let upright = shoot("y.obj", "y.png", &[]);
+    let turned = shoot("z.obj", "z.png", &["--up", "z"]);
+    let lying = shoot("z.obj", "lying.png", &[]);
+    let apart = |a: &image::RgbImage, b: &image::RgbImage| {
+        let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
+        f64::from(sum) / a.as_raw().len() as f64
+    };
+    // Rounding in the turned vertices moves no more than a few edges by a step.
+    assert!(apart(&upright, &turned) < 0.5, "{}", apart(&upright, &turned));
+    assert!(apart(&lying, &turned) > 5.0, "{}", apart(&lying, &turned));
+    let scene = cornell();
+    let gltf =
+        oscura(folder.path(), &["render", &scene, "-o", "c.png", "--width", "8", "--spp", "1", "--up", "z"]);
+    assert!(stderr(&gltf).contains("points up changes nothing"), "{}", stderr(&gltf));
+}
+
+#[test]
 fn env_rotation_turns_the_surroundings() {
     let folder = tempfile::tempdir().unwrap();
     // One bright column in 8: the camera looks at it or not.

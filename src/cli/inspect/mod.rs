@@ -9,10 +9,12 @@ mod words;
 use super::Outcome;
 use super::args::InspectArgs;
 use super::report::print_line;
+use super::scene_path;
 use oscura::error::Result;
 use oscura::load::{LoadOptions, load};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
+    scene_path::check(&args.scene)?;
     let options = LoadOptions {
         allow_external: args.allow_external,
         point_radius: args.point_radius,

@@ -128,7 +128,11 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
                 ""
             };
             let units = LUMENS_PER_WATT;
-            format!("intensities of {lights} lights were divided by {units} lm/W{origin} (--light-units)")
+            let intensities = match lights {
+                1 => "the intensity of 1 light was".to_string(),
+                n => format!("the intensities of {n} lights were"),
+            };
+            format!("{intensities} divided by {units} lm/W{origin} (--light-units)")
         }
         // The user knows.
         LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,

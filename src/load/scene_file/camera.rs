@@ -1,4 +1,4 @@
-//! `[camera]`: the thesis's camera, or one of a mesh file.
+//! `[camera]`: a place and what it looks at, or a camera of a mesh file.
 //!
 //! | Key | Meaning | Default |
 //! |---|---|---|

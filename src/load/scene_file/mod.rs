@@ -73,7 +73,11 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
     let (root, errors) = DeTable::parse_recoverable(text);
     if !errors.is_empty() {
         for e in errors {
-            problems.push(e.span().unwrap_or(0..0), e.message());
+            let span = e.span().unwrap_or(0..0);
+            match lacks_first_digit(text, span.start) {
+                true => problems.push_help(span, e.message(), "numbers begin with a digit: 0.5, not .5"),
+                false => problems.push(span, e.message()),
+            }
         }
         return Loaded::default();
     }
@@ -89,6 +93,15 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         }
     });
     build.loaded
+}
+
+/// Is there a number such as `.5` at a place of a text, or its point just before?
+fn lacks_first_digit(text: &str, place: usize) -> bool {
+    [Some(place), place.checked_sub(1)].into_iter().flatten().any(|start| {
+        let (Some(before), Some(rest)) = (text.get(..start), text.get(start..)) else { return false };
+        let is_first = !before.ends_with(|c: char| c.is_ascii_digit() || c == '.');
+        is_first && rest.strip_prefix('.').is_some_and(|t| t.starts_with(|c: char| c.is_ascii_digit()))
+    })
 }
 
 /// Reads all parts of a file; `camera` reads that table, which means different things.
