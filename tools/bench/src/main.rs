@@ -91,6 +91,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
         return Err(Error::usage("needs a folder for the results"));
     }
     let folder = paths.remove(0);
+    std::fs::create_dir_all(&folder).map_err(|e| Error::output(&folder, format!("can't be created: {e}")))?;
     oscura::output::check_target(&folder.join("time-to-error.csv"))?;
     Ok(Arguments { folder, scenes: paths, setup })
 }

@@ -82,32 +82,34 @@ fn scenes() -> PathBuf {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
+    let folder = &arguments.folder;
+    std::fs::create_dir_all(folder).map_err(|e| Error::output(folder, format!("can't be created: {e}")))?;
     make_million_triangles(&arguments.entries)?;
     let quality = arguments.quality;
     let (mut rows, mut tiles) = (Vec::new(), Vec::new());
     for entry in &arguments.entries {
         let shot = Shot::take(&scenes().join(entry.scene), quality)?;
         eprintln!("{}: {:.1} s", entry.name(), shot.render_s);
-        shot.write(&arguments.folder, entry.name())?;
+        shot.write(folder, entry.name())?;
         if entry.name() == HERO {
             let size = (shot.film.width(), shot.film.height());
             let hero = RgbImage::from_fn(size.0, size.1, |x, y| image::Rgb(shot.linear(x, y).map(srgb_byte)));
-            write_jpeg(&arguments.folder.join("hero.jpg"), &hero)?;
+            write_jpeg(&folder.join("hero.jpg"), &hero)?;
         }
         rows.push(Row::new(entry, &shot, quality.shrink == 1 && quality.fewer == 1));
         tiles.push(sheet::Tile::new(&shot, entry.label));
     }
     let sheet = sheet::contact_sheet(&tiles);
-    write_jpeg(&arguments.folder.join("contact-sheet.jpg"), &sheet)?;
-    let path = arguments.folder.join("contact-sheet.png");
+    write_jpeg(&folder.join("contact-sheet.jpg"), &sheet)?;
+    let path = folder.join("contact-sheet.png");
     let png = encode_png_rgb8(&sheet, sheet.width(), sheet.height()).map_err(|e| Error::output(&path, e))?;
     write_atomically(&path, &png)?;
     let threads = compare_threads(quality)?;
     let text = table::markdown(&rows, Some(&threads));
-    write_atomically(&arguments.folder.join("times.md"), text.as_bytes())?;
+    write_atomically(&folder.join("times.md"), text.as_bytes())?;
     print!("{text}");
     if arguments.publish {
-        publish::publish(&arguments.folder, &text)?;
+        publish::publish(folder, &text)?;
     }
     if !threads.is_equal {
         return Err(Error::usage("the number of threads changes the picture"));
