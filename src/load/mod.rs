@@ -69,7 +69,7 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         "toml" => scene_file::load(path, options)?,
         _ => {
             return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
-                .with_help("oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)"));
+                .with_help(way_to_a_scene(&extension)));
         }
     };
     if !matches!(extension.as_str(), "gltf" | "glb" | "toml") && options.gltf != gltf::GltfOptions::default()
@@ -132,6 +132,29 @@ fn stand_upright(scene: &mut Scene) {
     for sphere in &mut scene.spheres {
         sphere.center = y_from_z * sphere.center;
         sphere.rotation = y_from_z * sphere.rotation;
+    }
+}
+
+/// Endings of the files that can be rendered.
+const EXTENSIONS: [&str; 5] = ["gltf", "glb", "obj", "ply", "toml"];
+
+/// Does its name say that a file is a scene?
+pub fn is_named_as_scene(path: &Path) -> bool {
+    EXTENSIONS.contains(&extension(path).as_str())
+}
+
+/// The way to a scene from a file of another program, by its ending.
+fn way_to_a_scene(extension: &str) -> &'static str {
+    match extension {
+        "blend" => {
+            "export it from Blender as glTF (File > Export > glTF 2.0), with cameras and punctual lights"
+        }
+        "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
+        | "stl" => "import it into Blender and export it as glTF (.glb)",
+        "exr" | "hdr" | "png" | "jpg" | "jpeg" => {
+            "it is a picture; the scene comes first: oscura render scene.glb -o picture.png"
+        }
+        _ => "oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)",
     }
 }
 
