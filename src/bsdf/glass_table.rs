@@ -115,7 +115,8 @@ impl Place {
         }
     }
 
-    /// What the direction finds again outside and inside after one facet, by cubic interpolation, rather too much than too little.
+    /// What the direction finds again outside and inside after one facet, by cubic interpolation, rather too
+    /// much than too little.
     #[inline]
     pub fn albedo(&self, glass: Reflecting) -> f32 {
         let margin = match glass {

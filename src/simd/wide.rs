@@ -8,6 +8,9 @@ use super::slab::{BoxRay, Entry, Planes};
 /// test's own on either side; the shear of the triangle test moves each vertex by at most five more.
 pub const WIDEN: f32 = 1.0 + 1.0 / 524_288.0;
 
+/// At least as much in units in the last place, for numbers compared by their bits.
+pub(super) const WIDEN_UNITS: i32 = 32;
+
 /// A CPU level's vectors of 8 floats, and the steps of traversal on them.
 pub trait Wide: Copy {
     /// Eight floats.

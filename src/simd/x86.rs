@@ -1,7 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
 use super::slab::{BoxRay, Entry, Planes};
-use super::wide::Wide;
+use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
 /// Vectors of AVX2, with AVX-512's masks where `AVX512`. A value exists only inside a function compiled for the level:
@@ -152,10 +152,9 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
                 near = _mm256_max_ps(entry, near);
                 far = _mm256_min_ps(exit, far);
             }
-            // As integers, which are added and compared sooner: `near` is at least 0, negative numbers come before it, and
-            // 32 units in the last place are at least what `WIDEN` adds.
+            // As integers, which are added and compared sooner: `near` is at least 0, negative numbers come before it.
             let from = _mm256_castps_si256(near);
-            let to = _mm256_add_epi32(_mm256_castps_si256(far), _mm256_set1_epi32(32));
+            let to = _mm256_add_epi32(_mm256_castps_si256(far), _mm256_set1_epi32(WIDEN_UNITS));
             let mask = if AVX512 {
                 u32::from(_mm256_cmple_epi32_mask(from, to))
             } else {
