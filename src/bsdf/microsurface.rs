@@ -49,7 +49,10 @@ impl Facets for Isotropic {
 }
 
 /// Smallest ratio of the two alphas.
-const LEAST_RATIO: f32 = 1.0 / 16.0;
+const LEAST_RATIO: f32 = 1.0 / (LARGEST_SPREAD * LARGEST_SPREAD);
+
+/// Largest ratio of their square roots.
+pub const LARGEST_SPREAD: f32 = 4.0;
 
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -13,7 +13,6 @@ mod dielectric;
 mod film;
 pub mod fresnel;
 pub mod ggx;
-pub mod glass_table;
 mod lambert;
 mod layered;
 mod metal;
@@ -24,13 +23,14 @@ mod phong;
 #[cfg(test)]
 mod reference;
 #[cfg(test)]
-mod reference_glass;
+mod reference_walk;
 mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;
 mod sheen;
 #[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
 mod sheen_data;
+mod solid_glass;
 mod through;
 
 pub use albedo_table::DirectionalAlbedo;

@@ -31,7 +31,7 @@ fn visible_normals(
 }
 
 /// The root in Smith's masking: G1 = 2 z / (z + root).
-pub(super) fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
+fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
     (ax * ax * v.x * v.x + ay * ay * v.y * v.y + v.z * v.z).sqrt()
 }
 
@@ -44,10 +44,15 @@ fn direction(cosine: f64) -> DVec3 {
 /// What single scattering reflects with a reflectance of 1, and the share of it weighted by (1 - cos)^5. Facets of the
 /// same roughness in both directions.
 pub fn reflected(cosine: f64, alpha: f64, points: usize) -> [f64; 2] {
-    let (wo, alpha) = (direction(cosine), [alpha; 2]);
+    reflected_from(direction(cosine), [alpha; 2], 0.5, points)
+}
+
+/// The same for a direction and facets of two roughnesses; `turn` is half of the circle where the direction is in the plane
+/// of x and z and the roughnesses are the same, otherwise all of it.
+pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [f64; 2] {
     let root_o = smith_root(wo, alpha);
     let mut sums = [0.0; 2];
-    for (normal, weight) in visible_normals(wo, alpha, 0.5, points) {
+    for (normal, weight) in visible_normals(wo, alpha, turn, points) {
         let c = wo.dot(normal).clamp(0.0, 1.0);
         let wi = normal * (2.0 * c) - wo;
         if wi.z > 0.0 {
@@ -64,28 +69,8 @@ fn masked_reflection(wo: DVec3, wi: DVec3, root_o: f64, alpha: [f64; 2]) -> f64 
     wi.z * (wo.z + root_o) / (wi.z * root_o + wo.z * smith_root(wi, alpha))
 }
 
-/// What one facet of glass reflects and transmits; `eta` is the index of the other side over that of the viewer's.
-pub fn split(cosine: f64, alpha: f64, eta: f64, points: usize) -> f64 {
-    let (wo, alpha) = (direction(cosine), [alpha; 2]);
-    let root_o = smith_root(wo, alpha);
-    let mut sum = 0.0;
-    for (normal, weight) in visible_normals(wo, alpha, 0.5, points) {
-        let c = wo.dot(normal).clamp(0.0, 1.0);
-        let (reflectance, cos_t) = fresnel(c, eta);
-        let up = normal * (2.0 * c) - wo;
-        if up.z > 0.0 {
-            sum += weight * reflectance * masked_reflection(wo, up, root_o, alpha);
-        }
-        let down = normal * (c / eta - cos_t) - wo / eta;
-        if down.z < 0.0 {
-            sum += weight * (1.0 - reflectance) * -2.0 * down.z / (smith_root(down, alpha) - down.z);
-        }
-    }
-    sum
-}
-
 /// Fresnel's equations for unpolarised light: reflectance and cosine behind the interface.
-pub(super) fn fresnel(c: f64, eta: f64) -> (f64, f64) {
+pub fn fresnel(c: f64, eta: f64) -> (f64, f64) {
     let squared = 1.0 - (1.0 - c * c) / (eta * eta);
     if squared <= 0.0 {
         return (1.0, 0.0);
@@ -102,10 +87,5 @@ fn quadrature_is_exact_where_the_integral_is_known() {
         let exact = 1.0 - c * ((1.0 + c) / c).ln();
         let found = reflected(c, 1.0, 20_000)[0];
         assert!((found - exact).abs() < 5e-5, "{c}: {found} {exact}");
-    }
-    // Glass of index 1 is not there: light goes straight on, masked once more.
-    for c in [0.9, 0.2f64] {
-        let exact = 2.0 * c / (c + (0.25 + 0.75 * c * c).sqrt());
-        assert!((split(c, 0.5, 1.0 + 1e-9, 20_000) - exact).abs() < 1e-4, "{c}");
     }
 }

@@ -171,6 +171,13 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
                     (film(1.8, 400.0), number(1.0), number(0.4), true)
             }),
         ),
+        (
+            "anisotropic glass of high index",
+            pbr(|p| {
+                (p.anisotropy, p.transmission, p.roughness) = (anisotropy(1.0), number(1.0), number(0.9));
+                (p.ior, p.has_volume) = (4.0, true);
+            }),
+        ),
         ("leaf", pbr(|p| p.diffuse_transmission = through(0.6, [0.2, 0.8, 0.1]))),
         (
             "anisotropic glass",
@@ -205,7 +212,7 @@ fn layers_need_their_class() {
     for (name, material) in layers() {
         let class = class_of(&Model::Pbr(Box::new(material.clone())));
         let expected = match name {
-            "anisotropic glass" => BsdfClass::RoughDielectric,
+            "anisotropic glass" | "anisotropic glass of high index" => BsdfClass::RoughDielectric,
             _ => BsdfClass::Layered,
         };
         assert_eq!(class, expected, "{name}");

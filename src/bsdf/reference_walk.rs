@@ -1,0 +1,154 @@
+//! Light's way among the facets of rough glass until it leaves them: what solid glass is measured by.
+//!
+//! The random walk of Heitz, Hanika, d'Eon, Dachsbacher 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model",
+//! for uniformly distributed heights (which do not matter) and dielectric facets, in double precision and written from
+//! the paper rather than from the lobes.
+
+use super::reference::fresnel;
+use crate::math::DVec3;
+use crate::sampling::chi2::Random;
+use std::f64::consts::TAU;
+
+/// A rough interface; z above 0 is outside.
+pub struct Interface {
+    /// GGX alphas along x and y.
+    pub alpha: [f64; 2],
+    /// Index of refraction of the inside over that of the outside.
+    pub ior: f64,
+}
+
+impl Interface {
+    /// Where light seen along `wo` comes from, and how many facets it met.
+    pub fn walk(&self, wo: DVec3, random: &mut Random) -> (DVec3, u32) {
+        let mut unit = || f64::from(random.next());
+        let (mut direction, mut is_outside, mut facets) = (-wo, wo.z > 0.0, 0);
+        // Above the medium that light is in, heights end at 1.
+        let mut height = 1.0;
+        loop {
+            let up = if is_outside { direction } else { -direction };
+            let Some(next) = self.next_height(up, height, unit()) else {
+                return (direction, facets);
+            };
+            facets += 1;
+            let normal = self.visible_normal(-up, unit(), unit());
+            let c = (-up).dot(normal).clamp(0.0, 1.0);
+            let eta = if is_outside { self.ior } else { 1.0 / self.ior };
+            let (reflectance, cos_t) = fresnel(c, eta);
+            let mirrored = unit() < reflectance;
+            let turned =
+                if mirrored { normal * (2.0 * c) + up } else { normal * (c / eta - cos_t) + up / eta };
+            direction = if is_outside { turned } else { -turned }.normalize();
+            (is_outside, height) = if mirrored { (is_outside, next) } else { (!is_outside, -next) };
+        }
+    }
+
+    /// Smith's Lambda, for directions up and down.
+    fn lambda(&self, v: DVec3) -> f64 {
+        let [ax, ay] = self.alpha;
+        let slope = ((ax * v.x).powi(2) + (ay * v.y).powi(2)) / (v.z * v.z).max(1e-300);
+        0.5 * (v.z.signum() * (1.0 + slope).sqrt() - 1.0)
+    }
+
+    /// The height of the next facet on the way along `v`, none where there is none (section 4.3 of the paper).
+    fn next_height(&self, v: DVec3, height: f64, u: f64) -> Option<f64> {
+        let below = (0.5 * (height + 1.0)).clamp(1e-12, 1.0);
+        let lambda = self.lambda(v);
+        if v.z > 0.0 && u > 1.0 - below.powf(lambda) {
+            return None;
+        }
+        if lambda.abs() < 1e-9 {
+            return Some(height);
+        }
+        Some((2.0 * below / (1.0 - u).powf(1.0 / lambda) - 1.0).clamp(-1.0, 1.0))
+    }
+
+    /// A facet seen along `v`, which may point down (Dupuy, Benyoub 2023).
+    fn visible_normal(&self, v: DVec3, u: f64, turns: f64) -> DVec3 {
+        let stretch = DVec3::new(self.alpha[0], self.alpha[1], 1.0);
+        let standard = (v * stretch).normalize();
+        let z = (1.0 - u) * (1.0 + standard.z) - standard.z;
+        let sine = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
+        let (s, c) = (turns * TAU).sin_cos();
+        let half = DVec3::new(sine * c, sine * s, z) + standard;
+        (DVec3::new(half.x, half.y, half.z.max(1e-12)) * stretch).normalize()
+    }
+}
+
+/// Light that meets one facet only is what single scattering keeps: by its closed form for reflection at alpha 1, with
+/// an index so high that nearly all is reflected.
+#[test]
+fn walks_of_one_facet_are_single_scattering() {
+    let mut random = Random::new(12);
+    let interface = Interface { alpha: [1.0, 1.0], ior: 1e6 };
+    for c in [1.0, 0.6, 0.3f64] {
+        let wo = DVec3::new((1.0 - c * c).sqrt(), 0.0, c);
+        let n = 40_000;
+        let once = (0..n).filter(|_| interface.walk(wo, &mut random).1 == 1).count();
+        let exact = 1.0 - c * ((1.0 + c) / c).ln();
+        let found = once as f64 / f64::from(n);
+        assert!((found - exact).abs() < 0.01, "{c}: {found} {exact}");
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::{Bsdf, GlassReflectance, Microsurface, RoughDielectric, Walls};
+    use crate::math::Vec3;
+    use crate::scene::Microfacet;
+
+    const SAMPLES: u32 = 10_000;
+
+    fn glass(alpha: [f64; 2], ior: f64, microfacet: Microfacet) -> Bsdf {
+        Bsdf::RoughDielectric(RoughDielectric {
+            surface: Microsurface::new(alpha.map(|a| a as f32), [1.0, 0.0]),
+            ior: ior as f32,
+            walls: Walls::Solid,
+            tint: Vec3::ONE,
+            reflectance: GlassReflectance::Plain,
+            microfacet,
+        })
+    }
+
+    /// The share of light that comes from the side of `wo`, of what is not lost.
+    fn reflected(bsdf: &Bsdf, wo: DVec3, random: &mut Random) -> f64 {
+        let (mut same, mut all) = (0.0, 0.0);
+        for _ in 0..SAMPLES {
+            let s = bsdf.sample(wo.as_vec3(), [random.next(), random.next(), random.next()]);
+            let weight = f64::from(s.weight.x * s.eta * s.eta);
+            all += weight;
+            same += if s.is_transmission { 0.0 } else { weight };
+        }
+        same / all
+    }
+
+    /// Solid glass splits light between its sides as walks do, and far nearer to them than single scattering does
+    /// when it is scaled up to keep all light.
+    #[test]
+    fn glass_splits_light_as_walks_do() {
+        let mut random = Random::new(9);
+        let (mut errors, mut scaled) = (Vec::new(), Vec::new());
+        for alpha in [[0.1, 0.1], [0.3, 0.3], [0.5, 0.5], [0.5, 0.125], [1.0, 1.0], [1.0, 0.2]] {
+            for ior in [1.05, 1.33, 1.5, 2.4] {
+                for cosine in [0.9, 0.5, 0.2, -0.9, -0.5, -0.2f64] {
+                    let sine = (1.0 - cosine * cosine).sqrt();
+                    let wo = DVec3::new(0.8 * sine, 0.6 * sine, cosine);
+                    let interface = Interface { alpha, ior };
+                    let same =
+                        (0..SAMPLES).filter(|_| interface.walk(wo, &mut random).0.z * cosine > 0.0).count();
+                    let exact = same as f64 / f64::from(SAMPLES);
+                    let [multi, single] = [Microfacet::Multi, Microfacet::Single]
+                        .map(|m| (reflected(&glass(alpha, ior, m), wo, &mut random) - exact).abs());
+                    errors.push((multi, format!("alpha {alpha:?}, ior {ior}, cos {cosine}: {exact}")));
+                    scaled.push(single);
+                }
+            }
+        }
+        let mean = errors.iter().map(|(e, _)| e).sum::<f64>() / errors.len() as f64;
+        let of_scaled = scaled.iter().sum::<f64>() / scaled.len() as f64;
+        errors.sort_by(|a, b| a.0.total_cmp(&b.0));
+        println!("mean {mean:.4}, scaled {of_scaled:.4}, largest {:?}", &errors[errors.len() - 4..]);
+        assert!(mean < 0.02 && of_scaled > 3.0 * mean, "{mean} {of_scaled}");
+        assert!(errors.last().unwrap().0 < 0.25, "{:?}", errors.last());
+    }
+}
