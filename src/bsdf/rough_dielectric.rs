@@ -37,10 +37,27 @@ pub enum GlassReflectance {
 /// Glass with GGX facets (Walter, Marschner, Li, Torrance 2007, eq. 20 and 21), by visible normals (Dupuy, Benyoub 2023).
 /// z above 0 is outside.
 ///
-/// Solids lose no light to shadowing with [`Microfacet::Multi`]: see [`SolidView`]. Thin sheets divide value and samples
-/// by the directional albedo of single scattering (Turquin 2019, section 4). A facet of glass with changed reflectance
-/// passes what its brightest channel does not reflect, so that channel keeps all energy as well, and the others less by
-/// what it alone reflects.
+/// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
+/// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
+/// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
+/// [`Microfacet::Single`] what is shadowed is lost.
+///
+/// With [`Microfacet::Multi`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
+/// medium, where total reflection holds it. So of what is shadowed on the rarer side a share stays there, and the rest joins
+/// what the same facet sends to the denser side, tinted by one crossing more; what is mirrored against the surface from
+/// within leaves through it in a share, and is turned back otherwise. Wherever it ends, it is turned away from the horizon,
+/// where facets would shadow it again. No view direction of white glass loses or gains light, whatever the roughnesses,
+/// index and reflectance; no table is needed, value and density are in closed form, and samples weigh exactly 1. As with
+/// other compensation the price is reciprocity: under light from everywhere, directions give between 0.5 and 1.9 times as
+/// much as they get (alphas of 0.1 to 1, indices of 1.33 to 2; the most near the horizon within).
+///
+/// Beside walks, for alphas of 0.1 to 1 and indices of 1.05 to 2.4, the share of light from either side is wrong by 0.013 on
+/// average, by up to 0.22 near the horizon within glass of an index near 1, and balls show 3 % of the light elsewhere.
+/// Dividing by the albedo of single scattering (Turquin 2019, section 4) gives 0.05 and 11 %; within, near the horizon,
+/// that spreads the light more like walks do.
+///
+/// Thin sheets divide by the directional albedo. A facet of glass with changed reflectance passes what its brightest
+/// channel does not reflect, so that channel keeps all energy as well, and the others less by what it alone reflects.
 #[derive(Clone, Copy, Debug)]
 pub struct RoughDielectric {
     /// Its facets; smooth ones give single directions.

@@ -6,19 +6,7 @@ use super::{BsdfEval, fresnel, ggx};
 use crate::math::Vec3;
 use crate::scene::Microfacet;
 
-/// Facets of a solid as one direction sees them.
-///
-/// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
-/// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
-/// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
-/// [`Microfacet::Single`] what is shadowed is lost.
-///
-/// With [`Microfacet::Multi`] it is not. On walks among facets (the model of that paper) nearly all of it ends in the
-/// denser medium, where total reflection holds it. So a facet's direction on the rarer side keeps what is not
-/// shadowed and a share [`Lost::stays`] of what is; its direction on the denser side takes everything else and is not
-/// shadowed at all. What is mirrored against the surface from within leaves it in a share [`Lost::passes`], and is turned back
-/// otherwise. No light is lost or gained, whatever the roughnesses, index and reflectance, without a table, and value and
-/// density are in closed form: samples of white glass weigh exactly 1.
+/// Facets of a solid as one direction sees them: how [`RoughDielectric`] scatters.
 pub struct SolidView<'a> {
     glass: &'a RoughDielectric,
     /// The direction, with z above 0, in the frame of the facets' axis.
@@ -27,43 +15,106 @@ pub struct SolidView<'a> {
     root: f32,
     /// Index of refraction of the other side over that of its own.
     eta: f32,
-    lost: Option<Lost>,
+    shadowed: Option<Shadowed>,
 }
 
-/// Where light goes that single scattering loses.
+/// Where shadowed light goes.
 #[derive(Clone, Copy)]
-struct Lost {
+struct Shadowed {
     /// Share of what is shadowed on the rarer side that stays there.
     stays: f32,
     /// Share of what the inside mirrors against the surface that leaves through it.
     passes: f32,
+    rarer: Lift,
+    denser: Lift,
 }
 
-impl Lost {
-    /// From the rarer side, what stays is what a second facet would mirror. From the denser side, odds of leaving were
-    /// fitted to walks for alphas of 0.3 to 1, indices of 1.02 to 2.4 and cosines of 0.4 to 0.95 (errors of most shares
-    /// below 0.05).
+impl Shadowed {
+    /// From the rarer side, what stays is what a second facet would mirror at normal incidence. From the denser side, odds of
+    /// leaving were fitted to walks for alphas of 0.3 to 1, indices of 1.02 to 2.4 and cosines of 0.4 to 0.95 (errors of
+    /// most shares below 0.07; more for steep views within an index near 1): by the view's cosine beside that of total
+    /// reflection, whose square is near 2 (n - 1), and by how rough the facets are. Lifts were chosen so that light from everywhere leaves nearly evenly.
     #[inline(always)]
-    fn new(cosine: f32, eta: f32, surface: &Microsurface) -> Lost {
-        if eta >= 1.0 {
-            return Lost { stays: fresnel::f0_from_eta(eta), passes: 0.0 };
-        }
+    fn new(cosine: f32, eta: f32, surface: &Microsurface) -> Shadowed {
         let [a, b] = surface.alpha();
         let alpha = 0.5 * (a + b);
+        let (rarer, denser) = (Lift { reach: 0.5 * alpha }, Lift { reach: 4.0 * alpha });
+        if eta >= 1.0 {
+            return Shadowed { stays: fresnel::f0_from_eta(eta), passes: 0.0, rarer, denser };
+        }
         let steep = cosine * cosine * eta / (2.0 * (1.0 - eta)).max(1e-9);
         let odds = steep * steep + 1.0 / 6.0;
         let share = |odds: f32| odds / (1.0 + odds);
-        Lost { stays: share(odds * (0.6 + 0.8 * alpha)), passes: share(odds * (0.075 + 0.375 * alpha)) }
+        Shadowed {
+            stays: share(odds * (0.6 + 0.8 * alpha)),
+            passes: share(odds * (0.075 + 0.375 * alpha)),
+            rarer,
+            denser,
+        }
     }
 }
 
-/// What a facet sends along one direction.
+/// Turns directions of cosine z to z' with z'^2 = z (z + reach) / (1 + reach): those far above `reach` hardly, those below
+/// so that light spread evenly over z falls off at the horizon as the cosine.
 #[derive(Clone, Copy)]
-struct Part {
-    direction: Vec3,
+struct Lift {
+    reach: f32,
+}
+
+impl Lift {
+    #[inline(always)]
+    fn up(self, v: Vec3) -> Vec3 {
+        let (a, z) = (self.reach, v.z.abs());
+        let tangent = ((1.0 + z + a) / ((1.0 + a) * (1.0 + z))).sqrt();
+        let lifted = (z * (z + a) / (1.0 + a)).sqrt();
+        Vec3::new(v.x * tangent, v.y * tangent, lifted.copysign(v.z)).normalize()
+    }
+
+    /// The direction that [`Lift::up`] turns to this one, and how much denser directions lie there: dz / dz'.
+    #[inline(always)]
+    fn down(self, v: Vec3) -> (Vec3, f32) {
+        let (a, lifted) = (self.reach, v.z.abs());
+        let root = (a * a + 4.0 * (1.0 + a) * lifted * lifted).sqrt();
+        let z = 2.0 * (1.0 + a) * lifted * lifted / (a + root);
+        let tangent = ((1.0 + z) * (1.0 + a) / (1.0 + z + a)).sqrt();
+        let low = Vec3::new(v.x * tangent, v.y * tangent, z.copysign(v.z));
+        (low, 2.0 * (1.0 + a) * lifted / root)
+    }
+}
+
+/// Some of a facet's light.
+#[derive(Clone, Copy)]
+struct Light {
     color: Vec3,
     /// Chance of sampling it.
     chance: f32,
+}
+
+impl Light {
+    const NONE: Light = Light { color: Vec3::ZERO, chance: 0.0 };
+
+    #[inline(always)]
+    fn plus(self, other: Light) -> Light {
+        Light { color: self.color + other.color, chance: self.chance + other.chance }
+    }
+
+    #[inline(always)]
+    fn times(self, factor: f32) -> Light {
+        Light { color: self.color * factor, chance: self.chance * factor }
+    }
+
+    #[inline(always)]
+    fn tinted(self, tint: Vec3) -> Light {
+        Light { color: self.color * tint, ..self }
+    }
+}
+
+/// What a facet sends along one direction, and what along that direction lifted.
+#[derive(Clone, Copy)]
+struct Part {
+    direction: Vec3,
+    open: Light,
+    lifted: Light,
 }
 
 impl SolidView<'_> {
@@ -71,8 +122,9 @@ impl SolidView<'_> {
     #[inline(always)]
     pub fn new(glass: &RoughDielectric, above: Vec3, eta: f32) -> SolidView<'_> {
         let wo = glass.surface.to_axis(above);
-        let lost = (glass.microfacet == Microfacet::Multi).then(|| Lost::new(wo.z, eta, &glass.surface));
-        SolidView { glass, wo, root: glass.surface.smith_root(wo), eta, lost }
+        let shadowed =
+            (glass.microfacet == Microfacet::Multi).then(|| Shadowed::new(wo.z, eta, &glass.surface));
+        SolidView { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
     }
 
     /// What a facet sends along its mirrored and its refracted direction. `known` are these directions where they are at
@@ -82,47 +134,69 @@ impl SolidView<'_> {
         let (wo, eta) = (self.wo, self.eta);
         let c = wo.dot(normal).clamp(0.0, 1.0);
         let facet = self.glass.facet(c, eta);
-        let mut mirrored = Part {
-            direction: known[0].unwrap_or(normal * (2.0 * c) - wo),
-            color: facet.reflected,
-            chance: facet.p_reflected,
-        };
-        let mut refracted = Part {
-            direction: known[1].unwrap_or(normal * (c / eta - facet.cos_transmitted) - wo / eta),
-            color: facet.transmitted,
-            chance: facet.p_transmitted,
-        };
-        match self.lost {
+        let part =
+            |direction, color, chance| Part { direction, open: Light { color, chance }, lifted: Light::NONE };
+        let mut mirrored =
+            part(known[0].unwrap_or(normal * (2.0 * c) - wo), facet.reflected, facet.p_reflected);
+        let mut refracted = part(
+            known[1].unwrap_or(normal * (c / eta - facet.cos_transmitted) - wo / eta),
+            facet.transmitted,
+            facet.p_transmitted,
+        );
+        let open = [self.open_mirrored(mirrored.direction), self.open_refracted(refracted.direction)];
+        match &self.shadowed {
             None => {
-                mirrored.color *= self.unshadowed_mirrored(mirrored.direction);
-                refracted.color *= self.unshadowed_refracted(refracted.direction);
+                mirrored.open.color *= open[0];
+                refracted.open.color *= open[1];
             }
-            Some(lost) if eta >= 1.0 => {
-                let seen = self.unshadowed_mirrored(mirrored.direction);
-                mirrored.hand_over(lost.kept(seen), &mut refracted);
+            Some(shadowed) if eta >= 1.0 => {
+                self.redirect(shadowed, (&mut mirrored, open[0]), (&mut refracted, open[1]));
             }
-            Some(lost) => {
-                let seen = self.unshadowed_refracted(refracted.direction);
-                refracted.hand_over(lost.kept(seen), &mut mirrored);
+            Some(shadowed) => {
+                self.redirect(shadowed, (&mut refracted, open[1]), (&mut mirrored, open[0]));
             }
         }
         [mirrored, refracted]
     }
 
+    /// Leaves a facet's parts the light that no other facet shadows, and shares out the rest.
+    #[inline(always)]
+    fn redirect(&self, shadowed: &Shadowed, rarer: (&mut Part, f32), denser: (&mut Part, f32)) {
+        let ((rarer, open), (denser, open_denser)) = (rarer, denser);
+        // What leads to the wrong side does not stay.
+        let stays = if open > 0.0 { shadowed.stays } else { 0.0 };
+        let hidden = rarer.open.times(1.0 - open);
+        rarer.lifted = hidden.times(stays);
+        rarer.open = rarer.open.times(open);
+        // It crosses once more than it would have.
+        let joining = hidden.times(1.0 - stays).tinted(self.glass.tint);
+        denser.lifted = denser.open.times(1.0 - open_denser).plus(joining);
+        denser.open = denser.open.times(open_denser);
+    }
+
     /// Share of light along a mirrored direction that no facet shadows, G2 / G1(wo).
     #[inline(always)]
-    fn unshadowed_mirrored(&self, v: Vec3) -> f32 {
+    fn open_mirrored(&self, v: Vec3) -> f32 {
         if v.z <= 0.0 {
             return 0.0;
         }
         let root = self.glass.surface.smith_root(v);
-        v.z * (self.wo.z + self.root) / (v.z * self.root + self.wo.z * root)
+        (v.z * (self.wo.z + self.root) / (v.z * self.root + self.wo.z * root)).min(1.0)
     }
 
     /// Share of light along a refracted direction that no facet shadows, G1(wi).
     #[inline(always)]
-    fn unshadowed_refracted(&self, v: Vec3) -> f32 {
-        if v.z >= 0.0 { 0.0 } else { 2.0 * v.z / (v.z - self.glass.surface.smith_root(v)) }
+    fn open_refracted(&self, v: Vec3) -> f32 {
+        if v.z >= 0.0 {
+            return 0.0;
+        }
+        (2.0 * v.z / (v.z - self.glass.surface.smith_root(v))).min(1.0)
+    }
+
+    /// How light is lifted on the other side, or on this one.
+    #[inline(always)]
+    fn lift(&self, shadowed: &Shadowed, crosses: bool) -> Lift {
+        if (self.eta >= 1.0) == crosses { shadowed.denser } else { shadowed.rarer }
     }
 
     /// Chooses a direction; z below 0 is the other side. None where light is lost.
@@ -131,92 +205,113 @@ impl SolidView<'_> {
         let surface = &self.glass.surface;
         let normal = ggx::sample_visible_normal(self.wo, surface.alpha(), [u[0], u[1]]);
         let [mirrored, refracted] = self.split(normal, [None; 2]);
-        let is_mirrored = u[2] < mirrored.chance;
-        let mut wi = if is_mirrored { mirrored.direction } else { refracted.direction.normalize() };
-        if (wi.z > 0.0) != is_mirrored {
-            let lost = self.lost.filter(|_| is_mirrored)?;
-            if u[2] >= mirrored.chance * lost.passes {
-                wi.z = -wi.z;
+        let mut rest = u[2];
+        for (part, mirrors) in [(mirrored, true), (refracted, false)] {
+            if rest < part.open.chance {
+                let is_seen = (part.direction.z > 0.0) == mirrors;
+                return is_seen.then(|| surface.from_axis(part.direction.normalize()));
             }
+            rest -= part.open.chance;
+            if rest < part.lifted.chance {
+                let (shadowed, mut wi) = (self.shadowed?, part.direction.normalize());
+                if mirrors && wi.z <= 0.0 && rest >= part.lifted.chance * shadowed.passes {
+                    wi.z = -wi.z;
+                }
+                return Some(surface.from_axis(self.lift(&shadowed, wi.z < 0.0).up(wi)));
+            }
+            rest -= part.lifted.chance;
         }
-        Some(surface.from_axis(wi))
+        None
     }
 
     /// Value and density for a direction; z below 0 is the other side.
     #[inline]
     pub fn eval(&self, wi: Vec3) -> BsdfEval {
         let wi = self.glass.surface.to_axis(wi);
-        let mut sum = if wi.z < 0.0 { self.refracted(wi) } else { self.mirrored(wi) };
-        if let Some(lost) = self.lost
-            && self.eta < 1.0
-            && wi.z.abs() < self.wo.z
-        {
-            let against = self.mirrored(Vec3::new(wi.x, wi.y, -wi.z.abs()));
-            let share = if wi.z < 0.0 { lost.passes } else { 1.0 - lost.passes };
-            sum.f_cos += against.f_cos * share;
-            sum.pdf_solid_angle += against.pdf_solid_angle * share;
+        let crosses = wi.z < 0.0;
+        let toward = |v: Vec3| if crosses { self.refracted(v) } else { self.mirrored(v) };
+        let [mut light, _] = toward(wi);
+        if let Some(shadowed) = &self.shadowed {
+            let (low, stretch) = self.lift(shadowed, crosses).down(wi);
+            let [_, mut lifted] = toward(low);
+            if self.eta < 1.0 && low.z.abs() < self.wo.z {
+                let [_, against] = self.mirrored(Vec3::new(low.x, low.y, -low.z.abs()));
+                lifted = lifted.plus(match crosses {
+                    true => against.times(shadowed.passes).tinted(self.glass.tint),
+                    false => against.times(1.0 - shadowed.passes),
+                });
+            }
+            light = light.plus(lifted.times(stretch));
         }
-        if wi.z < 0.0 {
-            // Radiance of the other medium.
-            sum.f_cos /= self.eta * self.eta;
-        }
-        sum
+        // Radiance of the other medium.
+        let scale = if crosses { 1.0 / (self.eta * self.eta) } else { 1.0 };
+        BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.chance }
     }
 
-    /// Facets that mirror light along a direction, which may lead below the surface.
+    /// Open and lifted light that facets mirror along a direction, which may lead below the surface.
     #[inline(always)]
-    fn mirrored(&self, wi: Vec3) -> BsdfEval {
+    fn mirrored(&self, wi: Vec3) -> [Light; 2] {
         let half = self.wo + wi;
-        let length_squared = half.length_squared();
-        if half.z <= 0.0 || length_squared < 1e-30 {
-            return BsdfEval::ZERO;
+        if half.z <= 0.0 {
+            return [Light::NONE; 2];
         }
-        let [part, _] = self.split(half / length_squared.sqrt(), [Some(wi), None]);
-        part.times(self.glass.surface.distribution(half) * 0.5 / (self.wo.z + self.root))
+        let [part, _] = self.split(half.normalize(), [Some(wi), None]);
+        let density = self.glass.surface.distribution(half) * 0.5 / (self.wo.z + self.root);
+        [part.open.times(density), part.lifted.times(density)]
     }
 
-    /// Facets that refract light along a direction.
+    /// Open and lifted light that facets refract along a direction.
     #[inline(always)]
-    fn refracted(&self, wi: Vec3) -> BsdfEval {
+    fn refracted(&self, wi: Vec3) -> [Light; 2] {
         let (wo, eta) = (self.wo, self.eta);
         // Walter et al. 2007, eq. 16, turned to the side of wo: wo + eta wi, so that the digits stay for eta near 1.
         let half = ((wo + wi) + wi * (eta - 1.0)) * if eta > 1.0 { -1.0 } else { 1.0 };
         let length = half.length();
-        if half.z <= 0.0 || length == 0.0 {
-            return BsdfEval::ZERO;
+        if half.z <= 0.0 {
+            return [Light::NONE; 2];
         }
         let (cos_o, cos_i) = (wo.dot(half) / length, wi.dot(half) / length);
         if cos_o <= 0.0 || cos_i >= 0.0 {
-            return BsdfEval::ZERO;
+            return [Light::NONE; 2];
         }
         let [_, part] = self.split(half / length, [None, Some(wi)]);
         // D G1(wo) |wo.h| / wo.z times dh / dwi = eta^2 |wi.h| / |wo + eta wi|^2.
         let stretch = cos_o * -cos_i * (eta / length) * (eta / length);
-        part.times(self.glass.surface.distribution(half) * 2.0 / (wo.z + self.root) * stretch)
+        let density = self.glass.surface.distribution(half) * 2.0 / (wo.z + self.root) * stretch;
+        [part.open.times(density), part.lifted.times(density)]
     }
 }
 
-impl Lost {
-    /// What a direction on the rarer side keeps.
-    #[inline(always)]
-    fn kept(&self, unshadowed: f32) -> f32 {
-        // Nothing at all of what leads to the wrong side.
-        if unshadowed > 0.0 { (unshadowed + (1.0 - unshadowed) * self.stays).min(1.0) } else { 0.0 }
-    }
-}
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bsdf::ggx::MIN_ALPHA;
+    use crate::sampling::chi2::Random;
 
-impl Part {
-    /// Keeps a share, and gives the rest to another direction.
-    #[inline(always)]
-    fn hand_over(&mut self, kept: f32, other: &mut Part) {
-        other.color += self.color * (1.0 - kept);
-        other.chance += self.chance * (1.0 - kept);
-        self.color *= kept;
-        self.chance *= kept;
-    }
-
-    #[inline(always)]
-    fn times(&self, density: f32) -> BsdfEval {
-        BsdfEval { f_cos: self.color * density, pdf_solid_angle: self.chance * density }
+    #[test]
+    fn lifts_are_undone() {
+        let mut random = Random::new(6);
+        for reach in [0.5 * MIN_ALPHA, 0.01, 0.3, 4.0] {
+            let lift = Lift { reach };
+            for _ in 0..1000 {
+                let v = random.direction();
+                let up = lift.up(v);
+                let (low, stretch) = lift.down(up);
+                assert!(
+                    (low - v).length() < 1e-5 && up.z.abs() >= v.z.abs() - 1e-6,
+                    "{reach} {v} {up} {low}"
+                );
+                // Directions as dense as the measure says: dz / dz'.
+                let step = 1e-3f32.copysign(up.z);
+                let next = if up.z.abs() < 0.9 { up.z + step } else { up.z - step };
+                let tangent = (1.0 - next * next).max(0.0).sqrt();
+                let other = lift.down(Vec3::new(tangent, 0.0, next)).0;
+                let slope = (other.z - low.z) / (next - up.z);
+                assert!(
+                    (slope - stretch).abs() < 0.02 || up.z.abs() < 0.05,
+                    "{reach} {v}: {slope} {stretch}"
+                );
+            }
+        }
     }
 }

@@ -15,7 +15,8 @@ pub enum Filter {
 /// Treatment of light that bounces more than once between microfacets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Microfacet {
-    /// The energy that single scattering loses is given back (Turquin 2019).
+    /// The energy that single scattering loses is given back: scaled up (Turquin 2019), in solid glass sent where walks among
+    /// facets lead (see [`crate::bsdf::RoughDielectric`]).
     #[default]
     Multi,
     /// Single scattering only, for comparison with renderers that do so.

@@ -133,6 +133,8 @@ pub fn finite() -> Vec<(String, Bsdf)> {
         add(&format!("glass {ior} {roughness}"), glass(ior, roughness, false, [1.0; 3], Microfacet::Multi));
     }
     add("tinted glass", glass(1.5, 0.5, false, [0.9, 0.3, 0.1], Microfacet::Single));
+    add("coloured glass", glass(1.5, 0.8, false, [0.9, 0.3, 0.0], Microfacet::Multi));
+    add("bubble", glass(1.5, 0.6, false, [1.0; 3], Microfacet::Multi).with_ior(0.6));
     add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], Microfacet::Multi));
     add("half transmissive", basic(0.6, 0.0, 0.5, true));
     add("mixed", basic(0.6, 0.4, 0.5, false));
@@ -191,6 +193,15 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
             pbr(|p| {
                 (p.specular, p.transmission, p.roughness, p.has_volume) =
                     (number(0.3), number(1.0), number(0.5), true)
+            }),
+        ),
+        (
+            "glass of a colour's reflectance",
+            pbr(|p| {
+                (p.specular, p.transmission, p.roughness, p.has_volume) =
+                    (number(1.0), number(1.0), number(0.6), true);
+                p.specular_color.factor = [3.0, 1.0, 0.0];
+                p.anisotropy = anisotropy(0.4);
             }),
         ),
         (

@@ -108,7 +108,11 @@ fn bsdf(random: &mut Random) -> Bsdf {
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let bsdf = resolve(&model(random), &Factors, &frame, microfacet);
+    let mut bsdf = resolve(&model(random), &Factors, &frame, microfacet);
+    if random.next() < 0.1 {
+        // Solids within denser ones.
+        bsdf = bsdf.with_ior(1.0 / ior(random).max(1.0));
+    }
     match bsdf {
         Bsdf::Layered(mut l) if random.next() < 0.5 => {
             let normal = random.direction();

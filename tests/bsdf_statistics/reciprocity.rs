@@ -57,7 +57,8 @@ fn transmission_is_reciprocal_up_to_the_index() {
 #[test]
 fn compensated_and_layered_materials_are_not() {
     let mut random = Random::new(4);
-    for bsdf in [conductor(0.8, Microfacet::Multi), basic(0.8, 0.0, 0.0, false)] {
+    let solid = glass(1.5, 0.8, false, [1.0; 3], Microfacet::Multi);
+    for bsdf in [conductor(0.8, Microfacet::Multi), basic(0.8, 0.0, 0.0, false), solid] {
         let mut worst = 0.0f32;
         for _ in 0..1000 {
             let (wo, wi) = (random.direction(), random.direction());
