@@ -9,7 +9,7 @@ const ROWS: usize = 128;
 /// cos / alpha), for the ratio of `grazing` to it by s itself.
 const COLUMNS: usize = 96;
 /// The square root of [`MIN_ALPHA`]: smoother facets are a mirror.
-const LEAST_ROUGHNESS: f32 = 0.031_622_777;
+pub(super) const LEAST_ROUGHNESS: f32 = 0.031_622_777;
 const _: () = assert!((LEAST_ROUGHNESS * LEAST_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 
 /// Pairs (full, grazing / full).

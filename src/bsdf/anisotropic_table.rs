@@ -1,6 +1,6 @@
 //! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
 
-use super::albedo_table::DirectionalAlbedo;
+use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
 use super::ggx::MIN_ALPHA;
 use super::microsurface::LARGEST_SPREAD;
 use crate::math::Vec3;
@@ -8,7 +8,7 @@ use crate::math::Vec3;
 /// Nodes along the table's axes: the square root r of the smaller alpha, from the least on; how far the root of the larger
 /// one is from it on the way to four times as much, or 1; how far the root of the alpha along the azimuth is from the
 /// first on the way to the second; and [`cosine_axis`].
-pub const NODES: [usize; 4] = [16, 13, 11, 28];
+const NODES: [usize; 4] = [16, 13, 11, 28];
 
 /// No number of the table is larger.
 const LARGEST: f32 = 6.5;
@@ -21,10 +21,6 @@ const FLOOR: f32 = 0.01;
 type Table = [[[[[u16; 2]; NODES[3]]; NODES[2]]; NODES[1]]; NODES[0]];
 
 static ANISOTROPIC: Table = decoded(include_bytes!("anisotropic.bin"));
-
-/// The square root of [`MIN_ALPHA`].
-const LEAST_ROUGHNESS: f32 = 0.031_622_777;
-const _: () = assert!((LEAST_ROUGHNESS * LEAST_ROUGHNESS - MIN_ALPHA).abs() < 1e-9);
 
 /// Little-endian numbers, the last axis first.
 const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
