@@ -63,8 +63,8 @@ impl OrenNayar {
             return BsdfEval::ZERO;
         }
         let (zo, zi) = (wo.z.abs().min(1.0), wi.z.abs().min(1.0));
-        // The cosine between the projections, scaled: eq. 10.
-        let s = wo.dot(wi) - zo * zi;
+        // The cosine between the projections, scaled: eq. 10. Rounding may take it below -1.
+        let s = (wo.dot(wi) - zo * zi).max(-1.0);
         let s_over_t = if s > 0.0 { s / zo.max(zi).max(1e-6) } else { s };
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
         let mean = self.normalisation() * (1.0 + C2 * self.roughness);

@@ -194,7 +194,8 @@ impl RoughDielectric {
     #[inline(always)]
     fn sample_smooth(&self, wo: Vec3, u: f32) -> BsdfSample {
         let eta = self.eta(wo);
-        let facet = self.facet(wo.z.abs().min(1.0), eta);
+        // The cosine that the estimate of its albedo sees as well.
+        let facet = self.facet(ggx::above(wo).z.min(1.0), eta);
         let p = facet.p_reflected;
         if u < p {
             return BsdfSample::mirror(wo, facet.reflected / p, p);
