@@ -5,7 +5,7 @@ mod support;
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
-    Projection, Scene,
+    PbrMaterial, Projection, Scene,
 };
 use support::{assert_radiance, camera, material, options, quad, sphere};
 
@@ -26,6 +26,36 @@ fn sphere_in_a_white_furnace() {
         scene.cameras.push(view);
         let what = format!("furnace, albedo {albedo}");
         assert_radiance(&what, &scene, &options(16, 64, 100), f64::from(albedo), 1e-3);
+    }
+}
+
+/// A flat lamp that reflects as well sees nothing of itself: alone in the dark it looks as bright as it shines.
+#[test]
+fn a_lamp_does_not_light_itself() {
+    // One light, and two that are chosen between; turned askew, so that points of the plane are off by rounding.
+    for lights in [1, 2] {
+        for v in [[-0.3, 0.96, 0.7], [0.2, 0.9, -0.5]] {
+            let mut scene = Scene::default();
+            let mut lamp = Material::emitter("lamp", [3.0; 3], true);
+            lamp.model = Model::Pbr(Box::new(PbrMaterial {
+                metallic: FloatSlot::constant(0.0),
+                roughness: FloatSlot::constant(0.5),
+                ..PbrMaterial::default()
+            }));
+            lamp.double_sided = true;
+            let lamp = material(&mut scene, lamp);
+            // The second one in the same plane, beside the first.
+            let u = [1.3, 0.2, 0.29];
+            for k in 0..lights {
+                let corner = [0, 1, 2].map(|i| [0.37, 0.11, 0.29][i] - f64::from(k) * (u[i] + v[i]));
+                quad(&mut scene, corner, u, v, lamp);
+            }
+            let middle = DVec3::new(0.9, 0.6, 0.5);
+            let mut view = camera(middle + DVec3::new(0.4, 0.5, 3.0), middle, DVec3::Y, 1.0);
+            view.projection = Projection::Orthographic { half_height: 0.1 };
+            scene.cameras.push(view);
+            assert_radiance(&format!("lamp alone, {lights}"), &scene, &options(16, 64, 4), 3.0, 1e-5);
+        }
     }
 }
 

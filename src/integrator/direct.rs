@@ -164,7 +164,7 @@ impl Kernel for SampleRectangle<'_> {
             let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample([a, b]);
             let to_light = s.point - p;
             let distance = to_light.length();
-            let is_lit = two_sided | (to_light.dot(normal) < 0.0);
+            let is_lit = (two_sided | (to_light.dot(normal) < 0.0)) & !self.light.is_level_with(p);
             let pdf = if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 };
             set(&mut v.wi, i, to_light / if distance > 0.0 { distance } else { 1.0 });
             set(&mut v.target, i, offset_ray_origin(s.point, error, normal, -to_light));

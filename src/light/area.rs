@@ -196,7 +196,7 @@ impl AreaLight {
         let to_light = point - reference;
         let distance = to_light.length();
         let is_lit = self.two_sided || to_light.dot(normal) < 0.0;
-        if !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
+        if self.is_level_with(reference) || !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
             return LightSample::NONE;
         }
         LightSample {
@@ -206,6 +206,19 @@ impl AreaLight {
             is_delta: false,
             radiance: self.radiance_at(textures, point),
             pdf_solid_angle,
+        }
+    }
+
+    /// Is a point in the plane of a flat light, as far as rounding tells? It sees nothing of the light, though from a point
+    /// of the light itself the light would seem to fill half of all directions.
+    #[inline(always)]
+    pub fn is_level_with(&self, reference: Vec3) -> bool {
+        match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
+                let height = (reference - e.corner).dot(self.normal).abs();
+                height <= 4.0 * self.point_error.dot(self.normal.abs())
+            }
+            AreaShape::Sphere { .. } => false,
         }
     }
 
