@@ -2,7 +2,7 @@
 
 use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
 use super::ggx::MIN_ALPHA;
-use super::microsurface::LARGEST_SPREAD;
+use super::microsurface::LARGEST_ROOT_RATIO;
 use crate::math::Vec3;
 
 /// Nodes along the table's axes: the square root r of the smaller alpha, from the least on; how far the root of the larger
@@ -39,7 +39,7 @@ const fn decoded(bytes: &[u8; size_of::<Table>()]) -> Table {
 /// Root of the largest alpha beside this root of the smaller one.
 #[inline(always)]
 fn largest(small: f32) -> f32 {
-    (small * LARGEST_SPREAD).min(1.0)
+    (small * LARGEST_ROOT_RATIO).min(1.0)
 }
 
 /// The root of a smaller alpha as a coordinate: two linear parts, so that a node is where [`largest`] has a kink.
@@ -53,7 +53,7 @@ fn small_axis(small: f32) -> f32 {
 }
 
 /// Where [`largest`] becomes 1.
-const KINK: f32 = 1.0 / LARGEST_SPREAD;
+const KINK: f32 = 1.0 / LARGEST_ROOT_RATIO;
 
 /// The coordinate there: that of a node.
 const AT_KINK: f32 = 0.4;

@@ -49,10 +49,10 @@ impl Facets for Isotropic {
 }
 
 /// Smallest ratio of the two alphas.
-const LEAST_RATIO: f32 = 1.0 / (LARGEST_SPREAD * LARGEST_SPREAD);
+const LEAST_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
 
 /// Largest ratio of their square roots.
-pub const LARGEST_SPREAD: f32 = 4.0;
+pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -12,22 +12,28 @@ use std::f64::consts::TAU;
 /// circle that is covered: a half is enough where the other half is its mirror image.
 fn visible_normals(
     wo: DVec3,
-    [ax, ay]: [f64; 2],
+    alpha: [f64; 2],
     turn: f64,
     points: usize,
 ) -> impl Iterator<Item = (DVec3, f64)> {
     let columns = ((points as f64).sqrt() * turn.max(0.5)) as usize;
     let rows = points / columns;
-    let stretched = DVec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
     (0..columns * rows).map(move |i| {
         let rest = 1.0 - ((i % rows) as f64 + 0.5) / rows as f64;
         let weight = 3.0 * rest * rest / (columns * rows) as f64;
-        let z = rest.powi(3) * (1.0 + stretched.z) - stretched.z;
-        let sine = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
-        let (s, c) = (((i / rows) as f64 + 0.5) / columns as f64 * turn * TAU).sin_cos();
-        let half = DVec3::new(sine * c, sine * s, z) + stretched;
-        (DVec3::new(half.x * ax, half.y * ay, half.z.max(1e-300)).normalize(), weight)
+        let turns = ((i / rows) as f64 + 0.5) / columns as f64 * turn;
+        (visible_normal(wo, alpha, rest.powi(3), turns), weight)
     })
+}
+
+/// The visible normal at a height (0 the lowest, 1 the highest) and an azimuth of the spherical cap; `wo` may point down.
+pub fn visible_normal(wo: DVec3, [ax, ay]: [f64; 2], height: f64, turns: f64) -> DVec3 {
+    let stretched = DVec3::new(wo.x * ax, wo.y * ay, wo.z).normalize();
+    let z = height * (1.0 + stretched.z) - stretched.z;
+    let sine = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
+    let (s, c) = (turns * TAU).sin_cos();
+    let half = DVec3::new(sine * c, sine * s, z) + stretched;
+    DVec3::new(half.x * ax, half.y * ay, half.z.max(1e-300)).normalize()
 }
 
 /// The root in Smith's masking: G1 = 2 z / (z + root).

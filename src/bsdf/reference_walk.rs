@@ -4,7 +4,7 @@
 //! for uniformly distributed heights (which do not matter) and dielectric facets, in double precision and written from
 //! the paper rather than from the lobes.
 
-use super::reference::fresnel;
+use super::reference::{fresnel, visible_normal};
 use crate::math::DVec3;
 use crate::sampling::chi2::Random;
 use std::f64::consts::TAU;
@@ -30,7 +30,7 @@ impl Interface {
                 return (direction, facets);
             };
             facets += 1;
-            let normal = self.visible_normal(-up, unit(), unit());
+            let normal = visible_normal(-up, self.alpha, 1.0 - unit(), unit());
             let c = (-up).dot(normal).clamp(0.0, 1.0);
             let eta = if is_outside { self.ior } else { 1.0 / self.ior };
             let (reflectance, cos_t) = fresnel(c, eta);
@@ -60,17 +60,6 @@ impl Interface {
             return Some(height);
         }
         Some((2.0 * below / (1.0 - u).powf(1.0 / lambda) - 1.0).clamp(-1.0, 1.0))
-    }
-
-    /// A facet seen along `v`, which may point down (Dupuy, Benyoub 2023).
-    fn visible_normal(&self, v: DVec3, u: f64, turns: f64) -> DVec3 {
-        let stretch = DVec3::new(self.alpha[0], self.alpha[1], 1.0);
-        let standard = (v * stretch).normalize();
-        let z = (1.0 - u) * (1.0 + standard.z) - standard.z;
-        let sine = ((1.0 - z) * (1.0 + z)).max(0.0).sqrt();
-        let (s, c) = (turns * TAU).sin_cos();
-        let half = DVec3::new(sine * c, sine * s, z) + standard;
-        (DVec3::new(half.x, half.y, half.z.max(1e-12)) * stretch).normalize()
     }
 }
 

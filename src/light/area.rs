@@ -186,6 +186,9 @@ impl AreaLight {
     /// A point of the light as seen from `reference`, with what it sends there.
     #[inline]
     pub fn sample(&self, textures: &CompiledTextures, reference: Vec3, u: [f32; 2]) -> LightSample {
+        if self.is_level_with(reference) {
+            return LightSample::NONE;
+        }
         let LightPoint { point, pdf_solid_angle } = match &self.shape {
             AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
             AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
@@ -196,7 +199,7 @@ impl AreaLight {
         let to_light = point - reference;
         let distance = to_light.length();
         let is_lit = self.two_sided || to_light.dot(normal) < 0.0;
-        if self.is_level_with(reference) || !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
+        if !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
             return LightSample::NONE;
         }
         LightSample {
