@@ -1,9 +1,10 @@
 //! What the loops over vertices know of a vertex: its closure, the BSDF bound to the point and the viewer. The direct and
 //! the scatter loop exist once, generic over a [`VertexClass`]; they are compiled for each class.
 
-use super::lanes::{Rgb, get, get_rgb};
+use super::lanes::{get, get_rgb};
 use super::wave::Vertices;
 use crate::bsdf::{Bsdf, BsdfEval, BsdfSample};
+use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::sampling::warp;
 use std::f32::consts::FRAC_1_PI;

@@ -1,12 +1,15 @@
 //! The class of opaque glTF materials: their closures, many at a time.
 
 use super::closure::{Closure, VertexClass};
-use super::lanes::{Rgb, WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::scattering_normal;
 use super::wave::{MetalRoughClosures, MetalRoughMaterials, Vertices, Wave};
-use crate::bsdf::{BsdfEval, BsdfSample, DirectionalAlbedo, Facets, Isotropic, MetalRough, View, above};
+use crate::bsdf::{
+    BsdfEval, BsdfSample, DirectionalAlbedo, Facets, Isotropic, MetalRough, MetalRoughClosure, above,
+};
+use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -22,7 +25,7 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
 }
 
 #[inline(always)]
-fn material(m: &MetalRoughMaterials, k: usize, microfacet: Microfacet) -> MetalRough {
+fn load_material(m: &MetalRoughMaterials, k: usize, energy_compensation: EnergyCompensation) -> MetalRough {
     MetalRough {
         diffuse: get_rgb(&m.diffuse, k),
         layer_f0: get_rgb(&m.layer_f0, k),
@@ -30,54 +33,54 @@ fn material(m: &MetalRoughMaterials, k: usize, microfacet: Microfacet) -> MetalR
         metal_f0: get_rgb(&m.metal_f0, k),
         metallic: m.metallic[k],
         surface: Isotropic { alpha: m.alpha[k] },
-        microfacet,
+        energy_compensation,
     }
 }
 
 #[inline(always)]
-fn store_view(m: &mut MetalRoughClosures, k: usize, view: &View) {
-    set_rgb(&mut m.diffuse, k, view.diffuse);
-    set_rgb(&mut m.f0, k, view.f0);
-    set_rgb(&mut m.f90, k, view.f90);
-    m.specular_probability[k] = view.p_specular;
-    m.diffuse_probability[k] = view.p_diffuse;
-    m.albedo[k] = view.albedo;
+fn store_closure(m: &mut MetalRoughClosures, k: usize, closure: &MetalRoughClosure) {
+    set_rgb(&mut m.diffuse, k, closure.diffuse);
+    set_rgb(&mut m.f0, k, closure.f0);
+    set_rgb(&mut m.f90, k, closure.f90);
+    m.probability_specular[k] = closure.probability_specular;
+    m.probability_diffuse[k] = closure.probability_diffuse;
+    m.albedo[k] = closure.albedo;
 }
 
 #[inline(always)]
-fn view(m: &MetalRoughClosures, k: usize) -> View {
-    View {
+fn load_closure(m: &MetalRoughClosures, k: usize) -> MetalRoughClosure {
+    MetalRoughClosure {
         diffuse: get_rgb(&m.diffuse, k),
         rest: 0.0,
         f0: get_rgb(&m.f0, k),
         f90: get_rgb(&m.f90, k),
         albedo: m.albedo[k],
-        p_specular: m.specular_probability[k],
-        p_diffuse: m.diffuse_probability[k],
+        probability_specular: m.probability_specular[k],
+        probability_diffuse: m.probability_diffuse[k],
     }
 }
 
 /// Makes normals usable for scattering, and closures of materials and viewers.
-pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, microfacet: Microfacet) {
-    match microfacet {
-        Microfacet::Multi => dispatch(Prepare::<true> { wave, range }),
-        Microfacet::Single => dispatch(Prepare::<false> { wave, range }),
+pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, energy_compensation: EnergyCompensation) {
+    match energy_compensation {
+        EnergyCompensation::On => dispatch(Prepare::<true> { wave, range }),
+        EnergyCompensation::Off => dispatch(Prepare::<false> { wave, range }),
     }
 }
 
-struct Prepare<'a, const MULTI: bool> {
+struct Prepare<'a, const COMPENSATES: bool> {
     wave: &'a mut Wave,
     range: Range<usize>,
 }
 
-impl<const MULTI: bool> Kernel for Prepare<'_, MULTI> {
+impl<const COMPENSATES: bool> Kernel for Prepare<'_, COMPENSATES> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Wave { vertices: v, scratch, .. } = self.wave;
         let [x, y, z, full, grazing, ..] = scratch;
-        let microfacet = if MULTI { Microfacet::Multi } else { Microfacet::Single };
+        let energy_compensation = if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off };
         let range = self.range.start..self.range.end.min(WAVE);
         // The second loop looks up a table, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
@@ -94,8 +97,8 @@ impl<const MULTI: bool> Kernel for Prepare<'_, MULTI> {
         for i in range {
             let albedo = DirectionalAlbedo { full: full[i], grazing: grazing[i] };
             let wo = Vec3::new(x[i], y[i], z[i]);
-            let view = material(&v.metal_rough, i, microfacet).view_by(albedo, wo);
-            store_view(&mut v.metal_rough_closures, i, &view);
+            let closure = load_material(&v.metal_rough, i, energy_compensation).closure_by(albedo, wo);
+            store_closure(&mut v.metal_rough_closures, i, &closure);
         }
     }
 }
@@ -104,8 +107,8 @@ impl<const MULTI: bool> Kernel for Prepare<'_, MULTI> {
 pub(super) struct MetalRoughClass;
 
 /// An opaque glTF material for its viewer.
-pub(super) struct MetalRoughClosure {
-    view: View,
+pub(super) struct MetalRoughVertex {
+    lobes: MetalRoughClosure,
     surface: Isotropic,
     frame: Frame,
     /// Towards the viewer in the frame, above the surface.
@@ -113,29 +116,29 @@ pub(super) struct MetalRoughClosure {
 }
 
 impl VertexClass for MetalRoughClass {
-    type Closure = MetalRoughClosure;
+    type Closure = MetalRoughVertex;
 
     #[inline(always)]
-    fn closure(&self, v: &Vertices, i: usize) -> MetalRoughClosure {
+    fn closure(&self, v: &Vertices, i: usize) -> MetalRoughVertex {
         let frame = Frame::from_normal(get(&v.ns, i));
         let wo = above(frame.to_local(get(&v.wo, i)));
         let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
-        MetalRoughClosure { view: view(&v.metal_rough_closures, i), surface, frame, wo }
+        MetalRoughVertex { lobes: load_closure(&v.metal_rough_closures, i), surface, frame, wo }
     }
 }
 
-impl Closure for MetalRoughClosure {
+impl Closure for MetalRoughVertex {
     const OPAQUE: bool = true;
     const BRANCHES: bool = false;
 
     #[inline(always)]
     fn eval(&self, wi: Vec3) -> BsdfEval {
-        self.view.eval(&self.surface, self.wo, self.frame.to_local(wi))
+        self.lobes.eval(&self.surface, self.wo, self.frame.to_local(wi))
     }
 
     #[inline(always)]
     fn sample(&self, u: [f32; 3]) -> BsdfSample {
-        let sample = self.view.sample(&self.surface, self.wo, self.wo, u);
+        let sample = self.lobes.sample(&self.surface, self.wo, self.wo, u);
         BsdfSample { wi: self.frame.to_world(sample.wi), ..sample }
     }
 

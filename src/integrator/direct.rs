@@ -4,9 +4,10 @@ use super::Integrator;
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
-use super::lanes::{Rgb, WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
 use super::wave::{Wave, Workspace};
+use crate::color::Rgb;
 use crate::math::{Ray, offset_along};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
@@ -36,7 +37,7 @@ impl Integrator<'_> {
             if r[i].max(g[i]).max(b[i]) > 0.0 {
                 let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
-                w.shadow_rays.push(Ray { t_max, leaves: v.departures[i], ..ray });
+                w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });
                 w.shadow_vertices.push(i as u32);
             }
         }

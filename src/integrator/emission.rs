@@ -1,10 +1,11 @@
 //! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
 
 use super::Integrator;
-use super::lanes::{Rgb, WAVE, get, get_rgb};
+use super::lanes::{WAVE, get, get_rgb};
 use super::surface::HitPoint;
 use super::wave::{Scratch, Workspace};
 use crate::bsdf::Slots;
+use crate::color::Rgb;
 use crate::light::{EnvironmentLight, ImageMap, Receiver};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;

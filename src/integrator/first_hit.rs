@@ -1,7 +1,7 @@
 //! What outputs besides colour show of the first surface of a path.
 
 use super::Integrator;
-use super::lanes::Rgb;
+use crate::color::Rgb;
 use crate::film::AovSample;
 use crate::math::Vec3;
 

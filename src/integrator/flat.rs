@@ -1,8 +1,9 @@
 //! Vertices on triangles and quads: their corners are gathered path by path, their surfaces made in vectorised loops.
 
 use super::Integrator;
-use super::lanes::{Lanes3, Rgb, WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{Lanes3, WAVE, get, get_rgb, set, set_rgb};
 use super::wave::{CornerLanes, Vertices, Workspace};
+use crate::color::Rgb;
 use crate::compile::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;

@@ -1,9 +1,10 @@
 //! Paths start: camera rays.
 
-use super::lanes::{Rgb, WAVE, get, set, set_rgb};
+use super::lanes::{WAVE, get, set, set_rgb};
 use super::wave::{Carried, Scratch, Vertices, Workspace};
 use super::{Block, Integrator, Purpose};
 use crate::camera::Camera;
+use crate::color::Rgb;
 use crate::film::FilterSampler;
 use crate::math::Ray;
 use crate::sampling::sampler::{Dimensions, SobolPoint, pixel_seed};

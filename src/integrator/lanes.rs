@@ -1,9 +1,7 @@
 //! Arrays over the paths of a wave: one number, one vector or one colour a path, so that loops over paths vectorise.
 
+use crate::color::Rgb;
 use crate::math::Vec3;
-
-/// Linear RGB.
-pub type Rgb = Vec3;
 
 /// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
 pub const WAVE: usize = 2048;

@@ -4,9 +4,10 @@
 //! each vertex chooses among the lights.
 
 use super::group::Sorted;
-use super::lanes::{Lanes, Rgb, WAVE, get, set, set_rgb};
+use super::lanes::{Lanes, WAVE, get, set, set_rgb};
 use super::wave::{Vertices, Wave, Workspace};
 use super::{Integrator, Purpose};
+use crate::color::Rgb;
 use crate::light::{
     AreaLight, AreaShape, Edges, EnvironmentLight, ImageMap, LightSample, Lights, Radiance, Receiver,
     solid_angle_density,

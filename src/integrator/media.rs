@@ -9,9 +9,10 @@
 use super::Integrator;
 use super::group::Sorted;
 use super::interior::Interior;
-use super::lanes::{Rgb, get, get_rgb, set_rgb};
+use super::lanes::{get, get_rgb, set_rgb};
 use super::wave::{Carried, Paths, Wave, Workspace};
 use crate::bsdf::{Bsdf, Dielectric};
+use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::FresnelModel;

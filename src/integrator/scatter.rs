@@ -3,10 +3,11 @@
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
-use super::lanes::{Rgb, WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
 use super::wave::{Wave, Workspace};
 use super::{Integrator, Purpose};
+use crate::color::Rgb;
 use crate::math::{Ray, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::simd::{Kernel, dispatch};
@@ -47,7 +48,7 @@ impl Integrator<'_> {
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }
                 let ray = Ray::new(get(&v.next_origin, i), get(&v.next_direction, i));
-                w.rays.push(Ray { leaves: v.departures[i], ..ray });
+                w.rays.push(Ray { origin_primitive: v.origin_primitives[i], ..ray });
             }
         }
     }

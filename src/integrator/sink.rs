@@ -1,6 +1,7 @@
 //! Where the radiance of paths arrives.
 
-use super::lanes::{Rgb, WAVE};
+use super::lanes::WAVE;
+use crate::color::Rgb;
 
 /// Index of a light in the scene's lights, by which outputs for groups of lights can tell them apart; `None` for
 /// emitters that light sampling does not know.

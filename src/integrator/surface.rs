@@ -6,11 +6,12 @@ use super::closure_metal_rough::{self, store_material};
 use super::flat::store;
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
-use super::lanes::{Rgb, set, set_rgb};
+use super::lanes::{set, set_rgb};
 use super::normals::scattering_normal;
 use super::wave::{Vertices, Workspace};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
-use crate::compile::{CompiledMaterial, Coordinates, Surface};
+use crate::color::Rgb;
+use crate::compile::{CompiledMaterial, Surface, SurfaceCoordinates};
 use crate::math::{Frame, Hit, Vec3};
 use crate::texture::{PointReader, TexturePoint};
 
@@ -53,7 +54,7 @@ impl Integrator<'_> {
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
-        closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.microfacet);
+        closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.energy_compensation);
         sorted
     }
 
@@ -129,7 +130,7 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
-            w.wave.vertices.departures[k] = (&w.hits[i]).into();
+            w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }
 
@@ -233,7 +234,7 @@ impl Integrator<'_> {
     }
 
     /// Texture lookups at a point that a path covers in a certain width.
-    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> PointReader<'_> {
+    pub(super) fn slots(&self, at: &SurfaceCoordinates, surface: &Surface, width: f32) -> PointReader<'_> {
         let (world, normal) = (surface.p, surface.ng);
         let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
         PointReader::new(&self.scene.textures, point)

@@ -4,10 +4,11 @@
 use super::Integrator;
 use super::closure_metal_rough::store_material;
 use super::flat::corners;
-use super::lanes::{WAVE, get, set, set_rgb};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::surface::HitPoint;
 use super::wave::{CornerLanes, TexturedLanes, Vertices, Workspace};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
+use crate::color::Rgb;
 use crate::compile::Surface;
 use crate::math::{Vec2, Vec3, select};
 use crate::simd::{Kernel, dispatch};
@@ -44,7 +45,13 @@ impl Integrator<'_> {
             for k in range {
                 let v = &w.wave.vertices;
                 let sample = w.wave.paths.carried.sample[k];
-                self.record_first_hit(sample, get(&v.p, k), get(&v.ns, k), get(&v.albedo, k), &mut w.aovs);
+                self.record_first_hit(
+                    sample,
+                    get(&v.p, k),
+                    get(&v.ns, k),
+                    get_rgb(&v.albedo, k),
+                    &mut w.aovs,
+                );
             }
         }
     }
@@ -66,7 +73,7 @@ impl Integrator<'_> {
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
         let is_back = ng.dot(get(&v.wo, k)) < 0.0;
-        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Vec3::ONE) {
+        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
             Bsdf::MetalRough(m) if material.is_two_sided || !is_back => m,
             _ => MetalRough::BLACK,
         };

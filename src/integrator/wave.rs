@@ -9,7 +9,7 @@ use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::compile::Features;
 use crate::film::AovSample;
-use crate::math::{Departure, Hit, Ray};
+use crate::math::{Hit, OriginPrimitive, Ray};
 use bytemuck::Zeroable;
 
 /// The solids around each path.
@@ -117,7 +117,7 @@ pub struct MetalRoughMaterials {
     pub alpha: Lanes,
 }
 
-/// What opaque glTF materials are for a viewer ([`crate::bsdf::View`]).
+/// What opaque glTF materials are for a viewer ([`crate::bsdf::MetalRoughClosure`]).
 #[derive(Zeroable)]
 pub struct MetalRoughClosures {
     /// Diffuse colour under the layer.
@@ -129,9 +129,9 @@ pub struct MetalRoughClosures {
     /// Mean albedo.
     pub albedo: Lanes,
     /// Probability of sampling the facets.
-    pub specular_probability: Lanes,
+    pub probability_specular: Lanes,
     /// Probability of sampling the diffuse lobe.
-    pub diffuse_probability: Lanes,
+    pub probability_diffuse: Lanes,
 }
 
 /// What textured vertices are made of besides corners, and where textures are looked up.
@@ -187,7 +187,7 @@ pub struct Vertices {
     pub one_sided: Lanes,
     pub p: Lanes3,
     /// What a ray from here leaves.
-    pub departures: [Departure; LENGTH],
+    pub origin_primitives: [OriginPrimitive; LENGTH],
     /// Geometric normal; towards the viewer at vertices of opaque classes, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
