@@ -47,6 +47,7 @@ pub trait VertexClass {
 }
 
 /// Lambertian vertices.
+#[derive(Clone, Copy)]
 pub struct LambertClass;
 
 /// Ideal diffuse reflection around a normal.

@@ -104,6 +104,7 @@ impl<const COMPENSATES: bool> Kernel for Prepare<'_, COMPENSATES> {
 }
 
 /// Vertices of opaque glTF materials, after [`prepare`].
+#[derive(Clone, Copy)]
 pub(super) struct MetalRoughClass;
 
 /// An opaque glTF material for its viewer.

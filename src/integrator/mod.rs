@@ -28,6 +28,8 @@ mod normals;
 mod scatter;
 mod sink;
 mod surface;
+#[cfg(test)]
+mod tests;
 mod textured;
 mod wave;
 
