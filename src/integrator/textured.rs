@@ -4,7 +4,7 @@ use super::Integrator;
 use super::metal_rough;
 use super::surface::store;
 use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
-use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
+use crate::bsdf::{Bsdf, Lobe, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::compile::{Surface, shading_normal, triangle_surface};
 use crate::film::AovSample;
