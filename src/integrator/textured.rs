@@ -7,7 +7,7 @@ use super::flat::corners;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::surface::HitPoint;
 use super::wave::{CornerLanes, TexturedLanes, Vertices, Workspace};
-use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
+use crate::bsdf::{Bsdf, Lobe, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::compile::Surface;
 use crate::math::{Vec2, Vec3, select};
