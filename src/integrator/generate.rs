@@ -14,10 +14,7 @@ impl Integrator<'_> {
         w.rays.clear();
         w.radiance.clear();
         w.radiance.resize(count, [0.0; 4]);
-        w.aovs.clear();
-        if self.options.aovs {
-            w.aovs.resize(count, None);
-        }
+        w.aovs.reset(count, self.options.aovs);
         let (paths, vertices) = (&mut *w.arriving, &mut w.wave.vertices);
         self.number_samples(block, first, count, paths, vertices);
         let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);

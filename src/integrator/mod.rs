@@ -14,6 +14,7 @@
 mod alpha;
 mod direct;
 mod environment;
+mod first_hit;
 mod generate;
 mod interior;
 mod metal_rough;
@@ -27,7 +28,7 @@ mod wave;
 pub use wave::{WAVE, Workspace};
 
 use crate::compile::CompiledScene;
-use crate::film::{AovSample, FilterSampler};
+use crate::film::{AovSet, FilterSampler};
 use crate::sampling::sampler::Dimensions;
 use interior::Interior;
 use surface::{Group, group_of};
@@ -41,8 +42,8 @@ pub struct PathOptions<'a> {
     pub seed: u32,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
-    /// Whether AOVs are asked for.
-    pub aovs: bool,
+    /// AOVs of first hits that are asked for.
+    pub aovs: AovSet,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
 }
@@ -66,15 +67,16 @@ pub struct Block {
 
 /// One finished path.
 #[derive(Clone, Copy, Debug)]
-pub struct PathSample {
+pub struct PathSample<'a> {
     /// Pixel of the block, row by row.
     pub pixel: u32,
     /// Radiance, linear.
     pub rgb: [f32; 3],
     /// 1 where something was seen.
     pub alpha: f32,
-    /// First surface, if asked for and hit.
-    pub aov: Option<AovSample>,
+    /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
+    /// order of the table of AOVs.
+    pub first_hit: Option<&'a [f32]>,
 }
 
 /// Traces paths through a scene.
@@ -134,7 +136,7 @@ impl<'a> Integrator<'a> {
         block: &Block,
         w: &mut Workspace,
         stop: &dyn Fn() -> bool,
-        mut sink: impl FnMut(&PathSample),
+        mut sink: impl FnMut(&PathSample<'_>),
     ) -> bool {
         let total = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
         let mut first = 0;
@@ -145,8 +147,7 @@ impl<'a> Integrator<'a> {
             }
             for (i, &[r, g, b, alpha]) in w.radiance.iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
-                let aov = w.aovs.get(i).copied().flatten();
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, aov });
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.aovs.get(i) });
             }
             first += count;
         }

@@ -1,13 +1,13 @@
 //! What rays meet: emitted light, and the surfaces that scatter it, sorted by the loop that shades them.
 
 use super::Integrator;
+use super::first_hit::FirstHit;
 use super::interior::Interior;
 use super::metal_rough;
 use super::normals::scattering_normal;
 use super::wave::{Paths, Vertices, Workspace, get, set};
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::compile::{CompiledMaterial, Coordinates, Surface};
-use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
@@ -149,7 +149,7 @@ impl Integrator<'_> {
     /// Finds each hit's material and group.
     fn classify(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> GroupCounts {
         let mut counts = [0; GROUPS];
-        let needs_details = bounce == 0 && self.options.aovs;
+        let needs_details = bounce == 0 && self.options.aovs.any();
         w.groups.clear();
         w.materials.clear();
         for hit in &w.hits {
@@ -173,7 +173,7 @@ impl Integrator<'_> {
     /// The path ends at a surface: adds its emission.
     fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
-        if bounce == 0 && self.options.aovs || material.medium_index != 0 {
+        if bounce == 0 && self.options.aovs.any() || material.medium_index != 0 {
             self.meet(bounce, i, w);
             return;
         }
@@ -222,13 +222,11 @@ impl Integrator<'_> {
         if bounce == 0 {
             let sample = w.arriving.sample[i] as usize;
             w.radiance[sample][3] = 1.0;
-            if let Some(aov) = w.aovs.get_mut(sample) {
-                let flip = if surface.ng.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
-                *aov = Some(AovSample {
-                    depth: self.scene.camera.depth(surface.p),
-                    normal: (surface.ns * flip).to_array(),
-                    albedo: if is_dark { [0.0; 3] } else { bsdf.albedo().to_array() },
-                });
+            if self.options.aovs.any() {
+                let Surface { p, ng, ns, .. } = surface;
+                let albedo = || if is_dark { Vec3::ZERO } else { bsdf.albedo() };
+                let hit = FirstHit { p, ng, ns, wo: -ray.direction, albedo, material: w.materials[i] };
+                w.aovs.record(sample, &hit, self.scene);
             }
         }
         Vertex { surface, bsdf, beyond, is_back, is_dark }

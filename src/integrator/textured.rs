@@ -1,12 +1,12 @@
 //! Textured vertices, many at a time: their surfaces in vectorised loops, before and after textures are read.
 
 use super::Integrator;
+use super::first_hit::FirstHit;
 use super::metal_rough;
 use super::surface::store;
 use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::compile::{Surface, shading_normal, triangle_surface};
-use crate::film::AovSample;
 use crate::math::{Vec2, Vec3, select};
 use crate::simd::{Kernel, dispatch};
 use crate::texture::{PointReader, TexturePoint};
@@ -42,7 +42,7 @@ impl Integrator<'_> {
             self.read_textures(k, w);
         }
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: last });
-        if bounce == 0 && self.options.aovs {
+        if bounce == 0 && self.options.aovs.any() {
             for k in range {
                 self.describe_first(k, w);
             }
@@ -52,11 +52,15 @@ impl Integrator<'_> {
     /// Keeps what AOVs show of the first surface.
     fn describe_first(&self, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
-        w.aovs[w.wave.paths.sample[k] as usize] = Some(AovSample {
-            depth: self.scene.camera.depth(get(&v.p, k)),
-            normal: get(&v.ns, k).to_array(),
-            albedo: get(&v.albedo, k).to_array(),
-        });
+        let hit = FirstHit {
+            p: get(&v.p, k),
+            ng: get(&v.ng, k),
+            ns: get(&v.ns, k),
+            wo: get(&v.wo, k),
+            albedo: || get(&v.albedo, k),
+            material: w.materials[v.textured.ray[k] as usize],
+        };
+        w.aovs.record(w.wave.paths.sample[k] as usize, &hit, self.scene);
     }
 
     fn read_textures(&self, k: usize, w: &mut Workspace) {

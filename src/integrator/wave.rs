@@ -1,10 +1,10 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
 
+use super::first_hit::FirstHits;
 use super::interior::Interior;
 use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
-use crate::film::AovSample;
 use crate::math::{Departure, Hit, Ray, Vec3};
 use bytemuck::Zeroable;
 
@@ -180,8 +180,8 @@ pub struct Workspace {
     pub(super) occluded: Vec<bool>,
     /// Results by sample: radiance and alpha.
     pub(super) radiance: Vec<[f32; 4]>,
-    /// Results by sample, if asked for.
-    pub(super) aovs: Vec<Option<AovSample>>,
+    /// Results by sample, of those asked for.
+    pub(super) aovs: FirstHits,
     /// For surfaces that are partly absent.
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
@@ -206,7 +206,7 @@ impl Workspace {
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
             radiance: Vec::with_capacity(WAVE),
-            aovs: Vec::new(),
+            aovs: FirstHits::default(),
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
