@@ -2,9 +2,9 @@
 
 mod support;
 
-use oscura::film::{AovSet, Film};
+use oscura::film::{Aov, AovSet, Film, Values};
 use oscura::image::Image;
-use oscura::render::{RenderOptions, in_pool};
+use oscura::render::in_pool;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, ImageId, Interpolation, Material, Model, PbrMaterial, Scene,
 };
@@ -63,8 +63,7 @@ fn scenes() -> [(&'static str, Scene); 3] {
 }
 
 fn bits(film: &Film) -> Vec<[u32; 4]> {
-    let pixels = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
-    pixels.map(|(x, y)| film.mean_rgba(x, y).map(f32::to_bits)).collect()
+    film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
 #[test]
@@ -97,19 +96,19 @@ fn every_cpu_level_gives_the_same_pixels() {
 
 #[test]
 fn other_outputs_do_not_change_the_picture() {
-    let all = AovSet { depth: true, normal: true, albedo: true };
     for (name, scene) in scenes() {
         let plain = picture(&scene, &options(40, 8, 100));
-        let with = picture(&scene, &RenderOptions { aovs: all, ..options(40, 8, 100) });
+        let with = picture(&scene, &options(40, 8, 100).aovs(Aov::ALL.iter().copied().collect::<AovSet>()));
         assert!(bits(&plain) == bits(&with), "{name} differs");
-        assert!(with.depth(20, 20).is_some_and(|d| d > 0.0 && d < 1e4), "{name}");
+        let Some(Values::Float(depth)) = with.plane("Z") else { panic!("{name}: no depth") };
+        assert!(depth[20 * 40 + 20] > 0.0 && depth[20 * 40 + 20] < 1e4, "{name}");
     }
 }
 
 #[test]
 fn seeds_are_independent() {
     let scene = scene("cornell-quads.toml");
-    let with = |seed| picture(&scene, &RenderOptions { seed, ..options(48, 16, 100) });
+    let with = |seed| picture(&scene, &options(48, 16, 100).seed(seed));
     let (a, b, c) = (with(1), with(2), with(3));
     let value = |film: &Film, i: u32| f64::from(film.mean_rgba(i % 48, i / 48)[1]);
     // Differences of two pairs that share no picture are uncorrelated and have mean zero.

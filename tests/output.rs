@@ -1,7 +1,7 @@
 //! Pictures come back from their files as they went in.
 
 use exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, read};
-use oscura::film::{AovSample, AovSet, BACKGROUND_DEPTH, Film};
+use oscura::film::{Aov, AovSet, BACKGROUND_DEPTH, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::{
     Format, Metadata, OutputOptions, PngOptions, ViewTransform, check_target, encode, write_atomically,
@@ -14,11 +14,11 @@ fn film(aovs: AovSet) -> Film {
     let mut tile = film.tile(0, 0, 37, 21);
     for i in 0..37 * 21 {
         let v = i as f32 / 100.0;
-        tile.add(i, [v, v * 0.5, 1.0 / (1.0 + v)], if i % 3 == 0 { 0.5 } else { 1.0 });
-        tile.add_aovs(
-            i,
-            (i > 0).then_some(AovSample { depth: v, normal: [0.0, 0.0, 1.0], albedo: [0.1, 0.2, 0.3] }),
-        );
+        let rgb = [v, v * 0.5, 1.0 / (1.0 + v)];
+        let alpha = if i % 3 == 0 { 0.5 } else { 1.0 };
+        let hit = [v, 0.0, 0.0, 1.0, 0.1, 0.2, 0.3];
+        let hit = if aovs.any() { &hit[..] } else { &[] };
+        tile.add_with_first_hit(i, rgb, alpha, (i > 0).then_some(hit));
     }
     film.merge(tile);
     film
@@ -58,8 +58,7 @@ fn values(layer: &Layer, name: &str) -> Vec<f32> {
 
 #[test]
 fn an_exr_holds_colour_aovs_and_attributes() {
-    let aovs = AovSet { depth: true, normal: true, albedo: true };
-    let film = film(aovs);
+    let film = film([Aov::Depth, Aov::Normal, Aov::Albedo].into());
     let options = OutputOptions { float: true, metadata: metadata(), ..Default::default() };
     let encoded = encode(&film, Format::Exr, &options, Path::new("x.exr")).unwrap();
     assert!(encoded.warnings.is_empty());
@@ -67,7 +66,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
     assert_eq!(names, ["A", "B", "G", "N.X", "N.Y", "N.Z", "R", "Z", "albedo.B", "albedo.G", "albedo.R"]);
     for (c, name) in ["R", "G", "B", "A"].iter().enumerate() {
-        let expected: Vec<f32> = (0..37 * 21).map(|i| film.mean_rgba(i % 37, i / 37)[c]).collect();
+        let expected: Vec<f32> = film.rgba().iter().map(|pixel| pixel[c]).collect();
         assert_eq!(values(&layer, name), expected);
     }
     let depth = values(&layer, "Z");
@@ -92,6 +91,28 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     assert_eq!(other("renderTime"), Some(AttributeValue::F32(1.5)));
     assert_eq!(other("warnings"), Some(AttributeValue::Text(Text::from("a ? b"))));
     assert_eq!(other("colorInteropID"), Some(AttributeValue::Text(Text::from("lin_rec709_scene"))));
+}
+
+#[test]
+fn further_channels_keep_their_names_and_types() {
+    let mut film = Film::new(2, 1, [Aov::Samples, Aov::Material, Aov::Variance, Aov::Position].into());
+    let mut tile = film.tile(0, 0, 2, 1);
+    let hit = [10.0, 20.0, 30.0, f32::from_bits(3)];
+    for value in [1.0, 3.0] {
+        tile.add_with_first_hit(1, [value; 3], 1.0, Some(&hit));
+    }
+    film.merge(tile);
+    let (layer, _) =
+        read_back(&encode(&film, Format::Exr, &Default::default(), Path::new("x")).unwrap().bytes);
+    let of = |name: &str| {
+        let channel = layer.channel_data.list.iter().find(|c| c.name.to_string() == name);
+        channel.unwrap_or_else(|| panic!("no channel {name}")).sample_data.clone()
+    };
+    assert_eq!(of("samples"), FlatSamples::U32(vec![0, 2]));
+    assert_eq!(of("material.id"), FlatSamples::U32(vec![0, 3]));
+    assert_eq!(of("variance.R"), FlatSamples::F32(vec![f32::INFINITY, 1.0]));
+    assert_eq!(of("P.Y"), FlatSamples::F32(vec![0.0, 20.0]));
+    assert!(matches!(of("R"), FlatSamples::F16(_)));
 }
 
 #[test]
@@ -137,7 +158,7 @@ fn a_fraction_of_samples_is_kept() {
 
 #[test]
 fn the_same_film_gives_the_same_bytes() {
-    let film = film(AovSet { depth: true, normal: true, albedo: true });
+    let film = film([Aov::Depth, Aov::Normal, Aov::Albedo].into());
     let options = OutputOptions { metadata: metadata(), ..Default::default() };
     let first = encode(&film, Format::Exr, &options, Path::new("x")).unwrap().bytes;
     for _ in 0..20 {
@@ -213,6 +234,31 @@ fn files_appear_whole_and_leave_nothing_else() {
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
     let missing = check_target(&folder.path().join("no/b.exr")).unwrap_err();
     assert!(missing.to_string().contains("does not exist"), "{missing}");
+}
+
+/// Who may read a picture is decided as for other files, a link is replaced by the picture, and errors speak of the
+/// picture alone.
+#[cfg(unix)]
+#[test]
+fn files_are_like_others_that_users_make() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let folder = tempfile::tempdir().unwrap();
+    let [path, other, link] = ["a.png", "other", "link.png"].map(|name| folder.path().join(name));
+    std::fs::write(&other, b"other").unwrap();
+    symlink(&other, &link).unwrap();
+    write_atomically(&path, b"one").unwrap();
+    write_atomically(&link, b"two").unwrap();
+    let mode = |path| std::fs::metadata(path).unwrap().permissions().mode();
+    assert_eq!(mode(&path), mode(&other));
+    assert!(!link.is_symlink());
+    assert_eq!(
+        (std::fs::read(&link).unwrap(), std::fs::read(&other).unwrap()),
+        (b"two".into(), b"other".into())
+    );
+
+    let error = write_atomically(&folder.path().join("absent/a.png"), b"x").unwrap_err().to_string();
+    assert!(error.contains("can't be written: No such file or directory (os error 2)"), "{error}");
+    assert!(!error.contains(".tmp"), "{error}");
 }
 
 #[test]

@@ -9,10 +9,9 @@ use oscura::load::gltf::{Glass, GltfOptions};
 use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
-use oscura::render::{RenderOptions, render};
+use oscura::render::Renderer;
 use oscura::scene::EnergyCompensation;
 use std::path::{Path, PathBuf};
-use std::sync::atomic::AtomicBool;
 use support::{options, picture};
 
 /// Edge of the pictures rendered here, pixels.
@@ -49,8 +48,7 @@ fn shrunk(image: &Image, factor: f64) -> Image {
 }
 
 fn to_image(film: &Film) -> Image {
-    let pixels = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
-    let rgb = pixels.flat_map(|(x, y)| film.mean_rgba(x, y).into_iter().take(3)).collect();
+    let rgb = film.rgba().into_iter().flat_map(|[r, g, b, _]| [r, g, b]).collect();
     Image::from_linear_rgb("render", film.width(), film.height(), rgb)
 }
 
@@ -68,7 +66,7 @@ fn the_cornell_box_agrees_with_another_renderer() {
 
     let asset = Path::new(env!("CARGO_MANIFEST_DIR")).join("assets/cornell-box.gltf");
     let scene = load(&asset, &Default::default()).unwrap_or_else(|e| panic!("{e}")).scene;
-    let shot = |seed| to_image(&picture(&scene, &RenderOptions { seed, ..options(SIZE, 256, 100) }));
+    let shot = |seed| to_image(&picture(&scene, &options(SIZE, 256, 100).seed(seed)));
     let (a, b) = (shot(1), shot(2));
     let test =
         z_test(&a, &b, &shrunk(&means, 1.0), &shrunk(&variances, 1.0 / pixels_a_block)).expect("many blocks");
@@ -97,9 +95,10 @@ fn export(path: &Path) -> Image {
         height: SIZE,
     };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
-    let options = RenderOptions { soft_terminator: false, ..options(SIZE, 256, 64) };
-    let (film, _) = render(&compiled, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
-    to_image(&film)
+    let options = options(SIZE, 256, 64).soft_terminator(false);
+    let mut renderer = Renderer::new(compiled, options).expect("the film fits");
+    renderer.run();
+    to_image(renderer.film())
 }
 
 /// Mean of a rectangle of pixels, from a corner to another.

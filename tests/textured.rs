@@ -3,8 +3,7 @@
 
 mod support;
 
-use oscura::film::AovSet;
-use oscura::render::RenderOptions;
+use oscura::film::{Aov, Film, Values};
 use oscura::scene::Interpolation;
 use support::sheet::{Variant, scene};
 use support::{options, picture};
@@ -12,8 +11,9 @@ use support::{options, picture};
 #[test]
 fn both_ways_of_making_vertices_agree() {
     let kinds = [Interpolation::Trilinear, Interpolation::Bilinear];
-    let all = AovSet { depth: true, normal: true, albedo: true };
-    let options = RenderOptions { aovs: all, ..options(24, 16, 1) };
+    let options = options(24, 16, 1).aovs([Aov::Depth, Aov::Normal, Aov::Albedo]);
+    let planes =
+        |film: &Film| film.planes().map(|plane| plane.values).map(Values::into_floats).collect::<Vec<_>>();
     for bits in 0..32u32 {
         let is = |bit: u32| bits >> bit & 1 == 1;
         let variant = Variant {
@@ -26,18 +26,11 @@ fn both_ways_of_making_vertices_agree() {
         };
         let a = picture(&scene(&variant), &options);
         let b = picture(&scene(&Variant { colored: true, ..variant }), &options);
-        let (mut worst, mut brightest) = (0.0f32, 0.0f32);
-        let mut compare = |x: f32, y: f32| worst = worst.max((x - y).abs() / (0.1 + x.abs()));
-        for (x, y) in (0..24 * 24).map(|i| (i % 24, i / 24)) {
-            let (p, q) = (a.mean_rgba(x, y), b.mean_rgba(x, y));
-            (0..4).for_each(|c| compare(p[c], q[c]));
-            for (p, q) in [(a.normal(x, y), b.normal(x, y)), (a.albedo(x, y), b.albedo(x, y))] {
-                let (p, q) = (p.unwrap_or_default(), q.unwrap_or_default());
-                (0..3).for_each(|c| compare(p[c], q[c]));
-            }
-            compare(a.depth(x, y).unwrap_or(0.0), b.depth(x, y).unwrap_or(0.0));
-            brightest = brightest.max(a.mean_rgba(x, y)[0]);
-        }
+        let (a, b) = (planes(&a), planes(&b));
+        assert_eq!(a.len(), 4 + 1 + 3 + 3);
+        let pairs = a.iter().flatten().zip(b.iter().flatten());
+        let worst = pairs.map(|(x, y)| (x - y).abs() / (0.1 + x.abs())).fold(0.0, f32::max);
+        let brightest = a[0].iter().copied().fold(0.0, f32::max);
         assert!(brightest > 0.2, "{variant:?}: there is something to see");
         // One of the samples of a pixel may take another way on account of rounding.
         assert!(worst < 2e-3, "{variant:?}: {worst}");

@@ -2,8 +2,9 @@
 
 use super::asset_args::AssetArgs;
 use super::frames::Frames;
-use clap::builder::{OsStringValueParser, TypedValueParser};
+use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
+use oscura::film::Aov;
 use std::path::PathBuf;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
@@ -115,14 +116,6 @@ pub(crate) enum ViewArg {
     Filmic,
 }
 
-/// What an EXR may hold besides colour.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum AovArg {
-    Depth,
-    Normal,
-    Albedo,
-}
-
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply or .toml.
@@ -188,8 +181,8 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub float: bool,
     /// Further channels of the EXR.
-    #[arg(long, value_name = "LIST", value_delimiter = ',')]
-    pub aov: Vec<AovArg>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov())]
+    pub aov: Vec<Aov>,
     /// Microfacet model [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
@@ -265,6 +258,13 @@ pub(crate) struct CompareArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
+}
+
+/// Names of the film's table of channels, with what it says about them.
+fn aov() -> impl TypedValueParser<Value = Aov> {
+    let value = |aov: &Aov| PossibleValue::new(aov.info().option).help(aov.info().about);
+    let parser = PossibleValuesParser::new(Aov::ALL.iter().map(value));
+    parser.try_map(|name| Aov::from_option(&name).ok_or("is no channel"))
 }
 
 fn frames_per_second(text: &str) -> Result<f64, String> {

@@ -1,22 +1,22 @@
 //! What the program asks of the operating system: signals and its own memory.
 
 use oscura::error::{Error, Result};
-use std::sync::atomic::{AtomicBool, Ordering};
+use oscura::render::CancelHandle;
 
-static STOP: AtomicBool = AtomicBool::new(false);
-
-/// Watches for Ctrl-C and SIGTERM. The first sets the flag that comes back; a second one ends the program at once.
+/// Watches for Ctrl-C and SIGTERM. The first uses the handle that comes back; a second one ends the program at once.
 ///
 /// # Errors
 /// If the system refuses the handler.
-pub(crate) fn stop_flag() -> Result<&'static AtomicBool> {
-    ctrlc::set_handler(|| {
-        if STOP.swap(true, Ordering::SeqCst) {
+pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
+    let cancel = CancelHandle::new();
+    let handle = cancel.clone();
+    ctrlc::set_handler(move || {
+        if handle.cancel() {
             std::process::exit(130);
         }
     })
     .map_err(|e| Error::usage(format!("can't watch for signals: {e}")))?;
-    Ok(&STOP)
+    Ok(cancel)
 }
 
 /// The most memory that the process had, bytes; where the system tells (Linux).

@@ -40,7 +40,7 @@ impl Progress {
 
     /// Takes the renderer's news; may be called from any thread.
     pub fn show(&self, event: &Event) {
-        let Event::Progress { samples_done, samples_total, rays, elapsed, .. } = *event;
+        let Event::Progress { samples_done, samples_total, rays, elapsed, .. } = *event else { return };
         let share = samples_done as f64 / samples_total.max(1) as f64;
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let speed = rays as f64 / seconds / 1e6;

@@ -5,26 +5,27 @@ use super::args::{RenderArgs, UpArg};
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::{Pictures, Targets};
-use super::process::{peak_memory, stop_flag};
+use super::process::{cancel_by_signals, peak_memory};
 use super::progress::Progress;
 use super::report::{self, Run, Said};
 use super::scene_path;
 use super::settings::{Settled, check_size, settle};
 use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::film::Film;
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
-use oscura::render::{in_pool, render};
+use oscura::render::{CancelHandle, PassOutcome, Renderer, Statistics, in_pool};
 use std::ops::ControlFlow;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::Arc;
 use std::time::Instant;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
-    let stop = stop_flag()?;
-    in_pool(args.threads.map(usize::from), || run_all(args, stop))?
+    let cancel = cancel_by_signals()?;
+    in_pool(args.threads.map(usize::from), || run_all(args, &cancel))?
 }
 
 /// Renders one picture, or each of a sequence.
-fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
+fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     check_size(args)?;
     let Some(frames) = args.frames else {
         let targets = Targets::check(&args.output)?;
@@ -32,7 +33,7 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load(&args.scene, &load_options(args))?;
-        return run_one(args, stop, &targets, &environment, &mut loaded, start, &mut Said::default());
+        return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut Said::default());
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
@@ -49,7 +50,7 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         if !args.quiet {
             eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
         }
-        outcome = run_one(args, stop, &targets, &environment, loaded, start, &mut said)?;
+        outcome = run_one(args, cancel, &targets, &environment, loaded, start, &mut said)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -74,7 +75,7 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
 /// Renders one picture of a scene that began to load at `start`.
 fn run_one(
     args: &RenderArgs,
-    stop: &AtomicBool,
+    cancel: &CancelHandle,
     targets: &Targets,
     environment: &EnvironmentOverride,
     loaded: &mut Loaded,
@@ -91,11 +92,9 @@ fn run_one(
         }
     }
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
-    stop_before_pixels(stop)?;
+    stop_before_pixels(cancel)?;
 
-    let progress = Progress::new(args.quiet, args.time_limit);
-    let (film, statistics) = render(&scene, &settled.render, stop, &|event| progress.show(&event))?;
-    progress.finish();
+    let (film, statistics) = take_picture(args, cancel, scene, &settled)?;
 
     let start = Instant::now();
     let pictures = Pictures::encode(args, targets, &film, &settled, &build, &statistics, &warnings)?;
@@ -131,6 +130,24 @@ fn run_one(
         report::print_line(&run.to_json().to_string());
     }
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Renders until all samples are taken or something stops it.
+fn take_picture(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    scene: CompiledScene,
+    settled: &Settled,
+) -> Result<(Film, Statistics)> {
+    let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
+    let shown = progress.clone();
+    let mut renderer = Renderer::new(scene, settled.render)?
+        .with_cancel_handle(cancel.clone())
+        .on_event(move |event| shown.show(&event));
+    while renderer.next_pass() == PassOutcome::Progressed {}
+    progress.finish();
+    let statistics = renderer.statistics();
+    Ok((renderer.into_film(), statistics))
 }
 
 /// All that rendering needs.
@@ -181,8 +198,8 @@ fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> 
 }
 
 /// A signal before the first sample: there is nothing to write.
-fn stop_before_pixels(stop: &AtomicBool) -> Result<()> {
-    if stop.load(Ordering::SeqCst) {
+fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
+    if cancel.is_cancelled() {
         let message = "stopped by a signal before the first sample; nothing was written";
         return Err(Error { kind: ErrorKind::Interrupted, ..Error::usage(message) });
     }

@@ -1,16 +1,13 @@
 //! From arguments, scene file and defaults to settled options.
 
-use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
+use super::args::{FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::RenderOptions;
 use oscura::scene::{EnergyCompensation, Filter, Scene};
 
-const DEFAULT_WIDTH: u32 = 1280;
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
-const DEFAULT_SAMPLES: u32 = 128;
-const DEFAULT_DEPTH: u32 = 100;
 /// Most pixels of a picture; a film takes 36 bytes for each.
 const PIXEL_LIMIT: u64 = 1 << 28;
 
@@ -48,18 +45,17 @@ pub(crate) fn settle(
             warnings.push(Warning::general(format!("{option} has no effect: no output is an EXR")));
         }
     }
-    let has = |aov| has_exr && args.aov.contains(&aov);
-    let render = RenderOptions {
-        width,
-        height,
-        samples: args.spp.or(from_file.samples).unwrap_or(DEFAULT_SAMPLES),
-        seed: args.seed.or(from_file.seed).unwrap_or(0),
-        max_depth: args.depth.or(from_file.depth).unwrap_or(DEFAULT_DEPTH),
-        filter: filter.or(from_file.filter).unwrap_or_default(),
-        aovs: AovSet { depth: has(AovArg::Depth), normal: has(AovArg::Normal), albedo: has(AovArg::Albedo) },
-        soft_terminator: args.terminator == TerminatorArg::Soft,
-        time_limit: args.time_limit,
-    };
+    let aovs: AovSet = args.aov.iter().copied().filter(|_| has_exr).collect();
+    let default = RenderOptions::default();
+    let render = default
+        .size(width, height)
+        .samples(args.spp.or(from_file.samples).unwrap_or(default.samples))
+        .seed(args.seed.or(from_file.seed).unwrap_or(default.seed))
+        .max_depth(args.depth.or(from_file.depth).unwrap_or(default.max_depth))
+        .filter(filter.or(from_file.filter).unwrap_or(default.filter))
+        .aovs(aovs)
+        .soft_terminator(args.terminator == TerminatorArg::Soft)
+        .time_limit(args.time_limit);
     let view = match args.view {
         ViewArg::Srgb => ViewTransform::Srgb,
         ViewArg::Filmic => ViewTransform::Filmic,
@@ -101,7 +97,10 @@ fn picture_size(args: &RenderArgs, scene: &Scene, camera: usize) -> Result<(u32,
         (Some(w), Some(h)) => (w, h),
         (Some(w), None) => (w, rounded(f64::from(w) / aspect)),
         (None, Some(h)) => (rounded(f64::from(h) * aspect), h),
-        (None, None) => (DEFAULT_WIDTH, rounded(f64::from(DEFAULT_WIDTH) / aspect)),
+        (None, None) => {
+            let width = RenderOptions::default().width;
+            (width, rounded(f64::from(width) / aspect))
+        }
     };
     check_pixels(width, height)?;
     Ok((width, height))

@@ -20,7 +20,7 @@ use crate::accel::{Accel, BuildOptions, BuildStats};
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
-use crate::math::{Bounds3, DMat4, Hit, Vec3};
+use crate::math::{Bounds3, DMat4, DVec3, Hit, Vec3};
 use crate::scene::{EnergyCompensation, Scene};
 use crate::texture::CompiledTextures;
 use bake::Baked;
@@ -70,6 +70,8 @@ pub struct CompileReport {
 pub struct CompiledScene {
     /// Ray queries.
     pub accel: Accel,
+    /// Where its origin is in the scene's world.
+    pub origin: DVec3,
     /// Camera rays.
     pub camera: Camera,
     /// Surfaces at hits.
@@ -155,6 +157,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         accel,
+        origin,
         camera,
         geometries,
         materials,

@@ -1,6 +1,8 @@
 //! The part of a film that one thread fills.
 
-use super::{AovSample, AovSet, Sums};
+use super::channel::PixelType;
+use super::sums::{Layout, Sums};
+use std::sync::Arc;
 
 /// A rectangle of a film with its own sums. Pixels are counted row by row from the tile's top left corner.
 #[derive(Clone, Debug, PartialEq)]
@@ -13,60 +15,54 @@ pub struct FilmTile {
     pub width: u32,
     /// Rows.
     pub height: u32,
-    pub(super) aovs: AovSet,
+    pub(super) layout: Arc<Layout>,
     pub(super) sums: Sums,
     pub(super) invalid_samples: u64,
 }
 
 impl FilmTile {
-    /// An empty tile.
-    pub fn new(x0: u32, y0: u32, width: u32, height: u32, aovs: AovSet) -> FilmTile {
-        let sums = Sums::new(width as usize * height as usize, aovs);
-        FilmTile { x0, y0, width, height, aovs, sums, invalid_samples: 0 }
+    /// An empty tile of a film with these channels.
+    ///
+    /// # Panics
+    /// If there is no memory for it.
+    pub fn new(x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
+        let sums = Sums::try_new(width as usize * height as usize, layout);
+        let sums = sums.expect("there is memory for a tile");
+        FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 }
     }
 
     /// Adds a sample to the pixel `pixel` of the tile: premultiplied linear colour and alpha. A sample with NaN or an
-    /// infinity is left out and counted.
+    /// infinity is left out and counted; false then. Channels beyond colour take
+    /// [`add_with_first_hit`](FilmTile::add_with_first_hit).
     #[inline(always)]
-    pub fn add(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32) {
+    pub fn add(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32) -> bool {
         let [r, g, b] = rgb;
         // One test for all four: a product with zero is zero unless a factor is NaN or infinite.
         if r * 0.0 + g * 0.0 + b * 0.0 + alpha * 0.0 != 0.0 {
             self.invalid_samples += 1;
-            return;
+            return false;
         }
-        let pixel = pixel as usize;
-        let sum = &mut self.sums.rgba[pixel];
-        sum[0] += f64::from(r);
-        sum[1] += f64::from(g);
-        sum[2] += f64::from(b);
-        sum[3] += f64::from(alpha);
-        self.sums.count[pixel] += 1;
+        self.sums.add(pixel as usize, rgb, alpha);
+        true
     }
 
-    /// Adds what the first surface of a sample looks like; `None` when it hit nothing. To be called once for each
-    /// [`add`](FilmTile::add); does nothing for AOVs that nobody asked for. Non-finite values count as a miss.
-    pub fn add_aovs(&mut self, pixel: u32, sample: Option<AovSample>) {
-        let Some(sample) = sample else { return };
-        let numbers = [sample.normal, sample.albedo];
-        if !self.aovs.any()
-            || !sample.depth.is_finite()
-            || !numbers.as_flattened().iter().all(|v| v.is_finite())
-        {
+    /// Adds a sample to all channels. `first_hit` has what the first surface brings to the channels that show it, their
+    /// components one after another in the order of the film's channels; `None` when the sample hit nothing. What is
+    /// not finite counts as having hit nothing.
+    pub fn add_with_first_hit(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32, first_hit: Option<&[f32]>) {
+        if !self.add(pixel, rgb, alpha) {
             return;
         }
-        let pixel = pixel as usize;
-        self.sums.hits[pixel] += 1;
-        if let Some(sum) = self.sums.depth.get_mut(pixel) {
-            *sum += f64::from(sample.depth);
-        }
-        for (list, value) in [(&mut self.sums.normal, sample.normal), (&mut self.sums.albedo, sample.albedo)]
-        {
-            if let Some(sum) = list.get_mut(pixel) {
-                for c in 0..3 {
-                    sum[c] += f64::from(value[c]);
-                }
-            }
-        }
+        let first_hit = first_hit.filter(|values| self.is_finite(values));
+        self.sums.add_further(pixel as usize, rgb, first_hit, &self.layout);
+    }
+
+    /// Are all floats of a first hit finite? Integers travel as bits.
+    fn is_finite(&self, mut values: &[f32]) -> bool {
+        self.layout.first_hits().all(|channel| {
+            let (own, rest) = values.split_at(channel.components());
+            values = rest;
+            channel.pixel_type == PixelType::Uint || own.iter().all(|v| v.is_finite())
+        })
     }
 }

@@ -15,10 +15,7 @@ impl Integrator<'_> {
     pub(super) fn generate(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
         w.rays.clear();
         w.sink.begin(count);
-        w.aovs.clear();
-        if self.options.aovs {
-            w.aovs.resize(count, None);
-        }
+        w.first_hits.reset(count, self.options.aovs);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         self.number_samples(block, first, count, &mut paths.carried, scratch);
         let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);

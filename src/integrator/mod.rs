@@ -37,7 +37,7 @@ pub use lanes::WAVE;
 pub use wave::Workspace;
 
 use crate::compile::CompiledScene;
-use crate::film::{AovSample, FilterSampler};
+use crate::film::{AovSet, FilterSampler};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
@@ -53,8 +53,8 @@ pub struct PathOptions<'a> {
     pub seed: u32,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
-    /// Whether AOVs are asked for.
-    pub aovs: bool,
+    /// AOVs of first hits that are asked for.
+    pub aovs: AovSet,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
 }
@@ -78,15 +78,16 @@ pub struct Block {
 
 /// One finished path.
 #[derive(Clone, Copy, Debug)]
-pub struct PathSample {
+pub struct PathSample<'a> {
     /// Pixel of the block, row by row.
     pub pixel: u32,
     /// Radiance, linear.
     pub rgb: [f32; 3],
     /// 1 where something was seen.
     pub alpha: f32,
-    /// First surface, if asked for and hit.
-    pub aov: Option<AovSample>,
+    /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
+    /// order of the table of AOVs.
+    pub first_hit: Option<&'a [f32]>,
 }
 
 /// Traces paths through a scene.
@@ -152,7 +153,7 @@ impl<'a> Integrator<'a> {
         block: &Block,
         w: &mut Workspace,
         stop: &dyn Fn() -> bool,
-        mut sink: impl FnMut(&PathSample),
+        mut sink: impl FnMut(&PathSample<'_>),
     ) -> bool {
         let total = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
         let mut first = 0;
@@ -163,8 +164,7 @@ impl<'a> Integrator<'a> {
             }
             for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
-                let aov = w.aovs.get(i).copied().flatten();
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, aov });
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i) });
             }
             first += count;
         }

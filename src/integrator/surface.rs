@@ -3,6 +3,7 @@
 
 use super::Integrator;
 use super::closure_metal_rough::{self, store_material};
+use super::first_hit::FirstHit;
 use super::flat::store;
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
@@ -61,7 +62,7 @@ impl Integrator<'_> {
     /// Finds each hit's material and group.
     fn classify(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> GroupCounts {
         let mut counts = GroupCounts::new();
-        let needs_details = bounce == 0 && self.options.aovs;
+        let needs_details = bounce == 0 && self.options.aovs.any();
         w.groups.clear();
         w.materials.clear();
         for hit in &w.hits {
@@ -146,7 +147,7 @@ impl Integrator<'_> {
     /// The path ends at a surface: adds its emission.
     fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
-        if bounce == 0 && self.options.aovs || material.medium_index != 0 {
+        if bounce == 0 && self.options.aovs.any() || material.medium_index != 0 {
             self.vertex(bounce, i, w);
         } else if material.emission.is_some() {
             let at = self.hit_point(i, w);
@@ -198,11 +199,11 @@ impl Integrator<'_> {
         if is_back && !material.is_two_sided {
             vertex.bsdf = Bsdf::Black;
         }
-        if bounce == 0 && self.options.aovs {
+        if bounce == 0 && self.options.aovs.any() {
             let Surface { p, ng, ns, .. } = vertex.surface;
-            let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
-            let sample = w.arriving.carried.sample[i];
-            self.record_first_hit(sample, p, ns * side, vertex.bsdf.albedo(), &mut w.aovs);
+            let albedo = || vertex.bsdf.albedo();
+            let hit = FirstHit { p, ng, ns, wo, albedo, material: w.materials[i] };
+            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, self.scene);
         }
         vertex
     }

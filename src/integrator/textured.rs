@@ -3,6 +3,7 @@
 
 use super::Integrator;
 use super::closure_metal_rough::store_material;
+use super::first_hit::FirstHit;
 use super::flat::corners;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::surface::HitPoint;
@@ -41,19 +42,25 @@ impl Integrator<'_> {
             self.read_textures(k, w);
         }
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
-        if bounce == 0 && self.options.aovs {
+        if bounce == 0 && self.options.aovs.any() {
             for k in range {
-                let v = &w.wave.vertices;
-                let sample = w.wave.paths.carried.sample[k];
-                self.record_first_hit(
-                    sample,
-                    get(&v.p, k),
-                    get(&v.ns, k),
-                    get_rgb(&v.albedo, k),
-                    &mut w.aovs,
-                );
+                self.record_first_hit(k, w);
             }
         }
+    }
+
+    /// Keeps what outputs besides colour show of vertex `k`, the first of its path.
+    fn record_first_hit(&self, k: usize, w: &mut Workspace) {
+        let v = &w.wave.vertices;
+        let hit = FirstHit {
+            p: get(&v.p, k),
+            ng: get(&v.ng, k),
+            ns: get(&v.ns, k),
+            wo: get(&v.wo, k),
+            albedo: || get_rgb(&v.albedo, k),
+            material: w.materials[v.textured.ray[k] as usize],
+        };
+        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, self.scene);
     }
 
     /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.

@@ -1,6 +1,7 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity. Each array means one thing; what a stage
 //! needs for itself is in [`Scratch`].
 
+use super::first_hit::FirstHits;
 use super::group::Group;
 use super::interior::Interior;
 use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, WAVE, Words, per_path};
@@ -8,7 +9,6 @@ use super::sink::Sink;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::compile::Features;
-use crate::film::AovSample;
 use crate::math::{Hit, OriginPrimitive, Ray};
 use bytemuck::Zeroable;
 
@@ -241,8 +241,8 @@ pub struct Workspace {
     pub(super) occluded: Vec<bool>,
     /// Results by sample.
     pub(super) sink: Sink,
-    /// Results by sample, if asked for.
-    pub(super) aovs: Vec<Option<AovSample>>,
+    /// What outputs besides colour show, by sample.
+    pub(super) first_hits: FirstHits,
     /// For surfaces that are partly absent.
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
@@ -267,7 +267,7 @@ impl Workspace {
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
             sink: Sink::new(),
-            aovs: Vec::new(),
+            first_hits: FirstHits::default(),
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),

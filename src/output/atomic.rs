@@ -2,24 +2,10 @@
 
 use crate::error::{Error, Result};
 use std::ffi::OsString;
-use std::fs::{self, File, OpenOptions};
-use std::io::Write;
-use std::path::{Path, PathBuf};
-
-/// Removes its file when dropped, unless told that the file has moved.
-struct Temporary {
-    path: PathBuf,
-    armed: bool,
-}
-
-impl Drop for Temporary {
-    fn drop(&mut self) {
-        if self.armed {
-            // Nothing better can be done with a failure here: the error that led here is already on its way.
-            let _ = fs::remove_file(&self.path);
-        }
-    }
-}
+use std::fs::{self, File};
+use std::io::{self, Write};
+use std::path::Path;
+use tempfile::NamedTempFile;
 
 /// Finds out, before any work, whether a file of this name can be written: its folder must exist and take new files.
 ///
@@ -49,12 +35,9 @@ pub fn is_same_target(a: &Path, b: &Path) -> bool {
 /// # Errors
 /// An output error with the reason; the temporary file is gone then and an older file of that name unharmed.
 pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
-    let (mut temporary, mut file) = create(path)?;
-    let failed = |e: std::io::Error| Error::output(path, format!("can't be written: {e}"));
-    file.write_all(bytes).and_then(|()| file.sync_all()).map_err(failed)?;
-    drop(file);
-    fs::rename(&temporary.path, path).map_err(failed)?;
-    temporary.armed = false;
+    let mut temporary = create(path)?;
+    let written = temporary.as_file_mut().write_all(bytes).and_then(|()| temporary.as_file().sync_all());
+    written.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
     // The rename itself becomes durable with the folder; some systems can't sync folders, and lose nothing else by it.
     let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
     Ok(())
@@ -64,20 +47,20 @@ fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
 
-fn create(path: &Path) -> Result<(Temporary, File)> {
+/// A file with a name of its own in the folder of the target; it goes when dropped. It is made like any other file, so
+/// that who may read the picture is decided as everywhere (by the umask).
+fn create(path: &Path) -> Result<NamedTempFile> {
     let name = path.file_name().ok_or_else(|| Error::output(path, "is not a file name"))?;
-    let mut last = None;
-    for attempt in 0..100 {
-        let mut hidden = OsString::from(".");
-        hidden.push(name);
-        hidden.push(format!(".{}-{attempt}.tmp", std::process::id()));
-        let candidate = folder_of(path).join(hidden);
-        match OpenOptions::new().write(true).create_new(true).open(&candidate) {
-            Ok(file) => return Ok((Temporary { path: candidate, armed: true }, file)),
-            Err(e) if e.kind() == std::io::ErrorKind::AlreadyExists => last = Some(e),
-            Err(e) => return Err(Error::output(path, format!("can't be written: {e}"))),
-        }
-    }
-    let reason = last.map_or_else(String::new, |e| e.to_string());
-    Err(Error::output(path, format!("no free name for a temporary file: {reason}")))
+    let mut hidden = OsString::from(".");
+    hidden.push(name);
+    hidden.push(".");
+    tempfile::Builder::new()
+        .prefix(&hidden)
+        .suffix(".tmp")
+        .make_in(folder_of(path), |candidate| File::create_new(candidate))
+        .map_err(|e| failure(path, &e))
+}
+
+fn failure(path: &Path, error: &io::Error) -> Error {
+    Error::output(path, format!("can't be written: {error}"))
 }

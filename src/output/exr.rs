@@ -1,10 +1,10 @@
-//! OpenEXR: one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; AOVs are float channels of
-//! the same part: Z, N.X N.Y N.Z, albedo.R albedo.G albedo.B.
+//! OpenEXR: one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; the film's further channels
+//! stand in the same part, under the names and in the types that the film gives them.
 
 use super::Encoded;
 use super::exr_header::sort_attributes;
 use crate::error::Warning;
-use crate::film::Film;
+use crate::film::{Film, PixelType, Plane, Values};
 use crate::math::DMat4;
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
@@ -65,40 +65,19 @@ pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encod
     Ok(Encoded { bytes, warnings })
 }
 
-/// Colour and AOVs; adds to `clamped` how many values didn't fit.
+/// All planes of the film, half floats as floats if `float`; adds to `clamped` how many values didn't fit.
 fn channels(film: &Film, float: bool, clamped: &mut u64) -> Vec<AnyChannel<FlatSamples>> {
-    let mut channels: Vec<AnyChannel<FlatSamples>> = ["R", "G", "B", "A"]
-        .iter()
-        .enumerate()
-        .map(|(c, name)| {
-            let values = plane(film, |x, y| film.mean_rgba(x, y)[c]);
-            let samples = if float { FlatSamples::F32(values) } else { to_half(&values, clamped) };
-            AnyChannel::new(*name, samples)
-        })
-        .collect();
-    let aovs = film.aovs();
-    if aovs.depth {
-        let values = plane(film, |x, y| film.depth(x, y).unwrap_or_default());
-        channels.push(AnyChannel::new("Z", FlatSamples::F32(values)));
-    }
-    for c in 0..3 {
-        if aovs.normal {
-            let values = plane(film, |x, y| film.normal(x, y).unwrap_or_default()[c]);
-            channels.push(AnyChannel::new(["N.X", "N.Y", "N.Z"][c], FlatSamples::F32(values)));
-        }
-        if aovs.albedo {
-            let values = plane(film, |x, y| film.albedo(x, y).unwrap_or_default()[c]);
-            channels.push(AnyChannel::new(["albedo.R", "albedo.G", "albedo.B"][c], FlatSamples::F32(values)));
-        }
-    }
-    channels
-}
-
-fn plane(film: &Film, value: impl Fn(u32, u32) -> f32) -> Vec<f32> {
-    (0..film.height())
-        .flat_map(|y| (0..film.width()).map(move |x| (x, y)))
-        .map(|(x, y)| value(x, y))
-        .collect()
+    let mut channel = |plane: Plane| {
+        let samples = match plane.values {
+            Values::Uint(values) => FlatSamples::U32(values),
+            Values::Float(values) if plane.pixel_type == PixelType::Half && !float => {
+                to_half(&values, clamped)
+            }
+            Values::Float(values) => FlatSamples::F32(values),
+        };
+        AnyChannel::new(plane.name, samples)
+    };
+    film.planes().map(&mut channel).collect()
 }
 
 fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {

@@ -21,12 +21,12 @@ pub struct PngOptions {
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
-    let pixels = || (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
-    let opaque = pixels().all(|(x, y)| to_byte(film.mean_rgba(x, y)[3], 0.5) == 255);
+    let places = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
+    let rgba = film.rgba();
+    let opaque = rgba.iter().all(|pixel| to_byte(pixel[3], 0.5) == 255);
     let gain = options.exposure.exp2();
-    let mut data = Vec::with_capacity(film.width() as usize * film.height() as usize * 4);
-    for (x, y) in pixels() {
-        let [r, g, b, alpha] = film.mean_rgba(x, y);
+    let mut data = Vec::with_capacity(rgba.len() * 4);
+    for ((x, y), [r, g, b, alpha]) in places.zip(rgba) {
         let straight = if alpha > 0.0 && alpha < 1.0 { gain / alpha } else { gain };
         let threshold = if options.dither { bayer(x, y) } else { 0.5 };
         data.extend([r, g, b].map(|v| to_byte(options.view.encode(v * straight), threshold)));

@@ -1,17 +1,37 @@
-//! Processor time of this process.
+//! Time spent rendering: by the clock on the wall, and of processors.
 
 use cpu_time::ProcessTime;
+use std::time::{Duration, Instant};
 
-/// Measures processor time, all threads together.
-pub(super) struct CpuClock(Option<ProcessTime>);
+/// Time spent between starts and stops.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spent {
+    pub wall: Duration,
+    /// All threads together; zero where the system doesn't tell.
+    pub cpu: Duration,
+}
 
-impl CpuClock {
-    pub(super) fn start() -> CpuClock {
-        CpuClock(ProcessTime::try_now().ok())
+/// Measures until it is stopped, on top of what was spent before.
+pub(super) struct Stopwatch {
+    before: Spent,
+    wall: Instant,
+    cpu: Option<ProcessTime>,
+}
+
+impl Stopwatch {
+    /// Starts.
+    pub fn start(before: Spent) -> Stopwatch {
+        Stopwatch { before, wall: Instant::now(), cpu: ProcessTime::try_now().ok() }
     }
 
-    /// Seconds since the start; 0 where the system doesn't tell.
-    pub(super) fn seconds(&self) -> f64 {
-        self.0.and_then(|start| start.try_elapsed().ok()).map_or(0.0, |d| d.as_secs_f64())
+    /// Time by the wall's clock so far.
+    pub fn wall(&self) -> Duration {
+        self.before.wall + self.wall.elapsed()
+    }
+
+    /// Everything so far.
+    pub fn stop(&self) -> Spent {
+        let cpu = self.cpu.and_then(|start| start.try_elapsed().ok()).unwrap_or_default();
+        Spent { wall: self.wall(), cpu: self.before.cpu + cpu }
     }
 }

@@ -1,32 +1,43 @@
 //! Counts what is done and tells about it.
 
-use super::{Event, RenderOptions};
-use crate::integrator::Block;
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::time::Instant;
+use std::time::Duration;
+
+/// What the renderer tells while it works.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub enum Event {
+    /// How far it is; comes from any thread, several times a second.
+    #[non_exhaustive]
+    Progress {
+        /// Paths done.
+        samples_done: u64,
+        /// Paths in all.
+        samples_total: u64,
+        /// Rays so far.
+        rays: u64,
+        /// Time spent rendering so far.
+        elapsed: Duration,
+    },
+}
+
+/// Takes events, from any thread.
+pub(super) type Listener = dyn Fn(Event) + Send + Sync;
 
 /// Counts what is done and tells about it, at most ten times a second.
-pub(super) struct Progress<'a> {
+#[derive(Debug)]
+pub(super) struct Progress {
     samples: AtomicU64,
     rays: AtomicU64,
     total: u64,
-    begin: Instant,
-    /// When to tell again, in milliseconds from the beginning.
+    /// When to tell again, in milliseconds of rendering.
     next_ms: AtomicU64,
-    events: &'a (dyn Fn(Event) + Sync),
 }
 
-impl<'a> Progress<'a> {
-    pub fn new(options: &RenderOptions, begin: Instant, events: &'a (dyn Fn(Event) + Sync)) -> Progress<'a> {
-        let total = u64::from(options.width) * u64::from(options.height) * u64::from(options.samples);
-        Progress {
-            samples: AtomicU64::new(0),
-            rays: AtomicU64::new(0),
-            total,
-            begin,
-            next_ms: AtomicU64::new(100),
-            events,
-        }
+impl Progress {
+    /// Nothing of so many paths is done.
+    pub fn new(total: u64) -> Progress {
+        Progress { samples: AtomicU64::new(0), rays: AtomicU64::new(0), total, next_ms: AtomicU64::new(100) }
     }
 
     /// Paths done so far.
@@ -39,18 +50,17 @@ impl<'a> Progress<'a> {
         self.rays.load(Ordering::Relaxed)
     }
 
-    /// Adds a finished block.
-    pub fn add(&self, block: &Block, rays: u64) {
-        let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
+    /// Adds finished paths with their rays, after so much time.
+    pub fn add(&self, paths: u64, rays: u64, elapsed: Duration, listener: Option<&Listener>) {
         let samples_done = self.samples.fetch_add(paths, Ordering::Relaxed) + paths;
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
-        let elapsed = self.begin.elapsed();
+        let Some(listener) = listener else { return };
         let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
         let is_due = now >= next || samples_done == self.total;
         // One thread wins; the others go on.
         let order = Ordering::Relaxed;
         if is_due && self.next_ms.compare_exchange(next, now + 100, order, order).is_ok() {
-            (self.events)(Event::Progress { samples_done, samples_total: self.total, rays, elapsed });
+            listener(Event::Progress { samples_done, samples_total: self.total, rays, elapsed });
         }
     }
 }

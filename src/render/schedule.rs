@@ -1,8 +1,7 @@
 //! How many samples each pass takes: a wave's worth a tile, or what fits into the time that is left.
 
-use super::RenderOptions;
 use crate::integrator::WAVE;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Samples of a full pass.
 const MOST: u32 = 8;
@@ -12,7 +11,6 @@ const SHARE: f64 = 0.1;
 /// Decides passes. With a time limit, the first has one sample a pixel and tells what a sample costs; later ones take at
 /// most a tenth of the time that is left (but at least one sample), and none begins that would not end in time.
 pub(super) struct Schedule {
-    begin: Instant,
     limit: Option<Duration>,
     samples: u32,
     next: u32,
@@ -43,16 +41,16 @@ impl Pass {
 }
 
 impl Schedule {
-    pub fn new(options: &RenderOptions, begin: Instant) -> Schedule {
-        Schedule { begin, limit: options.time_limit, samples: options.samples, next: 0, sample_s: None }
+    pub fn new(samples: u32, limit: Option<Duration>) -> Schedule {
+        Schedule { limit, samples, next: 0, sample_s: None }
     }
 
-    /// Is the time over?
-    pub fn is_late(&self) -> bool {
-        self.limit.is_some_and(|limit| self.begin.elapsed() >= limit)
+    /// Is the time over when `elapsed` was spent?
+    pub fn is_late(&self, elapsed: Duration) -> bool {
+        self.limit.is_some_and(|limit| elapsed >= limit)
     }
 
-    /// The next pass when `elapsed` has gone by since the beginning; `None` if all samples are planned or no pass fits
+    /// The next pass when `elapsed` was spent; `None` if all samples are planned or no pass fits
     /// any more.
     pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
         let left = self.samples - self.next;
@@ -88,10 +86,6 @@ impl Schedule {
 mod tests {
     use super::*;
 
-    fn schedule(samples: u32, limit: Option<Duration>) -> Schedule {
-        Schedule { begin: Instant::now(), limit, samples, next: 0, sample_s: None }
-    }
-
     /// Plays a machine that takes `sample_s` a sample; returns the passes' sizes and the time at the end.
     fn play(mut schedule: Schedule, sample_s: f64) -> (Vec<u32>, f64) {
         let (mut sizes, mut now) = (Vec::new(), 0.0);
@@ -107,19 +101,19 @@ mod tests {
 
     #[test]
     fn without_a_limit_passes_are_full() {
-        assert_eq!(play(schedule(20, None), 1.0).0, [8, 8, 4]);
+        assert_eq!(play(Schedule::new(20, None), 1.0).0, [8, 8, 4]);
     }
 
     #[test]
     fn passes_stay_within_the_limit_and_use_most_of_it() {
         for sample_s in [0.011, 0.11, 0.4] {
-            let (sizes, end) = play(schedule(1 << 20, Some(Duration::from_secs(10))), sample_s);
+            let (sizes, end) = play(Schedule::new(1 << 20, Some(Duration::from_secs(10))), sample_s);
             assert_eq!(sizes[0], 1);
             assert!(end <= 10.0 + 1e-9 && end > 10.0 - 1.5 * sample_s, "{sample_s}: {end}");
             assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
         }
         // All samples done long before.
-        assert_eq!(play(schedule(12, Some(Duration::from_secs(10))), 0.001).0, [1, 8, 3]);
+        assert_eq!(play(Schedule::new(12, Some(Duration::from_secs(10))), 0.001).0, [1, 8, 3]);
     }
 
     #[test]

@@ -1,6 +1,7 @@
 //! Options of `render` that change the picture or what is said about it.
 
 use crate::program::*;
+use oscura::film::Aov;
 use std::fs;
 
 #[test]
@@ -149,6 +150,34 @@ fn a_render_reports_in_plain_decimals() {
     }
     assert_eq!(value["samples"], u64::from(48u32 * value["height"].as_u64().unwrap() as u32 * 4));
     assert!(value["rays"].as_u64().unwrap() > value["samples"].as_u64().unwrap());
+}
+
+/// Each name that help lists gives channels of its own; all together give the same ones.
+#[test]
+fn aovs_come_as_help_lists_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let help = stdout(&oscura(folder.path(), &["help", "render"]));
+    let channels = |aov: &str| -> Vec<String> {
+        render(folder.path(), "a.exr", &["--quiet", "--spp", "2", "--aov", aov]);
+        let meta =
+            exr::meta::MetaData::read_from_file(folder.path().join("a.exr"), false).expect("a picture");
+        let list = &meta.headers[0].channels.list;
+        list.iter()
+            .map(|c| c.name.to_string())
+            .filter(|name| !["A", "B", "G", "R"].contains(&&**name))
+            .collect()
+    };
+    let mut expected = Vec::new();
+    for aov in Aov::ALL {
+        let info = aov.info();
+        assert!(help.contains(&format!("- {}:", info.option)), "help doesn't list {}: {help}", info.option);
+        let names = channels(info.option);
+        assert_eq!(names, info.names, "{}", info.option);
+        expected.extend(names);
+    }
+    expected.sort();
+    let all: Vec<&str> = Aov::ALL.iter().map(|aov| aov.info().option).collect();
+    assert_eq!(channels(&all.join(",")), expected);
 }
 
 #[test]

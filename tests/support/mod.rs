@@ -4,13 +4,12 @@
 pub mod sheet;
 
 use oscura::compile::{CompileOptions, compile};
-use oscura::film::{AovSet, Film};
+use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
-use oscura::render::{RenderOptions, render};
+use oscura::render::{PassOutcome, RenderOptions, Renderer};
 use oscura::scene::{
     Camera, EnergyCompensation, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere,
 };
-use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera.
 pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
@@ -28,21 +27,16 @@ pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
 
 /// Options for a small picture.
 pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
-    RenderOptions {
-        width: size,
-        height: size,
-        samples,
-        seed: 1,
-        max_depth,
-        filter: Filter::Box,
-        aovs: AovSet::default(),
-        soft_terminator: true,
-        time_limit: None,
-    }
+    RenderOptions::default()
+        .size(size, size)
+        .samples(samples)
+        .seed(1)
+        .max_depth(max_depth)
+        .filter(Filter::Box)
 }
 
-/// Compiles and renders.
-pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
+/// Compiles a scene for a renderer.
+pub fn renderer(scene: &Scene, options: &RenderOptions) -> Renderer {
     let compile_options = CompileOptions {
         energy_compensation: EnergyCompensation::On,
         camera: None,
@@ -50,25 +44,28 @@ pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
         height: options.height,
     };
     let (compiled, _) = compile(scene, &compile_options).expect("the scene compiles");
-    let (film, statistics) =
-        render(&compiled, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
-    assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
-    film
+    Renderer::new(compiled, *options).expect("the film fits")
+}
+
+/// Compiles and renders.
+pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
+    let mut renderer = renderer(scene, options);
+    assert_eq!(renderer.run(), PassOutcome::Done);
+    assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
+    renderer.into_film()
 }
 
 /// Mean of a film's green channel.
 pub fn mean(film: &Film) -> f64 {
-    let (w, h) = (film.width(), film.height());
-    let pixels = (0..h).flat_map(|y| (0..w).map(move |x| (x, y)));
-    pixels.map(|(x, y)| f64::from(film.mean_rgba(x, y)[1])).sum::<f64>() / f64::from(w * h)
+    let rgba = film.rgba();
+    rgba.iter().map(|pixel| f64::from(pixel[1])).sum::<f64>() / rgba.len() as f64
 }
 
 /// Mean radiance of a picture over independent seeds, with the standard error of that mean.
 pub fn measure(scene: &Scene, options: &RenderOptions) -> (f64, f64) {
     const SEEDS: u32 = 12;
-    let means: Vec<f64> = (0..SEEDS)
-        .map(|seed| mean(&picture(scene, &RenderOptions { seed: seed * 7919 + 1, ..*options })))
-        .collect();
+    let means: Vec<f64> =
+        (0..SEEDS).map(|seed| mean(&picture(scene, &options.seed(seed * 7919 + 1)))).collect();
     let n = f64::from(SEEDS);
     let mean = means.iter().sum::<f64>() / n;
     let variance = means.iter().map(|m| (m - mean) * (m - mean)).sum::<f64>() / (n - 1.0);

@@ -2,14 +2,14 @@
 
 use oscura::compile::{CompileOptions, CompiledScene, compile};
 use oscura::error::Result;
-use oscura::film::{AovSet, Film};
+use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::errors;
-use oscura::render::{RenderOptions, Statistics, render};
+use oscura::render::{RenderOptions, Renderer, Statistics};
 use oscura::scene::Filter;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 /// What to measure.
 pub struct Setup {
@@ -58,6 +58,7 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
         height,
     };
     let (compiled, _) = compile(&scene, &options)?;
+    let compiled = Arc::new(compiled);
     let shot = |samples: u32, seed: u32| picture(&compiled, setup, height, samples, seed);
     let half = setup.reference.div_ceil(2);
     let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
@@ -81,30 +82,25 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
 }
 
 fn picture(
-    scene: &CompiledScene,
+    scene: &Arc<CompiledScene>,
     setup: &Setup,
     height: u32,
     samples: u32,
     seed: u32,
 ) -> Result<(Image, Statistics)> {
-    let options = RenderOptions {
-        width: setup.width,
-        height,
-        samples,
-        seed,
-        max_depth: setup.depth,
-        filter: Filter::Box,
-        aovs: AovSet::default(),
-        soft_terminator: true,
-        time_limit: None,
-    };
-    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {})?;
-    Ok((to_image(&film), statistics))
+    let options = RenderOptions::default()
+        .size(setup.width, height)
+        .samples(samples)
+        .seed(seed)
+        .max_depth(setup.depth)
+        .filter(Filter::Box);
+    let mut renderer = Renderer::new(scene.clone(), options)?;
+    renderer.run();
+    Ok((to_image(renderer.film()), renderer.statistics()))
 }
 
 fn to_image(film: &Film) -> Image {
-    let pixels = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
-    let rgb = pixels.flat_map(|(x, y)| film.mean_rgba(x, y).into_iter().take(3)).collect();
+    let rgb = film.rgba().into_iter().flat_map(|[r, g, b, _]| [r, g, b]).collect();
     Image::from_linear_rgb("render", film.width(), film.height(), rgb)
 }
 

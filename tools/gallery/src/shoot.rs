@@ -2,13 +2,12 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::error::{Error, Result};
-use oscura::film::{AovSet, Film};
+use oscura::film::Film;
 use oscura::load::{LoadOptions, load};
 use oscura::output::{Format, Metadata, OutputOptions, PngOptions, ViewTransform, encode, write_atomically};
-use oscura::render::{RenderOptions, in_pool, render};
+use oscura::render::{RenderOptions, Renderer, in_pool};
 use oscura::scene::Scene;
 use std::path::Path;
-use std::sync::atomic::AtomicBool;
 use std::time::Instant;
 
 /// Smallest width that a picture is made narrower to.
@@ -66,13 +65,15 @@ impl Shot {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
         }
         let load_s = start.elapsed().as_secs_f64();
-        let (film, statistics) = render(&compiled, &options, &AtomicBool::new(false), &|_| {})?;
+        let mut renderer = Renderer::new(compiled, options)?;
+        renderer.run();
+        let statistics = renderer.statistics();
         if statistics.invalid_samples > 0 {
             let message = format!("{} samples were NaN or infinite", statistics.invalid_samples);
             return Err(Error::input(path, message));
         }
         Ok(Shot {
-            film,
+            film: renderer.into_film(),
             options,
             load_s,
             render_s: statistics.render_s,
@@ -123,15 +124,11 @@ fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions
         return Err(Error::input(path, message));
     };
     let shrink = if width / quality.shrink < LEAST_WIDTH { 1 } else { quality.shrink };
-    Ok(RenderOptions {
-        width: width / shrink,
-        height: (height / shrink).max(1),
-        samples: samples.div_ceil(quality.fewer),
-        seed: settings.seed.unwrap_or(0),
-        max_depth: settings.depth.unwrap_or(100),
-        filter: settings.filter.unwrap_or_default(),
-        aovs: AovSet::default(),
-        time_limit: None,
-        soft_terminator: true,
-    })
+    let default = RenderOptions::default();
+    Ok(default
+        .size(width / shrink, (height / shrink).max(1))
+        .samples(samples.div_ceil(quality.fewer))
+        .seed(settings.seed.unwrap_or(default.seed))
+        .max_depth(settings.depth.unwrap_or(default.max_depth))
+        .filter(settings.filter.unwrap_or_default()))
 }

@@ -3,14 +3,14 @@
 
 use super::Row;
 use oscura::compile::{CompileOptions, CompiledScene, compile};
-use oscura::film::{AovSet, Film};
+use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::load;
 use oscura::metrics::z_test;
-use oscura::render::{RenderOptions, render};
+use oscura::render::{RenderOptions, Renderer};
 use oscura::scene::{EnergyCompensation, Filter};
 use serde_json::{Value, json};
-use std::sync::atomic::AtomicBool;
+use std::sync::Arc;
 
 const ASSET: &str = include_str!("../../../../assets/cornell-box.gltf");
 /// Edge of the pictures, pixels.
@@ -31,7 +31,7 @@ pub fn run(effort: f64) -> Vec<Row> {
 }
 
 /// Scaling by powers of two changes no significand: each pixel has the same bits.
-fn powers_of_two(original: &CompiledScene, samples: u32) -> Row {
+fn powers_of_two(original: &Arc<CompiledScene>, samples: u32) -> Row {
     let expected = picture(original, samples, 1);
     let mut wrong = 0;
     for exponent in POWERS_OF_TWO {
@@ -47,7 +47,7 @@ fn powers_of_two(original: &CompiledScene, samples: u32) -> Row {
 
 /// All else agrees: with other random numbers within the noise, and with the same ones within the rounding of
 /// coordinates, which sends few paths elsewhere.
-fn scaled_and_moved(original: &CompiledScene, samples: u32) -> Row {
+fn scaled_and_moved(original: &Arc<CompiledScene>, samples: u32) -> Row {
     let references: Vec<Image> =
         (0..REFERENCES).map(|seed| picture(original, samples, 1000 + seed)).collect();
     let (mean, variance) = (mean(&references), variance_of_mean(&references));
@@ -118,7 +118,7 @@ impl Pair {
 }
 
 /// The asset with all that its scene shows under one more node.
-fn scene(scale: f64, far: f64) -> CompiledScene {
+fn scene(scale: f64, far: f64) -> Arc<CompiledScene> {
     let mut asset: Value = serde_json::from_str(ASSET).expect("the asset is JSON");
     let children = asset["scenes"][0]["nodes"].take();
     let nodes = asset["nodes"].as_array_mut().expect("the asset has nodes");
@@ -140,25 +140,15 @@ fn scene(scale: f64, far: f64) -> CompiledScene {
     };
     let (compiled, report) = compile(&loaded.scene, &options).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "scale {scale:e}, moved by {far:e}: {:?}", report.warnings);
-    compiled
+    Arc::new(compiled)
 }
 
-fn picture(scene: &CompiledScene, samples: u32, seed: u32) -> Image {
-    let options = RenderOptions {
-        width: SIZE,
-        height: SIZE,
-        samples,
-        seed,
-        max_depth: 100,
-        filter: Filter::Box,
-        aovs: AovSet::default(),
-        soft_terminator: true,
-        time_limit: None,
-    };
-    let (film, statistics) =
-        render(scene, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
-    assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
-    to_image(&film)
+fn picture(scene: &Arc<CompiledScene>, samples: u32, seed: u32) -> Image {
+    let options = RenderOptions::default().size(SIZE, SIZE).samples(samples).seed(seed).filter(Filter::Box);
+    let mut renderer = Renderer::new(scene.clone(), options).expect("the film fits");
+    renderer.run();
+    assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
+    to_image(renderer.film())
 }
 
 fn to_image(film: &Film) -> Image {

@@ -1,0 +1,234 @@
+//! What a film keeps for one channel beyond colour, by the channel's reduction.
+
+use super::channel::{Channel, PixelType, Reduction};
+use super::coverage::Coverage;
+use std::ops::Range;
+
+/// Values of one component of a channel, one a pixel, rows from the top.
+#[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
+pub enum Values {
+    /// Floats.
+    Float(Vec<f32>),
+    /// Integers.
+    Uint(Vec<u32>),
+}
+
+impl Values {
+    /// As floats; integers above 2^24 lose their last digits.
+    pub fn into_floats(self) -> Vec<f32> {
+        match self {
+            Values::Float(values) => values,
+            Values::Uint(values) => values.into_iter().map(|v| v as f32).collect(),
+        }
+    }
+}
+
+/// How many samples of each pixel there are: in all, and of the channel's source.
+#[derive(Clone, Copy)]
+pub(super) struct Counts<'a> {
+    pub samples: &'a [u32],
+    pub brought: &'a [u32],
+}
+
+/// What is kept for one channel.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Accumulator {
+    /// Numbers that a sample brings.
+    width: usize,
+    kept: Kept,
+}
+
+/// Sums and the like. Lists hold a channel's components pixel by pixel; all start at zero.
+#[derive(Clone, Debug, PartialEq)]
+enum Kept {
+    /// Sums of values.
+    Sums(Vec<f64>),
+    /// Sums of values, and of their squares.
+    Moments { sums: Vec<f64>, squares: Vec<f64> },
+    /// Smallest values.
+    Minimum(Vec<f32>),
+    /// Values of the first samples.
+    First(Vec<f32>),
+    /// Lists of ids.
+    Coverage(Coverage),
+    /// The film's counts say it all.
+    Counts,
+}
+
+impl Accumulator {
+    /// Empty; `None` if there is no memory for it.
+    pub fn try_new(channel: &Channel, pixels: usize) -> Option<Accumulator> {
+        fn zeros<T: bytemuck::Zeroable>(count: usize) -> Option<Vec<T>> {
+            bytemuck::try_zeroed_vec(count).ok()
+        }
+        let width = channel.components();
+        let numbers = pixels.checked_mul(width)?;
+        let kept = match channel.reduction {
+            Reduction::Mean | Reduction::MeanOfHits { .. } => Kept::Sums(zeros(numbers)?),
+            Reduction::VarianceOfMean => Kept::Moments { sums: zeros(numbers)?, squares: zeros(numbers)? },
+            Reduction::Minimum { .. } => Kept::Minimum(zeros(numbers)?),
+            Reduction::First => Kept::First(zeros(numbers)?),
+            Reduction::Coverage => Kept::Coverage(Coverage::try_new(pixels)?),
+            Reduction::Count => Kept::Counts,
+        };
+        Some(Accumulator { width, kept })
+    }
+
+    /// Bytes for one pixel; lists of ids grow beyond it.
+    pub fn bytes_per_pixel(channel: &Channel) -> usize {
+        let number = match channel.reduction {
+            Reduction::Mean | Reduction::MeanOfHits { .. } => size_of::<f64>(),
+            Reduction::VarianceOfMean => 2 * size_of::<f64>(),
+            Reduction::Minimum { .. } | Reduction::First | Reduction::Coverage => size_of::<f32>(),
+            Reduction::Count => 0,
+        };
+        number * channel.components()
+    }
+
+    /// Adds what a sample brought to a pixel, one value a component; `is_first` if none did before.
+    pub fn add(&mut self, pixel: usize, values: &[f32], is_first: bool) {
+        let places = places(pixel..pixel + 1, self.width);
+        match &mut self.kept {
+            Kept::Sums(sums) => {
+                sums[places].iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v));
+            }
+            Kept::Moments { sums, squares } => {
+                let (sums, squares) = (&mut sums[places.clone()], &mut squares[places]);
+                for ((sum, square), v) in sums.iter_mut().zip(squares).zip(values) {
+                    let v = f64::from(*v);
+                    *sum += v;
+                    *square += v * v;
+                }
+            }
+            Kept::Minimum(least) => {
+                for (least, &v) in least[places].iter_mut().zip(values) {
+                    *least = if is_first { v } else { least.min(v) };
+                }
+            }
+            Kept::First(first) if is_first => first[places].copy_from_slice(values),
+            Kept::Coverage(lists) => lists.add(pixel, values[0].to_bits(), 1),
+            Kept::First(_) | Kept::Counts => {}
+        }
+    }
+
+    /// Adds pixels of another accumulator of the same channel, which start at `from`, to those that start at `at`.
+    /// `before` and `added` count what this and the other have been brought, a pixel each.
+    pub fn merge(&mut self, at: usize, other: &Accumulator, from: usize, before: &[u32], added: &[u32]) {
+        fn add(into: &mut [f64], from: &[f64]) {
+            into.iter_mut().zip(from).for_each(|(sum, value)| *sum += value);
+        }
+        let (length, width) = (added.len(), self.width);
+        let (here, there) = (places(at..at + length, width), places(from..from + length, width));
+        match (&mut self.kept, &other.kept) {
+            (Kept::Sums(a), Kept::Sums(b)) => add(&mut a[here], &b[there]),
+            (Kept::Moments { sums, squares }, Kept::Moments { sums: b, squares: b2 }) => {
+                add(&mut sums[here.clone()], &b[there.clone()]);
+                add(&mut squares[here], &b2[there]);
+            }
+            (Kept::Minimum(a), Kept::Minimum(b)) => {
+                let less = |is_first: bool, a: f32, b: f32| if is_first { b } else { a.min(b) };
+                combine(&mut a[here], &b[there], width, before, added, less);
+            }
+            (Kept::First(a), Kept::First(b)) => {
+                let first = |is_first: bool, a: f32, b: f32| if is_first { b } else { a };
+                combine(&mut a[here], &b[there], width, before, added, first);
+            }
+            (Kept::Coverage(a), Kept::Coverage(b)) => {
+                (0..length).for_each(|i| a.merge(at + i, b, from + i));
+            }
+            (kept, _) => debug_assert!(matches!(kept, Kept::Counts), "accumulators of other channels"),
+        }
+    }
+
+    /// The values of all pixels, one list a name of the channel.
+    pub fn planes(&self, channel: &Channel, counts: Counts) -> Vec<Values> {
+        if let Kept::Coverage(lists) = &self.kept {
+            return coverage_planes(lists, channel.names.len(), counts.samples);
+        }
+        let plane = |component| self.plane(component, channel, counts);
+        (0..channel.names.len()).map(plane).collect()
+    }
+
+    /// The values of one component.
+    fn plane(&self, component: usize, channel: &Channel, counts: Counts) -> Values {
+        let Counts { samples, brought } = counts;
+        let mean = |sum: f64, count: u32| (sum * reciprocal(count)) as f32;
+        let floats = match (&self.kept, channel.reduction) {
+            (Kept::Counts | Kept::Coverage(_), _) => return Values::Uint(brought.to_vec()),
+            (Kept::Sums(sums), Reduction::MeanOfHits { empty }) => {
+                let pixels = component_of(sums, self.width, component).zip(brought);
+                pixels.map(|(sum, &hits)| if hits == 0 { empty } else { mean(sum, hits) }).collect()
+            }
+            (Kept::Sums(sums), _) => {
+                component_of(sums, self.width, component).zip(samples).map(|(sum, &n)| mean(sum, n)).collect()
+            }
+            (Kept::Moments { sums, squares }, _) => {
+                let [sums, squares] = [sums, squares].map(|list| component_of(list, self.width, component));
+                let pixels = sums.zip(squares).zip(samples);
+                pixels.map(|((sum, square), &n)| variance_of_mean(sum, square, n)).collect()
+            }
+            (Kept::Minimum(list) | Kept::First(list), reduction) => {
+                let empty = if let Reduction::Minimum { empty } = reduction { empty } else { 0.0 };
+                let values = component_of(list, self.width, component).zip(brought);
+                values.map(|(value, &hits)| if hits == 0 { empty } else { value }).collect::<Vec<f32>>()
+            }
+        };
+        match channel.pixel_type {
+            PixelType::Uint => Values::Uint(floats.into_iter().map(f32::to_bits).collect()),
+            PixelType::Half | PixelType::Float => Values::Float(floats),
+        }
+    }
+}
+
+/// Takes the values of another list where this one is a pixel's first, else what `choose` says.
+fn combine(
+    into: &mut [f32],
+    from: &[f32],
+    width: usize,
+    before: &[u32],
+    added: &[u32],
+    choose: impl Fn(bool, f32, f32) -> f32,
+) {
+    let pixels = into.chunks_exact_mut(width).zip(from.chunks_exact(width)).zip(before.iter().zip(added));
+    for ((into, from), (before, _)) in pixels.filter(|(_, (_, added))| **added > 0) {
+        into.iter_mut().zip(from).for_each(|(a, b)| *a = choose(*before == 0, *a, *b));
+    }
+}
+
+/// One component of a list that has `width` for each pixel.
+fn component_of<T: Copy>(list: &[T], width: usize, component: usize) -> impl Iterator<Item = T> {
+    list.iter().copied().skip(component).step_by(width)
+}
+
+/// One over a count, or zero.
+pub(super) fn reciprocal(count: u32) -> f64 {
+    if count == 0 { 0.0 } else { 1.0 / f64::from(count) }
+}
+
+/// The variance of a mean of `count` values with these sums: `(squares - sums^2 / n) / (n - 1) / n`.
+fn variance_of_mean(sum: f64, squares: f64, count: u32) -> f32 {
+    if count < 2 {
+        return f32::INFINITY;
+    }
+    let n = f64::from(count);
+    // Rounding may take the difference below zero where all values are the same.
+    ((squares - sum * sum / n).max(0.0) / ((n - 1.0) * n)) as f32
+}
+
+/// Ids as the bits of floats, and the shares of the samples that show them, in turn.
+fn coverage_planes(lists: &Coverage, names: usize, samples: &[u32]) -> Vec<Values> {
+    let mut planes = vec![vec![0.0f32; samples.len()]; names];
+    for (pixel, &count) in samples.iter().enumerate() {
+        for (pair, (id, of_id)) in planes.chunks_exact_mut(2).zip(lists.ranked(pixel)) {
+            pair[0][pixel] = f32::from_bits(id);
+            pair[1][pixel] = (f64::from(of_id) * reciprocal(count)) as f32;
+        }
+    }
+    planes.into_iter().map(Values::Float).collect()
+}
+
+/// Where the numbers of pixels stand in a list with `width` for each.
+fn places(pixels: Range<usize>, width: usize) -> Range<usize> {
+    pixels.start * width..pixels.end * width
+}

@@ -1,0 +1,78 @@
+//! Which ids cover each pixel: a list a pixel, as long as it needs to be.
+
+/// Counts of ids a pixel. The lists are chains through one array: a picture has few ids a pixel, and most pixels one.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Coverage {
+    /// First entry of each pixel's chain, plus one; 0 for none.
+    heads: Vec<u32>,
+    entries: Vec<Entry>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Entry {
+    id: u32,
+    /// Samples that showed it.
+    count: u32,
+    /// The next entry of the pixel, plus one; 0 for none.
+    next: u32,
+}
+
+impl Coverage {
+    /// Empty lists; `None` if there is no memory for them.
+    pub fn try_new(pixels: usize) -> Option<Coverage> {
+        Some(Coverage { heads: bytemuck::try_zeroed_vec(pixels).ok()?, entries: Vec::new() })
+    }
+
+    /// Adds samples of an id to a pixel.
+    pub fn add(&mut self, pixel: usize, id: u32, count: u32) {
+        let mut at = self.heads[pixel];
+        while let Some(entry) = self.entries.get_mut((at as usize).wrapping_sub(1)) {
+            if entry.id == id {
+                entry.count = entry.count.saturating_add(count);
+                return;
+            }
+            at = entry.next;
+        }
+        self.entries.push(Entry { id, count, next: self.heads[pixel] });
+        self.heads[pixel] = u32::try_from(self.entries.len()).expect("fewer than 2^32 ids on all pixels");
+    }
+
+    /// Adds a pixel of other lists to one of these.
+    pub fn merge(&mut self, pixel: usize, other: &Coverage, from: usize) {
+        other.of(from).for_each(|entry| self.add(pixel, entry.id, entry.count));
+    }
+
+    /// The ids of a pixel with their numbers of samples, most samples first; where they tie, the smaller id.
+    pub fn ranked(&self, pixel: usize) -> Vec<(u32, u32)> {
+        let mut list: Vec<(u32, u32)> = self.of(pixel).map(|entry| (entry.id, entry.count)).collect();
+        list.sort_unstable_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
+        list
+    }
+
+    fn of(&self, pixel: usize) -> impl Iterator<Item = &Entry> {
+        let entry = |at: u32| self.entries.get((at as usize).wrapping_sub(1));
+        std::iter::successors(entry(self.heads[pixel]), move |last| entry(last.next))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ids_rank_by_their_samples_whatever_the_order() {
+        let samples = [(0, 7), (1, 9), (0, 3), (0, 7), (0, 5), (1, 9), (0, 5)];
+        let mut lists = Coverage::try_new(3).expect("three pixels");
+        samples.iter().for_each(|&(pixel, id)| lists.add(pixel, id, 1));
+        let mut backwards = Coverage::try_new(3).expect("three pixels");
+        samples.iter().rev().for_each(|&(pixel, id)| backwards.add(pixel, id, 1));
+        for lists in [&lists, &backwards] {
+            assert_eq!(lists.ranked(0), [(5, 2), (7, 2), (3, 1)]);
+            assert_eq!((lists.ranked(1), lists.ranked(2)), (vec![(9, 2)], vec![]));
+        }
+        let mut both = lists.clone();
+        both.merge(0, &backwards, 0);
+        both.merge(2, &backwards, 1);
+        assert_eq!((both.ranked(0), both.ranked(2)), (vec![(5, 4), (7, 4), (3, 2)], vec![(9, 2)]));
+    }
+}

@@ -1,0 +1,142 @@
+//! Sums of everything that samples bring, of a film or of a tile.
+
+use super::accumulator::{Accumulator, Counts, Values, reciprocal};
+use super::channel::{Channel, Source};
+
+/// What a film is a list of. The first channel is colour.
+#[derive(Debug, PartialEq)]
+pub struct Layout {
+    pub(super) channels: Vec<Channel>,
+    /// Whether any channel shows first hits.
+    pub(super) has_first_hits: bool,
+}
+
+impl Layout {
+    /// Colour and further channels.
+    pub fn new(further: impl IntoIterator<Item = Channel>) -> Layout {
+        let mut channels = vec![Channel::color()];
+        channels.extend(further);
+        let has_first_hits = channels.iter().any(|channel| channel.source == Source::FirstHit);
+        Layout { channels, has_first_hits }
+    }
+
+    /// All channels but colour.
+    fn further(&self) -> &[Channel] {
+        &self.channels[1..]
+    }
+
+    /// Those that show first hits.
+    pub(super) fn first_hits(&self) -> impl Iterator<Item = &Channel> {
+        self.further().iter().filter(|channel| channel.source == Source::FirstHit)
+    }
+
+    /// Are there more than colour?
+    pub fn has_more_than_color(&self) -> bool {
+        self.channels.len() > 1
+    }
+
+    /// Bytes for one pixel.
+    pub fn bytes_per_pixel(&self) -> u64 {
+        let counts = size_of::<u32>() * (1 + usize::from(self.has_first_hits));
+        let further: usize = self.further().iter().map(Accumulator::bytes_per_pixel).sum();
+        (size_of::<[f64; 4]>() + counts + further) as u64
+    }
+}
+
+/// Sums and counts, one entry a pixel.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sums {
+    /// Red, green, blue, alpha.
+    pub rgba: Vec<[f64; 4]>,
+    /// Samples of each pixel.
+    pub count: Vec<u32>,
+    /// Those that hit something; empty where no channel asks for it.
+    hits: Vec<u32>,
+    /// One for each channel beyond colour.
+    further: Vec<Accumulator>,
+}
+
+impl Sums {
+    /// Empty sums; `None` if the memory isn't there.
+    pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
+        let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
+        let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels));
+        Some(Sums {
+            rgba: bytemuck::try_zeroed_vec(pixels).ok()?,
+            count: counts(pixels)?,
+            hits: counts(if layout.has_first_hits { pixels } else { 0 })?,
+            further: further.collect::<Option<_>>()?,
+        })
+    }
+
+    /// Adds colour and alpha.
+    #[inline(always)]
+    pub fn add(&mut self, pixel: usize, rgb: [f32; 3], alpha: f32) {
+        let sum = &mut self.rgba[pixel];
+        sum[0] += f64::from(rgb[0]);
+        sum[1] += f64::from(rgb[1]);
+        sum[2] += f64::from(rgb[2]);
+        sum[3] += f64::from(alpha);
+        self.count[pixel] += 1;
+    }
+
+    /// Adds what the channels beyond colour take from a sample whose colour was added.
+    pub fn add_further(&mut self, pixel: usize, rgb: [f32; 3], first_hit: Option<&[f32]>, layout: &Layout) {
+        let mut rest = first_hit;
+        for (channel, accumulator) in layout.further().iter().zip(&mut self.further) {
+            match channel.source {
+                Source::Color => accumulator.add(pixel, &rgb, self.count[pixel] == 1),
+                Source::FirstHit => {
+                    let Some((values, others)) = rest.map(|all| all.split_at(channel.components())) else {
+                        continue;
+                    };
+                    accumulator.add(pixel, values, self.hits[pixel] == 0);
+                    rest = Some(others);
+                }
+            }
+        }
+        if first_hit.is_some() && layout.has_first_hits {
+            self.hits[pixel] += 1;
+        }
+    }
+
+    /// Adds one row of other sums.
+    pub fn add_row(&mut self, at: usize, other: &Sums, from: usize, length: usize, layout: &Layout) {
+        fn count(into: &mut [u32], from: &[u32]) {
+            into.iter_mut().zip(from).for_each(|(sum, value)| *sum = sum.saturating_add(*value));
+        }
+        let (here, there) = (at..at + length, from..from + length);
+        for ((channel, into), more) in layout.further().iter().zip(&mut self.further).zip(&other.further) {
+            let (before, added) = match channel.source {
+                Source::Color => (&self.count, &other.count),
+                Source::FirstHit => (&self.hits, &other.hits),
+            };
+            into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
+        }
+        let rgba = other.rgba[there.clone()].iter().flatten();
+        self.rgba[here.clone()].iter_mut().flatten().zip(rgba).for_each(|(sum, value)| *sum += value);
+        count(&mut self.count[here.clone()], &other.count[there.clone()]);
+        if layout.has_first_hits {
+            count(&mut self.hits[here], &other.hits[there]);
+        }
+    }
+
+    /// Mean colour and alpha of a pixel.
+    pub fn mean_rgba(&self, pixel: usize) -> [f32; 4] {
+        let scale = reciprocal(self.count[pixel]);
+        self.rgba[pixel].map(|sum| (sum * scale) as f32)
+    }
+
+    /// The values of a channel, one list a name.
+    pub fn planes(&self, index: usize, channel: &Channel) -> Vec<Values> {
+        let Some(further) = index.checked_sub(1) else {
+            let component = |c: usize| (0..self.count.len()).map(|pixel| self.mean_rgba(pixel)[c]).collect();
+            return (0..4).map(component).map(Values::Float).collect();
+        };
+        let brought = match channel.source {
+            Source::Color => &self.count,
+            Source::FirstHit => &self.hits,
+        };
+        self.further[further].planes(channel, Counts { samples: &self.count, brought })
+    }
+}
