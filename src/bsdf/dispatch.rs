@@ -1,13 +1,24 @@
 //! Makes the closed enums over all BSDFs, and what calls their parts, of one table.
 
-/// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row is the name of a [`super::Lobe`] and its
-/// [`super::MaterialProgram`]; rows under `transmissive` are [`super::Transmissive`] as well. `Black`, which does nothing,
+/// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row names a [`super::Lobe`] and its
+/// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well. `Black`, which does nothing,
 /// is always there.
 macro_rules! bsdfs {
     (
-        opaque { $($(#[$opaque_doc:meta])* $opaque:ident($opaque_program:ty),)* }
-        transmissive { $($(#[$doc:meta])* $transmissive:ident($program:ty),)* }
+        opaque {$(
+            $(#[$opaque_doc:meta])*
+            $opaque_file:ident::$opaque:ident($opaque_program_file:ident::$opaque_program:ident),
+        )*}
+        transmissive {$(
+            $(#[$doc:meta])*
+            $file:ident::$transmissive:ident($program_file:ident::$program:ident),
+        )*}
     ) => {
+        $(pub use $opaque_file::$opaque;)*
+        $(pub use $opaque_program_file::$opaque_program;)*
+        $(pub use $file::$transmissive;)*
+        $(pub use $program_file::$program;)*
+
         /// Every way in which a surface may scatter.
         #[derive(Clone, Copy, Debug)]
         pub enum Bsdf {

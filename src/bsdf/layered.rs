@@ -10,13 +10,14 @@
 //! reciprocal.
 
 use super::coat::Coat;
-use super::metal_rough::MetalRoughClosure;
+use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Microsurface};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+use super::sample::LEAST_ALBEDO;
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
 use super::through::DiffuseThrough;
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, Lobe, MetalRough, Transmissive, ggx};
+use super::{BsdfEval, BsdfSample, Lobe, Transmissive, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
 

@@ -2,7 +2,8 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, Lobe, fresnel, ggx};
+use super::sample::LEAST_ALBEDO;
+use super::{BsdfEval, BsdfSample, Lobe, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Vec3, select};
 use crate::sampling::warp;

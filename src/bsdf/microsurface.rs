@@ -2,7 +2,7 @@
 //! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
 
 use super::albedo_table::DirectionalAlbedo;
-use super::anisotropic_table::anisotropic_albedo;
+use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo};
 use super::ggx::{self, MIN_ALPHA, Reflection};
 use super::program::{LocalFrame, Slots};
 use crate::math::{Vec2, Vec3, poly};
@@ -52,9 +52,6 @@ impl Facets for Isotropic {
 
 /// Smallest ratio of the two alphas.
 const LEAST_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
-
-/// Largest ratio of their square roots.
-pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]

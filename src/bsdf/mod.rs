@@ -27,6 +27,7 @@ mod reference;
 #[cfg(test)]
 mod reference_walk;
 mod rough_dielectric;
+mod rough_dielectric_lobe;
 mod sample;
 mod schlick_metal;
 mod sheen;
@@ -38,54 +39,48 @@ mod through;
 
 pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
-pub use conductor::Conductor;
-pub use dielectric::{Dielectric, ThinDielectric};
 pub use ggx::above;
-pub use lambert::Lambert;
-pub use layered::Layered;
 pub use lobe::{Lobe, Transmissive};
-pub use metal_rough::{MetalRough, MetalRoughClosure};
+pub use metal_rough::MetalRoughClosure;
 pub use microsurface::{Facets, Isotropic, Microsurface};
-pub use oren_nayar::OrenNayar;
-pub use phong::Phong;
 pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
-pub use rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+pub use rough_dielectric::{GlassReflectance, Walls};
 pub use sample::{BsdfEval, BsdfSample};
-pub use schlick_metal::SchlickMetal;
 pub use sheen::Sheen;
 pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
 
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{EnergyCompensation, Model};
+use crate::scene::{EnergyCompensation, FresnelModel, Model, PbrMaterial};
+use microsurface::MicrosurfaceProgram;
 use program::always;
-use sample::{LEAST_ALBEDO, with_side};
+use sample::with_side;
 
 dispatch::bsdfs! {
     opaque {
         /// Ideal diffuse reflection.
-        Lambert(lambert::LambertProgram),
+        lambert::Lambert(lambert::LambertProgram),
         /// Rough diffuse reflection.
-        OrenNayar(oren_nayar::OrenNayarProgram),
+        oren_nayar::OrenNayar(oren_nayar::OrenNayarProgram),
         /// The modified Phong model.
-        Phong(phong::PhongProgram),
+        phong::Phong(phong::PhongProgram),
         /// A metal of a colour, with Schlick's Fresnel term.
-        SchlickMetal(schlick_metal::SchlickMetalProgram),
+        schlick_metal::SchlickMetal(schlick_metal::SchlickMetalProgram),
         /// A metal of a complex index of refraction.
-        Conductor(conductor::ConductorProgram),
+        conductor::Conductor(conductor::ConductorProgram),
         /// The opaque glTF material.
-        MetalRough(program_pbr::MetalRoughProgram),
+        metal_rough::MetalRough(program_pbr::MetalRoughProgram),
     }
     transmissive {
         /// Smooth solid glass.
-        Dielectric(dielectric::DielectricProgram),
+        dielectric::Dielectric(dielectric::DielectricProgram),
         /// A smooth thin sheet of glass.
-        ThinDielectric(dielectric::ThinDielectricProgram),
+        dielectric::ThinDielectric(dielectric::ThinDielectricProgram),
         /// Glass of any roughness, solid or thin.
-        RoughDielectric(rough_dielectric::RoughDielectricProgram),
+        rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
         /// The glTF material with all layers.
-        Layered(program_pbr::LayeredProgram),
+        layered::Layered(program_pbr::LayeredProgram),
     }
 }
 
@@ -94,23 +89,20 @@ impl BsdfProgram {
     pub fn of(model: &Model, energy_compensation: EnergyCompensation) -> BsdfProgram {
         match model {
             Model::Black => BsdfProgram::Black,
-            Model::Lambert { albedo } => lambert::LambertProgram { albedo: *albedo }.into(),
+            Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
             Model::OrenNayar { color, roughness } if always(roughness, 0.0) => {
-                lambert::LambertProgram { albedo: *color }.into()
+                LambertProgram { albedo: *color }.into()
             }
             Model::OrenNayar { color, roughness } => {
-                oren_nayar::OrenNayarProgram { color: *color, roughness: *roughness }.into()
+                OrenNayarProgram { color: *color, roughness: *roughness }.into()
             }
             Model::Phong { diffuse, specular, exponent } => {
-                phong::PhongProgram { diffuse: *diffuse, specular: *specular, exponent: *exponent }.into()
+                PhongProgram { diffuse: *diffuse, specular: *specular, exponent: *exponent }.into()
             }
-            Model::SchlickMetal { color, roughness } => schlick_metal::SchlickMetalProgram {
-                color: *color,
-                roughness: *roughness,
-                energy_compensation,
+            Model::SchlickMetal { color, roughness } => {
+                SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
             }
-            .into(),
-            Model::Conductor { eta, k, roughness } => conductor::ConductorProgram {
+            Model::Conductor { eta, k, roughness } => ConductorProgram {
                 eta: Rgb::from_array(*eta),
                 k: Rgb::from_array(*k),
                 roughness: *roughness,
@@ -118,14 +110,13 @@ impl BsdfProgram {
             }
             .into(),
             Model::Dielectric { ior, tint, fresnel } => {
-                dielectric::DielectricProgram { ior: *ior, tint: *tint, tints_once: false, fresnel: *fresnel }
-                    .into()
+                DielectricProgram { ior: *ior, tint: *tint, tints_once: false, fresnel: *fresnel }.into()
             }
             Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
-                dielectric::ThinDielectricProgram { ior: *ior, tint: *tint }.into()
+                ThinDielectricProgram { ior: *ior, tint: *tint }.into()
             }
-            Model::Glass { ior, tint, roughness, is_thin } => rough_dielectric::RoughDielectricProgram {
-                facets: microsurface::MicrosurfaceProgram { roughness: *roughness, anisotropy: None },
+            Model::Glass { ior, tint, roughness, is_thin } => RoughDielectricProgram {
+                facets: MicrosurfaceProgram { roughness: *roughness, anisotropy: None },
                 ior: *ior,
                 walls: if *is_thin { Walls::Thin } else { Walls::Solid },
                 tint: *tint,
@@ -133,7 +124,47 @@ impl BsdfProgram {
                 energy_compensation,
             }
             .into(),
-            Model::Pbr(pbr) => program_pbr::program_of(pbr, energy_compensation),
+            Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, energy_compensation),
+        }
+    }
+
+    fn of_pbr(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
+        let layered = || LayeredProgram::new(pbr, energy_compensation).into();
+        let is_dielectric = always(&pbr.metallic, 0.0);
+        if program_pbr::is_layered(pbr) {
+            return layered();
+        }
+        if program_pbr::transmits(pbr) {
+            let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && program_pbr::is_plain(pbr);
+            return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
+        }
+        if is_dielectric && always(&pbr.specular, 0.0) {
+            // Without a reflection on top, roughness means nothing.
+            let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
+            return if black { BsdfProgram::Black } else { LambertProgram { albedo: pbr.base_color }.into() };
+        }
+        match (pbr.anisotropy.is_some(), always(&pbr.metallic, 1.0)) {
+            (true, _) => layered(),
+            (false, true) => {
+                let (color, roughness) = (pbr.base_color, pbr.roughness);
+                SchlickMetalProgram { color, roughness, energy_compensation }.into()
+            }
+            (false, false) => MetalRoughProgram::new(pbr, energy_compensation).into(),
+        }
+    }
+
+    /// Glass without anything else.
+    fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
+        let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
+        let walls = program_pbr::walls(pbr);
+        if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() {
+            let facets = program_pbr::facets(pbr);
+            return RoughDielectricProgram { facets, ior, walls, tint, tints_once, energy_compensation }
+                .into();
+        }
+        match walls {
+            Walls::Solid => DielectricProgram { ior, tint, tints_once, fresnel: FresnelModel::Exact }.into(),
+            Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
         }
     }
 }

@@ -1,82 +1,42 @@
-//! From the glTF material to the simplest program that is equivalent to it.
+//! Programs of the glTF material, and what tells which one is the simplest that is equivalent to it.
 
-use super::dielectric::{DielectricProgram, ThinDielectricProgram, tint_of_crossing};
-use super::lambert::LambertProgram;
-use super::microsurface::MicrosurfaceProgram;
+use super::dielectric::tint_of_crossing;
+use super::layered::Layered;
+use super::metal_rough::MetalRough;
+use super::microsurface::{Isotropic, MicrosurfaceProgram};
 use super::program::{LocalFrame, MaterialProgram, Slots, always};
-use super::rough_dielectric::RoughDielectricProgram;
-use super::schlick_metal::SchlickMetalProgram;
-use super::{
-    BsdfProgram, Coat, GlassReflectance, Isotropic, Layered, MetalRough, RoughDielectric, Sheen, ThinFilm,
-    Walls, fresnel,
-};
+use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+use super::{Coat, Sheen, ThinFilm, fresnel};
 use crate::color::Rgb;
 use crate::scene::{
-    Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, FresnelModel, Iridescence,
-    PbrMaterial,
+    Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, PbrMaterial,
 };
 
 /// Can light pass the interface? An index of refraction of 0 means that all is reflected.
-fn transmits(pbr: &PbrMaterial) -> bool {
+pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
     !always(&pbr.transmission, 0.0) && pbr.ior > 0.0 && !always(&pbr.metallic, 1.0)
 }
 
 /// Is the dielectric's reflectance that of its index of refraction?
-fn is_plain(pbr: &PbrMaterial) -> bool {
+pub(super) fn is_plain(pbr: &PbrMaterial) -> bool {
     always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
 }
 
 /// Is there something that only [`Layered`] has?
-fn is_layered(pbr: &PbrMaterial) -> bool {
+pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
     pbr.clearcoat.is_some()
         || pbr.sheen.is_some()
         || pbr.iridescence.is_some()
         || pbr.diffuse_transmission.is_some()
 }
 
-/// See [`BsdfProgram::of`].
-pub(super) fn program_of(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
-    let is_dielectric = always(&pbr.metallic, 0.0);
-    if is_layered(pbr) {
-        return layered(pbr, energy_compensation);
-    }
-    if transmits(pbr) {
-        let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && is_plain(pbr);
-        return if is_clear { glass(pbr, energy_compensation) } else { layered(pbr, energy_compensation) };
-    }
-    if is_dielectric && always(&pbr.specular, 0.0) {
-        // Without a reflection on top, roughness means nothing.
-        let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
-        return if black { BsdfProgram::Black } else { LambertProgram { albedo: pbr.base_color }.into() };
-    }
-    match (pbr.anisotropy.is_some(), always(&pbr.metallic, 1.0)) {
-        (true, _) => layered(pbr, energy_compensation),
-        (false, true) => {
-            let (color, roughness) = (pbr.base_color, pbr.roughness);
-            SchlickMetalProgram { color, roughness, energy_compensation }.into()
-        }
-        (false, false) => MetalRoughProgram::new(pbr, energy_compensation).into(),
-    }
-}
-
-/// Glass without anything else.
-fn glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
-    let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
-    if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() {
-        let (facets, walls) = (facets(pbr), walls(pbr));
-        return RoughDielectricProgram { facets, ior, walls, tint, tints_once, energy_compensation }.into();
-    }
-    match walls(pbr) {
-        Walls::Solid => DielectricProgram { ior, tint, tints_once, fresnel: FresnelModel::Exact }.into(),
-        Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
-    }
-}
-
-fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
+/// Its facets.
+pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
     MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
 }
 
-fn walls(pbr: &PbrMaterial) -> Walls {
+/// What is behind its surface.
+pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
     if pbr.has_volume { Walls::Solid } else { Walls::Thin }
 }
 
@@ -94,7 +54,7 @@ pub struct MetalRoughProgram {
 }
 
 impl MetalRoughProgram {
-    fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> MetalRoughProgram {
+    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> MetalRoughProgram {
         MetalRoughProgram {
             base_color: pbr.base_color,
             metallic: pbr.metallic,
@@ -148,21 +108,22 @@ pub struct LayeredProgram {
     diffuse_transmission: Option<DiffuseTransmission>,
 }
 
-fn layered(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
-    LayeredProgram {
-        opaque: MetalRoughProgram::new(pbr, energy_compensation),
-        facets: facets(pbr),
-        transmission: transmits(pbr).then_some(pbr.transmission),
-        ior: pbr.ior,
-        walls: walls(pbr),
-        tints_once: pbr.tints_once,
-        is_plain: is_plain(pbr),
-        clearcoat: pbr.clearcoat,
-        sheen: pbr.sheen,
-        iridescence: pbr.iridescence,
-        diffuse_transmission: pbr.diffuse_transmission,
+impl LayeredProgram {
+    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> LayeredProgram {
+        LayeredProgram {
+            opaque: MetalRoughProgram::new(pbr, energy_compensation),
+            facets: facets(pbr),
+            transmission: transmits(pbr).then_some(pbr.transmission),
+            ior: pbr.ior,
+            walls: walls(pbr),
+            tints_once: pbr.tints_once,
+            is_plain: is_plain(pbr),
+            clearcoat: pbr.clearcoat,
+            sheen: pbr.sheen,
+            iridescence: pbr.iridescence,
+            diffuse_transmission: pbr.diffuse_transmission,
+        }
     }
-    .into()
 }
 
 impl MaterialProgram for LayeredProgram {

@@ -2,13 +2,12 @@
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
-use super::medium::Medium;
+use super::medium::{Medium, lets_light_in};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, Slots};
 use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, PbrMaterial,
-    Transmission,
+    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
 };
 use crate::texture::{CompiledTextures, PointReader};
 
@@ -256,11 +255,6 @@ fn is_transmissive(model: &Model) -> bool {
         Transmission::Thin | Transmission::Clear(_) => true,
         Transmission::Pbr(pbr) => lets_light_in(pbr),
     }
-}
-
-/// Does light pass the surface?
-pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
-    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
 fn has_textures(model: &Model) -> bool {

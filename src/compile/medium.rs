@@ -1,12 +1,9 @@
 //! What solids are filled with: indices of refraction and absorption.
 
-use super::closed::{Outline, outline};
-use super::material::{CompiledMaterial, lets_light_in};
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
-use crate::error::Warning;
 use crate::math::poly;
-use crate::scene::{MaterialId, Model, PbrMaterial, Scene, Transmission};
+use crate::scene::{Model, PbrMaterial, Transmission};
 
 /// The inside of a solid that light passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -50,45 +47,6 @@ impl Medium {
     }
 }
 
-/// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
-///
-/// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
-/// a window, and would fill the room behind it with glass.
-pub(super) fn number(
-    scene: &Scene,
-    materials: &mut [CompiledMaterial],
-    warnings: &mut Vec<Warning>,
-) -> Vec<Medium> {
-    let mut media = vec![Medium::AIR];
-    let mut left_out = 0;
-    for (id, material) in materials.iter_mut().enumerate() {
-        let Some(medium) = material.medium else { continue };
-        let is_kept = match outline(scene, MaterialId(id as u32)) {
-            Outline::None => false,
-            Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
-            Outline::Closed => true,
-        };
-        if !is_kept {
-            continue;
-        }
-        match u16::try_from(media.len()) {
-            Ok(index) => {
-                material.medium_index = index;
-                media.push(medium);
-            }
-            Err(_) => left_out += 1,
-        }
-    }
-    if left_out > 0 {
-        let most = u16::MAX;
-        warnings.push(Warning::general(format!(
-            "{left_out} materials of solids are more than the {most} whose insides are kept apart: the others neither \
-             absorb nor show what is around them"
-        )));
-    }
-    media
-}
-
 /// An index of 0 stands for total reflection in KHR_materials_ior: it relates to no other.
 fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
     iors.iter().all(|&ior| ior >= 1.0).then_some(iors)
@@ -120,4 +78,9 @@ fn dispersion(pbr: &PbrMaterial) -> Option<[f32; 3]> {
     let b = spread / (inverse_square(486.1) - inverse_square(656.3));
     let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
     Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
+}
+
+/// Does light pass the surface?
+pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
+    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }

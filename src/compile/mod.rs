@@ -7,6 +7,7 @@ mod emitters;
 mod fold;
 mod geometry;
 mod material;
+mod media;
 mod medium;
 mod tangents;
 
@@ -132,7 +133,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
     let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
-    let media = medium::number(scene, &mut materials, &mut report.warnings);
+    let media = media::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
         bake::bake(scene, &materials, origin, &mut report.warnings, &mut report.left_out);
     check_size(&geometries)?;
