@@ -1,7 +1,7 @@
 //! Morph targets: displacements of positions, normals and tangents, each times its weight.
 
 use super::document::Document;
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::vertices::{Kind, Opener};
 use crate::scene::Mesh;
 use gltf::json::accessor::Type;
@@ -41,7 +41,7 @@ pub(super) fn apply(
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Option<()> {
+) -> Sound<()> {
     let count = mesh.positions.len() - base;
     let at = format!("{at}/targets/{}", target.number);
     let mut opener = Opener::new(doc, &at, "", Some(count), report);
@@ -66,7 +66,7 @@ pub(super) fn apply(
         accessor.read_floats(&mut offsets);
         add(&mut mesh.tangents[base..], &offsets, weight);
     }
-    Some(())
+    Ok(())
 }
 
 fn add<const N: usize>(values: &mut [[f32; N]], offsets: &[[f32; 3]], weight: f32) {

@@ -4,7 +4,7 @@ use super::accessor::Accessor;
 use super::document::Document;
 use super::materials::Needs;
 use super::morph::{self, Target};
-use super::report::Report;
+use super::report::{Noted, Report, Sound};
 use super::skin::{self, SkinPose};
 use crate::math::Vec3;
 use crate::scene::Mesh;
@@ -50,30 +50,44 @@ pub(super) struct Deformation<'s> {
 /// Most sets of four joints a vertex; files with more are not known.
 const MOST_INFLUENCE_SETS: u32 = 4;
 
-/// What a primitive's vertices are made of, as far as its material needs it; `None` without positions. Tangents mean
-/// nothing without normals.
+/// What a primitive's vertices are made of, as far as its material needs it. Tangents mean nothing without normals.
 ///
 /// The first slot of texture coordinates is always filled: a scene file may replace the material.
 pub(super) fn attributes(
     primitive: &Primitive,
     needs: Needs,
     deformation: &Deformation,
-) -> Option<Attributes> {
+    at: &str,
+    report: &mut Report,
+) -> Sound<Attributes> {
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
+    let Some(positions) = accessor(Semantic::Positions) else {
+        return Err(report.warn(at, "has no positions and is skipped"));
+    };
     let uv = |set: Option<u32>| Some((set?, accessor(Semantic::TexCoords(set?))?));
     let normals = accessor(Semantic::Normals);
-    let sets = deformation.skin.map_or(0..0, |_| 0u32..MOST_INFLUENCE_SETS);
-    let influences =
-        sets.map_while(|set| Some((accessor(Semantic::Joints(set))?, accessor(Semantic::Weights(set))?)));
-    Some(Attributes {
-        positions: accessor(Semantic::Positions)?,
+    let mut influences = Vec::new();
+    for set in deformation.skin.map_or(0..0, |_| 0..MOST_INFLUENCE_SETS + 1) {
+        match (accessor(Semantic::Joints(set)), accessor(Semantic::Weights(set))) {
+            (Some(joints), Some(weights)) if set < MOST_INFLUENCE_SETS => influences.push((joints, weights)),
+            (None, None) => break,
+            _ => {
+                let message =
+                    format!("JOINTS_{set} and WEIGHTS_{set} are not a pair, or beyond what is read");
+                report.warn(format!("{at}/attributes"), format!("{message}: left out"));
+                break;
+            }
+        }
+    }
+    Ok(Attributes {
+        positions,
         normals,
         tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
         uv_slots: [needs.uv_slots.sets[0].or(Some(0)), needs.uv_slots.sets[1]].map(uv),
         targets: morph::shown(primitive.targets.as_ref(), deformation.weights),
-        influences: influences.collect(),
+        influences,
     })
 }
 
@@ -85,7 +99,7 @@ pub(super) fn add_vertices(
     at: &str,
     mesh: &mut Mesh,
     report: &mut Report,
-) -> Option<(u32, usize)> {
+) -> Sound<(u32, usize)> {
     let base = mesh.positions.len();
     let mut opener = Opener::new(doc, at, "/attributes", None, report);
     let positions = opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], Kind::Signed);
@@ -100,7 +114,9 @@ pub(super) fn add_vertices(
     // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
     let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
     let is_rounded = rounded(&normals) || rounded(&tangents);
-    positions?.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
+    if let Some(positions) = positions {
+        positions.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
+    }
     if let Some(normals) = normals {
         normals.read_floats(tail(&mut mesh.normals, base, count, [0.0; 3]));
     }
@@ -125,7 +141,7 @@ pub(super) fn add_vertices(
     } else if !attributes.targets.is_empty() || is_rounded {
         unit_length(mesh, base);
     }
-    Some((base as u32, count))
+    Ok((base as u32, count))
 }
 
 /// Gives morphed or rounded normals and tangents the length 1 again.
@@ -148,7 +164,7 @@ fn add_skin(
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Option<()> {
+) -> Sound<()> {
     let count = mesh.positions.len() - base;
     let mut influences = Vec::new();
     for (set, &(joints, weights)) in attributes.influences.iter().enumerate() {
@@ -157,7 +173,7 @@ fn add_skin(
         let weights = opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], Kind::Unsigned);
         opener.finish(0, 32)?;
         let mut influence = Influence { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
-        let (joints, weights) = (joints?, weights?);
+        let (Some(joints), Some(weights)) = (joints, weights) else { continue };
         joints.read_floats(&mut influence.joints);
         weights.read_floats(&mut influence.weights);
         let used = influence.joints.iter().zip(&influence.weights);
@@ -165,8 +181,7 @@ fn add_skin(
         let largest = largest.fold(-1.0, f32::max);
         if largest >= skin.joint_count() as f32 {
             let message = format!("holds the joint {largest}, but the skin has {}", skin.joint_count());
-            report.problem(joints.pointer, message);
-            return None;
+            return Err(report.problem(joints.pointer, message));
         }
         influences.push(influence);
     }
@@ -178,7 +193,7 @@ fn add_skin(
         let message = format!("{uneven} vertices have weights of joints that do not add up to 1; normalised");
         report.warn(at, message);
     }
-    Some(())
+    Ok(())
 }
 
 /// Opens the accessors of one primitive's attributes, all of them even if one has problems.
@@ -191,7 +206,8 @@ pub(super) struct Opener<'d, 'a, 'r> {
     quantized: bool,
     /// The number of vertices, known from the first attribute on.
     count: Option<usize>,
-    sound: bool,
+    /// Are all attributes so far sound?
+    sound: Sound<()>,
 }
 
 impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
@@ -204,10 +220,10 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
         report: &'r mut Report,
     ) -> Opener<'d, 'a, 'r> {
         let quantized = doc.extension_used("KHR_mesh_quantization");
-        Opener { doc, at, inside, report, quantized, count, sound: true }
+        Opener { doc, at, inside, report, quantized, count, sound: Ok(()) }
     }
 
-    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (then `sound` is false).
+    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (which `finish` tells).
     pub fn open(
         &mut self,
         index: Option<usize>,
@@ -217,28 +233,30 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
     ) -> Option<Accessor<'d>> {
         let from = format!("{}{}/{name}", self.at, self.inside);
         let opened = Accessor::open(self.doc, index?, &from, self.report);
-        let usable = opened.filter(|accessor| {
-            let expected = *self.count.get_or_insert(accessor.count);
-            if accessor.count != expected {
-                let message = format!("has {} elements for {expected} vertices", accessor.count);
-                self.report.problem(accessor.pointer.clone(), message);
-            }
-            checked(accessor, types, kind, self.quantized, self.report) && accessor.count == expected
-        });
-        self.sound &= usable.is_some();
-        usable
+        let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
+        usable.map_err(|noted: Noted| self.sound = Err(noted)).ok()
+    }
+
+    fn check(&mut self, accessor: Accessor<'d>, types: &[Type], kind: Kind) -> Sound<Accessor<'d>> {
+        let expected = *self.count.get_or_insert(accessor.count);
+        check_type(&accessor, types, kind, self.quantized, self.report)?;
+        if accessor.count != expected {
+            let message = format!("has {} elements for {expected} vertices", accessor.count);
+            return Err(self.report.problem(accessor.pointer.clone(), message));
+        }
+        Ok(accessor)
     }
 
     /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
-    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Option<usize> {
-        let count = self.count.filter(|_| self.sound)?;
+    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Sound<usize> {
+        self.sound?;
+        let Some(count) = self.count else { return Err(self.report.problem(self.at, "has no attributes")) };
         let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
         if fits && self.doc.may_decode(bytes_per_vertex.saturating_mul(count as u64)) {
-            return Some(count);
+            return Ok(count);
         }
         let message = format!("{count} vertices are more than the size of the file justifies");
-        self.report.problem(self.at, message);
-        None
+        Err(self.report.problem(self.at, message))
     }
 }
 
@@ -281,7 +299,13 @@ pub(super) enum Kind {
 }
 
 /// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
-fn checked(accessor: &Accessor, types: &[Type], kind: Kind, quantized: bool, report: &mut Report) -> bool {
+fn check_type(
+    accessor: &Accessor,
+    types: &[Type],
+    kind: Kind,
+    quantized: bool,
+    report: &mut Report,
+) -> Sound<()> {
     let small = matches!(
         accessor.component,
         ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
@@ -304,7 +328,7 @@ fn checked(accessor: &Accessor, types: &[Type], kind: Kind, quantized: bool, rep
         let component = if matches!(kind, Kind::Joints) { "U8 or U16" } else { "F32" };
         let (held, named) = (accessor.contents(), named.join(" or "));
         let message = format!("holds {held}; this attribute needs {named} of {component}");
-        report.problem(accessor.pointer.clone(), message);
+        return Err(report.problem(accessor.pointer.clone(), message));
     }
-    fits
+    Ok(())
 }
