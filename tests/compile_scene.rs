@@ -6,13 +6,12 @@ use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Microfacet, Model, PbrMaterial, Scene,
+    Model, PbrMaterial, Scene,
 };
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
-    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
-    compile(scene, &options).expect("compiles").1
+    compile(scene, &CompileOptions::default()).expect("compiles").1
 }
 
 fn look_down_z() -> oscura::scene::Camera {

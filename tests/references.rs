@@ -2,7 +2,7 @@
 
 mod support;
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::gltf::{Glass, GltfOptions};
@@ -90,11 +90,11 @@ fn export(path: &Path) -> Image {
     let gltf = GltfOptions { glass: Glass::Solid, ..GltfOptions::default() };
     let loaded =
         load(path, &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"));
-    let compile_options =
-        CompileOptions { microfacet: Microfacet::Single, camera: None, width: SIZE, height: SIZE };
+    let compile_options = CompileOptions { microfacet: Microfacet::Single, ..CompileOptions::default() };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = RenderOptions { soft_terminator: false, ..options(SIZE, 256, 64) };
-    let (film, _) = render(&compiled, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
+    let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
+    let (film, _) = render(&compiled, &view, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     to_image(&film)
 }
 

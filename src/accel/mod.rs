@@ -13,6 +13,7 @@ mod emit;
 mod gather;
 mod halves;
 mod layout;
+mod nearest;
 mod normalize;
 mod prepare;
 mod slot;

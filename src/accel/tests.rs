@@ -22,7 +22,7 @@ impl Rng {
     }
 }
 
-fn soup(count: usize, size: f32, seed: u64) -> Geometry {
+pub fn soup(count: usize, size: f32, seed: u64) -> Geometry {
     let mut rng = Rng::new(seed);
     let mut geometry = Geometry::default();
     for _ in 0..count {

@@ -10,7 +10,7 @@ use super::report::{self, Run, Said};
 use super::scene_path;
 use super::settings::{Settled, check_size, settle};
 use super::surroundings::Surroundings;
-use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
+use oscura::compile::{CompileOptions, CompileReport, CompiledScene, View, choose_camera, compile};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
 use oscura::render::{in_pool, render};
@@ -81,7 +81,7 @@ fn run_one(
     start: Instant,
     said: &mut Said,
 ) -> Result<Outcome> {
-    let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
+    let Prepared { scene, view, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), surroundings, loaded, start)?;
     if !args.quiet {
         said.notes(&notes);
@@ -94,11 +94,11 @@ fn run_one(
     stop_before_pixels(stop)?;
 
     let progress = Progress::new(args.quiet, args.time_limit);
-    let (film, statistics) = render(&scene, &settled.render, stop, &|event| progress.show(&event))?;
+    let (film, statistics) = render(&scene, &view, &settled.render, stop, &|event| progress.show(&event))?;
     progress.finish();
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, targets, &film, &settled, &build, &statistics, &warnings)?;
+    let pictures = Pictures::encode(args, targets, &film, &settled, &view, &statistics, &warnings)?;
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
@@ -136,6 +136,7 @@ fn run_one(
 /// All that rendering needs.
 struct Prepared {
     scene: CompiledScene,
+    view: View,
     settled: Settled,
     build: CompileReport,
     load_s: f64,
@@ -157,17 +158,15 @@ fn prepare(
     warnings.extend(surroundings.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
-    let options = CompileOptions {
-        microfacet: settled.microfacet,
-        camera: settled.camera,
-        width: settled.render.width,
-        height: settled.render.height,
-    };
+    let camera = choose_camera(&loaded.scene, settled.camera)?;
+    let anchor = Some(camera.world_from_camera.translation);
+    let options = CompileOptions { microfacet: settled.microfacet, anchor };
     let (scene, mut build) = compile(&loaded.scene, &options)?;
+    let view = View::new(&scene, camera, settled.render.width, settled.render.height);
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, settled, build, load_s, notes, warnings, left_out })
+    Ok(Prepared { scene, view, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -9,18 +9,19 @@ mod geometry;
 mod material;
 mod medium;
 mod tangents;
+mod view;
 
 pub use geometry::{
     Coordinates, Corners, Geometries, Surface, TextureCorners, shading_normal, triangle_surface,
 };
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
+pub use view::{View, choose_camera};
 
 use crate::accel::{Accel, BuildOptions, BuildStats};
-use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
-use crate::math::{Bounds3, DMat4, Hit, Vec3};
+use crate::math::{Bounds3, DVec3, Hit, Vec3};
 use crate::scene::{Microfacet, Scene};
 use crate::texture::CompiledTextures;
 use bake::Baked;
@@ -31,16 +32,14 @@ use std::time::Instant;
 const MAX_TRIANGLES: usize = 400_000_000;
 
 /// What to compile for.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct CompileOptions {
     /// Treatment of light that bounces between microfacets.
     pub microfacet: Microfacet,
-    /// Which camera; the first by default.
-    pub camera: Option<usize>,
-    /// Picture width in pixels.
-    pub width: u32,
-    /// Picture height in pixels.
-    pub height: u32,
+    /// The point of the scene's world that becomes the compiled scene's origin, metres. Single precision is finest
+    /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
+    /// origin.
+    pub anchor: Option<DVec3>,
 }
 
 /// What compiling did.
@@ -62,16 +61,14 @@ pub struct CompileReport {
     pub lights: u64,
     /// Memory of the accelerator.
     pub bytes: u64,
-    /// The camera's view of the scene's world.
-    pub world_to_camera: DMat4,
 }
 
-/// A scene ready to render. Immutable; rendering it can't fail. Its origin is the camera's position.
+/// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`].
 pub struct CompiledScene {
+    /// The point of the scene's world that is the origin of all coordinates here, metres.
+    pub anchor: DVec3,
     /// Ray queries.
     pub accel: Accel,
-    /// Camera rays.
-    pub camera: Camera,
     /// Surfaces at hits.
     pub geometries: Geometries,
     /// Materials.
@@ -117,28 +114,23 @@ impl CompiledScene {
 /// Compiles a scene.
 ///
 /// # Errors
-/// A usage error for a camera that does not exist, an input error for a scene without a camera or with more triangles
-/// than can be addressed.
+/// An input error for a scene with more triangles than can be addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
     let begin = Instant::now();
-    let camera = choose_camera(scene, options)?;
-    let origin = camera.world_from_camera.translation;
-    let mut report = CompileReport {
-        world_to_camera: DMat4::from(camera.world_from_camera.inverse()),
-        ..CompileReport::default()
-    };
-    let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
+    let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
+    let mut report = CompileReport::default();
+    let textures = CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3());
     let compiled = |m| CompiledMaterial::new(m, &textures, options.microfacet);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = medium::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
-        bake::bake(scene, &materials, origin, &mut report.warnings, &mut report.left_out);
+        bake::bake(scene, &materials, anchor, &mut report.warnings, &mut report.left_out);
     check_size(&geometries)?;
     let accel = Accel::build(&geometries.shapes, &instances, &BuildOptions::default());
     report_accel(accel.stats(), &mut report);
 
     let emitters = emitters::find(&geometries, &materials);
-    let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, origin)).collect();
+    let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let environment = EnvironmentLight::new(&scene.environment, &scene.images, true);
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
@@ -151,11 +143,10 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         media: media.len() > 1,
         absorption: media.iter().any(|m| m.absorption.is_some()),
     };
-    let camera = Camera::new(camera, options.width, options.height, origin);
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
+        anchor,
         accel,
-        camera,
         geometries,
         materials,
         microfacet: options.microfacet,
@@ -168,12 +159,8 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     Ok((compiled, report))
 }
 
-fn choose_camera<'a>(scene: &'a Scene, options: &CompileOptions) -> Result<&'a crate::scene::Camera> {
-    let index = options.camera.unwrap_or(0);
-    scene.cameras.get(index).ok_or_else(|| match options.camera {
-        Some(i) => Error::usage(format!("there is no camera {i}: the scene has {}", scene.cameras.len())),
-        None => input_error("the scene has no camera"),
-    })
+fn default_anchor(scene: &Scene) -> DVec3 {
+    scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
 }
 
 fn check_size(geometries: &Geometries) -> Result<()> {

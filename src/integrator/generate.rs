@@ -21,7 +21,7 @@ impl Integrator<'_> {
         let (paths, vertices) = (&mut *w.arriving, &mut w.wave.vertices);
         self.number_samples(block, first, count, paths, vertices);
         let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);
-        let (camera, filter) = (&scene.camera, self.options.filter);
+        let (camera, filter) = (&self.view.camera, self.options.filter);
         dispatch(StartPaths { paths, vertices, count, dimensions: &dimensions, camera, filter });
         if scene.features.footprints {
             let (width, spread) = camera.pixel_cone();

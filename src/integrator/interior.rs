@@ -10,6 +10,7 @@ use super::Integrator;
 use super::surface::Sorted;
 use super::wave::{Paths, Wave, Workspace, get, set};
 use crate::bsdf::{Bsdf, Dielectric};
+use crate::camera::Camera;
 use crate::compile::{CompiledMaterial, CompiledScene};
 use crate::math::{Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -57,16 +58,16 @@ impl Interior {
         (0..u64::BITS).step_by(BITS as usize).find(|&shift| (self.0 >> shift) as u16 == medium)
     }
 
-    /// The solids around a scene's camera: a ray that leaves it meets their surfaces from behind once more often than
+    /// The solids around a camera: a ray that leaves it meets their surfaces from behind once more often than
     /// from the front. Three rays vote, as models have holes.
-    pub(super) fn of_camera(scene: &CompiledScene) -> Interior {
+    pub(super) fn of_camera(scene: &CompiledScene, camera: &Camera) -> Interior {
         // Rays of an orthographic camera start all over its plane: each learns where it is from what it meets.
-        if !scene.features.media || !scene.camera.is_perspective() {
+        if !scene.features.media || !camera.is_perspective() {
             return Interior::AIR;
         }
         let ways =
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
-        let around = ways.map(|way| solids_around(scene, scene.camera.position(), way.normalize()));
+        let around = ways.map(|way| solids_around(scene, camera.position(), way.normalize()));
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));

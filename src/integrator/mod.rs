@@ -26,7 +26,7 @@ mod wave;
 
 pub use wave::{WAVE, Workspace};
 
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::film::{AovSample, FilterSampler};
 use crate::sampling::sampler::Dimensions;
 use interior::Interior;
@@ -80,6 +80,7 @@ pub struct PathSample {
 /// Traces paths through a scene.
 pub struct Integrator<'a> {
     scene: &'a CompiledScene,
+    view: &'a View,
     options: PathOptions<'a>,
     /// Shading group of each material.
     groups: Vec<Group>,
@@ -109,18 +110,19 @@ enum Purpose {
 }
 
 impl<'a> Integrator<'a> {
-    /// Prepares to trace.
-    pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
+    /// Prepares to trace a view of a scene.
+    pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.alpha.is_some()).collect();
         Integrator {
             scene,
+            view,
             options,
             groups,
             may_be_absent,
-            camera_interior: Interior::of_camera(scene),
+            camera_interior: Interior::of_camera(scene, &view.camera),
             dimensions,
         }
     }

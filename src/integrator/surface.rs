@@ -225,7 +225,7 @@ impl Integrator<'_> {
             if let Some(aov) = w.aovs.get_mut(sample) {
                 let flip = if surface.ng.dot(ray.direction) > 0.0 { -1.0 } else { 1.0 };
                 *aov = Some(AovSample {
-                    depth: self.scene.camera.depth(surface.p),
+                    depth: self.view.camera.depth(surface.p),
                     normal: (surface.ns * flip).to_array(),
                     albedo: if is_dark { [0.0; 3] } else { bsdf.albedo().to_array() },
                 });

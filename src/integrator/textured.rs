@@ -53,7 +53,7 @@ impl Integrator<'_> {
     fn describe_first(&self, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
         w.aovs[w.wave.paths.sample[k] as usize] = Some(AovSample {
-            depth: self.scene.camera.depth(get(&v.p, k)),
+            depth: self.view.camera.depth(get(&v.p, k)),
             normal: get(&v.ns, k).to_array(),
             albedo: get(&v.albedo, k).to_array(),
         });

@@ -11,7 +11,7 @@ mod schedule;
 
 pub use pool::in_pool;
 
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::error::Result;
 use crate::film::{AovSet, Film, FilmTile, FilterSampler};
 use crate::integrator::{Block, Integrator, PathOptions, Workspace};
@@ -89,7 +89,7 @@ thread_local! {
     static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
 }
 
-/// Renders until all samples are done, `cancel` is set or the time limit is over, on the current rayon pool.
+/// Renders a view, whose size counts, until all samples are done, `cancel` is set or the time limit is over, on the current rayon pool.
 ///
 /// With a time limit, passes are planned so that all pixels have the same number of samples; where a pass takes longer
 /// than it should, and where `cancel` is set, the picture has the tiles that were finished until then: pixels may differ
@@ -99,10 +99,12 @@ thread_local! {
 /// A usage error if there is no memory for the film. Once that is there, rendering can't fail.
 pub fn render(
     scene: &CompiledScene,
+    view: &View,
     options: &RenderOptions,
     cancel: &AtomicBool,
     events: &(dyn Fn(Event) + Sync),
 ) -> Result<(Film, Statistics)> {
+    let options = &RenderOptions { width: view.width, height: view.height, ..*options };
     let film = Film::try_new(options.width, options.height, options.aovs)?;
     let (begin, cpu) = (Instant::now(), CpuClock::start());
     let filter = FilterSampler::new(options.filter);
@@ -114,7 +116,7 @@ pub fn render(
         soft_terminator: options.soft_terminator,
     };
     let run = Run {
-        integrator: Integrator::new(scene, paths),
+        integrator: Integrator::new(scene, view, paths),
         film: Mutex::new(film),
         progress: Progress::new(options, begin, events),
         cancel,

@@ -3,11 +3,11 @@
 
 pub mod sheet;
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{RenderOptions, render};
-use oscura::scene::{Camera, Filter, Material, MaterialId, Microfacet, Projection, Quad, Scene, Sphere};
+use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere};
 use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera.
@@ -41,15 +41,10 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 
 /// Compiles and renders.
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
-    let compile_options = CompileOptions {
-        microfacet: Microfacet::Multi,
-        camera: None,
-        width: options.width,
-        height: options.height,
-    };
-    let (compiled, _) = compile(scene, &compile_options).expect("the scene compiles");
+    let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
+    let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
     let (film, statistics) =
-        render(&compiled, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
+        render(&compiled, &view, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
     film
 }

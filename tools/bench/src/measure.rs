@@ -1,6 +1,6 @@
 //! Renders one scene many times and measures.
 
-use oscura::compile::{CompileOptions, CompiledScene, compile};
+use oscura::compile::{CompileOptions, CompiledScene, View, choose_camera, compile};
 use oscura::error::Result;
 use oscura::film::{AovSet, Film};
 use oscura::image::Image;
@@ -53,12 +53,11 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
     let options = CompileOptions {
         microfacet: scene.settings.microfacet.unwrap_or_default(),
-        camera: None,
-        width: setup.width,
-        height,
+        ..CompileOptions::default()
     };
     let (compiled, _) = compile(&scene, &options)?;
-    let shot = |samples: u32, seed: u32| picture(&compiled, setup, height, samples, seed);
+    let view = View::new(&compiled, choose_camera(&scene, None)?, setup.width, height);
+    let shot = |samples: u32, seed: u32| picture(&compiled, &view, setup, samples, seed);
     let half = setup.reference.div_ceil(2);
     let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
     let reference = mean(&halves[0], &halves[1]);
@@ -82,14 +81,14 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
 
 fn picture(
     scene: &CompiledScene,
+    view: &View,
     setup: &Setup,
-    height: u32,
     samples: u32,
     seed: u32,
 ) -> Result<(Image, Statistics)> {
     let options = RenderOptions {
-        width: setup.width,
-        height,
+        width: view.width,
+        height: view.height,
         samples,
         seed,
         max_depth: setup.depth,
@@ -98,7 +97,7 @@ fn picture(
         soft_terminator: true,
         time_limit: None,
     };
-    let (film, statistics) = render(scene, &options, &AtomicBool::new(false), &|_| {})?;
+    let (film, statistics) = render(scene, view, &options, &AtomicBool::new(false), &|_| {})?;
     Ok((to_image(&film), statistics))
 }
 

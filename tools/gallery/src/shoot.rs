@@ -1,6 +1,6 @@
 //! Renders one scene with its own settings.
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, View, choose_camera, compile};
 use oscura::error::{Error, Result};
 use oscura::film::{AovSet, Film};
 use oscura::load::{LoadOptions, load};
@@ -56,17 +56,17 @@ impl Shot {
         let options = options(&loaded.scene, quality, path)?;
         let compile_options = CompileOptions {
             microfacet: loaded.scene.settings.microfacet.unwrap_or_default(),
-            camera: None,
-            width: options.width,
-            height: options.height,
+            ..CompileOptions::default()
         };
         let (compiled, report) = compile(&loaded.scene, &compile_options)?;
         loaded.warnings.extend(report.warnings);
         if let Some(warning) = loaded.warnings.first() {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
         }
+        let camera = choose_camera(&loaded.scene, None)?;
+        let view = View::new(&compiled, camera, options.width, options.height);
         let load_s = start.elapsed().as_secs_f64();
-        let (film, statistics) = render(&compiled, &options, &AtomicBool::new(false), &|_| {})?;
+        let (film, statistics) = render(&compiled, &view, &options, &AtomicBool::new(false), &|_| {})?;
         if statistics.invalid_samples > 0 {
             let message = format!("{} samples were NaN or infinite", statistics.invalid_samples);
             return Err(Error::input(path, message));
