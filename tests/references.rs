@@ -94,7 +94,8 @@ fn export(path: &Path) -> Image {
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = RenderOptions { soft_terminator: false, ..options(SIZE, 256, 64) };
     let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
-    let (film, _) = render(&compiled, &view, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
+    let (film, _) =
+        render(&compiled, &view, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     to_image(&film)
 }
 

@@ -2,7 +2,7 @@
 
 use oscura::math::{DVec3, Vec3};
 use oscura::sampling::chi2::{Chi2, Random};
-use oscura::sampling::{
+use oscura::shape::{
     LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
 };
 

@@ -9,6 +9,7 @@ use super::layout::{DONE, InstanceRecord, MAX_LINE};
 use super::slot::DeepSlot;
 use super::{Accel, AccelInstance, BuildOptions, Geometry};
 use crate::math::{Bounds3, DAffine3, DVec3};
+use crate::shape::Analytic;
 use crate::simd::Line;
 use std::time::Instant;
 
@@ -35,8 +36,8 @@ pub struct BuildStats {
     pub triangles: u64,
     /// Quads in it.
     pub quads: u64,
-    /// Spheres in it.
-    pub spheres: u64,
+    /// Analytic shapes in it, in the order of [`Analytic::NAMES`].
+    pub analytic: [u64; Analytic::NAMES.len()],
     /// Instances in it.
     pub instances: u64,
     /// Geometries (other than the world's) that an instance uses: only these are built.
@@ -46,12 +47,15 @@ pub struct BuildStats {
 }
 
 impl BuildStats {
-    fn count(&mut self, primitives: &[Primitive]) {
+    fn count(&mut self, geometry: &Geometry, primitives: &[Primitive]) {
+        let first = geometry.triangles.len() + geometry.quads.len();
         for primitive in primitives {
             match primitive.kind {
                 Kind::Triangle => self.triangles += 1,
                 Kind::Quad => self.quads += 1,
-                Kind::Sphere => self.spheres += 1,
+                Kind::Analytic => {
+                    self.analytic[geometry.analytic[primitive.id as usize - first].kind_index()] += 1;
+                }
                 Kind::Instance => {}
             }
         }
@@ -135,7 +139,7 @@ impl Builder<'_> {
         let geometry = self.geometries.get(geometry).unwrap_or(&none);
         let (mut primitives, dropped) = gather(geometry);
         self.stats.dropped.add(dropped);
-        self.stats.count(&primitives);
+        self.stats.count(geometry, &primitives);
         let counts = (primitives.len(), placed.len());
         primitives.extend(placed);
         if primitives.is_empty() {

@@ -1,10 +1,12 @@
-//! Ray intersection: one structure over triangles, quads, spheres and placed geometries, and batched queries on it.
+//! Ray intersection: one structure over triangles, quads, analytic shapes and placed geometries, and batched queries on
+//! it.
 //!
 //! obvhs builds a binary tree, which is collapsed to eight children a node at least expected cost and packed into cache
 //! lines; [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
 //! the CPU level found at start-up. All levels give the same hits bit for bit, and so do batches of any size.
 //!
-//! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then spheres from `T + Q` on.
+//! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then analytic shapes from
+//! `T + Q` on.
 
 mod binary;
 mod build;
@@ -17,42 +19,20 @@ mod nearest;
 mod normalize;
 mod prepare;
 mod slot;
-mod sphere;
 mod stream;
 #[cfg(test)]
 mod tests;
-mod triangle;
 mod validate;
 
 pub use build::{BuildStats, Quality};
 pub use gather::Dropped;
 
-use crate::math::{DAffine3, Hit, Ray, Vec3};
+use crate::math::{DAffine3, Hit, Ray};
+use crate::shape::{Analytic, Quad};
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use slot::ShallowSlot;
 use std::cell::RefCell;
 use stream::{Any, Closest, Occluded, Output, Stream, Workspace};
-
-/// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,
-/// and it meets exactly what shares two of them.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Quad {
-    /// Where u and v are 0.
-    pub corner: Vec3,
-    /// From the corner along u.
-    pub edge_u: Vec3,
-    /// From the corner along v.
-    pub edge_v: Vec3,
-}
-
-/// A sphere.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sphere {
-    /// Its middle.
-    pub center: Vec3,
-    /// Above 0.
-    pub radius: f32,
-}
 
 /// Shapes in one space.
 #[derive(Clone, Debug, Default)]
@@ -63,8 +43,8 @@ pub struct Geometry {
     pub triangles: Vec<[u32; 3]>,
     /// Quads.
     pub quads: Vec<Quad>,
-    /// Spheres.
-    pub spheres: Vec<Sphere>,
+    /// Spheres, disks and what else is no triangle.
+    pub analytic: Vec<Analytic>,
 }
 
 /// A geometry placed in the world.

@@ -2,17 +2,19 @@
 
 use super::Accel;
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_INSTANCE, KIND_SPHERES, LANES, LEAF, NODE_LINES, Node,
-    SPHERE_LINES, SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF,
+    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
 use crate::math::Vec3;
+use crate::shape::triangle::LANES;
+use crate::shape::{Analytic, Shape};
 
 /// What may hold something nearer, and how near at best.
 type Waiting = (u32, f32);
 
 impl Accel {
-    /// The distance of a point from the nearest triangle, quad or sphere, or of the box around a nearer instance: never
-    /// more than the true distance, but for rounding. Infinite where there is nothing.
+    /// The distance of a point from the nearest triangle or quad, or from the sphere around a nearer analytic shape or the
+    /// box around a nearer instance: never more than the true distance, but for rounding. Infinite where there is nothing.
     pub fn distance(&self, p: Vec3) -> f32 {
         let mut nearest = f32::INFINITY;
         let mut stack: Vec<Waiting> = vec![(self.root, 0.0)];
@@ -39,9 +41,9 @@ impl Accel {
                     let Some(r) = view::<InstanceRecord, INSTANCE_LINES>(&self.lines, line) else { break };
                     (bound, r.next)
                 }
-                KIND_SPHERES => {
-                    let Some(s) = view::<SpherePacket, SPHERE_LINES>(&self.lines, line) else { break };
-                    (spheres_distance(s, p), s.next)
+                KIND_ANALYTIC => {
+                    let Some(s) = view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line) else { break };
+                    (analytic_distance(s, p), s.next)
                 }
                 _ => {
                     let Some(t) = view::<TrianglePacket, TRIANGLE_LINES>(&self.lines, line) else { break };
@@ -69,13 +71,15 @@ fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Waiting>) {
     stack[start..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
 }
 
-/// Unused lanes are NaN, which `min` passes over.
-fn spheres_distance(packet: &SpherePacket, p: Vec3) -> f32 {
-    let one = |lane: usize| {
-        let center = Vec3::from_array([0, 1, 2].map(|axis: usize| packet.center[axis][lane]));
-        (p.distance(center) - packet.radius[lane]).abs()
-    };
-    (0..LANES).map(one).fold(f32::INFINITY, f32::min)
+fn analytic_distance(packet: &AnalyticPacket, p: Vec3) -> f32 {
+    let shapes = (0..LANES).filter_map(|lane| Analytic::unpack(&packet.packed(lane)));
+    let distances = shapes.map(|shape| {
+        let (center, radius) = shape.center_and_radius();
+        let outside = p.distance(center) - radius;
+        // Within the sphere around a flat shape: it may be anywhere.
+        if shape.is_flat() { outside.max(0.0) } else { outside.abs() }
+    });
+    distances.fold(f32::INFINITY, f32::min)
 }
 
 /// Unused lanes are NaN, which `min` passes over.
@@ -131,15 +135,17 @@ mod tests {
         let mut rng = Rng::new(7);
         for _ in 0..100 {
             let p = rng.vector() * 1.5;
-            let corners =
-                |t: &[u32; 3]| t.map(|i| Vec3::from_array(geometry.positions[i as usize]));
+            let corners = |t: &[u32; 3]| t.map(|i| Vec3::from_array(geometry.positions[i as usize]));
             let triangles = geometry.triangles.iter().map(|t| searched(p, corners(t)));
             let quads = geometry.quads.iter().flat_map(|q| {
                 let (a, b, c, d) =
                     (q.corner, q.corner + q.edge_u, q.corner + q.edge_u + q.edge_v, q.corner + q.edge_v);
                 [searched(p, [a, b, c]), searched(p, [a, c, d])]
             });
-            let spheres = geometry.spheres.iter().map(|s| (p.distance(s.center) - s.radius).abs());
+            let spheres = geometry.analytic.iter().map(|s| {
+                let (center, radius) = s.center_and_radius();
+                (p.distance(center) - radius).abs()
+            });
             let truth = triangles.chain(quads).chain(spheres).fold(f32::INFINITY, f32::min);
             let found = accel.distance(p);
             // The grid's step is at most 0.4 / 60 m.

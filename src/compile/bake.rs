@@ -5,8 +5,9 @@ use super::material::CompiledMaterial;
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance};
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3, Mat3};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, Mat3};
 use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Texture};
+use crate::shape::{Analytic, Disk, Quad, Sphere};
 
 /// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
 const MIN_SHARED_TRIANGLES: usize = 1024;
@@ -242,30 +243,51 @@ impl Geometries {
         attributes.append(mesh, placed, needs, first as usize);
     }
 
-    /// Appends quads and spheres to the world's own geometry.
+    /// Appends quads and analytic shapes to the world's own geometry.
     fn append_shapes(&mut self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) {
         let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
         for quad in scene.quads.iter().filter(|quad| is_seen(quad.material)) {
-            shapes.quads.push(accel::Quad {
+            shapes.quads.push(Quad {
                 corner: (quad.corner - origin).as_vec3(),
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
             attributes.materials.push(quad.material.0);
         }
-        let turns = scene.spheres.iter().any(|s| materials[s.material.index()].uses_uv);
-        for sphere in scene.spheres.iter().filter(|sphere| is_seen(sphere.material)) {
-            shapes.spheres.push(accel::Sphere {
-                center: (sphere.center - origin).as_vec3(),
-                radius: sphere.radius as f32,
-            });
-            attributes.materials.push(sphere.material.0);
+        let all = analytic_shapes(scene, origin);
+        let turns = all.iter().any(|s| materials[s.material.index()].uses_uv);
+        for placed in all.into_iter().filter(|placed| is_seen(placed.material)) {
+            shapes.analytic.push(placed.shape);
+            attributes.materials.push(placed.material.0);
             if turns {
-                attributes.object_from_world.push(Mat3::from_quat(sphere.rotation.inverse().as_quat()));
+                attributes
+                    .object_from_world
+                    .push(Mat3::from_quat(placed.world_from_object.inverse().as_quat()));
             }
         }
     }
+}
+
+/// An analytic shape of a scene.
+struct PlacedShape {
+    shape: Analytic,
+    world_from_object: DQuat,
+    material: MaterialId,
+}
+
+/// All analytic shapes of a scene, whose world's origin moves to `origin`.
+fn analytic_shapes(scene: &Scene, origin: DVec3) -> Vec<PlacedShape> {
+    let spheres = scene.spheres.iter().map(|s| {
+        let sphere = Sphere { center: (s.center - origin).as_vec3(), radius: s.radius as f32 };
+        PlacedShape { shape: Analytic::Sphere(sphere), world_from_object: s.rotation, material: s.material }
+    });
+    let disks = scene.disks.iter().map(|d| {
+        let axis = d.rotation * (DVec3::Z * d.radius);
+        let disk = Disk { center: (d.center - origin).as_vec3(), axis: axis.as_vec3() };
+        PlacedShape { shape: Analytic::Disk(disk), world_from_object: d.rotation, material: d.material }
+    });
+    spheres.chain(disks).collect()
 }
 
 impl Attributes {

@@ -5,6 +5,7 @@ use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel;
 use crate::light::{AreaLight, AreaShape, Edges, Radiance};
 use crate::math::{Mat3, Vec2, Vec3};
+use crate::shape::Analytic;
 
 /// Area lights and which primitives they are.
 #[derive(Debug, Default)]
@@ -55,11 +56,10 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
             emitters.add(flat(edges), &materials[material(triangles + i)], Some(uv), &[triangles + i]);
         }
     }
-    for (i, sphere) in shapes.spheres.iter().enumerate() {
+    for (i, shape) in shapes.analytic.iter().enumerate() {
         let prim = triangles + quads + i;
-        let shape = AreaShape::Sphere { center: sphere.center, radius: sphere.radius };
-        let rotation = attributes.object_from_world.get(i).copied();
-        emitters.add_sphere(shape, &materials[material(prim)], rotation.unwrap_or(Mat3::IDENTITY), prim);
+        let rotation = attributes.object_from_world(i);
+        emitters.add_analytic(*shape, &materials[material(prim)], rotation, prim);
     }
     emitters
 }
@@ -86,9 +86,9 @@ impl Emitters {
         self.push(AreaLight::new(shape, emission.two_sided, radiance), prims);
     }
 
-    fn add_sphere(
+    fn add_analytic(
         &mut self,
-        shape: AreaShape,
+        shape: Analytic,
         material: &CompiledMaterial,
         object_from_world: Mat3,
         prim: usize,
@@ -96,10 +96,10 @@ impl Emitters {
         let Some(emission) = sampled_emission(material) else { return };
         let factor = Vec3::from_array(emission.radiance.factor);
         let radiance = match emission.radiance.texture {
-            Some(texture) => Radiance::Sphere { texture, factor, object_from_world },
+            Some(texture) => Radiance::Analytic { texture, factor, object_from_world },
             None => Radiance::Constant(factor),
         };
-        self.push(AreaLight::new(shape, emission.two_sided, radiance), &[prim]);
+        self.push(AreaLight::new(AreaShape::Analytic(shape), emission.two_sided, radiance), &[prim]);
     }
 
     fn push(&mut self, light: AreaLight, prims: &[usize]) {

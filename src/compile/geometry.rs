@@ -2,7 +2,8 @@
 
 use crate::accel;
 use crate::math::{Hit, Mat3, Ray, Vec2, Vec3, gamma};
-use crate::texture::sphere_coordinates;
+use crate::shape::triangle::interpolate;
+use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
 
 /// Shapes of one space with what shading needs of them. Lists of attributes that no material uses are empty.
 #[derive(Clone, Debug, Default)]
@@ -17,7 +18,7 @@ pub struct Attributes {
     pub colors: Vec<[f32; 4]>,
     /// Material of each primitive, in the order of primitive ids.
     pub materials: Vec<u32>,
-    /// Rotations that give spheres their texture coordinates, by sphere; empty if none needs them.
+    /// Rotations that give analytic shapes their texture coordinates, by shape; empty if none needs them.
     pub object_from_world: Vec<Mat3>,
 }
 
@@ -34,21 +35,6 @@ pub struct Placement {
     pub normal_from_object: Mat3,
     /// Replaces the materials of its primitives.
     pub material: Option<u32>,
-}
-
-/// A point of a surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Surface {
-    /// The point.
-    pub p: Vec3,
-    /// The true point lies within this box around it.
-    pub p_error: Vec3,
-    /// Unit geometric normal on the front.
-    pub ng: Vec3,
-    /// Unit shading normal, on the same side as `ng`.
-    pub ns: Vec3,
-    /// Its material.
-    pub material: u32,
 }
 
 /// What textures and normal maps need to know about a hit.
@@ -97,8 +83,8 @@ pub struct TextureCorners {
 /// Which kind of primitive an id means.
 enum Primitive<'a> {
     Triangle([u32; 3]),
-    Quad(&'a accel::Quad),
-    Sphere(usize, &'a accel::Sphere),
+    Quad(&'a Quad),
+    Analytic(usize, &'a Analytic),
 }
 
 fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
@@ -111,7 +97,7 @@ fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
         Some(quad) => Primitive::Quad(quad),
         None => {
             let index = prim - shapes.quads.len();
-            Primitive::Sphere(index, &shapes.spheres[index])
+            Primitive::Analytic(index, &shapes.analytic[index])
         }
     }
 }
@@ -119,12 +105,6 @@ fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
 #[inline(always)]
 fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
     t.map(|i| list[i as usize])
-}
-
-#[inline(always)]
-fn interpolate(v: [[f32; 3]; 3], u: f32, w: f32) -> Vec3 {
-    let [a, b, c] = v.map(Vec3::from_array);
-    a * (1.0 - u - w) + b * u + c * w
 }
 
 impl Geometries {
@@ -211,7 +191,7 @@ impl Geometries {
                 let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
                 triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
             }
-            Primitive::Sphere(_, s) => sphere_surface(s, ray.at(hit.t)),
+            Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
         };
         surface.material = material;
         if hit.instance != 0 {
@@ -239,23 +219,28 @@ impl Geometries {
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
                 Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
-            Primitive::Sphere(index, s) => {
-                let object_from_world =
-                    attributes.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY);
-                let local = object_from_world * surface.ng;
-                let uv = sphere_coordinates(local);
-                // Eastwards: u grows counter-clockwise as seen from above.
-                let east = object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x);
-                let tangent_frame = frame_of(east, surface.ns, -1.0);
-                // At the equator: 2 pi r by pi r metres.
-                let uv_per_metre = [1.0 / (std::f32::consts::SQRT_2 * std::f32::consts::PI * s.radius); 2];
-                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
+            Primitive::Analytic(index, shape) => {
+                let object_from_world = attributes.object_from_world(index);
+                let uv = shape.texture_coordinates(surface.p, surface.ng, &object_from_world);
+                let lies = shape.parametrize(surface.ng, &object_from_world);
+                let tangent_frame = frame_of(lies.tangent, surface.ns, lies.handedness);
+                Coordinates {
+                    uv: [uv, uv],
+                    color: [1.0; 4],
+                    tangent_frame,
+                    uv_per_metre: [lies.uv_per_metre; 2],
+                }
             }
         }
     }
 }
 
 impl Attributes {
+    /// The rotation that gives an analytic shape its texture coordinates.
+    pub(super) fn object_from_world(&self, index: usize) -> Mat3 {
+        self.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY)
+    }
+
     fn of_triangle(
         &self,
         t: [u32; 3],
@@ -319,41 +304,6 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
     let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
-}
-
-/// The surface at the point with weights `u` and `w` of the second and third corner. It is nearer to the plane than the
-/// ray's own point (Pharr, Jakob, Humphreys 2023, section 6.8.5). Weights may add up to more than 1 (quads).
-#[inline(always)]
-pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
-    let [a, b, c] = v.map(Vec3::from_array);
-    let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
-    let ng = (b - a).cross(c - a).normalize();
-    Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
-}
-
-/// The ray's point pulled back onto the sphere.
-#[inline(always)]
-fn sphere_surface(s: &accel::Sphere, p: Vec3) -> Surface {
-    let ng = (p - s.center).normalize();
-    let offset = ng * s.radius;
-    Surface {
-        p: s.center + offset,
-        p_error: offset.abs() * gamma(7) + s.center.abs() * gamma(2),
-        ng,
-        ns: ng,
-        material: 0,
-    }
-}
-
-/// The interpolated normal, on the side of the geometric one; that one where there is none. Free of branches.
-#[inline(always)]
-pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 {
-    let n = interpolate(normals, u, w);
-    let length = n.length();
-    let is_usable = length >= 1e-6;
-    let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-    let unit = n * (side / if is_usable { length } else { 1.0 });
-    if is_usable { unit } else { ng }
 }
 
 impl Placement {

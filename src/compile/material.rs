@@ -1,13 +1,13 @@
 //! Materials ready for shading: constant slots folded, constant BSDFs resolved once.
 
 use super::fold::{fold_color, fold_float, fold_model};
-use super::geometry::Surface;
 use super::medium::Medium;
 use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
     AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
 };
+use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 
 /// A material as the integrator sees it.

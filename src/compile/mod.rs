@@ -11,9 +11,7 @@ mod medium;
 mod tangents;
 mod view;
 
-pub use geometry::{
-    Coordinates, Corners, Geometries, Surface, TextureCorners, shading_normal, triangle_surface,
-};
+pub use geometry::{Coordinates, Corners, Geometries, TextureCorners};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
 pub use view::{View, choose_camera};
@@ -23,6 +21,7 @@ use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3, Hit, Vec3};
 use crate::scene::{Microfacet, Scene};
+use crate::shape::{Analytic, Shape};
 use crate::texture::CompiledTextures;
 use bake::Baked;
 use emitters::Emitters;
@@ -55,8 +54,8 @@ pub struct CompileReport {
     pub triangles: u64,
     /// Quads.
     pub quads: u64,
-    /// Spheres.
-    pub spheres: u64,
+    /// Spheres, disks and the like, in the order of [`Analytic::NAMES`].
+    pub analytic: [u64; Analytic::NAMES.len()],
     /// Lights, the surroundings included.
     pub lights: u64,
     /// Memory of the accelerator.
@@ -178,7 +177,7 @@ fn input_error(message: impl Into<String>) -> Error {
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
     report.bytes = stats.bytes;
-    (report.triangles, report.quads, report.spheres) = (stats.triangles, stats.quads, stats.spheres);
+    (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
     let dropped = stats.dropped;
     let mut warn = |count: u64, what: &str, with: &str| {
         let message = match count {
@@ -203,8 +202,8 @@ fn scene_radius(geometries: &Geometries) -> f32 {
                 *b = b.with(p);
             }
         }
-        for s in &shapes.spheres {
-            *b = b.with(s.center - Vec3::splat(s.radius)).with(s.center + Vec3::splat(s.radius));
+        for shape in &shapes.analytic {
+            *b = b.union(shape.bounds());
         }
     }
     let mut world = bounds[0];

@@ -9,8 +9,9 @@ use super::{Integrator, Purpose};
 use crate::bsdf::Bsdf;
 use crate::light::{AreaLight, AreaShape, Edges, LightSample, Lights, Radiance, Receiver};
 use crate::math::{Frame, Ray, Vec3, offset_along, offset_ray_origin};
+use crate::sampling::power_heuristic;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::sampling::{SphericalRectangle, power_heuristic};
+use crate::shape::SphericalRectangle;
 use crate::simd::{Kernel, dispatch};
 use std::f32::consts::FRAC_1_PI;
 

@@ -3,7 +3,7 @@
 use super::Integrator;
 use super::surface::store;
 use super::wave::{Lanes3, WAVE, Wave, Workspace, get, set};
-use crate::compile::{Surface, shading_normal, triangle_surface};
+use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {

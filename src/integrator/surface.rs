@@ -6,11 +6,12 @@ use super::metal_rough;
 use super::normals::scattering_normal;
 use super::wave::{Paths, Vertices, Workspace, get, set};
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
-use crate::compile::{CompiledMaterial, Coordinates, Surface};
+use crate::compile::{CompiledMaterial, Coordinates};
 use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
 use crate::sampling::power_heuristic;
+use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
 
 /// Which loop shades a vertex. The order is that of the sorted vertices.

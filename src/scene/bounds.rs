@@ -95,6 +95,12 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
         all.grow(sphere.center - sphere.radius);
         all.grow(sphere.center + sphere.radius);
     }
+    for disk in &scene.disks {
+        let axis = disk.rotation * DVec3::Z;
+        let half = (DVec3::ONE - axis * axis).max(DVec3::ZERO).map(f64::sqrt) * disk.radius;
+        all.grow(disk.center - half);
+        all.grow(disk.center + half);
+    }
     for q in &scene.quads {
         [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
             .into_iter()

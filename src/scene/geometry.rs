@@ -1,4 +1,4 @@
-//! Meshes, their placements, spheres and parallelograms.
+//! Meshes, their placements, spheres, disks and parallelograms.
 
 use super::{MaterialId, MeshId};
 use crate::math::{DAffine3, DVec3};
@@ -58,6 +58,21 @@ pub struct Sphere {
     /// Radius, above 0.
     pub radius: f64,
     /// Turns the sphere's texture coordinates and object-space textures; the identity for most.
+    pub rotation: crate::math::DQuat,
+    /// Its material.
+    pub material: MaterialId,
+}
+
+/// A flat disk in world space.
+#[derive(Clone, Debug)]
+pub struct Disk {
+    /// For reports.
+    pub name: String,
+    /// Its middle.
+    pub center: DVec3,
+    /// Radius, above 0.
+    pub radius: f64,
+    /// Turns the disk, whose front faces z before, and whose textures have x to the right and y up.
     pub rotation: crate::math::DQuat,
     /// Its material.
     pub material: MaterialId,

@@ -27,6 +27,16 @@ impl Scene {
                 problems.push(Problem::new(&sphere.name, "needs a finite centre and a radius above 0"));
             }
         }
+        for disk in &self.disks {
+            if !material_exists(disk.material) {
+                problems.push(Problem::new(&disk.name, "refers to a material that does not exist"));
+            }
+            let is_finite = disk.center.is_finite() && disk.rotation.is_normalized();
+            if !(disk.radius > 0.0 && disk.radius.is_finite() && is_finite) {
+                problems
+                    .push(Problem::new(&disk.name, "needs a finite centre, a radius above 0 and a rotation"));
+            }
+        }
         for quad in &self.quads {
             if !material_exists(quad.material) {
                 problems.push(Problem::new(&quad.name, "refers to a material that does not exist"));

@@ -157,8 +157,8 @@ fn picture(scene: &Scene, samples: u32, seed: u32) -> Image {
         soft_terminator: true,
         time_limit: None,
     };
-    let (film, statistics) =
-        render(&scene.compiled, &scene.view, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
+    let (film, statistics) = render(&scene.compiled, &scene.view, &options, &AtomicBool::new(false), &|_| {})
+        .expect("the film fits");
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
     to_image(&film)
 }

@@ -1,4 +1,4 @@
-//! Rectangles, uniformly over the solid angle that they subtend (Ureña, Fajardo, King 2013, "An Area-Preserving
+//! Points of rectangles, uniformly over the solid angle that they subtend (Ureña, Fajardo, King 2013, "An Area-Preserving
 //! Parametrization for Spherical Rectangles").
 
 use super::{LightPoint, pdf_solid_angle_of_area};
