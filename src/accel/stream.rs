@@ -190,7 +190,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.clear_stack();
             slot.index = index as u32;
             slot.instance = 0;
-            slot.leaves = ray.leaves.prim_of(0);
+            slot.origin_primitive = ray.origin_primitive.prim_of(0);
             self.flying |= 1 << (2 * id);
             return self.route(id, self.root);
         }
@@ -269,7 +269,7 @@ impl<const N: usize> Flight<'_, N> {
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return self.lost(id);
         };
-        let left = w.equal(packet.ids(), slot.leaves);
+        let left = w.equal(packet.ids(), slot.origin_primitive);
         let lanes = triangle::candidates(w, &packet.rows, &slot.ray, &slot.boxes) & !left;
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
@@ -346,7 +346,7 @@ impl<const N: usize> Flight<'_, N> {
         };
         for lane in 0..4 {
             let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
-            let leaves = shape.is_flat() && packet.id[lane] == slot.leaves;
+            let leaves = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
             let met = shape.intersect(&slot.ray, slot.t_min, slot.best.t).filter(|_| !leaves);
             if let Some(t) = met {
                 slot.offer(t, 0.0, 0.0, packet.id[lane]);
@@ -368,7 +368,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.push(LEAVE_INSTANCE);
             slot.push(record.root);
             slot.instance = record.instance;
-            slot.leaves = self.rays[slot.index as usize].leaves.prim_of(record.instance);
+            slot.origin_primitive = self.rays[slot.index as usize].origin_primitive.prim_of(record.instance);
         }
         self.pop::<O>(id);
     }
@@ -383,7 +383,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.best.t = t;
             slot.limit = t * WIDEN;
             slot.instance = 0;
-            slot.leaves = world.leaves.prim_of(0);
+            slot.origin_primitive = world.origin_primitive.prim_of(0);
         }
         DONE
     }

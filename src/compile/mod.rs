@@ -11,7 +11,7 @@ mod medium;
 mod tangents;
 mod view;
 
-pub use geometry::{Coordinates, Corners, Geometries, TextureCorners};
+pub use geometry::{Corners, Geometries, SurfaceCoordinates, TextureCorners};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
 pub use view::{View, choose_camera};
@@ -20,7 +20,7 @@ use crate::accel::{Accel, BuildOptions, BuildStats};
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3, Hit, Vec3};
-use crate::scene::{Microfacet, Scene};
+use crate::scene::{EnergyCompensation, Scene};
 use crate::shape::{Analytic, Shape};
 use crate::texture::CompiledTextures;
 use bake::Baked;
@@ -34,7 +34,7 @@ const MAX_TRIANGLES: usize = 400_000_000;
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CompileOptions {
     /// Treatment of light that bounces between microfacets.
-    pub microfacet: Microfacet,
+    pub energy_compensation: EnergyCompensation,
     /// The point of the scene's world that becomes the compiled scene's origin, metres. Single precision is finest
     /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
     /// origin.
@@ -56,7 +56,7 @@ pub struct CompileReport {
     pub quads: u64,
     /// Spheres, disks and the like, in the order of [`Analytic::NAMES`].
     pub analytic: [u64; Analytic::NAMES.len()],
-    /// Lights, the surroundings included.
+    /// Lights, the environment included.
     pub lights: u64,
     /// Memory of the accelerator.
     pub bytes: u64,
@@ -73,7 +73,7 @@ pub struct CompiledScene {
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
     /// Treatment of light that bounces between microfacets.
-    pub microfacet: Microfacet,
+    pub energy_compensation: EnergyCompensation,
     /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.
@@ -119,7 +119,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
     let mut report = CompileReport::default();
     let textures = CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3());
-    let compiled = |m| CompiledMaterial::new(m, &textures, options.microfacet);
+    let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = medium::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
@@ -148,7 +148,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         accel,
         geometries,
         materials,
-        microfacet: options.microfacet,
+        energy_compensation: options.energy_compensation,
         media,
         textures,
         lights,
