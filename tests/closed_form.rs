@@ -173,7 +173,7 @@ fn many_lights_of_all_kinds() {
     truth += 0.8 * 0.1;
     // Lamps hide a little of the environment behind them; each takes away what it would give at radiance 0.1.
     let hidden: f64 = scene
-        .spheres
+        .shapes
         .iter()
         .filter(|s| s.center.y > 0.0)
         .map(|s| 0.8 * 0.1 * s.radius * s.radius / s.center.length_squared() * s.center.y / s.center.length())

@@ -5,8 +5,8 @@ use super::material::CompiledMaterial;
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance};
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DQuat, DVec3, Mat3};
-use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Texture};
+use crate::math::{DAffine3, DMat3, DVec3, Mat3};
+use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Shape, ShapeKind, Texture};
 use crate::shape::{Analytic, Disk, Quad, Sphere};
 
 /// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
@@ -255,39 +255,26 @@ impl Geometries {
             });
             attributes.materials.push(quad.material.0);
         }
-        let all = analytic_shapes(scene, origin);
-        let turns = all.iter().any(|s| materials[s.material.index()].uses_uv);
-        for placed in all.into_iter().filter(|placed| is_seen(placed.material)) {
-            shapes.analytic.push(placed.shape);
-            attributes.materials.push(placed.material.0);
+        let turns = scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
+        for shape in scene.shapes.iter().filter(|shape| is_seen(shape.material)) {
+            shapes.analytic.push(analytic(shape, origin));
+            attributes.materials.push(shape.material.0);
             if turns {
-                attributes
-                    .object_from_world
-                    .push(Mat3::from_quat(placed.world_from_object.inverse().as_quat()));
+                attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }
         }
     }
 }
 
-/// An analytic shape of a scene.
-struct PlacedShape {
-    shape: Analytic,
-    world_from_object: DQuat,
-    material: MaterialId,
-}
-
-/// All analytic shapes of a scene, whose world's origin moves to `origin`.
-fn analytic_shapes(scene: &Scene, origin: DVec3) -> Vec<PlacedShape> {
-    let spheres = scene.spheres.iter().map(|s| {
-        let sphere = Sphere { center: (s.center - origin).as_vec3(), radius: s.radius as f32 };
-        PlacedShape { shape: Analytic::Sphere(sphere), world_from_object: s.rotation, material: s.material }
-    });
-    let disks = scene.disks.iter().map(|d| {
-        let axis = d.rotation * (DVec3::Z * d.radius);
-        let disk = Disk { center: (d.center - origin).as_vec3(), axis: axis.as_vec3() };
-        PlacedShape { shape: Analytic::Disk(disk), world_from_object: d.rotation, material: d.material }
-    });
-    spheres.chain(disks).collect()
+/// A shape of a scene whose world's origin moves to `origin`.
+fn analytic(shape: &Shape, origin: DVec3) -> Analytic {
+    let center = (shape.center - origin).as_vec3();
+    match shape.kind {
+        ShapeKind::Sphere => Analytic::Sphere(Sphere { center, radius: shape.radius as f32 }),
+        ShapeKind::Disk => {
+            Analytic::Disk(Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() })
+        }
+    }
 }
 
 impl Attributes {

@@ -14,7 +14,7 @@ mod validate;
 pub use bounds::{Extent, instance_extents, scene_extent};
 pub use camera::{Camera, Projection, ThinLens};
 pub use environment::Environment;
-pub use geometry::{Disk, Instance, Mesh, MeshPart, Quad, Sphere};
+pub use geometry::{Instance, Mesh, MeshPart, Quad, Shape, ShapeKind};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{
@@ -35,10 +35,8 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Placed meshes.
     pub instances: Vec<Instance>,
-    /// Analytic spheres.
-    pub spheres: Vec<Sphere>,
-    /// Analytic disks.
-    pub disks: Vec<Disk>,
+    /// Analytic spheres, disks and the like.
+    pub shapes: Vec<Shape>,
     /// Analytic parallelograms.
     pub quads: Vec<Quad>,
     /// Materials, by [`MaterialId`].

@@ -7,7 +7,7 @@ use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{RenderOptions, render};
-use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere};
+use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape, ShapeKind};
 use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera.
@@ -97,5 +97,14 @@ pub fn quad(scene: &mut Scene, corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64;
 /// Adds a sphere.
 pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
     let rotation = oscura::math::DQuat::IDENTITY;
-    scene.spheres.push(Sphere { name: "sphere".into(), center: center.into(), radius, rotation, material });
+    let (name, center, kind) = ("sphere".into(), center.into(), ShapeKind::Sphere);
+    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
+}
+
+/// Adds a disk.
+pub fn disk(scene: &mut Scene, center: [f64; 3], normal: [f64; 3], radius: f64, material: MaterialId) {
+    let normal = DVec3::from(normal).normalize();
+    let rotation = oscura::math::DQuat::from_rotation_arc(DVec3::Z, normal);
+    let (name, center, kind) = ("disk".into(), center.into(), ShapeKind::Disk);
+    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
 }
