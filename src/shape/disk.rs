@@ -133,3 +133,74 @@ impl Shape for Disk {
         Packed { kind: Disk::KIND, numbers: [x, y, z, a, b, c] }
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{Accel, BuildOptions, Geometry};
+    use crate::math::{Hit, Ray, offset_ray_origin};
+    use crate::sampling::chi2::Random;
+    use crate::shape::Analytic;
+
+    fn disk() -> Disk {
+        Disk { center: Vec3::new(10.0, -3.0, 0.5), axis: Vec3::new(0.3, -1.2, 0.9) }
+    }
+
+    #[test]
+    fn the_box_holds_the_rim_and_touches_it() {
+        let disk = disk();
+        let (x, y) = orthonormal_basis(disk.normal());
+        let rim = (0..100_000).map(|i| {
+            let (sin, cos) = (i as f32 * (2.0 * PI / 100_000.0)).sin_cos();
+            disk.center + (x * cos + y * sin) * disk.radius()
+        });
+        let (found, expected) = (disk.bounds(), Bounds3::of(rim));
+        assert!((found.min - expected.min).abs().max_element() < 2e-6, "{found:?} {expected:?}");
+        assert!((found.max - expected.max).abs().max_element() < 2e-6, "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn textures_touch_the_edge() {
+        let disk = Disk { center: Vec3::new(1.0, 2.0, 3.0), axis: Vec3::Z * 0.5 };
+        let at = |x: f32, y: f32| {
+            let point = disk.center + Vec3::new(x, y, 0.0) * 0.5;
+            disk.texture_coordinates(point, Vec3::Z, &Mat3::IDENTITY)
+        };
+        assert_eq!(at(0.0, 0.0), Vec2::splat(0.5));
+        assert_eq!([at(-1.0, 0.0), at(1.0, 0.0)], [Vec2::new(0.0, 0.5), Vec2::new(1.0, 0.5)]);
+        assert_eq!([at(0.0, 1.0), at(0.0, -1.0)], [Vec2::new(0.5, 0.0), Vec2::new(0.5, 1.0)]);
+        let lies = disk.parametrize(Vec3::Z, &Mat3::IDENTITY);
+        assert_eq!((lies.tangent, lies.handedness, lies.uv_per_metre), (Vec3::X, 1.0, 1.0));
+    }
+
+    /// Rays that go on from a hit, on either side, don't meet the disk again; nor do those that miss its edge.
+    #[test]
+    fn rays_meet_it_once() {
+        let disk = disk();
+        let geometry = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
+        let accel = Accel::build(&[geometry], &[], &BuildOptions::default());
+        let mut random = Random::new(3);
+        let (mut met, mut missed) = (0, 0);
+        for _ in 0..20_000 {
+            let origin = disk.center + random.direction() * (4.0 * random.next() + 0.1);
+            let aim = disk.point_by_area([random.next(), random.next()]);
+            let aim = disk.center + (aim - disk.center) * (2.0 * random.next());
+            let ray = Ray::new(origin, (aim - origin).normalize());
+            let hit = accel.closest_one(&ray);
+            let inside = (aim - disk.center).length() / disk.radius();
+            if (inside - 1.0).abs() > 1e-4 && (origin - disk.center).dot(disk.normal()).abs() > 1e-3 {
+                assert_eq!(hit.is_hit(), inside < 1.0, "{ray:?}");
+            }
+            if hit.is_hit() {
+                met += 1;
+                let surface = disk.surface(ray.at(hit.t));
+                let direction = random.direction();
+                let origin = offset_ray_origin(surface.p, surface.p_error, surface.ng, direction);
+                assert_eq!(accel.closest_one(&Ray::new(origin, direction)), Hit::MISS);
+            } else {
+                missed += 1;
+            }
+        }
+        assert!(met > 5_000 && missed > 5_000, "{met} {missed}");
+    }
+}

@@ -24,7 +24,7 @@ use super::textures::Textures;
 use super::transform;
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, Mesh, MeshId, MeshPart, Quad};
+use crate::scene::{Instance, MaterialId, MeshPart, Quad};
 
 const SHAPES: [&str; 7] = ["mesh", "sphere", "disk", "quad", "box", "pyramid", "triangle"];
 
