@@ -153,6 +153,13 @@ pub struct InstanceRecord {
     pub reach: f32,
 }
 
+impl InstanceRecord {
+    /// The part of the world that stands still, below the tree of what moves in it: no other space, so no matrix.
+    pub fn world(root: u32, reach: f32) -> InstanceRecord {
+        InstanceRecord { object_from_world: [[0.0; 4]; 3], root, instance: 0, next: DONE, reach }
+    }
+}
+
 const _: () = assert!(size_of::<Node>() == NODE_LINES * 64);
 const _: () = assert!(size_of::<TrianglePacket>() == TRIANGLE_LINES * 64);
 const _: () = assert!(size_of::<AnalyticPacket>() == ANALYTIC_LINES * 64);

@@ -24,7 +24,7 @@ mod stream;
 mod tests;
 mod validate;
 
-pub use build::{BuildStats, Quality};
+pub use build::{BuildStats, Quality, Reuse};
 pub use gather::Dropped;
 
 use crate::math::{DAffine3, Hit, Ray};
@@ -56,6 +56,19 @@ pub struct AccelInstance {
     pub world_from_object: DAffine3,
 }
 
+/// What a structure is built over.
+#[derive(Clone, Copy, Debug)]
+pub struct AccelInput<'a> {
+    /// Shapes by geometry; the first stands in the world as it is.
+    pub geometries: &'a [&'a Geometry],
+    /// Placed geometries: `Hit::instance` is the index plus 1.
+    pub instances: &'a [AccelInstance],
+    /// The first of the instances that move: they and the rest are built apart from the world, on top of it.
+    pub first_moving: usize,
+    /// The first of the geometries that change: they belong to moving instances, and are built after the world.
+    pub first_changing: usize,
+}
+
 /// How to build.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct BuildOptions {
@@ -71,6 +84,8 @@ pub struct Accel {
     stack_size: usize,
     expected: Vec<build::Tree>,
     stats: BuildStats,
+    /// What a later structure may start from.
+    parts: build::Parts,
 }
 
 thread_local! {
@@ -82,7 +97,20 @@ impl Accel {
     /// (`Hit::instance` is 0 there); the others are only reached through `instances` (`Hit::instance` is the index plus
     /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
     pub fn build(geometries: &[Geometry], instances: &[AccelInstance], options: &BuildOptions) -> Accel {
-        build::build(geometries, instances, options)
+        let geometries: Vec<&Geometry> = geometries.iter().collect();
+        let (first_moving, first_changing) = (instances.len(), geometries.len());
+        let input = AccelInput { geometries: &geometries, instances, first_moving, first_changing };
+        build::build(&input, options)
+    }
+
+    /// Builds with instances that move apart from those that don't.
+    pub fn build_parts(input: &AccelInput, options: &BuildOptions) -> Accel {
+        build::build(input, options)
+    }
+
+    /// Builds the structure anew but for what is said to be the same as in this one.
+    pub fn rebuild(self, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+        build::rebuild(self, reuse, input, options)
     }
 
     /// Time, memory and what was dropped.

@@ -23,7 +23,7 @@ impl Accel {
                 continue;
             }
             if reference & LEAF != 0 {
-                nearest = nearest.min(self.leaf_distance(reference, bound, p));
+                nearest = nearest.min(self.leaf_distance(reference, bound, p, &mut stack));
             } else if let Some(node) = view::<Node, NODE_LINES>(&self.lines, line_of(reference)) {
                 push_children(node, p, nearest, &mut stack);
             }
@@ -31,15 +31,18 @@ impl Accel {
         nearest
     }
 
-    /// The distance from what a leaf holds; `bound` is that from its box.
-    fn leaf_distance(&self, first: u32, bound: f32, p: Vec3) -> f32 {
+    /// The distance from what a leaf holds; `bound` is that from its box. The world below what moves is left to visit.
+    fn leaf_distance(&self, first: u32, bound: f32, p: Vec3, stack: &mut Vec<Waiting>) -> f32 {
         let (mut nearest, mut reference) = (f32::INFINITY, first);
         while reference != DONE {
             let line = line_of(reference);
             let (distance, next) = match kind_of(reference) {
                 KIND_INSTANCE => {
                     let Some(r) = view::<InstanceRecord, INSTANCE_LINES>(&self.lines, line) else { break };
-                    (bound, r.next)
+                    if r.instance == 0 {
+                        stack.push((r.root, bound));
+                    }
+                    (if r.instance == 0 { f32::INFINITY } else { bound }, r.next)
                 }
                 KIND_ANALYTIC => {
                     let Some(s) = view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line) else { break };

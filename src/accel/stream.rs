@@ -355,7 +355,8 @@ impl<const N: usize> Flight<'_, N> {
         packet.next
     }
 
-    /// Goes on in the space of an instance; the way back waits on the stack.
+    /// Goes on in the space of an instance, to which the way back waits on the stack, or in the part of the world that
+    /// stands still.
     #[inline(always)]
     fn enter_instance<O: Output>(&mut self, id: usize, current: u32) {
         let slot = &mut self.slots[id];
@@ -363,6 +364,10 @@ impl<const N: usize> Flight<'_, N> {
             return;
         };
         slot.push_next(record.next);
+        if record.instance == 0 {
+            slot.push(record.root);
+            return self.pop::<O>(id);
+        }
         let ray = record.transform(&slot.ray, slot.t_min, slot.best.t);
         if slot.set(&ray, record.reach) {
             slot.push(LEAVE_INSTANCE);
