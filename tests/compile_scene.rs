@@ -6,7 +6,7 @@ use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Model, PbrMaterial, Scene,
+    Model, Motion, PbrMaterial, Scene,
 };
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
@@ -33,7 +33,8 @@ fn square(n: u32, material: MaterialId) -> Mesh {
 
 fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
     let name = format!("placement {}", scene.instances.len());
-    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None });
+    let motion = Motion::Still;
+    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None, motion });
 }
 
 #[test]

@@ -1,6 +1,6 @@
 //! Finds what shines: emitting primitives become area lights, pairs of triangles that form a parallelogram one light.
 
-use super::geometry::{Attributes, Geometries};
+use super::geometry::{Attributes, Geometries, Space};
 use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel;
 use crate::color::Rgb;
@@ -23,7 +23,7 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     if materials.iter().all(|m| m.emission.is_none()) {
         return emitters;
     }
-    let (shapes, attributes) = (&geometries.shapes[0], &geometries.attributes[0]);
+    let Space { shapes, attributes, .. } = &*geometries.world;
     let material = |prim: usize| attributes.materials[prim] as usize;
     let emits = |prim: usize| sampled_emission(&materials[material(prim)]).is_some();
     let (triangles, quads) = (shapes.triangles.len(), shapes.quads.len());

@@ -3,32 +3,37 @@
 
 mod bake;
 mod closed;
+mod compiler;
+mod content;
 mod emitters;
 mod fold;
 mod geometry;
 mod material;
 mod medium;
+mod objects;
+mod plan;
 mod tangents;
 mod view;
 
-pub use geometry::{Corners, Geometries, SurfaceCoordinates, TextureCorners};
+pub use geometry::{
+    Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform,
+};
+pub use compiler::Compiler;
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
+pub use objects::ObjectId;
 pub use view::{View, choose_camera};
 
-use crate::accel::{Accel, BuildOptions, BuildStats};
+use crate::accel::{Accel, BuildStats};
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
-use crate::math::{Bounds3, DVec3, Hit, Vec3};
+use crate::math::{Bounds3, DVec3, Hit};
 use crate::scene::{EnergyCompensation, Scene};
-use crate::shape::{Analytic, Shape};
+use crate::shape::Analytic;
 use crate::texture::CompiledTextures;
-use bake::Baked;
+use compiler::{Geometry, Kept, Sources};
 use emitters::Emitters;
 use std::time::Instant;
-
-/// Most triangles that the accelerator can address.
-const MAX_TRIANGLES: usize = 400_000_000;
 
 /// What to compile for.
 #[derive(Clone, Copy, Debug, Default)]
@@ -83,6 +88,8 @@ pub struct CompiledScene {
     /// What the integrator may skip.
     pub features: Features,
     emitters: Emitters,
+    /// What it was made of, for what may be made of it.
+    sources: Option<Sources>,
 }
 
 /// What a scene makes use of.
@@ -108,6 +115,11 @@ impl CompiledScene {
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
         if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
     }
+
+    /// The object of the scene at a hit.
+    pub fn object_at(&self, hit: &Hit) -> ObjectId {
+        self.geometries.object(hit)
+    }
 }
 
 /// Compiles a scene.
@@ -115,33 +127,42 @@ impl CompiledScene {
 /// # Errors
 /// An input error for a scene with more triangles than can be addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
+    compile_after(None, scene, options, false)
+}
+
+/// Compiles a scene; as one moment of a sequence, whose earlier moment gives what it has in common with this one.
+fn compile_after(
+    earlier: Option<CompiledScene>,
+    scene: &Scene,
+    options: &CompileOptions,
+    is_sequence: bool,
+) -> Result<(CompiledScene, CompileReport)> {
     let begin = Instant::now();
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
     let mut report = CompileReport::default();
-    let textures = CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3());
+    let mut kept = Kept::of(earlier, scene);
+    let textures = match kept.textures.take() {
+        Some(textures) => textures.moved(anchor.as_vec3()),
+        None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
+    };
     let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = medium::number(scene, &mut materials, &mut report.warnings);
-    let Baked { geometries, instances } =
-        bake::bake(scene, &materials, anchor, &mut report.warnings, &mut report.left_out);
-    check_size(&geometries)?;
-    let accel = Accel::build(&geometries.shapes, &instances, &BuildOptions::default());
+    let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
+    let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
+    let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan)?;
     report_accel(accel.stats(), &mut report);
 
     let emitters = emitters::find(&geometries, &materials);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
-    let environment = EnvironmentLight::new(&scene.environment, &scene.images, true);
+    let environment = match kept.environment.take() {
+        Some(environment) => environment,
+        None => EnvironmentLight::new(&scene.environment, &scene.images, true),
+    };
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.lights = lights.len() as u64;
-    let features = Features {
-        alpha: materials.iter().any(|m| m.alpha.is_some()),
-        normals: geometries.has_normals(),
-        bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
-        footprints: textures.use_footprints(),
-        media: media.len() > 1,
-        absorption: media.iter().any(|m| m.absorption.is_some()),
-    };
+    let features = features(&geometries, &materials, &textures, &media);
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -154,20 +175,29 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         lights,
         features,
         emitters,
+        sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
 }
 
-fn default_anchor(scene: &Scene) -> DVec3 {
-    scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
+fn features(
+    geometries: &Geometries,
+    materials: &[CompiledMaterial],
+    textures: &CompiledTextures,
+    media: &[Medium],
+) -> Features {
+    Features {
+        alpha: materials.iter().any(|m| m.alpha.is_some()),
+        normals: geometries.has_normals(),
+        bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
+        footprints: textures.use_footprints(),
+        media: media.len() > 1,
+        absorption: media.iter().any(|m| m.absorption.is_some()),
+    }
 }
 
-fn check_size(geometries: &Geometries) -> Result<()> {
-    let triangles: usize = geometries.shapes.iter().map(|g| g.triangles.len()).sum();
-    if triangles > MAX_TRIANGLES {
-        return Err(input_error(format!("{triangles} triangles are more than the {MAX_TRIANGLES} possible")));
-    }
-    Ok(())
+fn default_anchor(scene: &Scene) -> DVec3 {
+    scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
 }
 
 fn input_error(message: impl Into<String>) -> Error {
@@ -194,23 +224,12 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
 
 /// Half the diagonal of the box around everything, at least a little.
 fn scene_radius(geometries: &Geometries) -> f32 {
-    let mut bounds = vec![Bounds3::EMPTY; geometries.shapes.len()];
-    for (b, shapes) in bounds.iter_mut().zip(&geometries.shapes) {
-        *b = Bounds3::of(shapes.positions.iter().map(|&p| Vec3::from_array(p)).filter(|p| p.is_finite()));
-        for q in &shapes.quads {
-            for p in [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v] {
-                *b = b.with(p);
-            }
-        }
-        for shape in &shapes.analytic {
-            *b = b.union(shape.bounds());
-        }
-    }
-    let mut world = bounds[0];
+    let mut world = geometries.world.bounds;
     for placement in &geometries.placements {
-        let object = bounds[placement.geometry as usize];
+        let object = geometries.shared[placement.geometry as usize].bounds;
         if !object.is_empty() {
-            let place = |p| placement.linear * p + placement.translation;
+            let Transform { linear, translation, .. } = placement.world_from_object;
+            let place = |p| linear * p + translation;
             world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
         }
     }

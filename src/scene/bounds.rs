@@ -107,7 +107,7 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
 mod tests {
     use super::*;
     use crate::math::{DAffine3, DQuat};
-    use crate::scene::{MaterialId, MeshId, Shape, ShapeKind};
+    use crate::scene::{MaterialId, MeshId, Motion, Shape, ShapeKind};
 
     #[test]
     fn boxes_hold_what_is_placed_and_drawn() {
@@ -124,6 +124,7 @@ mod tests {
             mesh: MeshId(0),
             world_from_object: DAffine3::from_translation(DVec3::Z),
             material: None,
+            motion: Motion::Still,
         });
         let boxes = instance_extents(&scene);
         assert_eq!(boxes, [Extent(Some((DVec3::Z, DVec3::new(1.0, 2.0, 1.0))))]);

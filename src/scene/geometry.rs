@@ -46,6 +46,20 @@ pub struct Instance {
     pub world_from_object: DAffine3,
     /// Replaces all materials of the mesh.
     pub material: Option<MaterialId>,
+    /// What other moments of the same scene make of it.
+    pub motion: Motion,
+}
+
+/// How an instance differs between the moments of a scene.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Motion {
+    /// It does not.
+    #[default]
+    Still,
+    /// It stands elsewhere.
+    Moves,
+    /// Its mesh is another, too.
+    Deforms,
 }
 
 /// A shape that is no mesh, in world space.

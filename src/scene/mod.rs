@@ -14,7 +14,7 @@ mod validate;
 pub use bounds::{Extent, instance_extents, scene_extent};
 pub use camera::{Camera, Projection, ThinLens};
 pub use environment::Environment;
-pub use geometry::{Instance, Mesh, MeshPart, Quad, Shape, ShapeKind};
+pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{

@@ -67,6 +67,11 @@ impl CompiledTextures {
         CompiledTextures { textures: compiled, world_offset }
     }
 
+    /// The same textures in a world whose origin has moved otherwise.
+    pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
+        CompiledTextures { world_offset, ..self }
+    }
+
     /// The value everywhere, if it is the same everywhere.
     pub fn constant(&self, id: TextureId) -> Option<[f32; 4]> {
         match self.textures.get(id.index()) {

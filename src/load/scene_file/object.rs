@@ -2,7 +2,7 @@
 
 use super::Build;
 use crate::math::DAffine3;
-use crate::scene::{Instance, Mesh, MeshId};
+use crate::scene::{Instance, Mesh, MeshId, Motion};
 
 /// A table of `[[objects]]`.
 pub(super) struct Object {
@@ -17,5 +17,5 @@ pub(super) fn add_placed(build: &mut Build, object: &Object, mesh: Mesh, world_f
     let scene = &mut build.loaded.scene;
     scene.meshes.push(mesh);
     let mesh = MeshId(scene.meshes.len() as u32 - 1);
-    scene.instances.push(Instance { name: object.name.clone(), mesh, world_from_object, material: None });
+    scene.instances.push(Instance { name: object.name.clone(), mesh, world_from_object, material: None, motion: Motion::Still });
 }

@@ -132,6 +132,7 @@ fn add_mesh(
         mesh: i.mesh,
         world_from_object: object.world_from_object * i.world_from_object,
         material: material.or(i.material),
+        motion: i.motion,
     });
     build.loaded.scene.instances.extend(placed);
 }
