@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::report::{self, Run, Said};
 use super::scene_path;
 use super::settings::{Settled, check_size, settle};
-use oscura::compile::{CompileOptions, CompileReport, CompiledScene, View, choose_camera, compile};
+use oscura::compile::{CompileReport, CompiledScene, Compiler, View, choose_camera};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
 use oscura::render::{in_pool, render};
@@ -32,14 +32,15 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load(&args.scene, &load_options(args))?;
-        return run_one(args, stop, &targets, &environment, &mut loaded, start, &mut Said::default());
+        let mut kept = Kept { said: Said::default(), compiler: Compiler::single() };
+        return run_one(args, stop, &targets, &environment, &mut loaded, start, &mut kept);
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
     let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
-    let mut said = Said::default();
+    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
     let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
@@ -49,7 +50,7 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         if !args.quiet {
             eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
         }
-        outcome = run_one(args, stop, &targets, &environment, loaded, start, &mut said)?;
+        outcome = run_one(args, stop, &targets, &environment, loaded, start, &mut kept)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -71,6 +72,12 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
     }
 }
 
+/// What outlives a picture.
+struct Kept {
+    said: Said,
+    compiler: Compiler,
+}
+
 /// Renders one picture of a scene that began to load at `start`.
 fn run_one(
     args: &RenderArgs,
@@ -79,10 +86,10 @@ fn run_one(
     environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
-    said: &mut Said,
+    Kept { said, compiler }: &mut Kept,
 ) -> Result<Outcome> {
     let Prepared { scene, view, settled, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), environment, loaded, start)?;
+        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
@@ -94,7 +101,7 @@ fn run_one(
     stop_before_pixels(stop)?;
 
     let progress = Progress::new(args.quiet, args.time_limit);
-    let (film, statistics) = render(&scene, &view, &settled.render, stop, &|event| progress.show(&event))?;
+    let (film, statistics) = render(scene, &view, &settled.render, stop, &|event| progress.show(&event))?;
     progress.finish();
 
     let start = Instant::now();
@@ -134,8 +141,8 @@ fn run_one(
 }
 
 /// All that rendering needs.
-struct Prepared {
-    scene: CompiledScene,
+struct Prepared<'c> {
+    scene: &'c CompiledScene,
     view: View,
     settled: Settled,
     build: CompileReport,
@@ -146,23 +153,23 @@ struct Prepared {
 }
 
 /// Settles options and compiles what was loaded since `start`; `has_exr` tells whether anything can hold AOVs.
-fn prepare(
+fn prepare<'c>(
     args: &RenderArgs,
     has_exr: bool,
     environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
-) -> Result<Prepared> {
+    compiler: &'c mut Compiler,
+) -> Result<Prepared<'c>> {
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
     warnings.extend(environment.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
     let camera = choose_camera(&loaded.scene, settled.camera)?;
-    let anchor = Some(camera.world_from_camera.translation);
-    let options = CompileOptions { energy_compensation: settled.energy_compensation, anchor };
-    let (scene, mut build) = compile(&loaded.scene, &options)?;
-    let view = View::new(&scene, camera, settled.render.width, settled.render.height);
+    let size = (settled.render.width, settled.render.height);
+    let (scene, view, mut build) =
+        compiler.compile(&loaded.scene, settled.energy_compensation, camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);

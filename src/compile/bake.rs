@@ -279,7 +279,7 @@ impl Attributes {
     }
 }
 
-fn glam(v: [f32; 3]) -> crate::math::Vec3 {
+fn glam(v: [f32; 3]) -> Vec3 {
     v.into()
 }
 

@@ -171,7 +171,8 @@ impl Geometries {
     /// Is the hit on a triangle or quad of the world's own geometry?
     #[inline(always)]
     pub fn is_flat(&self, hit: &Hit) -> bool {
-        hit.instance == 0 && (hit.prim as usize) < self.world.shapes.triangles.len() + self.world.shapes.quads.len()
+        hit.instance == 0
+            && (hit.prim as usize) < self.world.shapes.triangles.len() + self.world.shapes.quads.len()
     }
 
     /// The corners of a triangle or quad of the world's own geometry; `None` for all else.

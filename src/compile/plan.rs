@@ -163,8 +163,10 @@ impl Plan {
         let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
             .map(|(mesh, used)| if *used { content::of_mesh(mesh) } else { Fingerprint::START })
             .collect();
-        let shared =
-            self.meshes[..self.first_changing].iter().map(|&m| of_materials.with_print(of_meshes[m])).collect();
+        let shared = self.meshes[..self.first_changing]
+            .iter()
+            .map(|&m| of_materials.with_print(of_meshes[m]))
+            .collect();
         let mut world = of_materials.with_vector(origin);
         for step in self.steps.iter().filter(|s| s.place != Place::Moving) {
             let instance = &scene.instances[step.instance];

@@ -1,6 +1,6 @@
 //! A camera's view of a compiled scene: all that depends on the camera, made in no time.
 
-use super::CompiledScene;
+use super::scene::CompiledScene;
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::math::{DMat4, gamma};

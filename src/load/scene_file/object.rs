@@ -17,5 +17,11 @@ pub(super) fn add_placed(build: &mut Build, object: &Object, mesh: Mesh, world_f
     let scene = &mut build.loaded.scene;
     scene.meshes.push(mesh);
     let mesh = MeshId(scene.meshes.len() as u32 - 1);
-    scene.instances.push(Instance { name: object.name.clone(), mesh, world_from_object, material: None, motion: Motion::Still });
+    scene.instances.push(Instance {
+        name: object.name.clone(),
+        mesh,
+        world_from_object,
+        material: None,
+        motion: Motion::Still,
+    });
 }
