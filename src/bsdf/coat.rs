@@ -1,7 +1,7 @@
 //! A clear dielectric layer on top of everything else (KHR_materials_clearcoat).
 
 use super::albedo_table::DirectionalAlbedo;
-use super::{BsdfEval, BsdfSample, SchlickMetal, fresnel};
+use super::{BsdfEval, BsdfSample, Lobe, SchlickMetal, fresnel};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::EnergyCompensation;

@@ -1,10 +1,10 @@
 //! Metals of a measured index of refraction.
 
 use super::microsurface::{Facets, Microsurface};
-use super::{BsdfEval, BsdfSample, fresnel, ggx};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::EnergyCompensation;
+use crate::scene::{EnergyCompensation, FloatSlot};
 
 /// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
 ///
@@ -39,10 +39,11 @@ impl Conductor {
             EnergyCompensation::Off => Rgb::ONE,
         }
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for Conductor {
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::above(wo);
         if self.surface.is_mirror() {
             return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
@@ -64,9 +65,8 @@ impl Conductor {
         }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
@@ -74,5 +74,48 @@ impl Conductor {
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
         let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.surface.is_mirror()
+    }
+
+    #[inline(always)]
+    fn tinted(self, _color: Rgb) -> Self {
+        // The colour of a measured metal is its own.
+        self
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.reflectance(1.0)
+    }
+}
+
+/// The parameters of a [`Conductor`].
+#[derive(Clone, Copy, Debug)]
+pub struct ConductorProgram {
+    /// See [`Conductor::eta`].
+    pub eta: Rgb,
+    /// See [`Conductor::k`].
+    pub k: Rgb,
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+    /// See [`Conductor::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl MaterialProgram for ConductorProgram {
+    type Lobe = Conductor;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Conductor {
+        Conductor {
+            eta: self.eta,
+            k: self.k,
+            surface: Microsurface::isotropic(slots.alpha(&self.roughness)),
+            energy_compensation: self.energy_compensation,
+        }
     }
 }

@@ -16,7 +16,7 @@ use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
 use super::through::DiffuseThrough;
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, MetalRough, ggx};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, Lobe, MetalRough, Transmissive, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
 
@@ -56,31 +56,6 @@ struct LayeredClosure {
 const PARTS: usize = 5;
 
 impl Layered {
-    /// Is every part a single direction?
-    #[inline]
-    pub fn is_specular(&self) -> bool {
-        let coat = self.coat.factor == 0.0 || self.coat.is_mirror();
-        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Rgb::ZERO);
-        let glass = self.glass_share <= 0.0 || self.glass.is_smooth();
-        coat && opaque && glass && self.sheen.color == Rgb::ZERO
-    }
-
-    /// A plain colour for the albedo output.
-    #[inline]
-    pub fn albedo(&self) -> Rgb {
-        let opaque = (self.opaque.albedo() + self.through).min(Rgb::ONE);
-        opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
-    }
-
-    /// With the base colour multiplied.
-    #[inline]
-    pub fn tinted(mut self, color: Rgb) -> Layered {
-        self.opaque.diffuse *= color;
-        self.opaque.metal_f0 *= color;
-        self.glass.tint *= color;
-        self
-    }
-
     #[inline]
     fn closure(&self, wo: Vec3) -> LayeredClosure {
         let above = ggx::above(wo);
@@ -137,9 +112,44 @@ impl Layered {
         }
     }
 
-    /// See [`super::Bsdf::sample`].
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn eval_closure(&self, closure: &LayeredClosure, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let mut sum = BsdfEval::ZERO;
+        let mut add = |part: usize, e: BsdfEval| {
+            sum.f_cos += closure.weights[part] * e.f_cos;
+            sum.pdf_solid_angle += closure.probabilities[part] * e.pdf_solid_angle;
+        };
+        let has = |part: usize| closure.probabilities[part] > 0.0;
+        if (wo.z < 0.0) == (wi.z < 0.0) {
+            if has(0) {
+                add(0, self.coat.eval(wo, wi));
+            }
+            if has(1) {
+                add(1, self.sheen.eval(wo, wi));
+            }
+            if has(2) {
+                add(
+                    2,
+                    closure.opaque_closure.eval(
+                        &closure.opaque.surface,
+                        closure.above,
+                        Vec3::new(wi.x, wi.y, wi.z.abs()),
+                    ),
+                );
+            }
+        } else if has(3) {
+            add(3, DiffuseThrough.eval(wo, wi));
+        }
+        if has(4) {
+            add(4, closure.glass.eval(wo, wi));
+        }
+        sum
+    }
+}
+
+impl Lobe for Layered {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let closure = self.closure(wo);
         let (mut part, mut rest) = (0, u[2]);
         while part < PARTS - 1 && rest >= closure.probabilities[part] {
@@ -173,44 +183,42 @@ impl Layered {
         BsdfSample { weight: e.f_cos / e.pdf_solid_angle, pdf_solid_angle: e.pdf_solid_angle, ..s }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         self.eval_closure(&self.closure(wo), wo, wi)
     }
 
     #[inline]
-    fn eval_closure(&self, closure: &LayeredClosure, wo: Vec3, wi: Vec3) -> BsdfEval {
-        let mut sum = BsdfEval::ZERO;
-        let mut add = |part: usize, e: BsdfEval| {
-            sum.f_cos += closure.weights[part] * e.f_cos;
-            sum.pdf_solid_angle += closure.probabilities[part] * e.pdf_solid_angle;
-        };
-        let has = |part: usize| closure.probabilities[part] > 0.0;
-        if (wo.z < 0.0) == (wi.z < 0.0) {
-            if has(0) {
-                add(0, self.coat.eval(wo, wi));
-            }
-            if has(1) {
-                add(1, self.sheen.eval(wo, wi));
-            }
-            if has(2) {
-                add(
-                    2,
-                    closure.opaque_closure.eval(
-                        &closure.opaque.surface,
-                        closure.above,
-                        Vec3::new(wi.x, wi.y, wi.z.abs()),
-                    ),
-                );
-            }
-        } else if has(3) {
-            add(3, DiffuseThrough.eval(wo, wi));
-        }
-        if has(4) {
-            add(4, closure.glass.eval(wo, wi));
-        }
-        sum
+    fn is_specular(&self) -> bool {
+        let coat = self.coat.factor == 0.0 || self.coat.is_mirror();
+        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Rgb::ZERO);
+        let glass = self.glass_share <= 0.0 || self.glass.is_smooth();
+        coat && opaque && glass && self.sheen.color == Rgb::ZERO
+    }
+
+    #[inline]
+    fn tinted(mut self, color: Rgb) -> Self {
+        self.opaque.diffuse *= color;
+        self.opaque.metal_f0 *= color;
+        self.glass.tint *= color;
+        self
+    }
+
+    #[inline]
+    fn albedo(&self) -> Rgb {
+        let opaque = (self.opaque.albedo() + self.through).min(Rgb::ONE);
+        opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
+    }
+}
+
+impl Transmissive for Layered {
+    const SCATTERS_THROUGH: bool = true;
+    const REFRACTS: bool = true;
+
+    #[inline(always)]
+    fn with_ior(mut self, ior: f32) -> Self {
+        self.glass.ior = ior;
+        self
     }
 }
 

@@ -2,7 +2,7 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, Lobe, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::{Vec3, select};
 use crate::sampling::warp;
@@ -66,19 +66,6 @@ impl MetalRough {
 }
 
 impl<S: Facets> MetalRough<S> {
-    /// Has it no lobe of finite width?
-    #[inline(always)]
-    pub fn is_specular(&self) -> bool {
-        self.surface.is_mirror() && self.diffuse == Rgb::ZERO
-    }
-
-    /// Diffuse colour and reflection at normal incidence, clamped.
-    #[inline(always)]
-    pub fn albedo(&self) -> Rgb {
-        let reflected = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
-        (self.diffuse + reflected).min(Rgb::ONE)
-    }
-
     /// What a direction above the surface sees.
     #[inline(always)]
     pub fn closure(&self, above: Vec3) -> MetalRoughClosure {
@@ -118,22 +105,38 @@ impl<S: Facets> MetalRough<S> {
             probability_diffuse: d / whole,
         }
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl<S: Facets> Lobe for MetalRough<S> {
     #[inline(always)]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::above(wo);
         self.closure(above).sample(&self.surface, wo, above, u)
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline(always)]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
         let above = ggx::above(wo);
         self.closure(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.surface.is_mirror() && self.diffuse == Rgb::ZERO
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        MetalRough { diffuse: self.diffuse * color, metal_f0: self.metal_f0 * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        let reflected = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
+        (self.diffuse + reflected).min(Rgb::ONE)
     }
 }
 

@@ -1,9 +1,10 @@
 //! Rough diffuse reflection that keeps its energy.
 
-use super::{BsdfEval, BsdfSample};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
+use crate::scene::{ColorSlot, FloatSlot};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Fujii's form of the Oren-Nayar model with the light that bounces between its facets (Portsmouth, Kutz, Hill 2024,
@@ -42,10 +43,11 @@ impl OrenNayar {
     fn probability_uniform(&self, zo: f32) -> f32 {
         0.5 * self.roughness * (1.0 - zo) * (1.0 - zo)
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for OrenNayar {
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let up = if u[2] < self.probability_uniform(wo.z.abs()) {
             let (s, c) = poly::sin_cos_turns(u[1]);
             let sine = (1.0 - u[0] * u[0]).max(0.0).sqrt();
@@ -57,9 +59,8 @@ impl OrenNayar {
         BsdfSample::reflected(wi, self.eval(wo, wi))
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
@@ -76,5 +77,38 @@ impl OrenNayar {
         let cosine = zi * FRAC_1_PI;
         let pdf_solid_angle = probability_uniform * (0.5 * FRAC_1_PI) + (1.0 - probability_uniform) * cosine;
         BsdfEval { f_cos: (single + multiple) * cosine, pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        OrenNayar { color: self.color * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.color
+    }
+}
+
+/// The parameters of a [`OrenNayar`].
+#[derive(Clone, Copy, Debug)]
+pub struct OrenNayarProgram {
+    /// See [`OrenNayar::color`].
+    pub color: ColorSlot,
+    /// See [`OrenNayar::roughness`].
+    pub roughness: FloatSlot,
+}
+
+impl MaterialProgram for OrenNayarProgram {
+    type Lobe = OrenNayar;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> OrenNayar {
+        OrenNayar { color: slots.share_by_channel(&self.color), roughness: slots.share(&self.roughness) }
     }
 }

@@ -1,9 +1,10 @@
 //! The modified Phong model of older files.
 
-use super::{BsdfEval, BsdfSample};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
 use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
+use crate::scene::ColorSlot;
 use std::f32::consts::{FRAC_1_PI, TAU};
 
 /// Diffuse reflection and a cosine lobe around the mirror direction (Lafortune, Willems 1994, "Using the modified Phong
@@ -49,10 +50,11 @@ impl Phong {
         let (s, d) = (self.specular.mean(), self.diffuse.mean());
         s / if s + d > 0.0 { s + d } else { 1.0 }
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for Phong {
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let wi = if u[2] < self.probability_specular() {
             // cos = u^(1 / (n + 1)).
             let cosine = power(1.0 - u[0], 1.0 / (self.exponent + 1.0));
@@ -72,9 +74,8 @@ impl Phong {
         BsdfSample::reflected(wi, self.eval(wo, wi))
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
@@ -86,5 +87,41 @@ impl Phong {
             f_cos: f * cosine,
             pdf_solid_angle: (1.0 - p) * cosine * FRAC_1_PI + p * lobe * (self.exponent + 1.0) / TAU,
         }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        Phong { diffuse: self.diffuse * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.diffuse + self.specular
+    }
+}
+
+/// The parameters of a [`Phong`].
+#[derive(Clone, Copy, Debug)]
+pub struct PhongProgram {
+    /// See [`Phong::diffuse`].
+    pub diffuse: ColorSlot,
+    /// See [`Phong::specular`].
+    pub specular: ColorSlot,
+    /// See [`Phong::exponent`].
+    pub exponent: f32,
+}
+
+impl MaterialProgram for PhongProgram {
+    type Lobe = Phong;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Phong {
+        let [diffuse, specular] = [&self.diffuse, &self.specular].map(|slot| slots.share_by_channel(slot));
+        Phong::new(diffuse, specular, self.exponent)
     }
 }

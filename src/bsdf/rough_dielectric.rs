@@ -1,11 +1,12 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
-use super::microsurface::{Facets, Microsurface};
+use super::dielectric::tint_of_crossing;
+use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
 use super::solid_glass::SolidGlassClosure;
-use super::{BsdfEval, BsdfSample, fresnel, ggx};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::EnergyCompensation;
+use crate::scene::{ColorSlot, EnergyCompensation};
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
 /// direction: the surface counts as smooth.
@@ -150,37 +151,6 @@ impl RoughDielectric {
         if estimate > least { estimate } else { least }
     }
 
-    /// See [`super::Bsdf::sample`].
-    #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        if self.is_smooth() {
-            return self.sample_smooth(wo, u[2]);
-        }
-        let (above, eta) = (ggx::above(wo), self.eta(wo));
-        let sampled = match self.walls {
-            Walls::Solid => {
-                let closure = SolidGlassClosure::new(self, above, eta);
-                closure.sample(u).map(|wi| (wi, closure.eval(wi)))
-            }
-            Walls::Thin => self.sample_thin(above, u).map(|wi| (wi, self.eval_thin(above, wi))),
-        };
-        let Some((wi, value)) = sampled else {
-            return BsdfSample::ABSORBED;
-        };
-        if wi.z == 0.0 || value.pdf_solid_angle <= 0.0 {
-            return BsdfSample::ABSORBED;
-        }
-        let is_transmission = wi.z < 0.0;
-        BsdfSample {
-            wi: if wo.z < 0.0 { Vec3::new(wi.x, wi.y, -wi.z) } else { wi },
-            weight: value.f_cos / value.pdf_solid_angle,
-            pdf_solid_angle: value.pdf_solid_angle,
-            eta: if is_transmission && self.walls == Walls::Solid { eta } else { 1.0 },
-            is_specular: false,
-            is_transmission,
-        }
-    }
-
     /// A direction from a thin sheet; z below 0 is behind it. None where light is lost.
     #[inline(always)]
     fn sample_thin(&self, above: Vec3, u: [f32; 3]) -> Option<Vec3> {
@@ -223,20 +193,6 @@ impl RoughDielectric {
         }
     }
 
-    /// See [`super::Bsdf::eval`].
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        if self.is_smooth() || wi.z == 0.0 {
-            return BsdfEval::ZERO;
-        }
-        let above = ggx::above(wo);
-        let wi = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
-        match self.walls {
-            Walls::Solid => SolidGlassClosure::new(self, above, self.eta(wo)).eval(wi),
-            Walls::Thin => self.eval_thin(above, wi),
-        }
-    }
-
     /// A thin sheet, which reflects and transmits the mirrored direction alike, from a direction with z above 0.
     #[inline]
     fn eval_thin(&self, above: Vec3, wi: Vec3) -> BsdfEval {
@@ -251,5 +207,108 @@ impl RoughDielectric {
             EnergyCompensation::On => self.surface.directional_albedo(above).full,
         };
         BsdfEval { f_cos: color * (r.f_cos / albedo), pdf_solid_angle: probability * r.pdf_solid_angle }
+    }
+}
+
+impl Lobe for RoughDielectric {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        if self.is_smooth() {
+            return self.sample_smooth(wo, u[2]);
+        }
+        let (above, eta) = (ggx::above(wo), self.eta(wo));
+        let sampled = match self.walls {
+            Walls::Solid => {
+                let closure = SolidGlassClosure::new(self, above, eta);
+                closure.sample(u).map(|wi| (wi, closure.eval(wi)))
+            }
+            Walls::Thin => self.sample_thin(above, u).map(|wi| (wi, self.eval_thin(above, wi))),
+        };
+        let Some((wi, value)) = sampled else {
+            return BsdfSample::ABSORBED;
+        };
+        if wi.z == 0.0 || value.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        let is_transmission = wi.z < 0.0;
+        BsdfSample {
+            wi: if wo.z < 0.0 { Vec3::new(wi.x, wi.y, -wi.z) } else { wi },
+            weight: value.f_cos / value.pdf_solid_angle,
+            pdf_solid_angle: value.pdf_solid_angle,
+            eta: if is_transmission && self.walls == Walls::Solid { eta } else { 1.0 },
+            is_specular: false,
+            is_transmission,
+        }
+    }
+
+    #[inline]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        if self.is_smooth() || wi.z == 0.0 {
+            return BsdfEval::ZERO;
+        }
+        let above = ggx::above(wo);
+        let wi = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
+        match self.walls {
+            Walls::Solid => SolidGlassClosure::new(self, above, self.eta(wo)).eval(wi),
+            Walls::Thin => self.eval_thin(above, wi),
+        }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.is_smooth()
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        RoughDielectric { tint: self.tint * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.tint
+    }
+}
+
+impl Transmissive for RoughDielectric {
+    const SCATTERS_THROUGH: bool = true;
+    const REFRACTS: bool = true;
+
+    #[inline(always)]
+    fn with_ior(self, ior: f32) -> Self {
+        RoughDielectric { ior, ..self }
+    }
+}
+
+/// The parameters of a [`RoughDielectric`] of plain reflectance.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughDielectricProgram {
+    /// See [`RoughDielectric::surface`].
+    pub facets: MicrosurfaceProgram,
+    /// See [`RoughDielectric::ior`].
+    pub ior: f32,
+    /// See [`RoughDielectric::walls`].
+    pub walls: Walls,
+    /// See [`RoughDielectric::tint`].
+    pub tint: ColorSlot,
+    /// The tint is that of both crossings of a solid together.
+    pub tints_once: bool,
+    /// See [`RoughDielectric::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl MaterialProgram for RoughDielectricProgram {
+    type Lobe = RoughDielectric;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> RoughDielectric {
+        RoughDielectric {
+            surface: self.facets.evaluate(slots, frame),
+            ior: self.ior,
+            walls: self.walls,
+            tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
+            reflectance: GlassReflectance::Plain,
+            energy_compensation: self.energy_compensation,
+        }
     }
 }

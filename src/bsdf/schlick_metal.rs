@@ -2,10 +2,10 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::ggx::{self, MIN_ALPHA};
-use super::{BsdfEval, BsdfSample, fresnel};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel};
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::EnergyCompensation;
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot};
 
 /// A metal; both sides alike.
 ///
@@ -38,10 +38,11 @@ impl SchlickMetal {
             EnergyCompensation::Off => Rgb::ONE,
         }
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for SchlickMetal {
     #[inline(always)]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::above(wo);
         if self.is_mirror() {
             return BsdfSample::mirror(wo, fresnel::schlick(self.f0, Rgb::ONE, above.z), 1.0);
@@ -62,9 +63,8 @@ impl SchlickMetal {
         }
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline(always)]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
@@ -72,5 +72,44 @@ impl SchlickMetal {
         let r = ggx::reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()), self.alpha);
         let factor = fresnel::schlick(self.f0, Rgb::ONE, r.cos_half) * self.compensation(above.z);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        self.is_mirror()
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        SchlickMetal { f0: self.f0 * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.f0
+    }
+}
+
+/// The parameters of a [`SchlickMetal`].
+#[derive(Clone, Copy, Debug)]
+pub struct SchlickMetalProgram {
+    /// See [`SchlickMetal::f0`].
+    pub color: ColorSlot,
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+    /// See [`SchlickMetal::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl MaterialProgram for SchlickMetalProgram {
+    type Lobe = SchlickMetal;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> SchlickMetal {
+        SchlickMetal {
+            f0: slots.share_by_channel(&self.color),
+            alpha: slots.alpha(&self.roughness),
+            energy_compensation: self.energy_compensation,
+        }
     }
 }

@@ -1,12 +1,13 @@
-//! Materials ready for shading: constant slots folded, constant BSDFs resolved once.
+//! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::medium::Medium;
-use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, Slots};
 use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, Clearcoat, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, PbrMaterial,
+    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, PbrMaterial,
+    Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -40,8 +41,7 @@ pub struct CompiledMaterial {
     pub uses_frame: bool,
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
-    model: Model,
-    energy_compensation: EnergyCompensation,
+    program: BsdfProgram,
 }
 
 /// Emitted radiance.
@@ -89,19 +89,19 @@ impl CompiledMaterial {
         energy_compensation: EnergyCompensation,
     ) -> Self {
         let model = fold_model(&material.model, textures);
-        let class = class_of(&model);
+        let program = BsdfProgram::of(&model, energy_compensation);
+        let class = program.class();
         let emission = material.emission.and_then(|e| {
             let radiance = fold_color(e.radiance, textures);
             (radiance.factor != [0.0; 3]).then_some(CompiledEmission { radiance, two_sided: e.two_sided })
         });
         let alpha = alpha_of(material, textures);
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
-        let folded = Material { model, ..material.clone() };
-        let is_textured = model_textures(&folded).next().is_some();
+        let is_textured = has_textures(&model);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
-        let coat = clearcoat(&folded.model);
+        let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
-        let has_axis = matches!(&folded.model, Model::Pbr(p) if p.anisotropy.is_some());
+        let has_axis = model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.
         let uses_frame = has_axis || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
         let uses_uv = is_textured
@@ -110,15 +110,14 @@ impl CompiledMaterial {
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
-        let constant =
-            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, energy_compensation));
+        let constant = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         CompiledMaterial {
             class,
             constant,
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
-            is_two_sided: material.double_sided || is_transmissive(&folded.model),
-            medium: Medium::of(&folded.model, class),
+            is_two_sided: material.double_sided || is_transmissive(&model),
+            medium: Medium::of(&model, class),
             medium_index: 0,
             normal_map,
             alpha,
@@ -126,8 +125,7 @@ impl CompiledMaterial {
             uses_uv,
             uses_frame,
             coat_normal_map,
-            model: folded.model,
-            energy_compensation,
+            program,
         }
     }
 
@@ -152,7 +150,7 @@ impl CompiledMaterial {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
-        let bsdf = resolve(&self.model, slots, frame, self.energy_compensation);
+        let bsdf = self.program.evaluate(slots, frame);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 
@@ -252,18 +250,11 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-fn clearcoat(model: &Model) -> Option<Clearcoat> {
-    match model {
-        Model::Pbr(pbr) => pbr.clearcoat,
-        _ => None,
-    }
-}
-
 fn is_transmissive(model: &Model) -> bool {
-    match model {
-        Model::Dielectric { .. } | Model::Glass { .. } => true,
-        Model::Pbr(pbr) => lets_light_in(pbr),
-        _ => false,
+    match model.transmission() {
+        Transmission::None => false,
+        Transmission::Thin | Transmission::Clear(_) => true,
+        Transmission::Pbr(pbr) => lets_light_in(pbr),
     }
 }
 
@@ -272,8 +263,8 @@ pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
     pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }
 
-fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {
-    let bare =
-        Material { emission: None, normal_map: None, alpha: FloatSlot::constant(1.0), ..material.clone() };
-    bare.textures().collect::<Vec<_>>().into_iter()
+fn has_textures(model: &Model) -> bool {
+    let mut found = false;
+    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some());
+    found
 }

@@ -6,7 +6,7 @@ use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::poly;
-use crate::scene::{MaterialId, Model, PbrMaterial, Scene};
+use crate::scene::{MaterialId, Model, PbrMaterial, Scene, Transmission};
 
 /// The inside of a solid that light passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,18 +24,14 @@ impl Medium {
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass) -> Option<Medium> {
-        let refracts =
-            matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-        match model {
-            _ if !refracts => None,
-            Model::Dielectric { ior, .. } | Model::Glass { ior, is_thin: false, .. } => {
-                Some(Medium { iors: relative_to_air([*ior; 3]), absorption: None })
-            }
-            Model::Pbr(pbr) if pbr.has_volume && lets_light_in(pbr) => {
+        match model.transmission() {
+            Transmission::None | Transmission::Thin => None,
+            Transmission::Clear(ior) => Some(Medium { iors: relative_to_air([ior; 3]), absorption: None }),
+            Transmission::Pbr(pbr) => {
+                let has_inside = class.refracts() && pbr.has_volume && lets_light_in(pbr);
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
-                Some(Medium { iors: relative_to_air(iors), absorption: absorption(pbr) })
+                has_inside.then(|| Medium { iors: relative_to_air(iors), absorption: absorption(pbr) })
             }
-            _ => None,
         }
     }
 

@@ -3,7 +3,7 @@
 use crate::lobes::{
     anisotropy, coat, direction, film, finite, glass, layers, length, number, pbr, resolved, sheen, through,
 };
-use oscura::bsdf::{Bsdf, Dielectric, OrenNayar, Phong, SchlickMetal, ThinDielectric};
+use oscura::bsdf::{Bsdf, Dielectric, Lobe, OrenNayar, Phong, SchlickMetal, ThinDielectric};
 use oscura::color::Rgb;
 use oscura::math::Vec3;
 use oscura::sampling::chi2::Random;

@@ -1,8 +1,8 @@
 //! The BSDFs under test.
 
 use oscura::bsdf::{
-    Bsdf, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar, Phong,
-    SchlickMetal, class_of, resolve,
+    Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar,
+    Phong, SchlickMetal,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
@@ -53,7 +53,7 @@ pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
 pub fn resolved(p: PbrMaterial) -> Bsdf {
     let frame =
         LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
-    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, EnergyCompensation::On)
+    BsdfProgram::of(&Model::Pbr(Box::new(p)), EnergyCompensation::On).evaluate(&Factors, &frame)
 }
 
 /// Coloured glTF material of the four usual numbers.
@@ -75,7 +75,7 @@ pub fn glass(
     energy_compensation: EnergyCompensation,
 ) -> Bsdf {
     let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
-    resolve(&model, &Factors, &LocalFrame::STRAIGHT, energy_compensation)
+    BsdfProgram::of(&model, energy_compensation).evaluate(&Factors, &LocalFrame::STRAIGHT)
 }
 
 /// A clearcoat.
@@ -236,7 +236,8 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
 fn layers_need_their_class() {
     use oscura::bsdf::BsdfClass;
     for (name, material) in layers() {
-        let class = class_of(&Model::Pbr(Box::new(material.clone())));
+        let model = Model::Pbr(Box::new(material.clone()));
+        let class = BsdfProgram::of(&model, EnergyCompensation::On).class();
         let expected = match name {
             "anisotropic glass" | "anisotropic glass of high index" => BsdfClass::RoughDielectric,
             _ => BsdfClass::Layered,
