@@ -3,85 +3,17 @@
 use super::binary::{self, Binary};
 use super::collapse::{Collapse, WIDTH};
 use super::emit::{Emit, Emitted};
-use super::gather::{Dropped, Kind, Primitive, gather, is_in_reach};
+use super::gather::{Kind, Primitive, gather, is_in_reach};
 use super::halves;
+use super::input::{AccelInput, AccelInstance, BuildOptions, Geometry, Quality, Reuse};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
+use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
 use super::slot::DeepSlot;
-use super::{Accel, AccelInput, AccelInstance, BuildOptions, Geometry};
+use super::structure::Accel;
 use crate::math::{Bounds3, DAffine3, DVec3};
-use crate::shape::Analytic;
 use crate::simd::Line;
 use std::ops::Range;
 use std::time::Instant;
-
-/// How much time goes into the tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// For previews: about half the build time, slower rays.
-    Fast,
-    /// The default.
-    #[default]
-    Medium,
-    /// About ten times the build time for rays 5 to 15 % faster.
-    High,
-}
-
-/// What the build took and made.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct BuildStats {
-    /// Seconds.
-    pub build_s: f64,
-    /// Memory of the structure.
-    pub bytes: u64,
-    /// Triangles in it; shared geometries count once.
-    pub triangles: u64,
-    /// Quads in it.
-    pub quads: u64,
-    /// Analytic shapes in it, in the order of [`Analytic::NAMES`].
-    pub analytic: [u64; Analytic::NAMES.len()],
-    /// Instances in it.
-    pub instances: u64,
-    /// Geometries (other than the world's) that an instance uses: only these are built.
-    pub shared_geometries: u64,
-    /// What was left out.
-    pub dropped: Dropped,
-}
-
-impl BuildStats {
-    fn count(&mut self, geometry: &Geometry, primitives: &[Primitive]) {
-        let first = geometry.triangles.len() + geometry.quads.len();
-        for primitive in primitives {
-            match primitive.kind {
-                Kind::Triangle => self.triangles += 1,
-                Kind::Quad => self.quads += 1,
-                Kind::Analytic => {
-                    self.analytic[geometry.analytic[primitive.id as usize - first].kind_index()] += 1;
-                }
-                Kind::Instance => {}
-            }
-        }
-    }
-}
-
-/// What a tree must hold, kept for [`Accel::validate`].
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tree {
-    pub root: u32,
-    pub depth: usize,
-    pub primitives: usize,
-    pub instances: usize,
-}
-
-/// The tree over nothing.
-const NOTHING: Built =
-    Built { tree: Tree { root: DONE, depth: 0, primitives: 0, instances: 0 }, bounds: Bounds3::EMPTY };
-
-impl Built {
-    /// The largest absolute coordinate.
-    fn reach(&self) -> f32 {
-        self.bounds.min.abs().max(self.bounds.max.abs()).max_element()
-    }
-}
 
 /// Stack entries that a ray may need in trees of this many nodes, one below the other: one below everything, all but one
 /// child of each node on the way, a leaf's next packet and an instance's three, and one more, since a full stack's first
@@ -95,43 +27,6 @@ const fn stack_size(depth: usize) -> usize {
 const MAX_DEPTH: usize = 72;
 const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
-/// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off
-/// and built behind it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Reuse {
-    /// Nothing.
-    Nothing,
-    /// The trees of the geometries before the first changing one, but for the world's.
-    Shared,
-    /// These and the world with the instances that stand still.
-    World,
-}
-
-/// A tree and the box around it.
-#[derive(Clone, Copy, Debug)]
-struct Built {
-    tree: Tree,
-    bounds: Bounds3,
-}
-
-/// The trees that were built, and how far the buffer went after some of them.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Parts {
-    /// By geometry; none for those that nothing places.
-    trees: Vec<Option<Built>>,
-    /// After the lasting shared geometries.
-    shared: Mark,
-    /// After the world.
-    world: Mark,
-}
-
-/// How far the building of a structure went.
-#[derive(Clone, Copy, Debug, Default)]
-struct Mark {
-    lines: usize,
-    stats: BuildStats,
-}
-
 struct Builder<'a> {
     input: AccelInput<'a>,
     quality: Quality,
@@ -142,12 +37,34 @@ struct Builder<'a> {
     parts: Parts,
 }
 
-pub(super) fn build(input: &AccelInput, options: &BuildOptions) -> Accel {
+impl Accel {
+    /// Builds the structure, in parallel on the current rayon pool. `geometries[0]` stands in the world as it is
+    /// (`Hit::instance` is 0 there); the others are only reached through `instances` (`Hit::instance` is the index plus
+    /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
+    pub fn build(geometries: &[Geometry], instances: &[AccelInstance], options: &BuildOptions) -> Accel {
+        let geometries: Vec<&Geometry> = geometries.iter().collect();
+        let (first_moving, first_changing) = (instances.len(), geometries.len());
+        let input = AccelInput { geometries: &geometries, instances, first_moving, first_changing };
+        build(&input, options)
+    }
+
+    /// Builds with instances that move apart from those that don't.
+    pub fn build_parts(input: &AccelInput, options: &BuildOptions) -> Accel {
+        build(input, options)
+    }
+
+    /// Builds the structure anew but for what is said to be the same as in this one.
+    pub fn rebuild(self, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+        rebuild(self, reuse, input, options)
+    }
+}
+
+fn build(input: &AccelInput, options: &BuildOptions) -> Accel {
     let begin = Instant::now();
     Builder::new(input, options, Vec::new()).finish(Reuse::Nothing, begin)
 }
 
-pub(super) fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
     let begin = Instant::now();
     let Accel { mut lines, mut parts, .. } = previous;
     let (mark, kept) = match reuse {

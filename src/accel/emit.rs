@@ -1,10 +1,10 @@
 //! Writes the wide tree into cache lines, depth first. Places are given out in one pass over the wide nodes; then all
 //! nodes, each with the packets of its leaves right behind it, are written in parallel.
 
-use super::Geometry;
 use super::binary::Binary;
 use super::collapse::Collapse;
 use super::gather::{Kind, Primitive, triangle_vertices};
+use super::input::Geometry;
 use super::layout::{
     AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, LEAF, NODE_LINES,
     Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, view_mut,

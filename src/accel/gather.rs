@@ -1,6 +1,6 @@
 //! From geometry to the primitives that a BVH is built over: bounds, and the dropping of what no ray can hit.
 
-use super::Geometry;
+use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::{Analytic, Quad, Shape, triangle};
 use rayon::prelude::*;

@@ -1,10 +1,10 @@
 //! How far a point is from the geometry.
 
-use super::Accel;
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF,
     NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
+use super::structure::Accel;
 use crate::math::Vec3;
 use crate::shape::triangle::LANES;
 use crate::shape::{Analytic, Shape};

@@ -1,8 +1,9 @@
 //! Against brute force, on all CPU levels, and on what breaks structures.
 
 use super::*;
-use crate::math::{NO_HIT, OriginPrimitive, Vec3};
-use crate::shape::{Analytic, Sphere};
+use crate::math::{DAffine3, Hit, NO_HIT, OriginPrimitive, Ray, Vec3};
+use crate::shape::{Analytic, Quad, Sphere};
+use crate::simd::Level;
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);

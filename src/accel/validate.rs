@@ -1,12 +1,12 @@
 //! A walk over the finished structure that checks what traversal relies on.
 
-use super::Accel;
-use super::build::Tree;
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
     KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_SECOND, TRIANGLE_LINES, TrianglePacket,
     kind_of, line_of, view,
 };
+use super::parts::Tree;
+use super::structure::Accel;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 

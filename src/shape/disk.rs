@@ -1,7 +1,9 @@
 //! Flat disks: rays meet the plane in double precision; points of light are uniform by area. (Sampling by solid angle
 //! takes elliptic integrals: Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017.)
 
-use super::{LightPoint, Packed, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
+use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
+use super::ray::PreparedRay;
+use super::traits::{Packed, Parametrization, Shape};
 use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, orthonormal_basis};
 use crate::sampling::warp;
 use std::f32::consts::PI;

@@ -1,9 +1,9 @@
 //! Parallelograms, which rays meet as two triangles each: boxes, and points uniform over the solid angle (see
 //! [`super::SphericalRectangle`] for those with right angles).
 
+use super::point::{LightPoint, pdf_solid_angle_of_area};
 use super::triangle::is_collapsed;
 use super::triangle_light::{Directions, MIN_TRIANGLE_SOLID_ANGLE, clamp01, plane_coordinates};
-use super::{LightPoint, pdf_solid_angle_of_area};
 use crate::math::{Bounds3, Vec3};
 
 /// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,

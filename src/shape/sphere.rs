@@ -2,7 +2,9 @@
 //! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
 //! inside their whole surface.
 
-use super::{LightPoint, Packed, Parametrization, PreparedRay, Shape, Surface, pdf_solid_angle_of_area};
+use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
+use super::ray::PreparedRay;
+use super::traits::{Packed, Parametrization, Shape};
 use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
 use crate::sampling::warp;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};

@@ -5,7 +5,8 @@
 //! double precision decides exactly (48 of 53 bits). So every edge is classified exactly with respect to the sheared
 //! vertices, neighbours agree on it, and nothing leaks between them. No operation is contracted, so all CPU levels agree.
 
-use super::{PreparedRay, Surface};
+use super::point::Surface;
+use super::ray::PreparedRay;
 use crate::math::{Bounds3, Vec3, gamma};
 use crate::simd::{BoxRay, Wide};
 

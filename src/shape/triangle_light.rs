@@ -1,7 +1,7 @@
 //! Points of triangles, uniformly over the solid angle that they subtend (Arvo 1995, "Stratified Sampling of
 //! Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", sec. 2).
 
-use super::{LightPoint, pdf_solid_angle_of_area};
+use super::point::{LightPoint, pdf_solid_angle_of_area};
 use crate::math::{Vec3, poly};
 
 /// Below this solid angle (sr) triangles and parallelograms are sampled by area.

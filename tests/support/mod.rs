@@ -3,7 +3,7 @@
 
 pub mod sheet;
 
-use oscura::compile::{CompileOptions, View, compile};
+use oscura::compile::{CompileOptions, CompiledScene, View, compile};
 use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{RenderOptions, render};
@@ -43,8 +43,13 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
     let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
     let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
+    shot(&compiled, &view, options)
+}
+
+/// Renders a view.
+pub fn shot(compiled: &CompiledScene, view: &View, options: &RenderOptions) -> Film {
     let (film, statistics) =
-        render(&compiled, &view, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
+        render(compiled, view, options, &AtomicBool::new(false), &|_| {}).expect("the film fits");
     assert_eq!(statistics.invalid_samples, 0, "NaN or infinite samples");
     film
 }
