@@ -46,6 +46,7 @@ pub mod camera;
 pub mod load;
 
 pub mod bsdf;
+pub mod shape;
 pub mod texture;
 
 pub mod light;

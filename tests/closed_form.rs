@@ -7,7 +7,7 @@ use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
     PbrMaterial, Projection, Scene,
 };
-use support::{assert_radiance, camera, material, options, quad, sphere};
+use support::{assert_radiance, camera, disk, material, options, quad, sphere};
 
 fn lambert(albedo: f32) -> Material {
     Material::lambert("grey", [albedo; 3])
@@ -173,7 +173,7 @@ fn many_lights_of_all_kinds() {
     truth += 0.8 * 0.1;
     // Lamps hide a little of the environment behind them; each takes away what it would give at radiance 0.1.
     let hidden: f64 = scene
-        .spheres
+        .shapes
         .iter()
         .filter(|s| s.center.y > 0.0)
         .map(|s| 0.8 * 0.1 * s.radius * s.radius / s.center.length_squared() * s.center.y / s.center.length())
@@ -216,6 +216,7 @@ fn triangle_and_parallelogram_lights_on_a_plane() {
         mesh: oscura::scene::MeshId(0),
         world_from_object: oscura::math::DAffine3::IDENTITY,
         material: None,
+        motion: oscura::scene::Motion::Still,
     });
     let truth = 0.8 / std::f64::consts::PI * 2.0 * polygon(&points);
     assert_radiance("triangle", &scene, &options(8, 64, 1), truth, 2e-3);
@@ -231,6 +232,36 @@ fn sphere_light_on_a_plane() {
         let c = DVec3::from(center);
         let truth = 0.8 * 3.0 * radius * radius / c.length_squared() * c.y / c.length();
         assert_radiance(&format!("sphere of radius {radius}"), &scene, &options(8, 64, 1), truth, 2e-3);
+    }
+}
+
+/// A disk parallel to the plane, straight above and aside: E = pi L / 2 (1 - (h^2 + a^2 - r^2) / root), root^2 =
+/// (h^2 + a^2 + r^2)^2 - 4 a^2 r^2 (Walsh 1958, "Photometry").
+#[test]
+fn disk_light_on_a_plane() {
+    for (h, a, radius) in [(2.0, 0.0, 0.5), (1.0, 1.5, 0.9), (0.4, 0.3, 1.0), (5.0, 1.0, 1e-3f64)] {
+        let mut scene = floor_scene();
+        let light = material(&mut scene, Material::emitter("light", [3.0; 3], false));
+        disk(&mut scene, [a, h, 0.0], [0.0, -1.0, 0.0], radius, light);
+        let (h2, a2, r2) = (h * h, a * a, radius * radius);
+        let root = ((h2 + a2 + r2).powi(2) - 4.0 * a2 * r2).sqrt();
+        // 1 - x without cancellation where the disk is small: root^2 - (h^2 + a^2 - r^2)^2 = 4 h^2 r^2.
+        let truth = 0.8 * 1.5 * 4.0 * h2 * r2 / (root * (root + h2 + a2 - r2));
+        assert_radiance(&format!("disk of radius {radius}"), &scene, &options(8, 64, 1), truth, 4e-3);
+    }
+}
+
+/// The back of a disk that shines in front is dark, and its outline is a circle.
+#[test]
+fn a_disk_is_round_and_has_a_front() {
+    for (normal, seen) in [(1.0, std::f64::consts::FRAC_PI_4 * 0.81), (-1.0, 0.0)] {
+        let mut scene = Scene::default();
+        let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
+        disk(&mut scene, [0.0; 3], [0.0, 0.0, normal], 0.9, light);
+        let mut view = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1.0);
+        view.projection = Projection::Orthographic { half_height: 1.0 };
+        scene.cameras.push(view);
+        assert_radiance("disk", &scene, &options(32, 256, 0), seen, 2e-3);
     }
 }
 

@@ -8,7 +8,7 @@ const RANKS: &[(u32, &[&str])] = &[
     (0, &["error", "math", "simd", "color"]),
     (1, &["image", "sampling"]),
     (2, &["scene", "metrics"]),
-    (3, &["load", "texture", "bsdf", "camera"]),
+    (3, &["load", "shape", "texture", "bsdf", "camera"]),
     (4, &["accel"]),
     (5, &["light"]),
     (6, &["compile", "film"]),

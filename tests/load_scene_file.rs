@@ -82,8 +82,8 @@ fn transforms_apply_in_the_listed_order() {
     );
     let scene = load_text(&text).unwrap_or_else(|e| panic!("{e}")).scene;
     // Scaled to (2, 0, 0), turned to (0, 0, -2), moved to (0, 0, 8).
-    assert!(scene.spheres[0].center.distance(DVec3::new(0.0, 0.0, 8.0)) < 1e-12);
-    assert!((scene.spheres[0].radius - 2.0).abs() < 1e-12);
+    assert!(scene.shapes[0].center.distance(DVec3::new(0.0, 0.0, 8.0)) < 1e-12);
+    assert!((scene.shapes[0].radius - 2.0).abs() < 1e-12);
     assert!(scene.quads[0].corner.distance(DVec3::new(5.0, 6.0, 7.0)) < 1e-12);
     assert!(scene.quads[0].edge_v.distance(DVec3::Y * 2.0) < 1e-12);
     // Mirrored, its front still looks to +z.
@@ -185,7 +185,7 @@ fn cycles_of_textures_are_refused_and_bent_spheres_become_meshes() {
     let bent =
         "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\ntransform = [{ scale = [1, 2, 1] }]\n";
     let loaded = load_text(&with_camera(bent)).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!((loaded.scene.spheres.len(), loaded.scene.meshes[0].triangles.len()), (0, 81_920));
+    assert_eq!((loaded.scene.shapes.len(), loaded.scene.meshes[0].triangles.len()), (0, 81_920));
     assert_eq!(loaded.warnings.len(), 1);
 }
 

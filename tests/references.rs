@@ -2,7 +2,7 @@
 
 mod support;
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::gltf::{Glass, GltfOptions};
@@ -88,15 +88,12 @@ fn export(path: &Path) -> Image {
     let gltf = GltfOptions { glass: Glass::Solid, ..GltfOptions::default() };
     let loaded =
         load(path, &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"));
-    let compile_options = CompileOptions {
-        energy_compensation: EnergyCompensation::Off,
-        camera: None,
-        width: SIZE,
-        height: SIZE,
-    };
+    let compile_options =
+        CompileOptions { energy_compensation: EnergyCompensation::Off, ..CompileOptions::default() };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = options(SIZE, 256, 64).soft_terminator(false);
-    let mut renderer = Renderer::new(compiled, options).expect("the film fits");
+    let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
+    let mut renderer = Renderer::new(compiled, view, options).expect("the film fits");
     renderer.run();
     to_image(renderer.film())
 }

@@ -3,7 +3,6 @@
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::error::Result;
 use oscura::load::{LoadOptions, load};
-use oscura::scene::EnergyCompensation;
 use std::fmt::Write;
 use std::path::Path;
 
@@ -12,9 +11,7 @@ fn check(path: &Path) -> Result<CompileReport> {
     let options = LoadOptions { point_radius: Some(0.01), ..LoadOptions::default() };
     let loaded = load(path, &options)?;
     assert_eq!(loaded.scene.validate(), [], "{}", path.display());
-    let options =
-        CompileOptions { energy_compensation: EnergyCompensation::On, camera: None, width: 16, height: 16 };
-    compile(&loaded.scene, &options).map(|(_, report)| report)
+    compile(&loaded.scene, &CompileOptions::default()).map(|(_, report)| report)
 }
 
 /// Areas of boxes overflowed, and a leaf got more triangles than it can count.

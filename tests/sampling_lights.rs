@@ -1,9 +1,9 @@
-//! Samplers of rectangles, triangles, parallelograms and spheres against the chi-square harness and closed forms.
+//! Samplers of rectangles, triangles, parallelograms, spheres and disks against the chi-square harness and closed forms.
 
 use oscura::math::{DVec3, Vec3};
 use oscura::sampling::chi2::{Chi2, Random};
-use oscura::sampling::{
-    LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
+use oscura::shape::{
+    Disk, LightPoint, Shape, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
 };
 
 /// A flat light: corner and edges, seen from `reference`.
@@ -161,6 +161,38 @@ fn spheres_pass_chi_square() {
                 let to = point - reference;
                 let pdf = f64::from(s.pdf_solid_angle(point.as_vec3()));
                 pdf * to.dot(n).abs() / to.length().powi(3) * measure
+            },
+        );
+    }
+}
+
+#[test]
+fn disks_pass_chi_square() {
+    // Overhead, aside, grazing, hardly above the disk, far.
+    let references =
+        [[0.0, 2.0, 0.0], [3.0, 1.0, 0.5], [4.0, 0.05, 1.0], [0.2, 1e-3, 0.1], [30.0, 90.0, 1.0]];
+    for (i, reference) in references.into_iter().enumerate() {
+        let disk = Disk { center: Vec3::new(0.1, -0.2, 0.3), axis: Vec3::new(0.48, 0.6, -0.64) * 0.7 };
+        let normal = disk.axis.as_dvec3().normalize();
+        let x = normal.any_orthonormal_vector();
+        let y = normal.cross(x);
+        let [a, h, b] = reference.map(f64::from);
+        let from = disk.center.as_dvec3() + x * a + y * b + normal * h;
+        let radius = disk.axis.as_dvec3().length();
+        // Points by azimuth and squared distance from the middle: uniform by area.
+        Chi2::new(&format!("disk {i}"), references.len()).assert(
+            |u| {
+                let d = disk.sample(from.as_vec3(), [u[0], u[1]]).point.as_dvec3() - disk.center.as_dvec3();
+                let azimuth = d.dot(y).atan2(d.dot(x)) / std::f64::consts::TAU + 0.5;
+                Some([azimuth, d.length_squared() / (radius * radius)])
+            },
+            |p| {
+                let (sin, cos) = ((p[0] - 0.5) * std::f64::consts::TAU).sin_cos();
+                let point = disk.center.as_dvec3() + (x * cos + y * sin) * (p[1].sqrt() * radius);
+                let to = point - from;
+                let pdf = f64::from(disk.pdf_solid_angle(from.as_vec3(), point.as_vec3()));
+                let area = std::f64::consts::PI * radius * radius;
+                pdf * to.dot(normal).abs() / to.length().powi(3) * area
             },
         );
     }

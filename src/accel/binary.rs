@@ -1,7 +1,7 @@
 //! The binary tree: obvhs clusters (PLOC) and improves it (parallel reinsertion); here its order and boxes.
 
-use super::Quality;
 use super::gather::Primitive;
+use super::input::Quality;
 use super::normalize::normalized_boxes;
 use crate::math::Bounds3;
 use obvhs::bvh2::Bvh2;

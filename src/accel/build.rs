@@ -3,84 +3,17 @@
 use super::binary::{self, Binary};
 use super::collapse::{Collapse, WIDTH};
 use super::emit::{Emit, Emitted};
-use super::gather::{Dropped, Kind, Primitive, gather, is_in_reach};
+use super::gather::{Kind, Primitive, gather, is_in_reach};
 use super::halves;
+use super::input::{AccelInput, AccelInstance, BuildOptions, Geometry, Quality, Reuse};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
+use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
 use super::slot::DeepSlot;
-use super::{Accel, AccelInstance, BuildOptions, Geometry};
+use super::structure::Accel;
 use crate::math::{Bounds3, DAffine3, DVec3};
 use crate::simd::Line;
+use std::ops::Range;
 use std::time::Instant;
-
-/// How much time goes into the tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// For previews: about half the build time, slower rays.
-    Fast,
-    /// The default.
-    #[default]
-    Medium,
-    /// About ten times the build time for rays 5 to 15 % faster.
-    High,
-}
-
-/// What the build took and made.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct BuildStats {
-    /// Seconds.
-    pub build_s: f64,
-    /// Memory of the structure.
-    pub bytes: u64,
-    /// Triangles in it; shared geometries count once.
-    pub triangles: u64,
-    /// Quads in it.
-    pub quads: u64,
-    /// Spheres in it.
-    pub spheres: u64,
-    /// Instances in it.
-    pub instances: u64,
-    /// Geometries (other than the world's) that an instance uses: only these are built.
-    pub shared_geometries: u64,
-    /// What was left out.
-    pub dropped: Dropped,
-}
-
-impl BuildStats {
-    fn count(&mut self, primitives: &[Primitive]) {
-        for primitive in primitives {
-            match primitive.kind {
-                Kind::Triangle => self.triangles += 1,
-                Kind::Quad => self.quads += 1,
-                Kind::Sphere => self.spheres += 1,
-                Kind::Instance => {}
-            }
-        }
-    }
-}
-
-/// What a tree must hold, kept for [`Accel::validate`].
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Tree {
-    pub root: u32,
-    pub depth: usize,
-    pub primitives: usize,
-    pub instances: usize,
-}
-
-const EMPTY: Tree = Tree { root: DONE, depth: 0, primitives: 0, instances: 0 };
-
-/// A tree and the box around it.
-struct Built {
-    tree: Tree,
-    bounds: Bounds3,
-}
-
-impl Built {
-    /// The largest absolute coordinate.
-    fn reach(&self) -> f32 {
-        self.bounds.min.abs().max(self.bounds.max.abs()).max_element()
-    }
-}
 
 /// Stack entries that a ray may need in trees of this many nodes, one below the other: one below everything, all but one
 /// child of each node on the way, a leaf's next packet and an instance's three, and one more, since a full stack's first
@@ -89,62 +22,187 @@ const fn stack_size(depth: usize) -> usize {
     depth * (WIDTH - 1) + 1 + 1 + 3 + 1
 }
 
-/// Deeper trees are built anew, in halves: twice this, for the world and what is placed in it, fits the deepest stacks.
+/// Deeper trees are built anew, in halves: twice this, for the world and what is placed in it, fits the deepest stacks. (Three
+/// trees, where something moves, may have two thirds each.)
 const MAX_DEPTH: usize = 72;
 const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
 struct Builder<'a> {
-    geometries: &'a [Geometry],
+    input: AccelInput<'a>,
     quality: Quality,
+    /// Deeper trees are built anew, in halves.
+    max_depth: usize,
     lines: Vec<Line>,
     stats: BuildStats,
+    parts: Parts,
 }
 
-pub(super) fn build(geometries: &[Geometry], instances: &[AccelInstance], options: &BuildOptions) -> Accel {
+impl Accel {
+    /// Builds the structure, in parallel on the current rayon pool. `geometries[0]` stands in the world as it is
+    /// (`Hit::instance` is 0 there); the others are only reached through `instances` (`Hit::instance` is the index plus
+    /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
+    pub fn build(geometries: &[Geometry], instances: &[AccelInstance], options: &BuildOptions) -> Accel {
+        let geometries: Vec<&Geometry> = geometries.iter().collect();
+        let (first_moving, first_changing) = (instances.len(), geometries.len());
+        let input = AccelInput { geometries: &geometries, instances, first_moving, first_changing };
+        build(&input, options)
+    }
+
+    /// Builds with instances that move apart from those that don't.
+    pub fn build_parts(input: &AccelInput, options: &BuildOptions) -> Accel {
+        build(input, options)
+    }
+
+    /// Builds the structure anew but for what is said to be the same as in this one.
+    pub fn rebuild(self, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+        rebuild(self, reuse, input, options)
+    }
+}
+
+fn build(input: &AccelInput, options: &BuildOptions) -> Accel {
     let begin = Instant::now();
-    let mut builder =
-        Builder { geometries, quality: options.quality, lines: Vec::new(), stats: BuildStats::default() };
-    let mut shared: Vec<Option<Built>> = geometries.iter().map(|_| None).collect();
-    let mut placed = Vec::new();
-    let mut records = Vec::new();
-    for (index, instance) in instances.iter().enumerate() {
-        let record = builder.place(instance, index as u32 + 1, &mut shared);
-        if let Some((record, bounds)) = record {
-            placed.push(Primitive { kind: Kind::Instance, id: records.len() as u32, bounds });
-            records.push(record);
+    Builder::new(input, options, Vec::new()).finish(Reuse::Nothing, begin)
+}
+
+fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+    let begin = Instant::now();
+    let Accel { mut lines, mut parts, .. } = previous;
+    let (mark, kept) = match reuse {
+        Reuse::Nothing => (Mark::default(), 0..0),
+        Reuse::Shared => (parts.shared, 1..input.first_changing),
+        Reuse::World => (parts.world, 0..input.first_changing),
+    };
+    lines.truncate(mark.lines);
+    for (geometry, tree) in parts.trees.iter_mut().enumerate() {
+        if !kept.contains(&geometry) {
+            *tree = None;
         }
     }
-    let world = builder.tree(0, placed, &records);
-    let deepest_shared = shared.iter().flatten().map(|b| b.tree.depth).max().unwrap_or(0);
-    let stack_size = stack_size(world.tree.depth + deepest_shared);
-    let mut expected = vec![world.tree];
-    expected.extend(shared.iter().flatten().map(|b| b.tree));
-    let Builder { mut lines, mut stats, .. } = builder;
-    lines.shrink_to_fit();
-    stats.instances = records.len() as u64;
-    stats.shared_geometries = expected.len() as u64 - 1;
-    stats.bytes = (lines.len() * size_of::<Line>()) as u64;
-    stats.build_s = begin.elapsed().as_secs_f64();
-    Accel { lines, root: world.tree.root, reach: world.reach(), stack_size, expected, stats }
+    let mut builder = Builder::new(input, options, lines);
+    builder.stats = mark.stats;
+    parts.trees.resize(input.geometries.len(), None);
+    builder.parts = parts;
+    builder.finish(reuse, begin)
 }
 
-impl Builder<'_> {
+impl<'a> Builder<'a> {
+    fn new(input: &AccelInput<'a>, options: &BuildOptions, lines: Vec<Line>) -> Builder<'a> {
+        let is_apart = input.first_moving < input.instances.len();
+        Builder {
+            input: *input,
+            quality: options.quality,
+            // Two trees may lie one below the other, and a third where something moves.
+            max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
+            lines,
+            stats: BuildStats::default(),
+            parts: Parts { trees: vec![None; input.geometries.len()], ..Parts::default() },
+        }
+    }
+
+    /// Builds what is not there yet.
+    fn finish(mut self, reuse: Reuse, begin: Instant) -> Accel {
+        let AccelInput { instances, first_moving, first_changing, .. } = self.input;
+        let used = |g: usize| instances.iter().any(|i| i.geometry as usize == g);
+        if reuse < Reuse::Shared {
+            for geometry in (1..first_changing).filter(|g| used(*g)) {
+                self.share(geometry);
+            }
+            self.parts.shared = self.mark();
+        }
+        if reuse < Reuse::World {
+            let (placed, records) = self.place_all(0..first_moving);
+            self.parts.trees[0] = Some(self.tree(0, placed, &records));
+            self.parts.world = self.mark();
+        }
+        let world = self.parts.trees[0].unwrap_or(NOTHING);
+        let mut top = None;
+        if first_moving < instances.len() {
+            for geometry in (first_changing..self.input.geometries.len()).filter(|g| used(*g)) {
+                self.share(geometry);
+            }
+            let (placed, records) = self.place_all(first_moving..instances.len());
+            top = Some(self.top(&world, placed, records));
+        }
+        self.into_accel(world, top, begin)
+    }
+
+    fn mark(&self) -> Mark {
+        Mark { lines: self.lines.len(), stats: self.stats }
+    }
+
+    /// Builds the tree of a geometry that instances place.
+    fn share(&mut self, geometry: usize) {
+        let built = self.tree(geometry, Vec::new(), &[]);
+        self.parts.trees[geometry] = Some(built);
+        self.stats.shared_geometries += 1;
+    }
+
+    /// The records of some instances, and what is to be built over them.
+    fn place_all(&mut self, range: Range<usize>) -> (Vec<Primitive>, Vec<InstanceRecord>) {
+        let (mut placed, mut records) = (Vec::new(), Vec::new());
+        for index in range {
+            let instance = self.input.instances[index];
+            if let Some((record, bounds)) = self.place(&instance, index as u32 + 1) {
+                placed.push(Primitive { kind: Kind::Instance, id: records.len() as u32, bounds });
+                records.push(record);
+            }
+        }
+        self.stats.instances += records.len() as u64;
+        (placed, records)
+    }
+
+    /// The tree over the world and what moves in it.
+    fn top(&mut self, world: &Built, mut placed: Vec<Primitive>, mut records: Vec<InstanceRecord>) -> Built {
+        if world.tree.root != DONE {
+            let id = records.len() as u32;
+            placed.push(Primitive { kind: Kind::Instance, id, bounds: world.bounds });
+            records.push(InstanceRecord::world(world.tree.root, world.reach()));
+        }
+        self.tree_over(&Geometry::default(), placed, &records)
+    }
+
+    fn into_accel(self, world: Built, top: Option<Built>, begin: Instant) -> Accel {
+        let Builder { mut lines, mut stats, parts, .. } = self;
+        let shared = || parts.trees.iter().skip(1).flatten();
+        let deepest_shared = shared().map(|b| b.tree.depth).max().unwrap_or(0);
+        let depth = world.tree.depth + top.map_or(0, |top| top.tree.depth) + deepest_shared;
+        let mut expected: Vec<Tree> = top.iter().chain([&world]).map(|b| b.tree).collect();
+        expected.extend(shared().map(|b| b.tree));
+        // What moves is built again and again: room is kept for it.
+        if top.is_none() {
+            lines.shrink_to_fit();
+        }
+        stats.bytes = (lines.len() * size_of::<Line>()) as u64;
+        stats.build_s = begin.elapsed().as_secs_f64();
+        let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
+        Accel { lines, root, reach, stack_size: stack_size(depth), expected, stats, parts }
+    }
+
     /// Builds the tree of a geometry, together with some instances.
     fn tree(&mut self, geometry: usize, placed: Vec<Primitive>, records: &[InstanceRecord]) -> Built {
         let none = Geometry::default();
-        let geometry = self.geometries.get(geometry).unwrap_or(&none);
+        let geometry = self.input.geometries.get(geometry).copied().unwrap_or(&none);
+        self.tree_over(geometry, placed, records)
+    }
+
+    fn tree_over(
+        &mut self,
+        geometry: &Geometry,
+        placed: Vec<Primitive>,
+        records: &[InstanceRecord],
+    ) -> Built {
         let (mut primitives, dropped) = gather(geometry);
         self.stats.dropped.add(dropped);
-        self.stats.count(&primitives);
+        self.stats.count(geometry, &primitives);
         let counts = (primitives.len(), placed.len());
         primitives.extend(placed);
         if primitives.is_empty() {
-            return Built { tree: EMPTY, bounds: Bounds3::EMPTY };
+            return NOTHING;
         }
         let start = self.lines.len();
         let mut binary = binary::build(&primitives, self.quality);
         let mut emitted = self.emit(&binary, &primitives, geometry, records);
-        if emitted.depth > MAX_DEPTH {
+        if emitted.depth > self.max_depth {
             self.lines.truncate(start);
             binary = halves::build(&primitives);
             emitted = self.emit(&binary, &primitives, geometry, records);
@@ -166,28 +224,20 @@ impl Builder<'_> {
         Emit { binary, collapse, primitives, geometry, instances }.write(&mut self.lines)
     }
 
-    /// The record of an instance and its box in the world; builds its geometry if it is the first to use it.
-    fn place(
-        &mut self,
-        instance: &AccelInstance,
-        number: u32,
-        shared: &mut [Option<Built>],
-    ) -> Option<(InstanceRecord, Bounds3)> {
+    /// The record of an instance and its box in the world.
+    fn place(&mut self, instance: &AccelInstance, number: u32) -> Option<(InstanceRecord, Bounds3)> {
         let world_from_object = instance.world_from_object;
         let object_from_world = world_from_object.inverse();
         let geometry = instance.geometry as usize;
         let usable = geometry > 0
-            && geometry < shared.len()
+            && geometry < self.parts.trees.len()
             && world_from_object.is_finite()
             && object_from_world.is_finite();
         if !usable {
             self.stats.dropped.instances += 1;
             return None;
         }
-        if shared[geometry].is_none() {
-            shared[geometry] = Some(self.tree(geometry, Vec::new(), &[]));
-        }
-        let built = shared[geometry].as_ref()?;
+        let built = self.parts.trees[geometry]?;
         if built.tree.root == DONE {
             return None;
         }

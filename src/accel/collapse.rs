@@ -27,7 +27,7 @@ struct Choice {
     left: [u8; WIDTH - 1],
     /// For a wide node of its own: how many of its 8 children go to the left; 0: it is a leaf.
     left_of_node: u8,
-    /// Lanes of triangles, spheres and instances below, up to 255.
+    /// Lanes of triangles, analytic shapes and instances below, up to 255.
     lanes: [u8; 3],
 }
 
@@ -70,7 +70,7 @@ impl Collapse {
         self.choices[node].left_of_node == 0
     }
 
-    /// Lanes of triangles, spheres and instances below a node (up to 255).
+    /// Lanes of triangles, analytic shapes and instances below a node (up to 255).
     pub fn lanes(&self, node: usize) -> [u8; 3] {
         self.choices[node].lanes
     }
@@ -136,7 +136,7 @@ fn choose<'a>(
         let lanes = match primitives[binary.primitive[node] as usize].kind {
             Kind::Triangle => [1, 0, 0],
             Kind::Quad => [2, 0, 0],
-            Kind::Sphere => [0, 1, 0],
+            Kind::Analytic => [0, 1, 0],
             Kind::Instance => [0, 0, 1],
         };
         return Choice { cost: [leaf_cost(area, lanes); WIDTH - 1], lanes, ..Choice::default() };

@@ -1,15 +1,17 @@
 //! Writes the wide tree into cache lines, depth first. Places are given out in one pass over the wide nodes; then all
 //! nodes, each with the packets of its leaves right behind it, are written in parallel.
 
-use super::Geometry;
 use super::binary::Binary;
 use super::collapse::Collapse;
-use super::gather::{Kind, Primitive, quad_corners, triangle_vertices};
+use super::gather::{Kind, Primitive, triangle_vertices};
+use super::input::Geometry;
 use super::layout::{
-    DONE, InstanceRecord, KIND_INSTANCE, KIND_SPHERES, KIND_TRIANGLES, LANES, LEAF, NODE_LINES, Node,
-    PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, SpherePacket, TrianglePacket, leaf_ref, view_mut,
+    AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, LEAF, NODE_LINES,
+    Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, view_mut,
 };
 use crate::math::{Bounds3, Vec3};
+use crate::shape::Shape;
+use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
 
@@ -21,7 +23,7 @@ pub struct Emit<'a> {
     pub collapse: &'a Collapse,
     /// What its leaves refer to.
     pub primitives: &'a [Primitive],
-    /// Where vertices, quads and spheres come from.
+    /// Where vertices, quads and analytic shapes come from.
     pub geometry: &'a Geometry,
     /// Records of the instances, by index.
     pub instances: &'a [InstanceRecord],
@@ -146,14 +148,14 @@ impl Emit<'_> {
         prims
     }
 
-    /// Lanes of triangles, spheres and instances.
+    /// Lanes of triangles, analytic shapes and instances.
     fn count(&self, prims: &[&Primitive]) -> [u8; 3] {
         let mut lanes = [0; 3];
         for prim in prims {
             match prim.kind {
                 Kind::Triangle => lanes[0] += 1,
                 Kind::Quad => lanes[0] += 2,
-                Kind::Sphere => lanes[1] += 1,
+                Kind::Analytic => lanes[1] += 1,
                 Kind::Instance => lanes[2] += 1,
             }
         }
@@ -163,7 +165,7 @@ impl Emit<'_> {
     /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer.
     fn write_leaf(&self, region: &mut [Line], base: usize, prims: &[&Primitive]) -> u32 {
         let mut triangles: Vec<([Vec3; 3], u32, u32)> = Vec::new();
-        let mut spheres: Vec<u32> = Vec::new();
+        let mut analytic: Vec<u32> = Vec::new();
         let mut instances: Vec<u32> = Vec::new();
         for prim in prims {
             match prim.kind {
@@ -173,15 +175,15 @@ impl Emit<'_> {
                 }
                 Kind::Quad => {
                     let quad = &self.geometry.quads[prim.id as usize - self.geometry.triangles.len()];
-                    let [a, b, c, d] = quad_corners(quad);
+                    let [a, b, c, d] = quad.corners();
                     triangles.push(([a, b, c], prim.id, PART_QUAD_FIRST));
                     triangles.push(([a, c, d], prim.id, PART_QUAD_SECOND));
                 }
-                Kind::Sphere => spheres.push(prim.id),
+                Kind::Analytic => analytic.push(prim.id),
                 Kind::Instance => instances.push(prim.id),
             }
         }
-        let lanes = [triangles.len(), spheres.len(), instances.len()].map(|n| n as u8);
+        let lanes = [triangles.len(), analytic.len(), instances.len()].map(|n| n as u8);
         let references = packet_references(&lanes, base);
         let next = |i: usize| references.get(i + 1).copied().unwrap_or(DONE);
         let mut written = 0;
@@ -190,8 +192,8 @@ impl Emit<'_> {
             *view_mut(region, at(written)) = triangle_packet(four, next(written));
             written += 1;
         }
-        for four in spheres.chunks(LANES) {
-            *view_mut(region, at(written)) = self.sphere_packet(four, next(written));
+        for four in analytic.chunks(LANES) {
+            *view_mut(region, at(written)) = self.analytic_packet(four, next(written));
             written += 1;
         }
         for instance in instances {
@@ -202,21 +204,18 @@ impl Emit<'_> {
         references.first().copied().unwrap_or(DONE)
     }
 
-    fn sphere_packet(&self, ids: &[u32], next: u32) -> SpherePacket {
+    fn analytic_packet(&self, ids: &[u32], next: u32) -> AnalyticPacket {
         let first = self.geometry.triangles.len() + self.geometry.quads.len();
-        let mut packet = SpherePacket {
-            center: [[f32::NAN; LANES]; 3],
-            radius: [f32::NAN; LANES],
+        let mut packet = AnalyticPacket {
+            numbers: [[0.0; 6]; LANES],
             id: [u32::MAX; LANES],
+            kind: [0; LANES],
             next,
-            padding: [0; 11],
+            padding: [0; 2],
         };
         for (lane, id) in ids.iter().enumerate() {
-            let sphere = &self.geometry.spheres[*id as usize - first];
-            for axis in 0..3 {
-                packet.center[axis][lane] = sphere.center[axis];
-            }
-            packet.radius[lane] = sphere.radius;
+            let packed = self.geometry.analytic[*id as usize - first].pack();
+            (packet.kind[lane], packet.numbers[lane]) = (packed.kind, packed.numbers);
             packet.id[lane] = *id;
         }
         packet
@@ -240,9 +239,9 @@ fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePa
 
 /// Lines of each kind of packet, and their kinds.
 const KINDS: [(u32, usize, usize); 3] =
-    [(KIND_TRIANGLES, LANES, 3), (KIND_SPHERES, LANES, 2), (KIND_INSTANCE, 1, 1)];
+    [(KIND_TRIANGLES, LANES, 3), (KIND_ANALYTIC, LANES, 2), (KIND_INSTANCE, 1, 1)];
 
-/// Lines of the packets for so many lanes of triangles, spheres and instances.
+/// Lines of the packets for so many lanes of triangles, analytic shapes and instances.
 fn packet_lines(lanes: &[u8; 3]) -> usize {
     KINDS.iter().zip(lanes).map(|((_, per, lines), n)| usize::from(*n).div_ceil(*per) * lines).sum()
 }

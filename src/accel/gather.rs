@@ -1,15 +1,16 @@
 //! From geometry to the primitives that a BVH is built over: bounds, and the dropping of what no ray can hit.
 
-use super::{Geometry, Quad, Sphere};
+use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
+use crate::shape::{Analytic, Quad, Shape, triangle};
 use rayon::prelude::*;
 
 /// Primitives that were left out, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads and spheres with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
+    /// Triangles, quads and analytic shapes with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
     pub not_finite: u64,
-    /// Triangles and quads without area, spheres without a radius.
+    /// Triangles and quads without area, spheres and disks without a radius.
     pub degenerate: u64,
     /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
     pub instances: u64,
@@ -42,7 +43,7 @@ pub fn is_in_reach(p: Vec3) -> bool {
 pub enum Kind {
     Triangle,
     Quad,
-    Sphere,
+    Analytic,
     Instance,
 }
 
@@ -60,12 +61,6 @@ enum Reason {
     Degenerate,
 }
 
-/// The corners of a quad in order around it. All code takes them from here, so that they agree to the bit.
-pub fn quad_corners(quad: &Quad) -> [Vec3; 4] {
-    let (a, u, v) = (quad.corner, quad.edge_u, quad.edge_v);
-    [a, a + u, (a + u) + v, a + v]
-}
-
 /// The vertices of a triangle; `None` where an index is out of range.
 pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]> {
     let [a, b, c] = *geometry.triangles.get(index)?;
@@ -73,55 +68,50 @@ pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]>
     Some([at(a)?, at(b)?, at(c)?])
 }
 
-/// Do two vertices coincide? Such a triangle has no area and its two long edges are one. Other triangles without area
-/// stay: a vertex in the middle of a long edge joins the neighbours on both sides, and without it a ray could leak.
-fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
-    a == b || b == c || c == a
-}
-
-fn triangle(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
+fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
     let vertices = triangle_vertices(geometry, index).ok_or(Reason::NotFinite)?;
     if !vertices.into_iter().all(is_in_reach) {
         return Err(Reason::NotFinite);
     }
-    if is_collapsed(vertices) { Err(Reason::Degenerate) } else { Ok(Bounds3::of(vertices)) }
+    match triangle::is_collapsed(vertices) {
+        true => Err(Reason::Degenerate),
+        false => Ok(triangle::bounds(vertices)),
+    }
 }
 
-fn quad(quad: &Quad) -> Result<Bounds3, Reason> {
-    let corners = quad_corners(quad);
-    if !corners.into_iter().all(is_in_reach) {
+fn quad_bounds(quad: &Quad) -> Result<Bounds3, Reason> {
+    if !quad.corners().into_iter().all(is_in_reach) {
         return Err(Reason::NotFinite);
     }
-    let [a, b, c, d] = corners;
-    let flat = is_collapsed([a, b, c]) && is_collapsed([a, c, d]);
-    if flat { Err(Reason::Degenerate) } else { Ok(Bounds3::of(corners)) }
+    if quad.is_collapsed() { Err(Reason::Degenerate) } else { Ok(quad.bounds()) }
 }
 
-fn sphere(sphere: &Sphere) -> Result<Bounds3, Reason> {
-    let (c, r) = (sphere.center, sphere.radius);
-    if !(is_in_reach(c) && r.abs() <= REACH) {
+fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, Reason> {
+    let (center, radius) = shape.center_and_radius();
+    if !(is_in_reach(center) && radius.abs() <= REACH) {
         return Err(Reason::NotFinite);
     }
-    if r <= 0.0 {
+    if radius <= 0.0 {
         return Err(Reason::Degenerate);
     }
     // Outwards by one step each, which covers the rounding of the sums.
-    let low = (c - Vec3::splat(r)).to_array().map(f32::next_down);
-    let high = (c + Vec3::splat(r)).to_array().map(f32::next_up);
+    let bounds = shape.bounds();
+    let low = bounds.min.to_array().map(f32::next_down);
+    let high = bounds.max.to_array().map(f32::next_up);
     Ok(Bounds3 { min: low.into(), max: high.into() })
 }
 
 /// All primitives of a geometry that a ray can hit, in the order of their ids.
 pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
-    let total = triangles + quads + geometry.spheres.len();
+    let total = triangles + quads + geometry.analytic.len();
     let one = |id: usize| {
         let (kind, bounds) = if id < triangles {
-            (Kind::Triangle, triangle(geometry, id))
+            (Kind::Triangle, triangle_bounds(geometry, id))
         } else if id < triangles + quads {
-            (Kind::Quad, quad(&geometry.quads[id - triangles]))
+            (Kind::Quad, quad_bounds(&geometry.quads[id - triangles]))
         } else {
-            (Kind::Sphere, sphere(&geometry.spheres[id - triangles - quads]))
+            (Kind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
         };
         bounds.map(|bounds| Primitive { kind, id: id as u32, bounds })
     };

@@ -3,6 +3,8 @@
 //! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
 //! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
+use crate::shape::Packed;
+use crate::shape::triangle::{LANES, TriangleRows};
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
 
@@ -10,8 +12,8 @@ use bytemuck::{Pod, Zeroable};
 pub const LEAF: u32 = 1 << 31;
 /// A packet of triangles (and halves of quads).
 pub const KIND_TRIANGLES: u32 = 0;
-/// A packet of spheres.
-pub const KIND_SPHERES: u32 = 2;
+/// A packet of analytic shapes.
+pub const KIND_ANALYTIC: u32 = 2;
 /// A placed geometry.
 pub const KIND_INSTANCE: u32 = 3;
 /// On the stack below everything: the ray is done. In packets: no further packet. (An instance by its kind, but lines 0
@@ -43,12 +45,10 @@ pub fn line_of(reference: u32) -> usize {
 pub const NODE_LINES: usize = 4;
 /// Lines of a [`TrianglePacket`].
 pub const TRIANGLE_LINES: usize = 3;
-/// Lines of a [`SpherePacket`].
-pub const SPHERE_LINES: usize = 2;
+/// Lines of an [`AnalyticPacket`].
+pub const ANALYTIC_LINES: usize = 2;
 /// Lines of an [`InstanceRecord`].
 pub const INSTANCE_LINES: usize = 1;
-/// Lanes of a packet.
-pub const LANES: usize = 4;
 
 /// An inner node: eight children's boxes and references. Unused children have an inverted, infinite box.
 #[repr(C, align(64))]
@@ -75,7 +75,7 @@ pub const PART_QUAD_SECOND: u32 = 2;
 pub struct TrianglePacket {
     /// For axis k: vertices 0, 1, 2 in rows 4k to 4k + 2. Row 3: ids, row 7: parts, row 11: the next packet (first
     /// lane), all as bits.
-    pub rows: [[f32; LANES]; 12],
+    pub rows: TriangleRows,
 }
 
 impl TrianglePacket {
@@ -113,20 +113,28 @@ impl TrianglePacket {
     }
 }
 
-/// Four spheres. Unused lanes are NaN.
+/// Four analytic shapes.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
-pub struct SpherePacket {
-    /// Centres: x, y, z.
-    pub center: [[f32; LANES]; 3],
-    /// Radii.
-    pub radius: [f32; LANES],
+pub struct AnalyticPacket {
+    /// What each follows from.
+    pub numbers: [[f32; 6]; LANES],
     /// Primitive ids.
     pub id: [u32; LANES],
+    /// Which shapes they are; 0 in unused lanes.
+    pub kind: [u8; LANES],
     /// The next packet of the leaf, or [`DONE`].
     pub next: u32,
     /// Unused.
-    pub padding: [u32; 11],
+    pub padding: [u32; 2],
+}
+
+impl AnalyticPacket {
+    /// The shape of a lane.
+    #[inline(always)]
+    pub fn packed(&self, lane: usize) -> Packed {
+        Packed { kind: self.kind[lane], numbers: self.numbers[lane] }
+    }
 }
 
 /// A placed geometry.
@@ -145,9 +153,16 @@ pub struct InstanceRecord {
     pub reach: f32,
 }
 
+impl InstanceRecord {
+    /// The part of the world that stands still, below the tree of what moves in it: no other space, so no matrix.
+    pub fn world(root: u32, reach: f32) -> InstanceRecord {
+        InstanceRecord { object_from_world: [[0.0; 4]; 3], root, instance: 0, next: DONE, reach }
+    }
+}
+
 const _: () = assert!(size_of::<Node>() == NODE_LINES * 64);
 const _: () = assert!(size_of::<TrianglePacket>() == TRIANGLE_LINES * 64);
-const _: () = assert!(size_of::<SpherePacket>() == SPHERE_LINES * 64);
+const _: () = assert!(size_of::<AnalyticPacket>() == ANALYTIC_LINES * 64);
 const _: () = assert!(size_of::<InstanceRecord>() == INSTANCE_LINES * 64);
 
 /// Views `N` lines as one of the records above; `None` where the buffer ends earlier.

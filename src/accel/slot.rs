@@ -1,9 +1,8 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
 use super::layout::{DONE, PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
-use super::prepare::PreparedRay;
-use super::triangle;
 use crate::math::{Hit, NO_HIT, Ray};
+use crate::shape::{PreparedRay, triangle};
 use crate::simd::{BoxRay, Entry, WIDEN, Wide};
 
 /// A ray in flight with a stack of `N - 8` entries, a power of two. What a step at a node needs comes first, in one cache
@@ -137,7 +136,7 @@ impl<const N: usize> Slot<N> {
         // Not waiting for the division where all is behind the ray pays for shadow rays, whose packets hold more than
         // the surface that they leave; for others it is one more branch that cannot be predicted.
         let asked = if any_hit { lanes } else { u32::MAX };
-        let t = triangle::plane_parameters(w, packet, &self.ray, asked);
+        let t = triangle::plane_parameters(w, &packet.rows, &self.ray, asked);
         while lanes != 0 {
             let lane = lanes.trailing_zeros() as usize & 3;
             lanes &= lanes - 1;
@@ -150,7 +149,8 @@ impl<const N: usize> Slot<N> {
 
     #[inline(always)]
     fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
-        let Some(triangle::Weights { u, v }) = triangle::weights(packet, lane, &self.ray, &self.boxes) else {
+        let Some(triangle::Weights { u, v }) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes)
+        else {
             return;
         };
         let (u, v) = match packet.part(lane) {

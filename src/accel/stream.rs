@@ -5,16 +5,16 @@
 //! queue holds only one kind of work, its branches are predictable. The order in which one ray visits its own nodes
 //! does not depend on the others: batches of any size give the same hits.
 //!
-//! A ray that starts on a triangle or quad says so: that primitive counts as missed, without an exact test, which nearly every
+//! A ray that leaves a triangle, quad or disk says so: that primitive counts as missed, without an exact test, which nearly every
 //! such ray would ask for.
 
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_SPHERES, LEAVE_INSTANCE, NODE_LINES, Node, SPHERE_LINES,
-    SpherePacket, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, LEAVE_INSTANCE,
+    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
 use super::slot::{DeepSlot, ShallowSlot, Slot};
-use super::{sphere, triangle};
 use crate::math::{Hit, NO_HIT, Ray};
+use crate::shape::{Analytic, Shape, triangle};
 use crate::simd::{Line, WIDEN, Wide, WideKernel, prefetch_lines};
 
 /// Rays in flight: two bits of a `u64` each. 32 is the knee: 16 lose a fifth on large scenes, 64 gain nothing.
@@ -270,7 +270,7 @@ impl<const N: usize> Flight<'_, N> {
             return self.lost(id);
         };
         let left = w.equal(packet.ids(), slot.origin_primitive);
-        let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes) & !left;
+        let lanes = triangle::candidates(w, &packet.rows, &slot.ray, &slot.boxes) & !left;
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
         slot.push_next(packet.next());
@@ -316,8 +316,8 @@ impl<const N: usize> Flight<'_, N> {
         if current == DONE {
             return self.finish(id, output);
         }
-        let next = if kind_of(current) == KIND_SPHERES {
-            self.spheres(id, current)
+        let next = if kind_of(current) == KIND_ANALYTIC {
+            self.analytic(id, current)
         } else if current == LEAVE_INSTANCE {
             self.leave_instance(id)
         } else {
@@ -339,20 +339,24 @@ impl<const N: usize> Flight<'_, N> {
     }
 
     #[inline(always)]
-    fn spheres(&mut self, id: usize, current: u32) -> u32 {
+    fn analytic(&mut self, id: usize, current: u32) -> u32 {
         let slot = &mut self.slots[id];
-        let Some(packet) = view::<SpherePacket, SPHERE_LINES>(self.lines, line_of(current)) else {
+        let Some(packet) = view::<AnalyticPacket, ANALYTIC_LINES>(self.lines, line_of(current)) else {
             return DONE;
         };
         for lane in 0..4 {
-            if let Some(t) = sphere::intersect(packet, lane, &slot.ray, slot.t_min, slot.best.t) {
+            let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
+            let leaves = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
+            let met = shape.intersect(&slot.ray, slot.t_min, slot.best.t).filter(|_| !leaves);
+            if let Some(t) = met {
                 slot.offer(t, 0.0, 0.0, packet.id[lane]);
             }
         }
         packet.next
     }
 
-    /// Goes on in the space of an instance; the way back waits on the stack.
+    /// Goes on in the space of an instance, to which the way back waits on the stack, or in the part of the world that
+    /// stands still.
     #[inline(always)]
     fn enter_instance<O: Output>(&mut self, id: usize, current: u32) {
         let slot = &mut self.slots[id];
@@ -360,6 +364,10 @@ impl<const N: usize> Flight<'_, N> {
             return;
         };
         slot.push_next(record.next);
+        if record.instance == 0 {
+            slot.push(record.root);
+            return self.pop::<O>(id);
+        }
         let ray = record.transform(&slot.ray, slot.t_min, slot.best.t);
         if slot.set(&ray, record.reach) {
             slot.push(LEAVE_INSTANCE);

@@ -1,7 +1,9 @@
 //! Against brute force, on all CPU levels, and on what breaks structures.
 
 use super::*;
-use crate::math::{NO_HIT, OriginPrimitive};
+use crate::math::{DAffine3, Hit, NO_HIT, OriginPrimitive, Ray, Vec3};
+use crate::shape::{Analytic, Quad, Sphere};
+use crate::simd::Level;
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
@@ -22,7 +24,7 @@ impl Rng {
     }
 }
 
-fn soup(count: usize, size: f32, seed: u64) -> Geometry {
+pub fn soup(count: usize, size: f32, seed: u64) -> Geometry {
     let mut rng = Rng::new(seed);
     let mut geometry = Geometry::default();
     for _ in 0..count {
@@ -34,7 +36,8 @@ fn soup(count: usize, size: f32, seed: u64) -> Geometry {
     for _ in 0..count / 10 {
         let quad = Quad { corner: rng.vector(), edge_u: rng.vector() * size, edge_v: rng.vector() * size };
         geometry.quads.push(quad);
-        geometry.spheres.push(Sphere { center: rng.vector(), radius: rng.unit() * size });
+        let sphere = Sphere { center: rng.vector(), radius: rng.unit() * size };
+        geometry.analytic.push(Analytic::Sphere(sphere));
     }
     geometry
 }
@@ -60,14 +63,14 @@ fn trace(accel: &Accel, level: Level, rays: &[Ray]) -> Vec<Hit> {
 fn brute_force(geometry: &Geometry, rays: &[Ray]) -> Vec<Hit> {
     let mut best = vec![Hit::MISS; rays.len()];
     let (t, q) = (geometry.triangles.len(), geometry.quads.len());
-    for id in 0..t + q + geometry.spheres.len() {
+    for id in 0..t + q + geometry.analytic.len() {
         let mut one = Geometry { positions: geometry.positions.clone(), ..Geometry::default() };
         if id < t {
             one.triangles.push(geometry.triangles[id]);
         } else if id < t + q {
             one.quads.push(geometry.quads[id - t]);
         } else {
-            one.spheres.push(geometry.spheres[id - t - q]);
+            one.analytic.push(geometry.analytic[id - t - q]);
         }
         for (best, hit) in best.iter_mut().zip(trace(&build(&[one], &[]), Level::Scalar, rays)) {
             if hit.t < best.t {
@@ -131,8 +134,10 @@ fn ranges_are_exclusive() {
 
 #[test]
 fn instances_are_hit_in_world_parameters() {
-    let sphere =
-        Geometry { spheres: vec![Sphere { center: Vec3::ZERO, radius: 1.0 }], ..Geometry::default() };
+    let sphere = Geometry {
+        analytic: vec![Analytic::Sphere(Sphere { center: Vec3::ZERO, radius: 1.0 })],
+        ..Geometry::default()
+    };
     let flat = soup(100, 0.1, 3);
     let at = |x: f64, scale: f64| AccelInstance {
         geometry: 1,
@@ -177,7 +182,7 @@ fn nothing_and_degenerates_are_dropped_and_counted() {
     let mut geometry = soup(10, 0.5, 4);
     geometry.triangles.extend([[0, 0, 1], [0, 1, 999_999]]);
     geometry.positions[3] = [f32::NAN; 3];
-    geometry.spheres.push(Sphere { center: Vec3::ZERO, radius: 0.0 });
+    geometry.analytic.push(Analytic::Sphere(Sphere { center: Vec3::ZERO, radius: 0.0 }));
     let accel = build(&[geometry], &[]);
     assert_eq!(accel.stats().dropped, Dropped { not_finite: 2, degenerate: 2, instances: 0 });
     assert!(trace(&accel, Level::Scalar, &random_rays(1000, 5)).iter().any(|h| h.prim != NO_HIT));
@@ -291,7 +296,7 @@ fn one_inside_the_next(count: usize, growth: f32, seed: u64) -> Geometry {
 fn what_a_ray_leaves_is_not_met_again_unless_it_is_round() {
     let mut soup = soup(400, 0.5, 5);
     let (triangles, quads) = (soup.triangles.len() as u32, soup.quads.len() as u32);
-    soup.spheres.truncate(20);
+    soup.analytic.truncate(20);
     let at = DAffine3::from_translation(Vec3::X.as_dvec3() * 3.0);
     let accel = build(
         &[soup.clone(), soup],

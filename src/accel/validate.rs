@@ -1,13 +1,14 @@
 //! A walk over the finished structure that checks what traversal relies on.
 
-use super::Accel;
-use super::build::Tree;
 use super::layout::{
-    DONE, INSTANCE_LINES, InstanceRecord, KIND_INSTANCE, KIND_SPHERES, KIND_TRIANGLES, LANES, LEAF,
-    LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_SECOND, SPHERE_LINES, SpherePacket, TRIANGLE_LINES,
-    TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
+    KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_SECOND, TRIANGLE_LINES, TrianglePacket,
+    kind_of, line_of, view,
 };
+use super::parts::Tree;
+use super::structure::Accel;
 use crate::math::{Bounds3, Vec3};
+use crate::shape::triangle::LANES;
 
 /// What a walk over a tree found.
 #[derive(Default)]
@@ -82,8 +83,9 @@ impl Accel {
                     validate_triangles(packet, bounds, found)?;
                     packet.next()
                 }
-                KIND_SPHERES => {
-                    let packet = view::<SpherePacket, SPHERE_LINES>(&self.lines, line).ok_or_else(outside)?;
+                KIND_ANALYTIC => {
+                    let packet =
+                        view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line).ok_or_else(outside)?;
                     found.ids.extend(packet.id.iter().filter(|id| **id != u32::MAX));
                     packet.next
                 }

@@ -3,7 +3,7 @@
 use crate::math::{DVec3, Ray, Vec3, poly};
 use crate::scene;
 
-/// A camera ready to shoot rays. The camera's position is the origin of the compiled world, or near it.
+/// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]
 pub struct Camera {
     origin: Vec3,
@@ -22,9 +22,10 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// Prepares a camera for a film of `width` x `height` pixels; the world's origin moves to `world_origin`. The
+    /// Prepares a camera for a film of `width` x `height` pixels; coordinates count from `anchor`, a point of
+    /// the world. The
     /// vertical field of view is kept whatever the film's shape; pixels are square.
-    pub fn new(camera: &scene::Camera, width: u32, height: u32, world_origin: DVec3) -> Camera {
+    pub fn new(camera: &scene::Camera, width: u32, height: u32, anchor: DVec3) -> Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
         let half_height = match camera.projection {
@@ -40,7 +41,7 @@ impl Camera {
             None => (0.0, 1.0),
         };
         Camera {
-            origin: (camera.world_from_camera.translation - world_origin).as_vec3(),
+            origin: (camera.world_from_camera.translation - anchor).as_vec3(),
             corner: corner.as_vec3(),
             step_x: (right * pixel).as_vec3(),
             step_y: (up * -pixel).as_vec3(),

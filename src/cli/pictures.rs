@@ -2,7 +2,7 @@
 
 use super::args::RenderArgs;
 use super::settings::Settled;
-use oscura::compile::CompileReport;
+use oscura::compile::View;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Film;
 use oscura::output::{
@@ -58,7 +58,7 @@ impl<'a> Pictures<'a> {
         targets: &'a Targets,
         film: &Film,
         settled: &Settled,
-        build: &CompileReport,
+        view: &View,
         statistics: &Statistics,
         earlier: &[Warning],
     ) -> Result<Pictures<'a>> {
@@ -67,7 +67,7 @@ impl<'a> Pictures<'a> {
         let options = OutputOptions {
             float: args.float,
             png: settled.png,
-            metadata: metadata(args, settled, build, statistics, shown),
+            metadata: metadata(args, settled, view, statistics, shown),
         };
         let mut files = Vec::new();
         for (path, format) in &targets.0 {
@@ -105,7 +105,7 @@ fn film_warnings(film: &Film, statistics: &Statistics) -> Vec<Warning> {
 fn metadata(
     args: &RenderArgs,
     settled: &Settled,
-    build: &CompileReport,
+    view: &View,
     statistics: &Statistics,
     warnings: Vec<String>,
 ) -> Metadata {
@@ -121,7 +121,7 @@ fn metadata(
         owner: args.owner.clone(),
         render_s: timed.then_some(statistics.render_s),
         captured: timed.then(SystemTime::now),
-        world_to_camera: Some(build.world_to_camera),
+        world_to_camera: Some(view.camera_from_world),
         stopped_by: stopped_by.map(str::to_string),
         warnings,
     }

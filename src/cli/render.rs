@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::report::{self, Run, Said};
 use super::scene_path;
 use super::settings::{Settled, check_size, settle};
-use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
+use oscura::compile::{CompileReport, CompiledScene, Compiler, View, choose_camera};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Film;
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
@@ -33,14 +33,15 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load(&args.scene, &load_options(args))?;
-        return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut Said::default());
+        let mut kept = Kept { said: Said::default(), compiler: Compiler::single() };
+        return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut kept);
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
     let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
-    let mut said = Said::default();
+    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
     let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
@@ -50,7 +51,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         if !args.quiet {
             eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
         }
-        outcome = run_one(args, cancel, &targets, &environment, loaded, start, &mut said)?;
+        outcome = run_one(args, cancel, &targets, &environment, loaded, start, &mut kept)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -72,6 +73,12 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
     }
 }
 
+/// What outlives a picture.
+struct Kept {
+    said: Said,
+    compiler: Compiler,
+}
+
 /// Renders one picture of a scene that began to load at `start`.
 fn run_one(
     args: &RenderArgs,
@@ -80,10 +87,10 @@ fn run_one(
     environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
-    said: &mut Said,
+    Kept { said, compiler }: &mut Kept,
 ) -> Result<Outcome> {
-    let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), environment, loaded, start)?;
+    let Prepared { scene, view, settled, build, load_s, notes, mut warnings, left_out } =
+        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
@@ -94,10 +101,10 @@ fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let (film, statistics) = take_picture(args, cancel, scene, &settled)?;
+    let (film, statistics) = take_picture(args, cancel, scene, view, &settled)?;
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, targets, &film, &settled, &build, &statistics, &warnings)?;
+    let pictures = Pictures::encode(args, targets, &film, &settled, &view, &statistics, &warnings)?;
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
@@ -136,12 +143,13 @@ fn run_one(
 fn take_picture(
     args: &RenderArgs,
     cancel: &CancelHandle,
-    scene: CompiledScene,
+    scene: Arc<CompiledScene>,
+    view: View,
     settled: &Settled,
 ) -> Result<(Film, Statistics)> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
-    let mut renderer = Renderer::new(scene, settled.render)?
+    let mut renderer = Renderer::new(scene, view, settled.render)?
         .with_cancel_handle(cancel.clone())
         .on_event(move |event| shown.show(&event));
     while renderer.next_pass() == PassOutcome::Progressed {}
@@ -152,7 +160,8 @@ fn take_picture(
 
 /// All that rendering needs.
 struct Prepared {
-    scene: CompiledScene,
+    scene: Arc<CompiledScene>,
+    view: View,
     settled: Settled,
     build: CompileReport,
     load_s: f64,
@@ -168,23 +177,21 @@ fn prepare(
     environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
+    compiler: &mut Compiler,
 ) -> Result<Prepared> {
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
     warnings.extend(environment.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
-    let options = CompileOptions {
-        energy_compensation: settled.energy_compensation,
-        camera: settled.camera,
-        width: settled.render.width,
-        height: settled.render.height,
-    };
-    let (scene, mut build) = compile(&loaded.scene, &options)?;
+    let camera = choose_camera(&loaded.scene, settled.camera)?;
+    let size = (settled.render.width, settled.render.height);
+    let (scene, view, mut build) =
+        compiler.compile(&loaded.scene, settled.energy_compensation, camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, settled, build, load_s, notes, warnings, left_out })
+    Ok(Prepared { scene, view, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -187,7 +187,8 @@ impl Run {
             ("peak_memory_bytes", self.peak_memory.map_or(Json::Null, Json::Integer)),
             ("triangles", Json::Integer(c.triangles)),
             ("quads", Json::Integer(c.quads)),
-            ("spheres", Json::Integer(c.spheres)),
+            ("spheres", Json::Integer(c.analytic[0])),
+            ("disks", Json::Integer(c.analytic[1])),
             ("lights", Json::Integer(c.lights)),
             ("scene_bytes", Json::Integer(c.bytes)),
             ("interrupted", Json::Bool(s.interrupted)),
@@ -202,11 +203,13 @@ impl Run {
     /// The report for people.
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
+        let disks =
+            if c.analytic[1] > 0 { format!("{}, ", counted(c.analytic[1], "disk")) } else { String::new() };
         eprintln!(
-            "scene    {}, {}, {}, {}, {:.1} MiB",
+            "scene    {}, {}, {}, {disks}{}, {:.1} MiB",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
-            counted(c.spheres, "sphere"),
+            counted(c.analytic[0], "sphere"),
             counted(c.lights, "light"),
             mib(c.bytes)
         );

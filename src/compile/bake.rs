@@ -1,27 +1,34 @@
-//! Places meshes: those used once become part of the world's own geometry, large ones used again are shared.
+//! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
 
-use super::geometry::{Attributes, Geometries, Placement};
+use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
+use super::objects::{Numbering, ObjectId, Owners};
+use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance};
-use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3, Mat3};
-use crate::scene::{Instance, Mapping, MaterialId, Mesh, Scene, Texture};
-
-/// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
-const MIN_SHARED_TRIANGLES: usize = 1024;
-
-/// Meshes whose transform stretches less evenly than this are copied: rays that an f32 matrix takes to object space would
-/// lose as much precision.
-const MAX_SHARED_CONDITION: f64 = 1e3;
+use crate::math::{Bounds3, DAffine3, DMat3, DVec3, Mat3, Vec3};
+use crate::scene::{MaterialId, Mesh, Scene, Shape, ShapeKind};
+use crate::shape::{Analytic, Disk, Quad, Shape as _, Sphere};
+use std::sync::Arc;
 
 /// Where geometry ended up.
-#[derive(Debug, Default)]
-pub struct Baked {
-    /// The arrays.
+#[derive(Debug)]
+pub(super) struct Baked {
+    /// All of it.
     pub geometries: Geometries,
     /// For the accelerator, in the order of the placements.
     pub instances: Vec<AccelInstance>,
+    /// The first of these that moves.
+    pub first_moving: usize,
+}
+
+/// What of an earlier moment's geometry is used again.
+#[derive(Debug, Default)]
+pub(super) struct Kept {
+    /// The world.
+    pub world: Option<Arc<Space>>,
+    /// The meshes that are not copied and don't change; all or none.
+    pub shared: Vec<Arc<Space>>,
 }
 
 /// What of a mesh the materials need.
@@ -33,29 +40,30 @@ struct Needs {
     colors: bool,
 }
 
-/// Bakes a scene whose world's origin moves to `origin`.
-pub fn bake(
+/// Makes geometry for a scene whose world's origin moves to `origin`.
+pub(super) fn bake(
     scene: &Scene,
     materials: &[CompiledMaterial],
     origin: DVec3,
-    warnings: &mut Vec<Warning>,
-    left_out: &mut Vec<String>,
+    plan: &Plan,
+    kept: Kept,
 ) -> Baked {
-    let uses = count_uses(scene);
-    let mut baked = Baked::default();
-    baked.geometries.shapes.push(accel::Geometry::default());
-    baked.geometries.attributes.push(Attributes::default());
-    let mut shared: Vec<Option<u32>> = vec![None; scene.meshes.len()];
+    let numbering = Numbering::of(scene);
+    let mut shared: Vec<Option<Arc<Space>>> = kept.shared.into_iter().map(Some).collect();
+    shared.resize(plan.meshes.len(), None);
+    let mut world = Space::EMPTY;
     let mut tangents: Vec<Option<Mesh>> = vec![None; scene.meshes.len()];
-    let mut placements = vec![0; scene.meshes.len()];
     let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
-    let mut invisible = 0;
-    for instance in &scene.instances {
-        let mesh = &scene.meshes[instance.mesh.index()];
-        if part_materials(mesh, instance).all(is_hidden) {
-            invisible += 1;
+    for step in &plan.steps {
+        let is_there = match step.place {
+            Place::World => kept.world.is_some(),
+            _ => shared[step.geometry].is_some(),
+        };
+        if is_there {
             continue;
         }
+        let instance = &scene.instances[step.instance];
+        let mesh = &scene.meshes[instance.mesh.index()];
         let made = &mut tangents[instance.mesh.index()];
         if made.is_none()
             && let Some(uv_set) = normal_map_set(part_materials(mesh, instance), scene)
@@ -63,93 +71,50 @@ pub fn bake(
             *made = with_tangents(mesh, uv_set);
         }
         let mesh = made.as_ref().unwrap_or(mesh);
-        let world_from_object = moved(&instance.world_from_object, origin);
-        if !is_invertible(&world_from_object.matrix3) {
-            let message = "a transform that flattens it (or is not finite) hides it; it was left out";
-            warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
-            continue;
-        }
-        if flatness(&world_from_object.matrix3) < NEARLY_FLAT {
-            let message = "a transform that nearly flattens it makes its position and normals imprecise";
-            warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
-        }
-        let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
-        let is_shared = uses[instance.mesh.index()] > 1
-            && mesh.triangles.len() >= MIN_SHARED_TRIANGLES
-            && !emits
-            && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
-        if is_shared {
-            let slot = &mut shared[instance.mesh.index()];
-            let geometry = *slot.get_or_insert_with(|| baked.geometries.share(mesh, materials));
-            baked.place(geometry, &world_from_object, instance.material);
-            placements[instance.mesh.index()] += 1;
-        } else {
+        if step.place == Place::World {
             let needs = needs_of(part_materials(mesh, instance), materials);
-            baked.geometries.append(mesh, instance.material, &world_from_object, needs, is_hidden);
+            let first = world.shapes.triangles.len();
+            world.owners.begin(first, numbering.instance(step.instance));
+            world.append(mesh, instance.material, &step.world_from_object, needs, is_hidden);
+        } else {
+            shared[step.geometry] = Some(Arc::new(share(mesh, materials)));
         }
     }
-    baked.geometries.append_shapes(scene, materials, origin);
-    if invisible > 0 {
-        left_out.push(format!("{invisible} placements whose materials are fully transparent"));
+    let world = kept.world.unwrap_or_else(|| {
+        world.append_shapes(scene, materials, origin, &numbering);
+        world.measure();
+        Arc::new(world)
+    });
+    let shared = shared.into_iter().flatten().collect();
+    place(scene, plan, &numbering, Geometries { world, shared, placements: Vec::new() })
+}
+
+/// Adds the placements: those that stand still, then those that move.
+fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geometries) -> Baked {
+    let (mut instances, mut first_moving) = (Vec::new(), 0);
+    for place in [Place::Still, Place::Moving] {
+        first_moving = instances.len();
+        for step in plan.steps.iter().filter(|s| s.place == place) {
+            let material = scene.instances[step.instance].material;
+            geometries.placements.push(placement(step, material, numbering.instance(step.instance)));
+            instances.push(AccelInstance {
+                // The accelerator counts the world, too.
+                geometry: step.geometry as u32 + 1,
+                world_from_object: step.world_from_object,
+            });
+        }
     }
-    report(scene, &uses, &placements, left_out);
-    baked
+    Baked { geometries, instances, first_moving }
 }
 
-fn count_uses(scene: &Scene) -> Vec<usize> {
-    let mut uses = vec![0; scene.meshes.len()];
-    for instance in &scene.instances {
-        uses[instance.mesh.index()] += 1;
-    }
-    uses
-}
-
-fn report(scene: &Scene, uses: &[usize], placements: &[usize], left_out: &mut Vec<String>) {
-    let unused = || scene.meshes.iter().zip(uses).filter(|&(_, &n)| n == 0).map(|(mesh, _)| mesh);
-    if unused().next().is_some() {
-        let triangles: usize = unused().map(|m| m.triangles.len()).sum();
-        left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
-    }
-    for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| **placed > 1) {
-        let (n, copies) = (mesh.triangles.len(), placed - 1);
-        left_out.push(format!("{copies} copies of mesh '{}' ({n} triangles): its uses share one", mesh.name));
-    }
-}
-
-fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
-    DAffine3 { translation: world_from_object.translation - origin, ..*world_from_object }
-}
-
-fn is_invertible(m: &DMat3) -> bool {
-    // Rounding of a flat matrix leaves about 1e-16.
-    m.determinant().is_finite() && flatness(m) > 1e-14
-}
-
-/// Transforms below this [`flatness`] are warned of.
-const NEARLY_FLAT: f64 = 1e-6;
-
-/// The volume that the axes span, over that of a box with such edges: 1 where they are orthogonal, 0 in a plane.
-fn flatness(m: &DMat3) -> f64 {
-    m.determinant().abs() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length())
-}
-
-/// The condition number of a matrix in the Frobenius norm, over its least value: 1 for rotations and even scales.
-fn condition(m: &DMat3) -> f64 {
-    let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
-    norm(m) * norm(&m.inverse()) / 3.0
-}
-
-fn part_materials<'a>(mesh: &'a Mesh, instance: &'a Instance) -> impl Iterator<Item = MaterialId> + 'a {
-    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
-}
-
-/// The set of texture coordinates that the first normal map among materials uses.
-fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: &Scene) -> Option<usize> {
-    let map = used.find_map(|id| scene.materials[id.index()].normal_map)?;
-    match scene.textures.get(map.texture.index())? {
-        Texture::Image { mapping: Mapping::Uv { set, .. }, .. } => Some(*set as usize),
-        _ => None,
-    }
+fn placement(step: &Step, material: Option<MaterialId>, object: ObjectId) -> Placement {
+    let DAffine3 { matrix3, translation } = step.world_from_object;
+    let world_from_object = Transform {
+        linear: matrix3.as_mat3(),
+        translation: translation.as_vec3(),
+        normal_from_object: normal_matrix(&matrix3).as_mat3(),
+    };
+    Placement { geometry: step.geometry as u32, world_from_object, material: material.map(|m| m.0), object }
 }
 
 fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {
@@ -163,19 +128,6 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
     needs
 }
 
-impl Baked {
-    fn place(&mut self, geometry: u32, world_from_object: &DAffine3, material: Option<MaterialId>) {
-        self.instances.push(AccelInstance { geometry, world_from_object: *world_from_object });
-        self.geometries.placements.push(Placement {
-            geometry,
-            linear: world_from_object.matrix3.as_mat3(),
-            translation: world_from_object.translation.as_vec3(),
-            normal_from_object: normal_matrix(&world_from_object.matrix3).as_mat3(),
-            material: material.map(|m| m.0),
-        });
-    }
-}
-
 /// The inverse transpose, scaled so that its largest column has length 1.
 fn normal_matrix(m: &DMat3) -> DMat3 {
     let n = m.inverse().transpose();
@@ -183,27 +135,47 @@ fn normal_matrix(m: &DMat3) -> DMat3 {
     n * (1.0 / largest)
 }
 
-impl Geometries {
-    /// A geometry of its own for a mesh, in object space; its index.
-    fn share(&mut self, mesh: &Mesh, materials: &[CompiledMaterial]) -> u32 {
-        let mut own = Geometries {
-            shapes: vec![accel::Geometry::default()],
-            attributes: vec![Attributes::default()],
-            placements: Vec::new(),
-        };
-        // Every use may bring its own material.
-        let needs = Needs { normals: true, uv: [true; 2], tangents: true, colors: true };
-        let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
-        let needs = Needs {
-            uv: needs.uv.map(|_| any(|m| m.uses_uv)),
-            tangents: any(CompiledMaterial::uses_tangents),
-            colors: any(|m| m.uses_vertex_colors),
-            ..needs
-        };
-        own.append(mesh, None, &DAffine3::IDENTITY, needs, |_| false);
-        self.shapes.append(&mut own.shapes);
-        self.attributes.append(&mut own.attributes);
-        (self.shapes.len() - 1) as u32
+/// A mesh in a space of its own.
+fn share(mesh: &Mesh, materials: &[CompiledMaterial]) -> Space {
+    // Every use may bring its own material.
+    let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
+    let needs = Needs {
+        normals: true,
+        uv: [any(|m| m.uses_uv); 2],
+        tangents: any(CompiledMaterial::uses_tangents),
+        colors: any(|m| m.uses_vertex_colors),
+    };
+    let mut space = Space::EMPTY;
+    space.append(mesh, None, &DAffine3::IDENTITY, needs, |_| false);
+    space.measure();
+    space
+}
+
+impl Space {
+    /// Nothing.
+    const EMPTY: Space = Space {
+        shapes: accel::Geometry {
+            positions: Vec::new(),
+            triangles: Vec::new(),
+            quads: Vec::new(),
+            analytic: Vec::new(),
+        },
+        attributes: Attributes::EMPTY,
+        bounds: Bounds3::EMPTY,
+        owners: Owners::EMPTY,
+    };
+
+    /// Finds the box around the shapes.
+    fn measure(&mut self) {
+        let positions = self.shapes.positions.iter().map(|&p| Vec3::from_array(p));
+        let mut bounds = Bounds3::of(positions.filter(|p| p.is_finite()));
+        for quad in &self.shapes.quads {
+            bounds = bounds.union(quad.bounds());
+        }
+        for shape in &self.shapes.analytic {
+            bounds = bounds.union(shape.bounds());
+        }
+        self.bounds = bounds;
     }
 
     /// Appends a placed mesh to the world's own geometry.
@@ -215,7 +187,7 @@ impl Geometries {
         needs: Needs,
         is_hidden: impl Fn(MaterialId) -> bool,
     ) {
-        let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
+        let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let first = shapes.positions.len() as u32;
         let as_is = *placed == DAffine3::IDENTITY;
         let position = |p: &[f32; 3]| {
@@ -242,28 +214,44 @@ impl Geometries {
         attributes.append(mesh, placed, needs, first as usize);
     }
 
-    /// Appends quads and spheres to the world's own geometry.
-    fn append_shapes(&mut self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) {
-        let (shapes, attributes) = (&mut self.shapes[0], &mut self.attributes[0]);
+    /// Appends quads and analytic shapes to the world's own geometry.
+    fn append_shapes(
+        &mut self,
+        scene: &Scene,
+        materials: &[CompiledMaterial],
+        origin: DVec3,
+        numbering: &Numbering,
+    ) {
+        let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
-        for quad in scene.quads.iter().filter(|quad| is_seen(quad.material)) {
-            shapes.quads.push(accel::Quad {
+        for (i, quad) in scene.quads.iter().enumerate().filter(|(_, quad)| is_seen(quad.material)) {
+            self.owners.begin(attributes.materials.len(), numbering.quad(i));
+            shapes.quads.push(Quad {
                 corner: (quad.corner - origin).as_vec3(),
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
             attributes.materials.push(quad.material.0);
         }
-        let turns = scene.spheres.iter().any(|s| materials[s.material.index()].uses_uv);
-        for sphere in scene.spheres.iter().filter(|sphere| is_seen(sphere.material)) {
-            shapes.spheres.push(accel::Sphere {
-                center: (sphere.center - origin).as_vec3(),
-                radius: sphere.radius as f32,
-            });
-            attributes.materials.push(sphere.material.0);
+        let turns = scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
+        for (i, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| is_seen(shape.material)) {
+            self.owners.begin(attributes.materials.len(), numbering.shape(i));
+            shapes.analytic.push(analytic(shape, origin));
+            attributes.materials.push(shape.material.0);
             if turns {
-                attributes.object_from_world.push(Mat3::from_quat(sphere.rotation.inverse().as_quat()));
+                attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }
+        }
+    }
+}
+
+/// A shape of a scene whose world's origin moves to `origin`.
+fn analytic(shape: &Shape, origin: DVec3) -> Analytic {
+    let center = (shape.center - origin).as_vec3();
+    match shape.kind {
+        ShapeKind::Sphere => Analytic::Sphere(Sphere { center, radius: shape.radius as f32 }),
+        ShapeKind::Disk => {
+            Analytic::Disk(Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() })
         }
     }
 }
@@ -291,7 +279,7 @@ impl Attributes {
     }
 }
 
-fn glam(v: [f32; 3]) -> crate::math::Vec3 {
+fn glam(v: [f32; 3]) -> Vec3 {
     v.into()
 }
 

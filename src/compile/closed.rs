@@ -36,10 +36,12 @@ pub(super) fn outline(scene: &Scene, material: MaterialId) -> Outline {
         let corners = [c, c + quad.edge_u, c + quad.edge_u + quad.edge_v, c + quad.edge_v];
         edges.add_polygon(&corners.map(|p| p.as_vec3().to_array()));
     }
-    let has_spheres = scene.spheres.iter().any(|s| s.material == material);
+    let mut shapes = scene.shapes.iter().filter(|s| s.material == material).map(|s| s.kind).peekable();
+    let has_shapes = shapes.peek().is_some();
+    let are_closed = shapes.all(|kind| kind.is_closed());
     match count {
-        0 if !has_spheres => Outline::None,
-        _ if edges.sum == 0 => Outline::Closed,
+        0 if !has_shapes => Outline::None,
+        _ if edges.sum == 0 && are_closed => Outline::Closed,
         _ => Outline::Open,
     }
 }

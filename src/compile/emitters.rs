@@ -1,11 +1,12 @@
 //! Finds what shines: emitting primitives become area lights, pairs of triangles that form a parallelogram one light.
 
-use super::geometry::{Attributes, Geometries};
+use super::geometry::{Attributes, Geometries, Space};
 use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel;
 use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, Radiance};
 use crate::math::{Mat3, Vec2, Vec3};
+use crate::shape::Analytic;
 
 /// Area lights and which primitives they are.
 #[derive(Debug, Default)]
@@ -22,7 +23,7 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     if materials.iter().all(|m| m.emission.is_none()) {
         return emitters;
     }
-    let (shapes, attributes) = (&geometries.shapes[0], &geometries.attributes[0]);
+    let Space { shapes, attributes, .. } = &*geometries.world;
     let material = |prim: usize| attributes.materials[prim] as usize;
     let emits = |prim: usize| sampled_emission(&materials[material(prim)]).is_some();
     let (triangles, quads) = (shapes.triangles.len(), shapes.quads.len());
@@ -56,11 +57,10 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
             emitters.add(flat(edges), &materials[material(triangles + i)], Some(uv), &[triangles + i]);
         }
     }
-    for (i, sphere) in shapes.spheres.iter().enumerate() {
+    for (i, shape) in shapes.analytic.iter().enumerate() {
         let prim = triangles + quads + i;
-        let shape = AreaShape::Sphere { center: sphere.center, radius: sphere.radius };
-        let rotation = attributes.object_from_world.get(i).copied();
-        emitters.add_sphere(shape, &materials[material(prim)], rotation.unwrap_or(Mat3::IDENTITY), prim);
+        let rotation = attributes.object_from_world(i);
+        emitters.add_analytic(*shape, &materials[material(prim)], rotation, prim);
     }
     emitters
 }
@@ -87,9 +87,9 @@ impl Emitters {
         self.push(AreaLight::new(shape, emission.two_sided, radiance), prims);
     }
 
-    fn add_sphere(
+    fn add_analytic(
         &mut self,
-        shape: AreaShape,
+        shape: Analytic,
         material: &CompiledMaterial,
         object_from_world: Mat3,
         prim: usize,
@@ -97,10 +97,10 @@ impl Emitters {
         let Some(emission) = sampled_emission(material) else { return };
         let factor = Rgb::from_array(emission.radiance.factor);
         let radiance = match emission.radiance.texture {
-            Some(texture) => Radiance::Sphere { texture, factor, object_from_world },
+            Some(texture) => Radiance::Analytic { texture, factor, object_from_world },
             None => Radiance::Constant(factor),
         };
-        self.push(AreaLight::new(shape, emission.two_sided, radiance), &[prim]);
+        self.push(AreaLight::new(AreaShape::Analytic(shape), emission.two_sided, radiance), &[prim]);
     }
 
     fn push(&mut self, light: AreaLight, prims: &[usize]) {

@@ -1,8 +1,11 @@
 //! What a hit looks like: the point with its error bound, normals, texture coordinates.
 
+use super::objects::{ObjectId, Owners};
 use crate::accel;
-use crate::math::{Hit, Mat3, Ray, Vec2, Vec3, gamma};
-use crate::texture::sphere_coordinates;
+use crate::math::{Bounds3, Hit, Mat3, Ray, Vec2, Vec3, gamma};
+use crate::shape::triangle::interpolate;
+use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
+use std::sync::Arc;
 
 /// Shapes of one space with what shading needs of them. Lists of attributes that no material uses are empty.
 #[derive(Clone, Debug, Default)]
@@ -17,38 +20,45 @@ pub struct Attributes {
     pub colors: Vec<[f32; 4]>,
     /// Material of each primitive, in the order of primitive ids.
     pub materials: Vec<u32>,
-    /// Rotations that give spheres their texture coordinates, by sphere; empty if none needs them.
+    /// Rotations that give analytic shapes their texture coordinates, by shape; empty if none needs them.
     pub object_from_world: Vec<Mat3>,
 }
 
 /// A placed geometry other than the world's own.
 #[derive(Clone, Copy, Debug)]
 pub struct Placement {
-    /// Which geometry.
+    /// Which of [`Geometries::shared`].
     pub geometry: u32,
-    /// Linear part of its transform.
+    /// Where it stands.
+    pub world_from_object: Transform,
+    /// Replaces the materials of its primitives.
+    pub material: Option<u32>,
+    /// The object of the scene that it is.
+    pub object: ObjectId,
+}
+
+/// From object to world space. (One moment's; a transform that moves would hold more than one of them.)
+#[derive(Clone, Copy, Debug)]
+pub struct Transform {
+    /// Linear part.
     pub linear: Mat3,
     /// Translation.
     pub translation: Vec3,
     /// Inverse transpose of the linear part, for normals.
     pub normal_from_object: Mat3,
-    /// Replaces the materials of its primitives.
-    pub material: Option<u32>,
 }
 
-/// A point of a surface.
-#[derive(Clone, Copy, Debug)]
-pub struct Surface {
-    /// The point.
-    pub p: Vec3,
-    /// The true point lies within this box around it.
-    pub p_error: Vec3,
-    /// Unit geometric normal on the front.
-    pub ng: Vec3,
-    /// Unit shading normal, on the same side as `ng`.
-    pub ns: Vec3,
-    /// Its material.
-    pub material: u32,
+/// Shapes of one space: the world's own, or those of a mesh that several instances share.
+#[derive(Clone, Debug)]
+pub struct Space {
+    /// What the accelerator was built over.
+    pub shapes: accel::Geometry,
+    /// What shading needs of it.
+    pub attributes: Attributes,
+    /// The box around the shapes.
+    pub bounds: Bounds3,
+    /// The objects of the scene that the shapes belong to, in the world's own space.
+    pub owners: Owners,
 }
 
 /// What textures and normal maps need to know about a hit.
@@ -65,14 +75,14 @@ pub struct SurfaceCoordinates {
     pub uv_per_metre: [f32; 2],
 }
 
-/// Flat arrays of all geometry.
-#[derive(Debug, Default)]
+/// All geometry.
+#[derive(Clone, Debug)]
 pub struct Geometries {
-    /// The shapes that the accelerator was built over; the first is the world's own.
-    pub shapes: Vec<accel::Geometry>,
-    /// Attributes by geometry.
-    pub attributes: Vec<Attributes>,
-    /// Placements of the others, in the order of hit instances from 1 on.
+    /// What stands in the world as it is.
+    pub world: Arc<Space>,
+    /// What placements place.
+    pub shared: Vec<Arc<Space>>,
+    /// In the order of hit instances from 1 on.
     pub placements: Vec<Placement>,
 }
 
@@ -97,8 +107,8 @@ pub struct TextureCorners {
 /// Which kind of primitive an id means.
 enum Primitive<'a> {
     Triangle([u32; 3]),
-    Quad(&'a accel::Quad),
-    Sphere(usize, &'a accel::Sphere),
+    Quad(&'a Quad),
+    Analytic(usize, &'a Analytic),
 }
 
 fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
@@ -111,7 +121,7 @@ fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
         Some(quad) => Primitive::Quad(quad),
         None => {
             let index = prim - shapes.quads.len();
-            Primitive::Sphere(index, &shapes.spheres[index])
+            Primitive::Analytic(index, &shapes.analytic[index])
         }
     }
 }
@@ -121,21 +131,33 @@ fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
     t.map(|i| list[i as usize])
 }
 
-#[inline(always)]
-fn interpolate(v: [[f32; 3]; 3], u: f32, w: f32) -> Vec3 {
-    let [a, b, c] = v.map(Vec3::from_array);
-    a * (1.0 - u - w) + b * u + c * w
-}
-
 impl Geometries {
+    /// The space of a hit.
+    #[inline(always)]
+    fn space(&self, hit: &Hit) -> &Space {
+        match hit.instance {
+            0 => &self.world,
+            i => &self.shared[self.placements[i as usize - 1].geometry as usize],
+        }
+    }
+
+    /// The object of the scene at a hit. A search: not for every hit of every path.
+    pub fn object(&self, hit: &Hit) -> ObjectId {
+        match hit.instance {
+            0 => self.world.owners.of(hit.prim),
+            i => self.placements[i as usize - 1].object,
+        }
+    }
+
     /// The material at a hit.
     #[inline(always)]
     pub fn material(&self, hit: &Hit) -> u32 {
         match hit.instance.checked_sub(1) {
-            None => self.attributes[0].materials[hit.prim as usize],
+            None => self.world.attributes.materials[hit.prim as usize],
             Some(i) => {
                 let placement = &self.placements[i as usize];
-                let of_primitive = self.attributes[placement.geometry as usize].materials[hit.prim as usize];
+                let of_primitive =
+                    self.shared[placement.geometry as usize].attributes.materials[hit.prim as usize];
                 placement.material.unwrap_or(of_primitive)
             }
         }
@@ -143,13 +165,14 @@ impl Geometries {
 
     /// Do some vertices have shading normals?
     pub fn has_normals(&self) -> bool {
-        self.attributes.iter().any(|a| !a.normals.is_empty())
+        self.shared.iter().chain([&self.world]).any(|space| !space.attributes.normals.is_empty())
     }
 
     /// Is the hit on a triangle or quad of the world's own geometry?
     #[inline(always)]
     pub fn is_flat(&self, hit: &Hit) -> bool {
-        hit.instance == 0 && (hit.prim as usize) < self.shapes[0].triangles.len() + self.shapes[0].quads.len()
+        hit.instance == 0
+            && (hit.prim as usize) < self.world.shapes.triangles.len() + self.world.shapes.quads.len()
     }
 
     /// The corners of a triangle or quad of the world's own geometry; `None` for all else.
@@ -158,7 +181,7 @@ impl Geometries {
         if hit.instance != 0 {
             return None;
         }
-        let (shapes, attributes) = (&self.shapes[0], &self.attributes[0]);
+        let (shapes, attributes) = (&self.world.shapes, &self.world.attributes);
         let prim = hit.prim as usize;
         if let Some(&t) = shapes.triangles.get(prim) {
             let is_flat = attributes.normals.is_empty();
@@ -174,14 +197,14 @@ impl Geometries {
     #[inline(always)]
     pub fn is_plainly_textured(&self, hit: &Hit) -> bool {
         hit.instance == 0
-            && (hit.prim as usize) < self.shapes[0].triangles.len()
-            && self.attributes[0].uv[1].is_empty()
+            && (hit.prim as usize) < self.world.shapes.triangles.len()
+            && self.world.attributes.uv[1].is_empty()
     }
 
     /// What textures need of such a triangle.
     #[inline(always)]
     pub fn texture_corners(&self, hit: &Hit) -> Option<TextureCorners> {
-        let (shapes, attributes) = (&self.shapes[0], &self.attributes[0]);
+        let (shapes, attributes) = (&self.world.shapes, &self.world.attributes);
         let &t = shapes.triangles.get(hit.prim as usize)?;
         let uv = &attributes.uv[0];
         let uv = if uv.is_empty() { [[0.0; 2]; 3] } else { vertices(uv, t) };
@@ -193,11 +216,7 @@ impl Geometries {
     /// The surface at a hit of `ray`.
     #[inline]
     pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
-        let geometry = match hit.instance {
-            0 => 0,
-            i => self.placements[i as usize - 1].geometry as usize,
-        };
-        let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
+        let Space { shapes, attributes, .. } = self.space(hit);
         let material = attributes.materials[hit.prim as usize];
         let mut surface = match primitive(shapes, hit.prim) {
             Primitive::Triangle(t) => {
@@ -211,11 +230,11 @@ impl Geometries {
                 let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
                 triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
             }
-            Primitive::Sphere(_, s) => sphere_surface(s, ray.at(hit.t)),
+            Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
         };
         surface.material = material;
         if hit.instance != 0 {
-            surface = self.placements[hit.instance as usize - 1].to_world(&surface);
+            surface = self.placements[hit.instance as usize - 1].surface_to_world(&surface);
         }
         surface
     }
@@ -224,11 +243,10 @@ impl Geometries {
     /// so.
     pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> SurfaceCoordinates {
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
-        let geometry = placement.map_or(0, |p| p.geometry as usize);
-        let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
+        let Space { shapes, attributes, .. } = self.space(hit);
         match primitive(shapes, hit.prim) {
             Primitive::Triangle(t) => {
-                let linear = placement.map_or(Mat3::IDENTITY, |p| p.linear);
+                let linear = placement.map_or(Mat3::IDENTITY, |p| p.world_from_object.linear);
                 let corners = vertices(&shapes.positions, t).map(Vec3::from_array);
                 let corners = corners.map(|c| linear * c);
                 attributes.of_triangle(t, corners, hit, surface, &linear, footprints)
@@ -239,23 +257,38 @@ impl Geometries {
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
-            Primitive::Sphere(index, s) => {
-                let object_from_world =
-                    attributes.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY);
-                let local = object_from_world * surface.ng;
-                let uv = sphere_coordinates(local);
-                // Eastwards: u grows counter-clockwise as seen from above.
-                let east = object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x);
-                let tangent_frame = frame_of(east, surface.ns, -1.0);
-                // At the equator: 2 pi r by pi r metres.
-                let uv_per_metre = [1.0 / (std::f32::consts::SQRT_2 * std::f32::consts::PI * s.radius); 2];
-                SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
+            Primitive::Analytic(index, shape) => {
+                let object_from_world = attributes.object_from_world(index);
+                let uv = shape.texture_coordinates(surface.p, surface.ng, &object_from_world);
+                let lies = shape.parametrize(surface.ng, &object_from_world);
+                let tangent_frame = frame_of(lies.tangent, surface.ns, lies.handedness);
+                SurfaceCoordinates {
+                    uv: [uv, uv],
+                    color: [1.0; 4],
+                    tangent_frame,
+                    uv_per_metre: [lies.uv_per_metre; 2],
+                }
             }
         }
     }
 }
 
 impl Attributes {
+    /// None.
+    pub(super) const EMPTY: Attributes = Attributes {
+        normals: Vec::new(),
+        uv: [const { Vec::new() }; 2],
+        tangents: Vec::new(),
+        colors: Vec::new(),
+        materials: Vec::new(),
+        object_from_world: Vec::new(),
+    };
+
+    /// The rotation that gives an analytic shape its texture coordinates.
+    pub(super) fn object_from_world(&self, index: usize) -> Mat3 {
+        self.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY)
+    }
+
     fn of_triangle(
         &self,
         t: [u32; 3],
@@ -321,51 +354,16 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
 }
 
-/// The surface at the point with weights `u` and `w` of the second and third corner. It is nearer to the plane than the
-/// ray's own point (Pharr, Jakob, Humphreys 2023, section 6.8.5). Weights may add up to more than 1 (quads).
-#[inline(always)]
-pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
-    let [a, b, c] = v.map(Vec3::from_array);
-    let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
-    let ng = (b - a).cross(c - a).normalize();
-    Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
-}
-
-/// The ray's point pulled back onto the sphere.
-#[inline(always)]
-fn sphere_surface(s: &accel::Sphere, p: Vec3) -> Surface {
-    let ng = (p - s.center).normalize();
-    let offset = ng * s.radius;
-    Surface {
-        p: s.center + offset,
-        p_error: offset.abs() * gamma(7) + s.center.abs() * gamma(2),
-        ng,
-        ns: ng,
-        material: 0,
-    }
-}
-
-/// The interpolated normal, on the side of the geometric one; that one where there is none. Free of branches.
-#[inline(always)]
-pub fn shading_normal(normals: [[f32; 3]; 3], u: f32, w: f32, ng: Vec3) -> Vec3 {
-    let n = interpolate(normals, u, w);
-    let length = n.length();
-    let is_usable = length >= 1e-6;
-    let side = if n.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-    let unit = n * (side / if is_usable { length } else { 1.0 });
-    if is_usable { unit } else { ng }
-}
-
 impl Placement {
     #[inline]
-    fn to_world(self, s: &Surface) -> Surface {
-        let m = self.linear;
-        let p = m * s.p + self.translation;
+    fn surface_to_world(&self, s: &Surface) -> Surface {
+        let Transform { linear: m, translation, normal_from_object } = self.world_from_object;
+        let p = m * s.p + translation;
         let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
-        let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + self.translation.abs() * gamma(4);
+        let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + translation.abs() * gamma(4);
         // A mirror image of the front is the front of the mirror image.
-        let ng = (self.normal_from_object * s.ng).normalize();
-        let ns = (self.normal_from_object * s.ns).normalize();
+        let ng = (normal_from_object * s.ng).normalize();
+        let ns = (normal_from_object * s.ns).normalize();
         Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
     }
 }

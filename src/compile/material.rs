@@ -1,7 +1,6 @@
 //! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
 
 use super::fold::{fold_color, fold_float, fold_model};
-use super::geometry::Surface;
 use super::medium::{Medium, lets_light_in};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, Slots};
 use crate::color::Rgb;
@@ -9,6 +8,7 @@ use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
     AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
 };
+use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 
 /// A material as the integrator sees it.

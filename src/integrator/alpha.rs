@@ -2,9 +2,9 @@
 
 use super::Integrator;
 use super::wave::Workspace;
-use crate::compile::Surface;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
+use crate::shape::Surface;
 
 /// Surfaces in a row that a ray may pass; a guard against endless stacks.
 const MAX_PASSES: u32 = 4096;

@@ -1,7 +1,7 @@
 //! What AOVs show of the first surface that a camera ray hits. Each has one line here; `film/channel.rs` has the table.
 
 use crate::color::Rgb;
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet};
 use crate::math::Vec3;
 
@@ -24,11 +24,11 @@ pub(super) struct FirstHit<A: Fn() -> Rgb> {
 impl<A: Fn() -> Rgb> FirstHit<A> {
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
     #[inline(always)]
-    fn values(&self, aov: Aov, scene: &CompiledScene) -> [f32; MOST_COMPONENTS] {
+    fn values(&self, aov: Aov, scene: &CompiledScene, view: &View) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0];
         match aov {
-            Aov::Depth | Aov::Nearest => one(scene.camera.depth(self.p)),
-            Aov::Position => (scene.origin + self.p.as_dvec3()).as_vec3().to_array(),
+            Aov::Depth | Aov::Nearest => one(view.camera.depth(self.p)),
+            Aov::Position => (scene.anchor + self.p.as_dvec3()).as_vec3().to_array(),
             Aov::Normal => (self.ns * if self.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 }).to_array(),
             Aov::Albedo => (self.albedo)().to_array(),
             // Integers travel as bits.
@@ -65,12 +65,18 @@ impl FirstHits {
     }
 
     /// Takes down the first surface of a sample.
-    pub fn record(&mut self, sample: usize, hit: &FirstHit<impl Fn() -> Rgb>, scene: &CompiledScene) {
+    pub fn record(
+        &mut self,
+        sample: usize,
+        hit: &FirstHit<impl Fn() -> Rgb>,
+        scene: &CompiledScene,
+        view: &View,
+    ) {
         let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
         *is_hit = true;
         let mut at = sample * self.width;
         for aov in self.aovs.iter() {
-            let values = &hit.values(aov, scene)[..aov.info().names.len()];
+            let values = &hit.values(aov, scene, view)[..aov.info().names.len()];
             self.values[at..at + values.len()].copy_from_slice(values);
             at += values.len();
         }

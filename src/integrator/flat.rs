@@ -4,7 +4,7 @@ use super::Integrator;
 use super::lanes::{Lanes3, WAVE, get, get_rgb, set, set_rgb};
 use super::wave::{CornerLanes, Vertices, Workspace};
 use crate::color::Rgb;
-use crate::compile::{Surface, shading_normal, triangle_surface};
+use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 

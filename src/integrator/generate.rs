@@ -18,8 +18,8 @@ impl Integrator<'_> {
         w.first_hits.reset(count, self.options.aovs);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         self.number_samples(block, first, count, &mut paths.carried, scratch);
-        let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);
-        let (camera, filter) = (&scene.camera, self.options.filter);
+        let dimensions = self.dimensions(0, Purpose::Camera);
+        let (camera, filter) = (&self.view.camera, self.options.filter);
         let path = &mut paths.carried;
         dispatch(StartPaths { path, vertices, scratch, count, dimensions: &dimensions, camera, filter });
         if self.parts.footprints {

@@ -13,8 +13,8 @@ use crate::light::{
     solid_angle_density,
 };
 use crate::math::{Vec3, offset_ray_origin};
-use crate::sampling::SphericalRectangle;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::shape::SphericalRectangle;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {

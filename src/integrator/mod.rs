@@ -36,7 +36,7 @@ mod wave;
 pub use lanes::WAVE;
 pub use wave::Workspace;
 
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
@@ -93,6 +93,7 @@ pub struct PathSample<'a> {
 /// Traces paths through a scene.
 pub struct Integrator<'a> {
     scene: &'a CompiledScene,
+    view: &'a View,
     options: PathOptions<'a>,
     /// Shading group of each material.
     groups: Vec<Group>,
@@ -126,18 +127,19 @@ enum Purpose {
 }
 
 impl<'a> Integrator<'a> {
-    /// Prepares to trace.
-    pub fn new(scene: &'a CompiledScene, options: PathOptions<'a>) -> Integrator<'a> {
+    /// Prepares to trace a view of a scene.
+    pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.alpha.is_some()).collect();
         Integrator {
             scene,
+            view,
             options,
             groups,
             may_be_absent,
-            camera_interior: Interior::of_camera(scene, &scene.camera),
+            camera_interior: Interior::of_camera(scene, &view.camera),
             parts: PathParts::of(&scene.features, scene.lights.use_tree()),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             dimensions,

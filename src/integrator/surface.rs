@@ -12,8 +12,9 @@ use super::normals::scattering_normal;
 use super::wave::{Vertices, Workspace};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
-use crate::compile::{CompiledMaterial, Surface, SurfaceCoordinates};
+use crate::compile::{CompiledMaterial, SurfaceCoordinates};
 use crate::math::{Frame, Hit, Vec3};
+use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
 
 /// Where a ray hit a surface.
@@ -203,7 +204,7 @@ impl Integrator<'_> {
             let Surface { p, ng, ns, .. } = vertex.surface;
             let albedo = || vertex.bsdf.albedo();
             let hit = FirstHit { p, ng, ns, wo, albedo, material: w.materials[i] };
-            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, self.scene);
+            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, self.scene, self.view);
         }
         vertex
     }

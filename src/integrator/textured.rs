@@ -10,8 +10,8 @@ use super::surface::HitPoint;
 use super::wave::{CornerLanes, TexturedLanes, Vertices, Workspace};
 use crate::bsdf::{Bsdf, Lobe, LocalFrame, MetalRough};
 use crate::color::Rgb;
-use crate::compile::Surface;
 use crate::math::{Vec2, Vec3, select};
+use crate::shape::Surface;
 use crate::simd::{Kernel, dispatch};
 use crate::texture::{PointReader, TexturePoint};
 use std::ops::Range;
@@ -60,7 +60,7 @@ impl Integrator<'_> {
             albedo: || get_rgb(&v.albedo, k),
             material: w.materials[v.textured.ray[k] as usize],
         };
-        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, self.scene);
+        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, self.scene, self.view);
     }
 
     /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.

@@ -1,13 +1,13 @@
-//! Surfaces that shine: rectangles, parallelograms, triangles and spheres.
+//! Surfaces that shine: rectangles, parallelograms, triangles and analytic shapes.
 
 use super::{LightBounds, LightSample};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, offset_ray_origin};
-use crate::sampling::{
-    LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle, warp,
-};
 use crate::scene::TextureId;
-use crate::texture::{CompiledTextures, TexturePoint, sphere_coordinates};
+use crate::shape::{
+    Analytic, LightPoint, Shape, SphericalParallelogram, SphericalRectangle, SphericalTriangle,
+};
+use crate::texture::{CompiledTextures, TexturePoint};
 use std::f32::consts::PI;
 
 /// The shape of an [`AreaLight`].
@@ -19,13 +19,8 @@ pub enum AreaShape {
     Parallelogram(Edges),
     /// The half of the parallelogram next to the corner.
     Triangle(Edges),
-    /// A whole sphere.
-    Sphere {
-        /// Centre.
-        center: Vec3,
-        /// Radius.
-        radius: f32,
-    },
+    /// A sphere, a disk or the like, whole.
+    Analytic(Analytic),
 }
 
 /// A corner and the edges that leave it; the front is on the side of `edge_u x edge_v`.
@@ -53,13 +48,13 @@ pub enum Radiance {
         /// Both sets of texture coordinates at the corner and at the ends of the edges.
         uv: [[Vec2; 3]; 2],
     },
-    /// A texture times a factor, over a sphere.
-    Sphere {
+    /// A texture times a factor, over an analytic shape.
+    Analytic {
         /// The texture.
         texture: TextureId,
         /// Multiplied with it.
         factor: Rgb,
-        /// Turns the sphere's texture coordinates.
+        /// Turns the shape's texture coordinates.
         object_from_world: Mat3,
     },
 }
@@ -69,9 +64,9 @@ pub enum Radiance {
 pub struct AreaLight {
     /// Its shape.
     pub shape: AreaShape,
-    /// Front side; unused for spheres.
+    /// Front side; unused for round shapes.
     pub normal: Vec3,
-    /// The back shines too (the inside of a sphere).
+    /// The back shines too (of a sphere the inside).
     pub two_sided: bool,
     /// Emitted radiance.
     pub radiance: Radiance,
@@ -86,7 +81,11 @@ impl AreaLight {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) | AreaShape::Triangle(e) => {
                 (e.edge_u.cross(e.edge_v), e.corner.abs() + e.edge_u.abs() + e.edge_v.abs())
             }
-            AreaShape::Sphere { center, radius } => (Vec3::Z, center.abs() + Vec3::splat(radius)),
+            AreaShape::Analytic(shape) => {
+                let (center, radius) = shape.center_and_radius();
+                let normal = if shape.is_flat() { shape.normal_at(center) } else { Vec3::Z };
+                (normal, center.abs() + Vec3::splat(radius))
+            }
         };
         let point_error = extent * gamma(6);
         AreaLight { shape, normal: normal.normalize_or_zero(), two_sided, radiance, point_error }
@@ -98,7 +97,7 @@ impl AreaLight {
         match &self.shape {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => parallelogram(e),
             AreaShape::Triangle(e) => 0.5 * parallelogram(e),
-            AreaShape::Sphere { radius, .. } => 4.0 * PI * radius * radius,
+            AreaShape::Analytic(shape) => shape.area(),
         }
     }
 
@@ -117,12 +116,9 @@ impl AreaLight {
             AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => {
                 (Bounds3::of(corners(e)).with(e.corner + e.edge_u + e.edge_v), self.area())
             }
-            AreaShape::Sphere { center, radius } => {
-                let half = Vec3::splat(*radius);
-                (Bounds3 { min: *center - half, max: *center + half }, PI * radius * radius)
-            }
+            AreaShape::Analytic(shape) => (shape.bounds(), shape.largest_projection()),
         };
-        let is_round = matches!(self.shape, AreaShape::Sphere { .. });
+        let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if !shape.is_flat());
         LightBounds {
             bounds,
             weight: self.mean_luminance(textures) * area,
@@ -141,7 +137,7 @@ impl AreaLight {
             // Folds the square onto the triangle.
             AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
             AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
-            AreaShape::Sphere { center, radius } => *center + warp::uniform_sphere([a, b]) * *radius,
+            AreaShape::Analytic(shape) => shape.point_by_area([a, b]),
         };
         match self.radiance {
             Radiance::Constant(c) => c.luminance(),
@@ -162,8 +158,13 @@ impl AreaLight {
                 let mix = |c: [Vec2; 3]| c[0] * (1.0 - a - b) + c[1] * a + c[2] * b;
                 (texture, factor, uv.map(mix))
             }
-            Radiance::Sphere { texture, factor, object_from_world } => {
-                let uv = sphere_coordinates(*object_from_world * self.normal_at(point));
+            Radiance::Analytic { texture, factor, object_from_world } => {
+                let uv = match &self.shape {
+                    AreaShape::Analytic(shape) => {
+                        shape.texture_coordinates(point, shape.normal_at(point), object_from_world)
+                    }
+                    _ => Vec2::ZERO,
+                };
                 (texture, factor, [uv, uv])
             }
         };
@@ -178,7 +179,7 @@ impl AreaLight {
     #[inline(always)]
     pub fn normal_at(&self, point: Vec3) -> Vec3 {
         match self.shape {
-            AreaShape::Sphere { center, radius } => (point - center) / radius,
+            AreaShape::Analytic(shape) => shape.normal_at(point),
             _ => self.normal,
         }
     }
@@ -193,7 +194,7 @@ impl AreaLight {
             AreaShape::Rectangle(e) => rectangle(e, reference).sample(u),
             AreaShape::Parallelogram(e) => parallelogram(e, reference).sample(u),
             AreaShape::Triangle(e) => triangle(e, reference).sample(u),
-            AreaShape::Sphere { center, radius } => SphereSampler::new(*center, *radius, reference).sample(u),
+            AreaShape::Analytic(shape) => shape.sample(reference, u),
         };
         let normal = self.normal_at(point);
         let to_light = point - reference;
@@ -221,7 +222,11 @@ impl AreaLight {
                 let height = (reference - e.corner).dot(self.normal).abs();
                 height <= 4.0 * self.point_error.dot(self.normal.abs())
             }
-            AreaShape::Sphere { .. } => false,
+            AreaShape::Analytic(shape) => {
+                let (center, _) = shape.center_and_radius();
+                let height = (reference - center).dot(self.normal).abs();
+                shape.is_flat() && height <= 4.0 * self.point_error.dot(self.normal.abs())
+            }
         }
     }
 
@@ -232,9 +237,7 @@ impl AreaLight {
             AreaShape::Rectangle(e) => rectangle(e, reference).pdf_solid_angle(point),
             AreaShape::Parallelogram(e) => parallelogram(e, reference).pdf_solid_angle(point),
             AreaShape::Triangle(e) => triangle(e, reference).pdf_solid_angle(point),
-            AreaShape::Sphere { center, radius } => {
-                SphereSampler::new(*center, *radius, reference).pdf_solid_angle(point)
-            }
+            AreaShape::Analytic(shape) => shape.pdf_solid_angle(reference, point),
         }
     }
 
@@ -247,7 +250,7 @@ impl AreaLight {
                 let scale = 1.0 / n.length_squared();
                 [d.cross(e.edge_v).dot(n) * scale, e.edge_u.cross(d).dot(n) * scale]
             }
-            AreaShape::Sphere { .. } => [0.0; 2],
+            AreaShape::Analytic(_) => [0.0; 2],
         }
     }
 

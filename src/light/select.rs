@@ -83,6 +83,11 @@ impl Lights {
         Lights { area, punctual, environment, tree, table, entries }
     }
 
+    /// Gives up all but the environment.
+    pub fn into_environment(self) -> Option<EnvironmentLight> {
+        self.environment
+    }
+
     /// Is there nothing to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {

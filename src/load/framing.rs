@@ -19,8 +19,8 @@ const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1
 /// without one is to be looked at, and is lit by the sky, too.
 pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
     let scene = &mut loaded.scene;
-    if scene.instances.is_empty() && scene.spheres.is_empty() && scene.quads.is_empty() {
-        let message = "there is nothing to see: no triangles, spheres or quads";
+    if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
+        let message = "there is nothing to see: no triangles, quads, spheres or disks";
         loaded.warnings.push(Warning::general(message));
     }
     let is_bare = scene.cameras.is_empty();
@@ -56,7 +56,7 @@ fn has_shining_parts(scene: &Scene) -> bool {
             .and_then(|m| m.emission)
             .is_some_and(|e| e.radiance.factor != [0.0; 3])
     };
-    scene.spheres.iter().any(|s| shines(s.material))
+    scene.shapes.iter().any(|s| shines(s.material))
         || scene.quads.iter().any(|q| shines(q.material))
         || scene.instances.iter().any(|i| match i.material {
             Some(material) => shines(material),
@@ -104,14 +104,15 @@ pub(super) fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> DAffine3 {
 mod tests {
     use super::*;
     use crate::math::DQuat;
-    use crate::scene::{Material, MaterialId, Sphere};
+    use crate::scene::{Material, MaterialId, Shape, ShapeKind};
 
     fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
         let mut loaded = Loaded::default();
         loaded.scene.materials.push(material);
         let rotation = DQuat::IDENTITY;
-        loaded.scene.spheres.push(Sphere {
+        loaded.scene.shapes.push(Shape {
             name: "ball".into(),
+            kind: ShapeKind::Sphere,
             center,
             radius,
             rotation,

@@ -129,9 +129,9 @@ fn stand_upright(scene: &mut Scene) {
     for instance in &mut scene.instances {
         instance.world_from_object = DAffine3::from_quat(y_from_z) * instance.world_from_object;
     }
-    for sphere in &mut scene.spheres {
-        sphere.center = y_from_z * sphere.center;
-        sphere.rotation = y_from_z * sphere.rotation;
+    for shape in &mut scene.shapes {
+        shape.center = y_from_z * shape.center;
+        shape.rotation = y_from_z * shape.rotation;
     }
 }
 

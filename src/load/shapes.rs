@@ -105,6 +105,20 @@ impl Faces {
     }
 }
 
+/// The unit disk that faces z, as 256 triangles around its middle, with texture coordinates: x to the right, y up.
+pub(super) fn disk_mesh(name: &str) -> Mesh {
+    const SECTORS: u32 = 256;
+    let mut mesh = Mesh { name: name.to_string(), positions: vec![[0.0; 3]], ..Mesh::default() };
+    for i in 0..SECTORS {
+        let (sine, cosine) = (std::f64::consts::TAU * f64::from(i) / f64::from(SECTORS)).sin_cos();
+        mesh.positions.push([cosine as f32, sine as f32, 0.0]);
+        mesh.triangles.push([0, i + 1, (i + 1) % SECTORS + 1]);
+    }
+    let uv = |p: &[f32; 3]| [0.5 + 0.5 * p[0], 0.5 - 0.5 * p[1]];
+    mesh.uv_sets = vec![mesh.positions.iter().map(uv).collect()];
+    mesh
+}
+
 /// A sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles, unit radius.
 pub(super) fn icosphere(name: &str, levels: u32) -> Mesh {
     let g = (1.0 + 5f64.sqrt()) / 2.0;

@@ -5,7 +5,7 @@ use super::clock::{Spent, Stopwatch};
 use super::options::RenderOptions;
 use super::progress::{Event, Listener, Progress};
 use super::schedule::{Pass, Schedule};
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::error::Result;
 use crate::film::{Film, FilmTile, FilterSampler, Layout};
 use crate::integrator::{Block, Integrator, PathOptions, Workspace};
@@ -58,9 +58,10 @@ pub struct Statistics {
 /// chosen by its value, so such a picture has the same mean.
 ///
 /// ```no_run
-/// # fn scene() -> oscura::compile::CompiledScene { unimplemented!() }
+/// # fn scene() -> (oscura::compile::CompiledScene, oscura::compile::View) { unimplemented!() }
 /// use oscura::render::{PassOutcome, Renderer, RenderOptions};
-/// let mut renderer = Renderer::new(scene(), RenderOptions::default().samples(64))?;
+/// let (scene, view) = scene();
+/// let mut renderer = Renderer::new(scene, view, RenderOptions::default().samples(64))?;
 /// while renderer.next_pass() == PassOutcome::Progressed {
 ///     let centre = renderer.film().mean_rgba(640, 360);
 ///     println!("{:.0} samples: {centre:?}", renderer.statistics().samples_per_pixel);
@@ -69,6 +70,7 @@ pub struct Statistics {
 /// ```
 pub struct Renderer {
     scene: Arc<CompiledScene>,
+    view: View,
     options: RenderOptions,
     filter: FilterSampler,
     film: Film,
@@ -89,12 +91,13 @@ impl Renderer {
     ///
     /// # Errors
     /// A usage error if there is no memory for the film. Once that is there, rendering can't fail.
-    pub fn new(scene: impl Into<Arc<CompiledScene>>, options: RenderOptions) -> Result<Renderer> {
-        let film = Film::try_new(options.width, options.height, options.aovs.channels())?;
+    pub fn new(scene: impl Into<Arc<CompiledScene>>, view: View, options: RenderOptions) -> Result<Renderer> {
+        let film = Film::try_new(view.width, view.height, options.aovs.channels())?;
         let stopwatch = Stopwatch::start(Spent::default());
-        let pixels = u64::from(options.width) * u64::from(options.height);
+        let pixels = u64::from(view.width) * u64::from(view.height);
         Ok(Renderer {
             scene: scene.into(),
+            view,
             filter: FilterSampler::new(options.filter),
             film,
             schedule: Schedule::new(options.samples, options.time_limit),
@@ -180,7 +183,7 @@ impl Renderer {
         };
         let layout = self.film.layout().clone();
         let work = PassWork {
-            integrator: Integrator::new(&self.scene, paths),
+            integrator: Integrator::new(&self.scene, &self.view, paths),
             layout: &layout,
             film: Mutex::new(&mut self.film),
             progress: &self.progress,
@@ -188,7 +191,7 @@ impl Renderer {
             stopwatch,
             stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
         };
-        let is_finished = work.run(tiles(&self.options, pass));
+        let is_finished = work.run(tiles(&self.view, pass));
         self.schedule.finished(pass, start.elapsed());
         match is_finished {
             true if self.schedule.is_complete() => PassOutcome::Done,
@@ -247,18 +250,18 @@ impl PassWork<'_> {
 }
 
 /// The tiles of a pass, row by row.
-fn tiles(options: &RenderOptions, pass: Pass) -> Vec<Block> {
+fn tiles(view: &View, pass: Pass) -> Vec<Block> {
     let (width, height) = pass.tile();
     let starts = |size: u32, step: u32| (0..size).step_by(step as usize);
     let row = |y0| {
-        starts(options.width, width).map(move |x0| Block {
+        starts(view.width, width).map(move |x0| Block {
             x0,
             y0,
-            width: width.min(options.width - x0),
-            height: height.min(options.height - y0),
+            width: width.min(view.width - x0),
+            height: height.min(view.height - y0),
             first_sample: pass.first_sample,
             samples: pass.samples,
         })
     };
-    starts(options.height, height).flat_map(row).collect()
+    starts(view.height, height).flat_map(row).collect()
 }

@@ -91,9 +91,9 @@ fn box_corners(low: DVec3, high: DVec3) -> Vec<DVec3> {
 pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
     let mut all = Extent::default();
     instances.iter().for_each(|e| all.join(*e));
-    for sphere in &scene.spheres {
-        all.grow(sphere.center - sphere.radius);
-        all.grow(sphere.center + sphere.radius);
+    for shape in &scene.shapes {
+        all.grow(shape.center - shape.half_extent());
+        all.grow(shape.center + shape.half_extent());
     }
     for q in &scene.quads {
         [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
@@ -107,7 +107,7 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
 mod tests {
     use super::*;
     use crate::math::{DAffine3, DQuat};
-    use crate::scene::{MaterialId, MeshId, Sphere};
+    use crate::scene::{MaterialId, MeshId, Motion, Shape, ShapeKind};
 
     #[test]
     fn boxes_hold_what_is_placed_and_drawn() {
@@ -124,12 +124,20 @@ mod tests {
             mesh: MeshId(0),
             world_from_object: DAffine3::from_translation(DVec3::Z),
             material: None,
+            motion: Motion::Still,
         });
         let boxes = instance_extents(&scene);
         assert_eq!(boxes, [Extent(Some((DVec3::Z, DVec3::new(1.0, 2.0, 1.0))))]);
         let (center, rotation) = (DVec3::ZERO, DQuat::IDENTITY);
         let material = MaterialId(0);
-        scene.spheres.push(Sphere { name: "ball".into(), center, radius: 3.0, rotation, material });
+        scene.shapes.push(Shape {
+            name: "ball".into(),
+            kind: ShapeKind::Sphere,
+            center,
+            radius: 3.0,
+            rotation,
+            material,
+        });
         assert_eq!(scene_extent(&scene, &boxes), Extent(Some((DVec3::splat(-3.0), DVec3::splat(3.0)))));
     }
 }

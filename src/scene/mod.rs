@@ -17,7 +17,7 @@ mod validate;
 pub use bounds::{Extent, instance_extents, scene_extent};
 pub use camera::{Camera, Projection, ThinLens};
 pub use environment::Environment;
-pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};
+pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Emission, Material};
@@ -38,8 +38,8 @@ pub struct Scene {
     pub meshes: Vec<Mesh>,
     /// Placed meshes.
     pub instances: Vec<Instance>,
-    /// Analytic spheres.
-    pub spheres: Vec<Sphere>,
+    /// Analytic spheres, disks and the like.
+    pub shapes: Vec<Shape>,
     /// Analytic parallelograms.
     pub quads: Vec<Quad>,
     /// Materials, by [`MaterialId`].

@@ -19,12 +19,14 @@ impl Scene {
                 problems.push(Problem::new(&instance.name, "refers to a material that does not exist"));
             }
         }
-        for sphere in &self.spheres {
-            if !material_exists(sphere.material) {
-                problems.push(Problem::new(&sphere.name, "refers to a material that does not exist"));
+        for shape in &self.shapes {
+            if !material_exists(shape.material) {
+                problems.push(Problem::new(&shape.name, "refers to a material that does not exist"));
             }
-            if !(sphere.radius > 0.0 && sphere.radius.is_finite() && sphere.center.is_finite()) {
-                problems.push(Problem::new(&sphere.name, "needs a finite centre and a radius above 0"));
+            let is_placed = shape.center.is_finite() && shape.rotation.is_normalized();
+            if !(shape.radius > 0.0 && shape.radius.is_finite() && is_placed) {
+                let message = "needs a finite centre, a radius above 0 and a rotation of unit length";
+                problems.push(Problem::new(&shape.name, message));
             }
         }
         for quad in &self.quads {

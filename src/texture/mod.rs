@@ -13,7 +13,7 @@ pub use noise::{marble, perlin, turbulence};
 pub use reader::PointReader;
 
 use crate::image::Image;
-use crate::math::{Vec2, Vec3, poly};
+use crate::math::{Vec2, Vec3};
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
 use coordinates::TextureCoordinates;
 use rayon::prelude::*;
@@ -21,15 +21,6 @@ use std::collections::{BTreeMap, HashMap};
 
 /// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
 const MAX_DEPTH: u32 = 64;
-
-/// Texture coordinates of the unit sphere, as seen from outside: u goes once around the y axis, v from the top down.
-/// Those of "Ray Tracing in One Weekend", with v counted from the top row of an image: u = (atan2(-z, x) + pi) / 2 pi,
-/// v = acos(y) / pi.
-#[inline]
-pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
-    use std::f32::consts::{FRAC_1_PI, PI};
-    Vec2::new((poly::atan2(-unit.z, unit.x) + PI) * (0.5 * FRAC_1_PI), poly::acos(unit.y) * FRAC_1_PI)
-}
 
 #[derive(Clone, Debug)]
 enum Compiled {
@@ -74,6 +65,11 @@ impl CompiledTextures {
         fold_constant_checkers(&mut compiled);
         number_grids(&mut compiled);
         CompiledTextures { textures: compiled, world_offset }
+    }
+
+    /// The same textures in a world whose origin has moved otherwise.
+    pub fn moved(self, world_offset: Vec3) -> CompiledTextures {
+        CompiledTextures { world_offset, ..self }
     }
 
     /// The value everywhere, if it is the same everywhere.

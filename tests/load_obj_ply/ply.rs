@@ -88,10 +88,10 @@ fn point_clouds_become_spheres_of_the_wanted_radius() {
     let with = |radius| load(&path, &LoadOptions { point_radius: Some(radius), ..LoadOptions::default() });
     let loaded = with(0.25).unwrap_or_else(|e| panic!("{e}"));
     let scene = &loaded.scene;
-    assert_eq!((scene.spheres.len(), scene.materials.len()), (3, 2));
-    assert!(scene.spheres.iter().all(|s| s.radius == 0.25));
-    assert_eq!(scene.spheres[0].material, scene.spheres[2].material);
-    assert_eq!(scene.spheres[2].center.y, 2.0);
+    assert_eq!((scene.shapes.len(), scene.materials.len()), (3, 2));
+    assert!(scene.shapes.iter().all(|s| s.radius == 0.25));
+    assert_eq!(scene.shapes[0].material, scene.shapes[2].material);
+    assert_eq!(scene.shapes[2].center.y, 2.0);
     assert!(loaded.warnings.iter().any(|w| w.message.contains("1 points")), "{:?}", loaded.warnings);
     assert!(with(0.0).is_err() && with(f64::NAN).is_err());
 }

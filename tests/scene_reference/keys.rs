@@ -214,6 +214,11 @@ const TABLES: &[Table] = &[
     lines("marble", before!(texture "marble"), NOISE),
     shape("sphere", before!("sphere"), &[("center", "[0, 1, 0]", "[0, 2, 0]"), ("radius", "2", "3")]),
     shape(
+        "disk",
+        before!("disk"),
+        &[("center", "[0, 1, 0]", "[0, 2, 0]"), ("radius", "2", "3"), ("normal", "[0, 1, 0]", "[0, 1, 1]")],
+    ),
+    shape(
         "quad",
         before!("quad"),
         &[

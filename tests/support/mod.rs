@@ -3,13 +3,12 @@
 
 pub mod sheet;
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, CompiledScene, View, compile};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Renderer};
-use oscura::scene::{
-    Camera, EnergyCompensation, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere,
-};
+use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape, ShapeKind};
+use std::sync::Arc;
 
 /// A pinhole camera.
 pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
@@ -37,19 +36,22 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 
 /// Compiles a scene for a renderer.
 pub fn renderer(scene: &Scene, options: &RenderOptions) -> Renderer {
-    let compile_options = CompileOptions {
-        energy_compensation: EnergyCompensation::On,
-        camera: None,
-        width: options.width,
-        height: options.height,
-    };
-    let (compiled, _) = compile(scene, &compile_options).expect("the scene compiles");
-    Renderer::new(compiled, *options).expect("the film fits")
+    let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
+    let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
+    Renderer::new(compiled, view, *options).expect("the film fits")
 }
 
 /// Compiles and renders.
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
-    let mut renderer = renderer(scene, options);
+    finished(renderer(scene, options))
+}
+
+/// Renders a view.
+pub fn shot(compiled: &Arc<CompiledScene>, view: &View, options: &RenderOptions) -> Film {
+    finished(Renderer::new(compiled.clone(), *view, *options).expect("the film fits"))
+}
+
+fn finished(mut renderer: Renderer) -> Film {
     assert_eq!(renderer.run(), PassOutcome::Done);
     assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
     renderer.into_film()
@@ -101,5 +103,14 @@ pub fn quad(scene: &mut Scene, corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64;
 /// Adds a sphere.
 pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
     let rotation = oscura::math::DQuat::IDENTITY;
-    scene.spheres.push(Sphere { name: "sphere".into(), center: center.into(), radius, rotation, material });
+    let (name, center, kind) = ("sphere".into(), center.into(), ShapeKind::Sphere);
+    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
+}
+
+/// Adds a disk.
+pub fn disk(scene: &mut Scene, center: [f64; 3], normal: [f64; 3], radius: f64, material: MaterialId) {
+    let normal = DVec3::from(normal).normalize();
+    let rotation = oscura::math::DQuat::from_rotation_arc(DVec3::Z, normal);
+    let (name, center, kind) = ("disk".into(), center.into(), ShapeKind::Disk);
+    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
 }

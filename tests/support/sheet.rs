@@ -5,7 +5,7 @@ use oscura::image::Image;
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::scene::{
     ColorSlot, Emission, Environment, FloatSlot, ImageId, Instance, Interpolation, Mapping, Material, Mesh,
-    MeshId, MeshPart, Model, NormalMap, PbrMaterial, Scene, Texture, TextureId,
+    MeshId, MeshPart, Model, Motion, NormalMap, PbrMaterial, Scene, Texture, TextureId,
 };
 
 const CELLS: u32 = 12;
@@ -110,6 +110,7 @@ pub fn scene(variant: &Variant) -> Scene {
         mesh: MeshId(0),
         world_from_object: DAffine3::IDENTITY,
         material: None,
+        motion: Motion::Still,
     });
     let z = if variant.from_behind { -2.0 } else { 2.0 };
     scene.cameras.push(camera(DVec3::new(0.4, 0.7, z), DVec3::ZERO, DVec3::Y, 60.0));

@@ -24,7 +24,7 @@ pub fn instance_materials(scene: &Scene, instance: &Instance) -> Vec<MaterialId>
 /// Which materials something uses.
 pub fn used_materials(scene: &Scene) -> Vec<bool> {
     let mut used = vec![false; scene.materials.len()];
-    let surfaces = scene.spheres.iter().map(|s| s.material).chain(scene.quads.iter().map(|q| q.material));
+    let surfaces = scene.shapes.iter().map(|s| s.material).chain(scene.quads.iter().map(|q| q.material));
     let instances = scene.instances.iter().flat_map(|i| instance_materials(scene, i));
     for id in surfaces.chain(instances) {
         used[id.index()] = true;

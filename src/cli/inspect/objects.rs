@@ -27,8 +27,9 @@ pub fn tree(scene: &Scene) -> Vec<String> {
             format!("mesh '{}', {} triangles, {}", mesh.name, mesh.triangles.len(), materials.join(", "));
         insert(&mut nodes, &mut known, &instance.name, content);
     }
-    for s in &scene.spheres {
-        let content = format!("sphere of radius {}, {}", s.radius, material_name(scene, s.material));
+    for s in &scene.shapes {
+        let content =
+            format!("{} of radius {}, {}", s.kind.name(), s.radius, material_name(scene, s.material));
         insert(&mut nodes, &mut known, &s.name, content);
     }
     for q in &scene.quads {

@@ -5,7 +5,7 @@ use super::objects::tree;
 use super::words;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::{EnergyCompensation, Scene, instance_extents, scene_extent};
+use oscura::scene::{EnergyCompensation, Scene, ShapeKind, instance_extents, scene_extent};
 use std::path::Path;
 
 /// Everything, line by line.
@@ -55,20 +55,26 @@ fn section(out: &mut Vec<String>, name: &str, count: usize) {
 }
 
 fn geometry(scene: &Scene, out: &mut Vec<String>) {
+    let count = |kind| scene.shapes.iter().filter(|s| s.kind == kind).count();
+    let disks = match count(ShapeKind::Disk) {
+        0 => String::new(),
+        n => format!(" {n} disks,"),
+    };
     let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
     out.push(format!(
-        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {} spheres, {} quads",
+        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {} spheres,{} {} quads",
         scene.meshes.len(),
         scene.instances.len(),
         placed_triangles(scene),
-        scene.spheres.len(),
+        count(ShapeKind::Sphere),
+        disks,
         scene.quads.len()
     ));
     if let Some((low, high)) = scene_extent(scene, &instance_extents(scene)).0 {
         let (from, to) = (words::list(&low.to_array()), words::list(&high.to_array()));
         out.push(format!("  extent     {from} to {to} m"));
     }
-    let count = scene.instances.len() + scene.spheres.len() + scene.quads.len();
+    let count = scene.instances.len() + scene.shapes.len() + scene.quads.len();
     section(out, "objects", count);
 }
 

@@ -5,7 +5,9 @@ use super::words::{environment_name, light_kind};
 use crate::cli::json::Json;
 use oscura::error::Warning;
 use oscura::load::Loaded;
-use oscura::scene::{Camera, Extent, Light, LightKind, Projection, Scene, instance_extents, scene_extent};
+use oscura::scene::{
+    Camera, Extent, Light, LightKind, Projection, Scene, ShapeKind, instance_extents, scene_extent,
+};
 use std::path::Path;
 
 /// One object with everything.
@@ -18,7 +20,8 @@ pub fn of(path: &Path, loaded: &Loaded) -> Json {
         ("meshes", count(scene.meshes.len())),
         ("instances", count(scene.instances.len())),
         ("triangles", Json::Integer(placed_triangles(scene))),
-        ("spheres", count(scene.spheres.len())),
+        ("spheres", shapes(scene, ShapeKind::Sphere)),
+        ("disks", shapes(scene, ShapeKind::Disk)),
         ("quads", count(scene.quads.len())),
         ("extent", extent(scene_extent(scene, &extents))),
         ("objects", objects(scene, &extents)),
@@ -69,9 +72,9 @@ fn objects(scene: &Scene, extents: &[Extent]) -> Json {
             ("extent", extent(*e)),
         ])
     });
-    let spheres = scene.spheres.iter().map(|s| {
+    let shapes = scene.shapes.iter().map(|s| {
         Json::Object(vec![
-            ("kind", text("sphere")),
+            ("kind", text(s.kind.name())),
             ("name", text(&s.name)),
             ("center", Json::decimals(&s.center.to_array())),
             ("radius", Json::Decimal(s.radius)),
@@ -88,7 +91,12 @@ fn objects(scene: &Scene, extents: &[Extent]) -> Json {
             ("materials", Json::List(vec![named(q.material)])),
         ])
     });
-    Json::List(instances.chain(spheres).chain(quads).collect())
+    Json::List(instances.chain(shapes).chain(quads).collect())
+}
+
+/// How many shapes of a kind there are.
+fn shapes(scene: &Scene, kind: ShapeKind) -> Json {
+    count(scene.shapes.iter().filter(|s| s.kind == kind).count())
 }
 
 fn materials(scene: &Scene) -> Json {

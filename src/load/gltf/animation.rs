@@ -23,6 +23,13 @@ pub(super) struct NodePose {
     pub weights: Option<Vec<f32>>,
 }
 
+impl NodePose {
+    /// Is the node's transform animated?
+    pub fn moves(&self) -> bool {
+        self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
+    }
+}
+
 /// The nodes that animations move, by index.
 #[derive(Default)]
 pub(super) struct Pose {

@@ -1,6 +1,6 @@
 //! The node hierarchy: which nodes are seen, and where they stand.
 
-use super::animation::Pose;
+use super::animation::{NodePose, Pose};
 use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer, required};
 use super::instancing;
 use super::options::GltfOptions;
@@ -18,6 +18,8 @@ pub(super) struct Node {
     parent: Option<usize>,
     /// Placement.
     pub world_from_node: DAffine3,
+    /// Do animations move it or a node above it?
+    pub moves: bool,
     /// Its mesh.
     pub mesh: Option<usize>,
     /// Its camera.
@@ -123,6 +125,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
             report.problem(at, "stands beyond the range of numbers");
             continue;
         }
+        let parent_moves = step.parent.is_some_and(|p| hierarchy.nodes[p].moves);
         let entry = hierarchy.nodes.len();
         for (i, child) in list_of_indices(raw, "children", &at, report).into_iter().enumerate().rev() {
             stack.push(Step { node: child, parent: Some(entry), from: format!("{at}/children/{i}") });
@@ -134,6 +137,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
             index: step.node,
             parent: step.parent,
             world_from_node,
+            moves: parent_moves || pose.node(step.node).is_some_and(NodePose::moves),
             mesh,
             camera,
             light: light(raw, &at, report).unwrap_or(None),

@@ -11,7 +11,7 @@ use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
 use crate::math::DAffine3;
-use crate::scene::{Instance, MeshId, Scene};
+use crate::scene::{Instance, MeshId, Motion, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
@@ -106,10 +106,11 @@ impl<'b, 'a> Builder<'b, 'a> {
             (None, Some(instances)) => instances.iter().map(|i| node.world_from_node * *i).collect(),
         };
         let name = hierarchy.path(self.doc, entry);
+        let motion = self.motion(node);
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
-                self.scene.instances.push(Instance { name, mesh, world_from_object, material: None });
+                self.scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
             }
         }
         Ok(())
@@ -147,6 +148,18 @@ impl<'b, 'a> Builder<'b, 'a> {
         let ids: Vec<MeshId> = (first..self.scene.meshes.len() as u32).map(MeshId).collect();
         self.shapes.insert(shape, ids.clone());
         ids
+    }
+
+    /// What other moments make of a node's mesh.
+    fn motion(&self, node: &Node) -> Motion {
+        let has_own_weights = self.pose.node(node.index).is_some_and(|p| p.weights.is_some());
+        if has_own_weights || node.skin.is_some() && self.pose.animations > 0 {
+            Motion::Deforms
+        } else if node.moves {
+            Motion::Moves
+        } else {
+            Motion::Still
+        }
     }
 
     /// The weights of a node's morph targets: those of its animation, else its own, else its mesh's. None if all are 0.

@@ -20,7 +20,7 @@ use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};
 use crate::math::DAffine3;
-use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
+use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart, Motion};
 use build::{MaterialName, Object};
 use lines::by_tobj;
 use maps::Maps;
@@ -116,6 +116,7 @@ fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded) -> usize {
         mesh: MeshId(scene.meshes.len() as u32),
         world_from_object: DAffine3::IDENTITY,
         material: None,
+        motion: Motion::Still,
     });
     scene.meshes.push(mesh);
     dropped

@@ -17,7 +17,7 @@ use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::DAffine3;
-use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
+use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Motion};
 use elements::{Face, Skipped, Vertex};
 use faces::{Faces, Kind};
 use header::Source;
@@ -114,6 +114,7 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         mesh: MeshId(0),
         world_from_object: DAffine3::IDENTITY,
         material: None,
+        motion: Motion::Still,
     });
     Ok(loaded)
 }

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use crate::math::{DQuat, DVec3};
-use crate::scene::{Material, MaterialId, Mesh, Sphere};
+use crate::scene::{Material, MaterialId, Mesh, Shape, ShapeKind};
 use std::collections::HashMap;
 use std::path::Path;
 
@@ -50,7 +50,8 @@ pub(super) fn spheres(path: &Path, mesh: &Mesh, options: &LoadOptions) -> Result
             MaterialId(scene.materials.len() as u32 - 1)
         });
         let rotation = DQuat::IDENTITY;
-        scene.spheres.push(Sphere { name: String::new(), center, radius, rotation, material });
+        let kind = ShapeKind::Sphere;
+        scene.shapes.push(Shape { name: String::new(), kind, center, radius, rotation, material });
     }
     if dropped > 0 {
         let message = format!("{dropped} points that are not finite numbers were dropped");

@@ -4,26 +4,29 @@
 //! |---|---|
 //! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and lights are ignored, `material` replaces all of its own |
 //! | `sphere` | `{ center, radius }` |
+//! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //! | `quad` | `{ corner, u, v }`; the front is where u x v points |
 //! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
 //! | `triangle` | three points |
 //!
-//! Shapes without a material take `[materials.default]`. Quads stay analytic under every transform; spheres under
-//! rotation, translation and even scaling, and become meshes of 81,920 triangles, with a warning, under any other.
+//! Shapes without a material take `[materials.default]`. Quads stay analytic under every transform; spheres and disks
+//! under rotation, translation and even scaling, and become meshes, with a warning, under any other (a sphere one of 81,920
+//! triangles). A texture on a disk touches its edge; its top points up (of a level disk to -z) and turns with it.
 
 use super::Build;
 use super::assets::Assets;
 use super::fields::{Fields, numbers};
 use super::materials::Materials;
+use super::object::{Object, add_placed};
+use super::round;
 use super::textures::Textures;
 use super::transform;
-use crate::error::Warning;
-use crate::load::shapes::{Faces, box_faces, icosphere, pyramid_faces, triangle_faces, uniform_scale};
-use crate::math::{DAffine3, DMat3, DQuat, DVec3};
-use crate::scene::{Instance, MaterialId, Mesh, MeshId, MeshPart, Quad, Sphere};
+use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{Instance, MaterialId, MeshPart, Quad};
 
-const SHAPES: [&str; 6] = ["mesh", "sphere", "quad", "box", "pyramid", "triangle"];
+const SHAPES: [&str; 7] = ["mesh", "sphere", "disk", "quad", "box", "pyramid", "triangle"];
 
 /// Reads all objects.
 pub(super) fn read<'a>(
@@ -53,11 +56,6 @@ pub(super) fn read<'a>(
         read_object(build, &fields, &object, materials, textures, assets);
         fields.finish();
     }
-}
-
-struct Object {
-    name: String,
-    world_from_object: DAffine3,
 }
 
 fn read_object<'a>(
@@ -109,7 +107,8 @@ fn read_object<'a>(
     // The shape's own problems are noted even where its material has one.
     let id = material.unwrap_or(MaterialId(0));
     match shape {
-        "sphere" => add_sphere(build, fields, object, id),
+        "sphere" => round::add_sphere(build, fields, object, id),
+        "disk" => round::add_disk(build, fields, object, id),
         "quad" => add_quad(build, fields, object, id),
         _ => {
             if let Some(faces) = faces {
@@ -133,6 +132,7 @@ fn add_mesh(
         mesh: i.mesh,
         world_from_object: object.world_from_object * i.world_from_object,
         material: material.or(i.material),
+        motion: i.motion,
     });
     build.loaded.scene.instances.extend(placed);
 }
@@ -210,13 +210,6 @@ fn add_faces(build: &mut Build, object: &Object, faces: &Faces, ids: &[MaterialI
     add_placed(build, object, mesh, object.world_from_object * DAffine3::from_translation(origin));
 }
 
-fn add_placed(build: &mut Build, object: &Object, mesh: Mesh, world_from_object: DAffine3) {
-    let scene = &mut build.loaded.scene;
-    scene.meshes.push(mesh);
-    let mesh = MeshId(scene.meshes.len() as u32 - 1);
-    scene.instances.push(Instance { name: object.name.clone(), mesh, world_from_object, material: None });
-}
-
 fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
     let Some(fields) = object_fields.table("quad") else { return };
     let corner = fields.require("corner", fields.vector("corner"));
@@ -236,35 +229,4 @@ fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material
         edge_u = -edge_u;
     }
     build.loaded.scene.quads.push(Quad { name: object.name.clone(), corner, edge_u, edge_v, material });
-}
-
-fn add_sphere(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
-    let Some(fields) = object_fields.table("sphere") else { return };
-    let center = fields.require("center", fields.vector("center"));
-    let radius = fields.require("radius", fields.number("radius"));
-    fields.finish();
-    let (Some(center), Some(radius)) = (center, radius) else { return };
-    if radius.value <= 0.0 {
-        return fields.problems.push(radius.span, "'radius' of a sphere must be above 0");
-    }
-    let m = object.world_from_object;
-    let name = object.name.clone();
-    if let Some(scale) = uniform_scale(&m) {
-        let rotation = DQuat::from_mat3(&DMat3::from_cols(
-            m.matrix3.x_axis / scale,
-            m.matrix3.y_axis / scale,
-            m.matrix3.z_axis / scale,
-        ));
-        let center = m.transform_point3(center.value);
-        let radius = radius.value * scale;
-        build.loaded.scene.spheres.push(Sphere { name, center, radius, rotation, material });
-        return;
-    }
-    let mut mesh = icosphere(&name, 6);
-    mesh.parts.push(MeshPart { first_triangle: 0, triangle_count: mesh.triangles.len() as u32, material });
-    let message = format!("{name}: its transform bends the sphere, which becomes a mesh of 81,920 triangles");
-    build.loaded.warnings.push(Warning::new(build.file, "", message));
-    let unit =
-        DAffine3::from_scale_rotation_translation(DVec3::splat(radius.value), DQuat::IDENTITY, center.value);
-    add_placed(build, object, mesh, m * unit);
 }

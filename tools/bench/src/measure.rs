@@ -1,6 +1,6 @@
 //! Renders one scene many times and measures.
 
-use oscura::compile::{CompileOptions, CompiledScene, compile};
+use oscura::compile::{CompileOptions, CompiledScene, View, choose_camera, compile};
 use oscura::error::Result;
 use oscura::film::Film;
 use oscura::image::Image;
@@ -53,13 +53,12 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
     let options = CompileOptions {
         energy_compensation: scene.settings.energy_compensation.unwrap_or_default(),
-        camera: None,
-        width: setup.width,
-        height,
+        ..CompileOptions::default()
     };
     let (compiled, _) = compile(&scene, &options)?;
+    let view = View::new(&compiled, choose_camera(&scene, None)?, setup.width, height);
     let compiled = Arc::new(compiled);
-    let shot = |samples: u32, seed: u32| picture(&compiled, setup, height, samples, seed);
+    let shot = |samples: u32, seed: u32| picture(&compiled, &view, setup, samples, seed);
     let half = setup.reference.div_ceil(2);
     let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
     let reference = mean(&halves[0], &halves[1]);
@@ -83,18 +82,14 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
 
 fn picture(
     scene: &Arc<CompiledScene>,
+    view: &View,
     setup: &Setup,
-    height: u32,
     samples: u32,
     seed: u32,
 ) -> Result<(Image, Statistics)> {
-    let options = RenderOptions::default()
-        .size(setup.width, height)
-        .samples(samples)
-        .seed(seed)
-        .max_depth(setup.depth)
-        .filter(Filter::Box);
-    let mut renderer = Renderer::new(scene.clone(), options)?;
+    let options =
+        RenderOptions::default().samples(samples).seed(seed).max_depth(setup.depth).filter(Filter::Box);
+    let mut renderer = Renderer::new(scene.clone(), *view, options)?;
     renderer.run();
     Ok((to_image(renderer.film()), renderer.statistics()))
 }

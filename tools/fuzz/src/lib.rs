@@ -2,7 +2,6 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
-use oscura::scene::EnergyCompensation;
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
@@ -38,14 +37,8 @@ fn load_and_compile(path: &Path) {
         }
         Ok(loaded) => {
             assert_eq!(loaded.scene.validate(), [], "the scene is inconsistent");
-            let options = CompileOptions {
-                energy_compensation: EnergyCompensation::On,
-                camera: None,
-                width: 16,
-                height: 16,
-            };
             // A scene may be refused here, with reasons.
-            let _ = compile(&loaded.scene, &options);
+            let _ = compile(&loaded.scene, &CompileOptions::default());
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Renders one scene with its own settings.
 
-use oscura::compile::{CompileOptions, compile};
+use oscura::compile::{CompileOptions, View, choose_camera, compile};
 use oscura::error::{Error, Result};
 use oscura::film::Film;
 use oscura::load::{LoadOptions, load};
@@ -55,17 +55,17 @@ impl Shot {
         let options = options(&loaded.scene, quality, path)?;
         let compile_options = CompileOptions {
             energy_compensation: loaded.scene.settings.energy_compensation.unwrap_or_default(),
-            camera: None,
-            width: options.width,
-            height: options.height,
+            ..CompileOptions::default()
         };
         let (compiled, report) = compile(&loaded.scene, &compile_options)?;
         loaded.warnings.extend(report.warnings);
         if let Some(warning) = loaded.warnings.first() {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
         }
+        let camera = choose_camera(&loaded.scene, None)?;
+        let view = View::new(&compiled, camera, options.width, options.height);
         let load_s = start.elapsed().as_secs_f64();
-        let mut renderer = Renderer::new(compiled, options)?;
+        let mut renderer = Renderer::new(compiled, view, options)?;
         renderer.run();
         let statistics = renderer.statistics();
         if statistics.invalid_samples > 0 {

@@ -20,7 +20,8 @@ pub fn print(names: &str, options: &Options) -> Result<()> {
         let placed = |i: &oscura::accel::AccelInstance| world.geometries[i.geometry as usize].triangles.len();
         let triangles =
             world.geometries[0].triangles.len() + world.instances.iter().map(placed).sum::<usize>();
-        let bytes = stats.bytes as f64 / (stats.triangles + stats.quads + stats.spheres).max(1) as f64;
+        let bytes = stats.bytes as f64
+            / (stats.triangles + stats.quads + stats.analytic.iter().sum::<u64>()).max(1) as f64;
         for (set, rays) in world.ray_sets(&accel) {
             let median = |threads: usize| -> Result<f64> {
                 let options = Options { threads, any: set == "shadow", ..options.clone() };

@@ -2,7 +2,7 @@
 
 use super::Row;
 use super::meshes::{Random, ball, build, closest, cube, vertices};
-use oscura::accel::{Geometry, Quad};
+use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3, gamma, offset_ray_origin};
 
 /// Tries of the full run, a placement.

@@ -2,7 +2,7 @@
 
 use super::Row;
 use super::meshes::{Random, ball, build, closest};
-use oscura::accel::{Geometry, Quad};
+use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3};
 
 /// Tries of the full run, each row.

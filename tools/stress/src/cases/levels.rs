@@ -2,7 +2,7 @@
 
 use super::Row;
 use super::meshes::Random;
-use oscura::accel::{Accel, BuildOptions, Geometry, Quad, Sphere};
+use oscura::accel::{Accel, BuildOptions, Geometry};
 use oscura::math::{Hit, Ray};
 use oscura::simd::{Level, best_level};
 use rayon::prelude::*;
@@ -56,7 +56,8 @@ fn soup(count: usize, size: f64) -> Geometry {
             let (edge_u, edge_v) = ((random.signed() * size).as_vec3(), (random.signed() * size).as_vec3());
             geometry.quads.push(Quad { corner, edge_u, edge_v });
             let radius = (random.unit() * size) as f32;
-            geometry.spheres.push(Sphere { center: random.signed().as_vec3(), radius });
+            let sphere = Sphere { center: random.signed().as_vec3(), radius };
+            geometry.analytic.push(Analytic::Sphere(sphere));
         }
     }
     geometry

@@ -2,13 +2,13 @@
 //! (The light is a radiance, which neither changes.)
 
 use super::Row;
-use oscura::compile::{CompileOptions, CompiledScene, compile};
+use oscura::compile::{CompileOptions, CompiledScene, View, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::load;
 use oscura::metrics::z_test;
 use oscura::render::{RenderOptions, Renderer};
-use oscura::scene::{EnergyCompensation, Filter};
+use oscura::scene::Filter;
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -31,7 +31,7 @@ pub fn run(effort: f64) -> Vec<Row> {
 }
 
 /// Scaling by powers of two changes no significand: each pixel has the same bits.
-fn powers_of_two(original: &Arc<CompiledScene>, samples: u32) -> Row {
+fn powers_of_two(original: &Scene, samples: u32) -> Row {
     let expected = picture(original, samples, 1);
     let mut wrong = 0;
     for exponent in POWERS_OF_TWO {
@@ -47,7 +47,7 @@ fn powers_of_two(original: &Arc<CompiledScene>, samples: u32) -> Row {
 
 /// All else agrees: with other random numbers within the noise, and with the same ones within the rounding of
 /// coordinates, which sends few paths elsewhere.
-fn scaled_and_moved(original: &Arc<CompiledScene>, samples: u32) -> Row {
+fn scaled_and_moved(original: &Scene, samples: u32) -> Row {
     let references: Vec<Image> =
         (0..REFERENCES).map(|seed| picture(original, samples, 1000 + seed)).collect();
     let (mean, variance) = (mean(&references), variance_of_mean(&references));
@@ -117,8 +117,14 @@ impl Pair {
     }
 }
 
+/// A scene and the view of its camera.
+struct Scene {
+    compiled: Arc<CompiledScene>,
+    view: View,
+}
+
 /// The asset with all that its scene shows under one more node.
-fn scene(scale: f64, far: f64) -> Arc<CompiledScene> {
+fn scene(scale: f64, far: f64) -> Scene {
     let mut asset: Value = serde_json::from_str(ASSET).expect("the asset is JSON");
     let children = asset["scenes"][0]["nodes"].take();
     let nodes = asset["nodes"].as_array_mut().expect("the asset has nodes");
@@ -132,20 +138,16 @@ fn scene(scale: f64, far: f64) -> Arc<CompiledScene> {
     let path = folder.path().join("box.gltf");
     std::fs::write(&path, asset.to_string()).expect("the temporary folder takes a file");
     let loaded = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
-    let options = CompileOptions {
-        energy_compensation: EnergyCompensation::On,
-        camera: None,
-        width: SIZE,
-        height: SIZE,
-    };
-    let (compiled, report) = compile(&loaded.scene, &options).unwrap_or_else(|e| panic!("{e}"));
+    let (compiled, report) =
+        compile(&loaded.scene, &CompileOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "scale {scale:e}, moved by {far:e}: {:?}", report.warnings);
-    Arc::new(compiled)
+    let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
+    Scene { compiled: Arc::new(compiled), view }
 }
 
-fn picture(scene: &Arc<CompiledScene>, samples: u32, seed: u32) -> Image {
-    let options = RenderOptions::default().size(SIZE, SIZE).samples(samples).seed(seed).filter(Filter::Box);
-    let mut renderer = Renderer::new(scene.clone(), options).expect("the film fits");
+fn picture(scene: &Scene, samples: u32, seed: u32) -> Image {
+    let options = RenderOptions::default().samples(samples).seed(seed).filter(Filter::Box);
+    let mut renderer = Renderer::new(scene.compiled.clone(), scene.view, options).expect("the film fits");
     renderer.run();
     assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
     to_image(renderer.film())

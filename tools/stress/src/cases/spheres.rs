@@ -2,8 +2,9 @@
 
 use super::Row;
 use super::meshes::{Random, build, closest};
-use oscura::accel::{Geometry, Sphere};
+use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray};
+use oscura::shape::{Analytic, Sphere};
 
 /// Rays of the full run.
 const RAYS: f64 = 4e6;
@@ -21,7 +22,7 @@ pub fn run(effort: f64) -> Vec<Row> {
         let radius = random.power(-4.0, 8.0) as f32;
         let distance = random.power(-3.0, 8.0);
         let sphere = Sphere { center: (random.signed() * f64::from(radius)).as_vec3(), radius };
-        let accel = build(&Geometry { spheres: vec![sphere], ..Geometry::default() });
+        let accel = build(&Geometry { analytic: vec![Analytic::Sphere(sphere)], ..Geometry::default() });
         let rays: Vec<Ray> = (0..EACH).map(|_| ray(&mut random, &sphere, distance)).collect();
         for (ray, hit) in rays.iter().zip(closest(&accel, &rays)) {
             let exact = solve(&sphere, ray);

@@ -1,7 +1,7 @@
-//! Rectangles, uniformly over the solid angle that they subtend (Ureña, Fajardo, King 2013, "An Area-Preserving
+//! Points of rectangles, uniformly over the solid angle that they subtend (Ureña, Fajardo, King 2013, "An Area-Preserving
 //! Parametrization for Spherical Rectangles").
 
-use super::{LightPoint, pdf_solid_angle_of_area};
+use super::point::{LightPoint, pdf_solid_angle_of_area};
 use crate::math::{Vec3, poly};
 
 /// Below this solid angle (sr) rectangles are sampled by area: the direction hardly changes over them, and the

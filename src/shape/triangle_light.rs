@@ -1,7 +1,7 @@
-//! Triangles and parallelograms, uniformly over the solid angle that they subtend (Arvo 1995, "Stratified Sampling of
+//! Points of triangles, uniformly over the solid angle that they subtend (Arvo 1995, "Stratified Sampling of
 //! Spherical Triangles", with the trigonometry of Peters 2021, "BRDF Importance Sampling for Polygonal Lights", sec. 2).
 
-use super::{LightPoint, pdf_solid_angle_of_area};
+use super::point::{LightPoint, pdf_solid_angle_of_area};
 use crate::math::{Vec3, poly};
 
 /// Below this solid angle (sr) triangles and parallelograms are sampled by area.
@@ -9,7 +9,7 @@ pub const MIN_TRIANGLE_SOLID_ANGLE: f32 = 1e-4;
 
 /// Three points on the unit sphere around the reference point with what sampling needs.
 #[derive(Clone, Copy, Debug)]
-struct Directions {
+pub(super) struct Directions {
     a: Vec3,
     b: Vec3,
     c: Vec3,
@@ -18,13 +18,13 @@ struct Directions {
     ab: f32,
     bc: f32,
     ca: f32,
-    solid_angle: f32,
+    pub solid_angle: f32,
 }
 
 impl Directions {
     /// `normal` is the cross product of the two edges at the first vertex; vectors lead from the reference point.
     #[inline(always)]
-    fn new(pa: Vec3, pb: Vec3, pc: Vec3, normal: Vec3) -> Directions {
+    pub fn new(pa: Vec3, pb: Vec3, pc: Vec3, normal: Vec3) -> Directions {
         let inverse = |p: Vec3| 1.0 / (p.length_squared() + 1e-37).sqrt();
         let (ia, ib, ic) = (inverse(pa), inverse(pb), inverse(pc));
         let (a, b, c) = (pa * ia, pb * ib, pc * ic);
@@ -46,7 +46,7 @@ impl Directions {
 
     /// A unit vector, uniform over the spherical triangle.
     #[inline(always)]
-    fn sample(&self, u: [f32; 2]) -> Vec3 {
+    pub fn sample(&self, u: [f32; 2]) -> Vec3 {
         // The point x on the arc from a to c for which triangle (a, b, x) has u[0] of the solid angle. By the tangent
         // formula x lies on a plane that also holds -a, so x is a's mirror image about `axis`.
         let (s, c) = poly::sin_cos(0.5 * self.solid_angle * u[0]);
@@ -67,7 +67,7 @@ impl Directions {
 /// The plane coordinates (weights of the edges) at which a ray from the reference point in direction `w` meets the
 /// plane of a triangle with corner `p0` (relative to the reference point) and edges `e1`, `e2`.
 #[inline(always)]
-fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
+pub(super) fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
     let h = w.cross(e2);
     let determinant = e1.dot(h);
     let inverse = 1.0 / if determinant == 0.0 { 1.0 } else { determinant };
@@ -76,7 +76,7 @@ fn plane_coordinates(p0: Vec3, e1: Vec3, e2: Vec3, w: Vec3) -> (f32, f32) {
 }
 
 #[inline(always)]
-fn clamp01(x: f32) -> f32 {
+pub(super) fn clamp01(x: f32) -> f32 {
     let x = if x < 1.0 { x } else { 1.0 };
     if x > 0.0 { x } else { 0.0 }
 }
@@ -148,72 +148,6 @@ impl SphericalTriangle {
     }
 
     /// Density per solid angle with which [`SphericalTriangle::sample`] returns a point of the triangle.
-    #[inline(always)]
-    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
-        let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);
-        let solid_angle = self.solid_angle();
-        if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
-    }
-}
-
-/// A parallelogram as seen from a reference point: two spherical triangles that share a diagonal.
-#[derive(Clone, Copy, Debug)]
-pub struct SphericalParallelogram {
-    corner: Vec3,
-    edge_u: Vec3,
-    edge_v: Vec3,
-    reference: Vec3,
-    unit_normal: Vec3,
-    area: f32,
-    lower: Directions,
-    upper: Directions,
-}
-
-impl SphericalParallelogram {
-    /// `corner + a * edge_u + b * edge_v`, a and b in 0..1, seen from `reference`.
-    #[inline(always)]
-    pub fn new(corner: Vec3, edge_u: Vec3, edge_v: Vec3, reference: Vec3) -> SphericalParallelogram {
-        let normal = edge_u.cross(edge_v);
-        let area = normal.length();
-        let p = corner - reference;
-        let opposite = p + edge_u + edge_v;
-        SphericalParallelogram {
-            corner,
-            edge_u,
-            edge_v,
-            reference,
-            unit_normal: normal / if area > 0.0 { area } else { 1.0 },
-            area,
-            lower: Directions::new(p, p + edge_u, opposite, normal),
-            upper: Directions::new(p, opposite, p + edge_v, normal),
-        }
-    }
-
-    /// The solid angle, steradians, 0 to 2 pi.
-    #[inline(always)]
-    pub fn solid_angle(&self) -> f32 {
-        self.lower.solid_angle + self.upper.solid_angle
-    }
-
-    /// A point on the parallelogram, uniform in solid angle (by area below [`MIN_TRIANGLE_SOLID_ANGLE`]).
-    #[inline(always)]
-    pub fn sample(&self, u: [f32; 2]) -> LightPoint {
-        let total = self.solid_angle();
-        let target = u[0] * total;
-        let in_lower = target < self.lower.solid_angle;
-        let chosen = if in_lower { self.lower } else { self.upper };
-        let offset = if in_lower { 0.0 } else { self.lower.solid_angle };
-        let share = if chosen.solid_angle > 0.0 { chosen.solid_angle } else { 1.0 };
-        let w = chosen.sample([clamp01((target - offset) / share), u[1]]);
-        let (a, b) = plane_coordinates(self.corner - self.reference, self.edge_u, self.edge_v, w);
-        let by_area = total < MIN_TRIANGLE_SOLID_ANGLE;
-        let a = if by_area { u[0] } else { clamp01(a) };
-        let b = if by_area { u[1] } else { clamp01(b) };
-        let point = self.corner + self.edge_u * a + self.edge_v * b;
-        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
-    }
-
-    /// Density per solid angle with which [`SphericalParallelogram::sample`] returns a point of the parallelogram.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
         let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);

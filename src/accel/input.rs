@@ -1,0 +1,70 @@
+//! What a structure is built over, and how.
+
+use crate::math::DAffine3;
+use crate::shape::{Analytic, Quad};
+
+/// Shapes in one space.
+#[derive(Clone, Debug, Default)]
+pub struct Geometry {
+    /// Vertices.
+    pub positions: Vec<[f32; 3]>,
+    /// Triangles by their vertices' indices.
+    pub triangles: Vec<[u32; 3]>,
+    /// Quads.
+    pub quads: Vec<Quad>,
+    /// Spheres, disks and what else is no triangle.
+    pub analytic: Vec<Analytic>,
+}
+
+/// A geometry placed in the world.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct AccelInstance {
+    /// Which geometry; not 0, which is the world's own.
+    pub geometry: u32,
+    /// Where it stands.
+    pub world_from_object: DAffine3,
+}
+
+/// What a structure is built over.
+#[derive(Clone, Copy, Debug)]
+pub struct AccelInput<'a> {
+    /// Shapes by geometry; the first stands in the world as it is.
+    pub geometries: &'a [&'a Geometry],
+    /// Placed geometries: `Hit::instance` is the index plus 1.
+    pub instances: &'a [AccelInstance],
+    /// The first of the instances that move: they and the rest are built apart from the world, on top of it.
+    pub first_moving: usize,
+    /// The first of the geometries that change: they belong to moving instances, and are built after the world.
+    pub first_changing: usize,
+}
+
+/// How much time goes into the tree.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Quality {
+    /// For previews: about half the build time, slower rays.
+    Fast,
+    /// The default.
+    #[default]
+    Medium,
+    /// About ten times the build time for rays 5 to 15 % faster.
+    High,
+}
+
+/// How to build.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct BuildOptions {
+    /// Time spent on the tree.
+    pub quality: Quality,
+}
+
+/// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off
+/// and built behind it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Reuse {
+    /// Nothing.
+    Nothing,
+    /// The trees of the geometries before the first changing one, but for the world's.
+    Shared,
+    /// These and the world with the instances that stand still.
+    World,
+}

@@ -1,0 +1,171 @@
+//! How far a point is from the geometry.
+
+use super::layout::{
+    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF,
+    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+};
+use super::structure::Accel;
+use crate::math::Vec3;
+use crate::shape::triangle::LANES;
+use crate::shape::{Analytic, Shape};
+
+/// What may hold something nearer, and how near at best.
+type Waiting = (u32, f32);
+
+impl Accel {
+    /// The distance of a point from the nearest triangle or quad, or from the sphere around a nearer analytic shape or the
+    /// box around a nearer instance: never more than the true distance, but for rounding. Infinite where there is nothing.
+    pub fn distance(&self, p: Vec3) -> f32 {
+        let mut nearest = f32::INFINITY;
+        let mut stack: Vec<Waiting> = vec![(self.root, 0.0)];
+        while let Some((reference, bound)) = stack.pop() {
+            if bound >= nearest || reference == DONE {
+                continue;
+            }
+            if reference & LEAF != 0 {
+                nearest = nearest.min(self.leaf_distance(reference, bound, p, &mut stack));
+            } else if let Some(node) = view::<Node, NODE_LINES>(&self.lines, line_of(reference)) {
+                push_children(node, p, nearest, &mut stack);
+            }
+        }
+        nearest
+    }
+
+    /// The distance from what a leaf holds; `bound` is that from its box. The world below what moves is left to visit.
+    fn leaf_distance(&self, first: u32, bound: f32, p: Vec3, stack: &mut Vec<Waiting>) -> f32 {
+        let (mut nearest, mut reference) = (f32::INFINITY, first);
+        while reference != DONE {
+            let line = line_of(reference);
+            let (distance, next) = match kind_of(reference) {
+                KIND_INSTANCE => {
+                    let Some(r) = view::<InstanceRecord, INSTANCE_LINES>(&self.lines, line) else { break };
+                    if r.instance == 0 {
+                        stack.push((r.root, bound));
+                    }
+                    (if r.instance == 0 { f32::INFINITY } else { bound }, r.next)
+                }
+                KIND_ANALYTIC => {
+                    let Some(s) = view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line) else { break };
+                    (analytic_distance(s, p), s.next)
+                }
+                _ => {
+                    let Some(t) = view::<TrianglePacket, TRIANGLE_LINES>(&self.lines, line) else { break };
+                    (triangles_distance(t, p), t.next())
+                }
+            };
+            nearest = nearest.min(distance);
+            reference = next;
+        }
+        nearest
+    }
+}
+
+/// Pushes the children that may hold something nearer, the nearest of them last.
+fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Waiting>) {
+    let start = stack.len();
+    for lane in (0..8).filter(|lane| node.child[*lane] != DONE) {
+        let at = |plane: usize| node.planes[plane][lane];
+        let (min, max) = (Vec3::new(at(0), at(2), at(4)), Vec3::new(at(1), at(3), at(5)));
+        let bound = (min - p).max(p - max).max(Vec3::ZERO).length();
+        if bound < nearest {
+            stack.push((node.child[lane], bound));
+        }
+    }
+    stack[start..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
+}
+
+fn analytic_distance(packet: &AnalyticPacket, p: Vec3) -> f32 {
+    let shapes = (0..LANES).filter_map(|lane| Analytic::unpack(&packet.packed(lane)));
+    let distances = shapes.map(|shape| {
+        let (center, radius) = shape.center_and_radius();
+        let outside = p.distance(center) - radius;
+        // Within the sphere around a flat shape: it may be anywhere.
+        if shape.is_flat() { outside.max(0.0) } else { outside.abs() }
+    });
+    distances.fold(f32::INFINITY, f32::min)
+}
+
+/// Unused lanes are NaN, which `min` passes over.
+fn triangles_distance(packet: &TrianglePacket, p: Vec3) -> f32 {
+    let one = |lane: usize| {
+        let [a, b, c] =
+            [0, 1, 2].map(|k| Vec3::from_array([0, 1, 2].map(|axis: usize| packet.rows[4 * axis + k][lane])));
+        p.distance(nearest_of_triangle(p, [a, b, c]))
+    };
+    (0..LANES).map(one).fold(f32::INFINITY, f32::min)
+}
+
+/// The point of a triangle nearest to a point: the foot of the perpendicular where that is inside, else the nearest point
+/// of an edge.
+fn nearest_of_triangle(p: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
+    let normal = (b - a).cross(c - a);
+    let is_inside = |from: Vec3, to: Vec3| (to - from).cross(p - from).dot(normal) >= 0.0;
+    if normal.length_squared() > 0.0 && is_inside(a, b) && is_inside(b, c) && is_inside(c, a) {
+        return p - normal * ((p - a).dot(normal) / normal.length_squared());
+    }
+    let on_edge = |from: Vec3, to: Vec3| {
+        let (along, length) = (to - from, (to - from).length_squared());
+        let t = if length > 0.0 { ((p - from).dot(along) / length).clamp(0.0, 1.0) } else { 0.0 };
+        from + along * t
+    };
+    let edges = [on_edge(a, b), on_edge(b, c), on_edge(c, a)];
+    let nearer = |x: Vec3, y: Vec3| if p.distance_squared(y) < p.distance_squared(x) { y } else { x };
+    nearer(nearer(edges[0], edges[1]), edges[2])
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::tests::{Rng, soup};
+    use super::super::{AccelInstance, BuildOptions, Geometry};
+    use super::*;
+    use crate::math::{DAffine3, DVec3};
+
+    /// The nearest of many points on a triangle, from a fine grid.
+    fn searched(p: Vec3, [a, b, c]: [Vec3; 3]) -> f32 {
+        const STEPS: u32 = 60;
+        let grid = (0..=STEPS).flat_map(|i| (0..=STEPS - i).map(move |j| (i, j)));
+        let at = |(i, j): (u32, u32)| {
+            let (u, v) = (i as f32 / STEPS as f32, j as f32 / STEPS as f32);
+            p.distance(a * (1.0 - u - v) + b * u + c * v)
+        };
+        grid.map(at).fold(f32::INFINITY, f32::min)
+    }
+
+    #[test]
+    fn distances_are_those_of_a_search() {
+        let geometry = soup(60, 0.2, 5);
+        let accel = Accel::build(std::slice::from_ref(&geometry), &[], &BuildOptions::default());
+        let mut rng = Rng::new(7);
+        for _ in 0..100 {
+            let p = rng.vector() * 1.5;
+            let corners = |t: &[u32; 3]| t.map(|i| Vec3::from_array(geometry.positions[i as usize]));
+            let triangles = geometry.triangles.iter().map(|t| searched(p, corners(t)));
+            let quads = geometry.quads.iter().flat_map(|q| {
+                let (a, b, c, d) =
+                    (q.corner, q.corner + q.edge_u, q.corner + q.edge_u + q.edge_v, q.corner + q.edge_v);
+                [searched(p, [a, b, c]), searched(p, [a, c, d])]
+            });
+            let spheres = geometry.analytic.iter().map(|s| {
+                let (center, radius) = s.center_and_radius();
+                (p.distance(center) - radius).abs()
+            });
+            let truth = triangles.chain(quads).chain(spheres).fold(f32::INFINITY, f32::min);
+            let found = accel.distance(p);
+            // The grid's step is at most 0.4 / 60 m.
+            assert!(found <= truth + 1e-6 && found >= truth - 0.01, "{p}: {found}, not {truth}");
+        }
+    }
+
+    #[test]
+    fn instances_count_by_their_boxes_and_nothing_is_infinitely_far() {
+        let geometries = [Geometry::default(), soup(20, 0.1, 3)];
+        let world_from_object = DAffine3::from_translation(DVec3::X * 10.0);
+        let placed = [AccelInstance { geometry: 1, world_from_object }];
+        let accel = Accel::build(&geometries, &placed, &BuildOptions::default());
+        let distance = accel.distance(Vec3::ZERO);
+        assert!((8.8..10.0).contains(&distance), "{distance}");
+        assert_eq!(accel.distance(Vec3::X * 10.0), 0.0);
+        let empty = Accel::build(&[Geometry::default()], &[], &BuildOptions::default());
+        assert_eq!(empty.distance(Vec3::ZERO), f32::INFINITY);
+    }
+}

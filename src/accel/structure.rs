@@ -1,0 +1,81 @@
+//! The structure and its queries.
+
+use super::parts::{BuildStats, Parts, Tree};
+use super::slot::ShallowSlot;
+use super::stream::{Any, Closest, Occluded, Output, Stream, Workspace};
+use crate::math::{Hit, Ray};
+use crate::simd::{Level, Line, best_level, dispatch_wide_at};
+use std::cell::RefCell;
+
+/// Everything that a ray can hit, immutable.
+pub struct Accel {
+    pub(super) lines: Vec<Line>,
+    pub(super) root: u32,
+    pub(super) reach: f32,
+    pub(super) stack_size: usize,
+    pub(super) expected: Vec<Tree>,
+    pub(super) stats: BuildStats,
+    /// What a later structure may start from.
+    pub(super) parts: Parts,
+}
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = const { RefCell::new(Workspace::new()) };
+}
+
+impl Accel {
+    /// Time, memory and what was dropped.
+    pub fn stats(&self) -> &BuildStats {
+        &self.stats
+    }
+
+    /// The nearest hit of each ray with `t_min < t < t_max`; of equally near ones the one with the smallest instance,
+    /// then primitive. `t` is in units of the ray's direction. A ray with an infinite or NaN component or a zero
+    /// direction hits nothing. Handles `min(rays.len(), hits.len())` rays, best many at a time.
+    pub fn closest(&self, rays: &[Ray], hits: &mut [Hit]) {
+        self.closest_at(best_level(), rays, hits);
+    }
+
+    /// Whether anything is hit with `t_min < t < t_max`. Handles `min(rays.len(), occluded.len())` rays.
+    pub fn occluded(&self, rays: &[Ray], occluded: &mut [bool]) {
+        self.occluded_at(best_level(), rays, occluded);
+    }
+
+    /// Some hit of each ray with `t_min < t < t_max`, not always the same one: only `prim` and `instance` are to be relied
+    /// on. As fast as [`Accel::occluded`].
+    pub fn any(&self, rays: &[Ray], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len());
+        self.trace(best_level(), &rays[..count], Any(&mut hits[..count]));
+    }
+
+    /// [`Accel::closest`] on a CPU level, or on the best available one below it: for tests and measurements.
+    pub fn closest_at(&self, level: Level, rays: &[Ray], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len());
+        self.trace(level, &rays[..count], Closest(&mut hits[..count]));
+    }
+
+    /// [`Accel::occluded`] on a CPU level, or on the best available one below it: for tests and measurements.
+    pub fn occluded_at(&self, level: Level, rays: &[Ray], occluded: &mut [bool]) {
+        let count = rays.len().min(occluded.len());
+        self.trace(level, &rays[..count], Occluded(&mut occluded[..count]));
+    }
+
+    /// The nearest hit of one ray: for odd jobs, batches are faster.
+    pub fn closest_one(&self, ray: &Ray) -> Hit {
+        let mut hit = [Hit::MISS];
+        self.closest(std::slice::from_ref(ray), &mut hit);
+        hit[0]
+    }
+
+    fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+        let &Accel { ref lines, root, reach, .. } = self;
+        WORKSPACE.with(|workspace| {
+            let Workspace { shallow, deep } = &mut *workspace.borrow_mut();
+            if self.stack_size <= ShallowSlot::STACK {
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: shallow });
+            } else {
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: deep });
+            }
+        });
+    }
+}

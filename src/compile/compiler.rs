@@ -1,0 +1,61 @@
+//! Moments of a sequence, each compiled from what it has in common with the one before.
+
+use super::reuse::Sources;
+use super::run::compile_after;
+use super::scene::{CompileOptions, CompileReport, CompiledScene};
+use super::view::View;
+use crate::error::Result;
+use crate::scene::{Camera, EnergyCompensation, Scene};
+use std::sync::Arc;
+
+/// Compiles scenes for views of them, the moments of a sequence one after another. What does not change is compiled once: textures, the environment,
+/// and in scenes of many triangles the world that stands still and the meshes that move in it as they are. Only what moves is
+/// placed anew then, and meshes that change their shape are built. (Where something moves, pictures of such scenes may
+/// differ from single ones by rounding: a single picture has all in one world.)
+pub struct Compiler {
+    is_sequence: bool,
+    latest: Option<Arc<CompiledScene>>,
+}
+
+impl Compiler {
+    /// For one moment, or for several that have nothing to do with each other.
+    pub fn single() -> Compiler {
+        Compiler { is_sequence: false, latest: None }
+    }
+
+    /// For the moments of a sequence.
+    pub fn sequence() -> Compiler {
+        Compiler { is_sequence: true, latest: None }
+    }
+
+    /// Compiles a moment and the view of a camera on a picture of `width` x `height` pixels. The anchor stays where it was
+    /// as long as single precision suffices for the camera.
+    ///
+    /// # Errors
+    /// As for [`super::compile`].
+    pub fn compile(
+        &mut self,
+        scene: &Scene,
+        energy_compensation: EnergyCompensation,
+        camera: &Camera,
+        (width, height): (u32, u32),
+    ) -> Result<(Arc<CompiledScene>, View, CompileReport)> {
+        let suits = |s: &&Arc<CompiledScene>| {
+            let keeps = s.sources.as_ref().is_some_and(Sources::keep_geometry);
+            keeps && !View::new(s, camera, width, height).needs_new_anchor(s)
+        };
+        let earlier = self.latest.take();
+        let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
+        let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
+        let options = CompileOptions { energy_compensation, anchor };
+        // Who still renders the earlier moment keeps it.
+        let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
+        let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
+        let view = View::new(&compiled, camera, width, height);
+        let compiled = Arc::new(compiled);
+        if self.is_sequence {
+            self.latest = Some(compiled.clone());
+        }
+        Ok((compiled, view, report))
+    }
+}

@@ -1,0 +1,116 @@
+//! Fingerprints of what is compiled: what has the same one need not be compiled again.
+
+use super::material::CompiledMaterial;
+use crate::math::{DAffine3, DVec3};
+use crate::sampling::hash::mix64;
+use crate::scene::Mesh;
+use bytemuck::Pod;
+
+/// A running fingerprint of 64 bits: by chance one pair of contents in 2^64 has the same.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Fingerprint(u64);
+
+/// Odd, and half of its bits are set.
+const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
+
+impl Fingerprint {
+    /// That of nothing.
+    pub const START: Fingerprint = Fingerprint(0x5851_f42d_4c95_7f2d);
+
+    /// With a number more.
+    pub fn with(self, number: u64) -> Fingerprint {
+        Fingerprint(mix64((self.0 ^ number).wrapping_mul(FACTOR).wrapping_add(number)))
+    }
+
+    /// With another fingerprint.
+    pub fn with_print(self, other: Fingerprint) -> Fingerprint {
+        self.with(other.0)
+    }
+
+    /// With a list more: its length and its bytes.
+    pub fn with_all<T: Pod>(self, list: &[T]) -> Fingerprint {
+        let bytes: &[u8] = bytemuck::cast_slice(list);
+        // Four lanes at a time: each waits for its own multiplication only.
+        let mut lanes = [1u64, 2, 3, 4];
+        let mut blocks = bytes.chunks_exact(32);
+        for block in &mut blocks {
+            for (lane, word) in lanes.iter_mut().zip(block.chunks_exact(8)) {
+                let word = u64::from_le_bytes(word.try_into().unwrap_or_default());
+                *lane = (*lane ^ word).wrapping_mul(FACTOR).rotate_left(29);
+            }
+        }
+        let whole = lanes.into_iter().fold(self.with(bytes.len() as u64), Fingerprint::with);
+        blocks.remainder().iter().fold(whole, |sum, &byte| sum.with(u64::from(byte)))
+    }
+
+    /// With a point or vector more.
+    pub fn with_vector(self, v: DVec3) -> Fingerprint {
+        v.to_array().into_iter().fold(self, |sum, x| sum.with(x.to_bits()))
+    }
+
+    /// With a transform more.
+    pub fn with_transform(self, transform: &DAffine3) -> Fingerprint {
+        transform.to_cols_array().into_iter().fold(self, |sum, x| sum.with(x.to_bits()))
+    }
+}
+
+/// Everything of a mesh but its name.
+pub(super) fn of_mesh(mesh: &Mesh) -> Fingerprint {
+    let lists = Fingerprint::START
+        .with_all(&mesh.positions)
+        .with_all(&mesh.triangles)
+        .with_all(&mesh.normals)
+        .with_all(&mesh.tangents)
+        .with_all(&mesh.colors);
+    let sets = mesh.uv_sets.iter().fold(lists, |sum, set| sum.with_all(set));
+    mesh.parts.iter().fold(sets.with(mesh.uv_sets.len() as u64), |sum, part| {
+        let numbers = [part.first_triangle, part.triangle_count, part.material.0];
+        numbers.into_iter().fold(sum, |sum, n| sum.with(u64::from(n)))
+    })
+}
+
+/// What decides on the geometry that materials need. `normal_sets` has the set of texture coordinates that the normal map
+/// of each uses.
+pub(super) fn of_materials(materials: &[CompiledMaterial], normal_sets: &[Option<usize>]) -> Fingerprint {
+    materials.iter().zip(normal_sets).fold(Fingerprint::START, |sum, (material, set)| {
+        let facts = [
+            material.is_invisible(),
+            material.uses_normals(),
+            material.uses_tangents(),
+            material.uses_uv,
+            material.uses_vertex_colors,
+            material.emission.is_some(),
+        ];
+        let bits = facts.into_iter().fold(1u64, |bits, fact| bits << 1 | u64::from(fact));
+        sum.with(bits).with(set.map_or(u64::MAX, |set| set as u64))
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_byte_and_the_borders_between_lists_count() {
+        let list: Vec<u8> = (0..100).collect();
+        let whole = Fingerprint::START.with_all(&list);
+        for i in 0..list.len() {
+            let mut other = list.clone();
+            other[i] ^= 1;
+            assert_ne!(Fingerprint::START.with_all(&other), whole, "{i}");
+        }
+        let split = |at: usize| Fingerprint::START.with_all(&list[..at]).with_all(&list[at..]);
+        assert_ne!(split(32), split(64));
+        assert_ne!(split(0), split(100));
+    }
+
+    #[test]
+    fn meshes_differ_by_any_of_their_lists() {
+        let mesh = Mesh { positions: vec![[0.0; 3]; 3], triangles: vec![[0, 1, 2]], ..Mesh::default() };
+        let with_normals = Mesh { normals: vec![[0.0; 3]; 3], ..mesh.clone() };
+        let with_uv = Mesh { uv_sets: vec![vec![[0.0; 2]; 3]], ..mesh.clone() };
+        let all = [&mesh, &with_normals, &with_uv].map(of_mesh);
+        assert!(all[0] != all[1] && all[1] != all[2] && all[0] != all[2]);
+        assert_eq!(of_mesh(&Mesh { name: "other".into(), ..mesh.clone() }), all[0]);
+    }
+}

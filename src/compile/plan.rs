@@ -1,0 +1,261 @@
+//! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
+
+use super::content::{self, Fingerprint};
+use super::material::CompiledMaterial;
+use crate::error::Warning;
+use crate::math::{DAffine3, DMat3, DVec3};
+use crate::scene::{Instance, MaterialId, Mesh, Motion, Scene};
+use rayon::prelude::*;
+use std::collections::HashMap;
+
+/// Meshes with fewer triangles are copied for each use: a copy costs less than the step into a shared one.
+const MIN_SHARED_TRIANGLES: usize = 1024;
+
+/// Meshes whose transform stretches less evenly than this are copied: rays that an f32 matrix takes to object space would
+/// lose as much precision.
+const MAX_SHARED_CONDITION: f64 = 1e3;
+
+/// With fewer visible triangles the moments of a sequence are compiled each for itself: that takes some milliseconds, and
+/// rays are faster in a world that is one.
+const MIN_KEPT_TRIANGLES: usize = 1 << 16;
+
+/// Where an instance goes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Place {
+    /// Its mesh is copied into the world's own geometry.
+    World,
+    /// It shares its mesh and stands still.
+    Still,
+    /// It moves, apart from the world.
+    Moving,
+}
+
+/// An instance that is seen.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Step {
+    /// Its index in the scene.
+    pub instance: usize,
+    /// Where it goes.
+    pub place: Place,
+    /// Placement; the world's origin has moved.
+    pub world_from_object: DAffine3,
+    /// Index of its mesh among those that are not copied.
+    pub geometry: usize,
+}
+
+/// All instances that are seen, in the scene's order.
+#[derive(Debug, Default)]
+pub(super) struct Plan {
+    /// What is done with each.
+    pub steps: Vec<Step>,
+    /// The meshes that are not copied, by index in the scene.
+    pub meshes: Vec<usize>,
+    /// The first of these that changes its shape.
+    pub first_changing: usize,
+    /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
+    pub keys: Option<Keys>,
+}
+
+/// What geometry was made of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Keys {
+    /// The meshes that are not copied and don't change.
+    pub shared: Vec<Fingerprint>,
+    /// The world with all that stands still.
+    pub world: Fingerprint,
+}
+
+/// Decides. Instances that no ray can hit are left out, with the reason.
+pub(super) fn plan(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    origin: DVec3,
+    is_sequence: bool,
+    warnings: &mut Vec<Warning>,
+    left_out: &mut Vec<String>,
+) -> Plan {
+    let uses = count_uses(scene);
+    let is_hidden = |id: MaterialId| materials[id.index()].is_invisible();
+    let is_seen = |i: &&Instance| !part_materials(&scene.meshes[i.mesh.index()], i).all(is_hidden);
+    let triangles =
+        || scene.instances.iter().filter(is_seen).map(|i| scene.meshes[i.mesh.index()].triangles.len());
+    let keeps = is_sequence && triangles().sum::<usize>() >= MIN_KEPT_TRIANGLES;
+    let mut plan = Plan::default();
+    let mut invisible = 0;
+    for (index, instance) in scene.instances.iter().enumerate() {
+        if !is_seen(&instance) {
+            invisible += 1;
+            continue;
+        }
+        let world_from_object = moved(&instance.world_from_object, origin);
+        if !is_usable(instance, &world_from_object.matrix3, warnings) {
+            continue;
+        }
+        let mesh = &scene.meshes[instance.mesh.index()];
+        let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
+        let can_be_placed = !emits && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
+        let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= MIN_SHARED_TRIANGLES;
+        let place = match instance.motion {
+            Motion::Moves | Motion::Deforms if keeps && can_be_placed => Place::Moving,
+            _ if is_shared && can_be_placed => Place::Still,
+            _ => Place::World,
+        };
+        plan.steps.push(Step { instance: index, place, world_from_object, geometry: 0 });
+    }
+    if invisible > 0 {
+        left_out.push(format!("{invisible} placements whose materials are fully transparent"));
+    }
+    plan.number_meshes(scene);
+    plan.report(scene, &uses, left_out);
+    if keeps {
+        plan.keys = Some(plan.keys_of(scene, materials, origin));
+    }
+    plan
+}
+
+impl Plan {
+    /// Gives each mesh that is not copied its number, those that change the last.
+    fn number_meshes(&mut self, scene: &Scene) {
+        for is_changing in [false, true] {
+            let mut known: HashMap<usize, usize> = HashMap::new();
+            for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
+                let instance = &scene.instances[step.instance];
+                let changes = step.place == Place::Moving && instance.motion == Motion::Deforms;
+                if changes == is_changing {
+                    let next = self.meshes.len();
+                    step.geometry = *known.entry(instance.mesh.index()).or_insert(next);
+                    if step.geometry == next {
+                        self.meshes.push(instance.mesh.index());
+                    }
+                }
+            }
+            if !is_changing {
+                self.first_changing = self.meshes.len();
+            }
+        }
+    }
+
+    fn report(&self, scene: &Scene, uses: &[usize], left_out: &mut Vec<String>) {
+        let unused = || scene.meshes.iter().zip(uses).filter(|&(_, &n)| n == 0).map(|(mesh, _)| mesh);
+        if unused().next().is_some() {
+            let triangles: usize = unused().map(|m| m.triangles.len()).sum();
+            left_out.push(format!("{} meshes that nothing places ({triangles} triangles)", unused().count()));
+        }
+        let mut placements = vec![0; scene.meshes.len()];
+        for step in self.steps.iter().filter(|s| s.place != Place::World) {
+            placements[scene.instances[step.instance].mesh.index()] += 1;
+        }
+        for (mesh, placed) in scene.meshes.iter().zip(placements).filter(|(_, placed)| *placed > 1) {
+            let (n, copies) = (mesh.triangles.len(), placed - 1);
+            let name = &mesh.name;
+            left_out.push(format!("{copies} copies of mesh '{name}' ({n} triangles): its uses share one"));
+        }
+    }
+
+    fn keys_of(&self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) -> Keys {
+        let normal_sets: Vec<Option<usize>> =
+            (0..materials.len()).map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene)).collect();
+        let of_materials = content::of_materials(materials, &normal_sets);
+        let mut is_used = vec![false; scene.meshes.len()];
+        let stays = |s: &&Step| s.place == Place::World;
+        let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());
+        copied.chain(self.meshes[..self.first_changing].iter().copied()).for_each(|m| is_used[m] = true);
+        let of_meshes: Vec<Fingerprint> = (scene.meshes.par_iter().zip(&is_used))
+            .map(|(mesh, used)| if *used { content::of_mesh(mesh) } else { Fingerprint::START })
+            .collect();
+        let shared = self.meshes[..self.first_changing]
+            .iter()
+            .map(|&m| of_materials.with_print(of_meshes[m]))
+            .collect();
+        let mut world = of_materials.with_vector(origin);
+        for step in self.steps.iter().filter(|s| s.place != Place::Moving) {
+            let instance = &scene.instances[step.instance];
+            let material = instance.material.map_or(u64::MAX, |m| u64::from(m.0));
+            world = world
+                .with(step.instance as u64)
+                .with(step.geometry as u64)
+                .with(u64::from(step.place == Place::World))
+                .with(material)
+                .with_transform(&step.world_from_object)
+                .with_print(of_meshes[instance.mesh.index()]);
+        }
+        Keys { shared, world: with_shapes(world, scene) }
+    }
+}
+
+/// With the quads and shapes of a scene.
+fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
+    for quad in &scene.quads {
+        sum = sum.with_vector(quad.corner).with_vector(quad.edge_u).with_vector(quad.edge_v);
+        sum = sum.with(u64::from(quad.material.0));
+    }
+    for shape in &scene.shapes {
+        let rotation = shape.rotation.to_array();
+        sum = sum.with_vector(shape.center).with(shape.radius.to_bits()).with(shape.kind as u64);
+        sum = rotation.into_iter().fold(sum, |sum, x| sum.with(x.to_bits()));
+        sum = sum.with(u64::from(shape.material.0));
+    }
+    sum.with(scene.quads.len() as u64).with(scene.instances.len() as u64)
+}
+
+/// Can rays meet what a transform places? Warns where they can't, or hardly.
+fn is_usable(instance: &Instance, linear: &DMat3, warnings: &mut Vec<Warning>) -> bool {
+    let message = if !is_invertible(linear) {
+        "a transform that flattens it (or is not finite) hides it; it was left out"
+    } else if flatness(linear) < NEARLY_FLAT {
+        "a transform that nearly flattens it makes its position and normals imprecise"
+    } else {
+        return true;
+    };
+    warnings.push(Warning { place: instance.name.clone(), ..Warning::general(message) });
+    is_invertible(linear)
+}
+
+fn count_uses(scene: &Scene) -> Vec<usize> {
+    let mut uses = vec![0; scene.meshes.len()];
+    for instance in &scene.instances {
+        uses[instance.mesh.index()] += 1;
+    }
+    uses
+}
+
+fn moved(world_from_object: &DAffine3, origin: DVec3) -> DAffine3 {
+    DAffine3 { translation: world_from_object.translation - origin, ..*world_from_object }
+}
+
+fn is_invertible(m: &DMat3) -> bool {
+    // Rounding of a flat matrix leaves about 1e-16.
+    m.determinant().is_finite() && flatness(m) > 1e-14
+}
+
+/// Transforms below this [`flatness`] are warned of.
+const NEARLY_FLAT: f64 = 1e-6;
+
+/// The volume that the axes span, over that of a box with such edges: 1 where they are orthogonal, 0 in a plane.
+fn flatness(m: &DMat3) -> f64 {
+    m.determinant().abs() / (m.x_axis.length() * m.y_axis.length() * m.z_axis.length())
+}
+
+/// The condition number of a matrix in the Frobenius norm, over its least value: 1 for rotations and even scales.
+fn condition(m: &DMat3) -> f64 {
+    let norm = |m: &DMat3| DVec3::new(m.x_axis.length(), m.y_axis.length(), m.z_axis.length()).length();
+    norm(m) * norm(&m.inverse()) / 3.0
+}
+
+/// The materials of the parts of a placed mesh.
+pub(super) fn part_materials<'a>(
+    mesh: &'a Mesh,
+    instance: &'a Instance,
+) -> impl Iterator<Item = MaterialId> + 'a {
+    mesh.parts.iter().map(|part| instance.material.unwrap_or(part.material))
+}
+
+/// The set of texture coordinates that the first normal map among materials uses.
+pub(super) fn normal_map_set(mut used: impl Iterator<Item = MaterialId>, scene: &Scene) -> Option<usize> {
+    use crate::scene::{Mapping, Texture};
+    let map = used.find_map(|id| scene.materials[id.index()].normal_map)?;
+    match scene.textures.get(map.texture.index())? {
+        Texture::Image { mapping: Mapping::Uv { set, .. }, .. } => Some(*set as usize),
+        _ => None,
+    }
+}

@@ -1,0 +1,123 @@
+//! What the moments of a sequence have in common: found by what they were made of.
+
+use super::bake::{self, Baked};
+use super::geometry::Geometries;
+use super::material::CompiledMaterial;
+use super::plan::{Keys, Plan};
+use crate::accel::{self, Accel, AccelInput, BuildOptions, Reuse};
+use crate::image::Image;
+use crate::light::{EnvironmentLight, Lights};
+use crate::math::DVec3;
+use crate::scene::{Environment, Scene, Texture};
+use crate::texture::CompiledTextures;
+use std::sync::Arc;
+
+/// What a compiled scene was made of, as far as another moment may have it in common.
+pub(super) struct Sources {
+    keys: Option<Keys>,
+    textures: Vec<Texture>,
+    images: Vec<Image>,
+    environment: Environment,
+}
+
+impl Sources {
+    /// Those of a scene.
+    pub fn of(scene: &Scene, plan: &Plan) -> Sources {
+        Sources {
+            keys: plan.keys.clone(),
+            textures: scene.textures.clone(),
+            images: scene.images.clone(),
+            environment: scene.environment.clone(),
+        }
+    }
+
+    /// Is geometry made of them kept?
+    pub fn keep_geometry(&self) -> bool {
+        self.keys.is_some()
+    }
+
+    fn has_images_of(&self, scene: &Scene) -> bool {
+        self.images.len() == scene.images.len()
+            && self.images.iter().zip(&scene.images).all(|(a, b)| {
+                Arc::ptr_eq(&a.pixels, &b.pixels)
+                    && (a.width, a.height, a.channels, a.encoding)
+                        == (b.width, b.height, b.channels, b.encoding)
+            })
+    }
+}
+
+/// What is left of an earlier moment for another one.
+#[derive(Default)]
+pub(super) struct Kept {
+    /// The same textures.
+    pub textures: Option<CompiledTextures>,
+    /// The same environment, if there is one at all.
+    pub environment: Option<Option<EnvironmentLight>>,
+    geometry: Option<(Accel, Geometries, Keys)>,
+}
+
+/// What rays meet.
+pub(super) struct Geometry {
+    pub geometries: Geometries,
+    pub accel: Accel,
+}
+
+impl Kept {
+    /// What an earlier moment, made of `sources`, may have in common with a scene.
+    pub fn of(
+        sources: Sources,
+        (accel, geometries): (Accel, Geometries),
+        textures: CompiledTextures,
+        lights: Lights,
+        scene: &Scene,
+    ) -> Kept {
+        let same_images = sources.has_images_of(scene);
+        let same_textures = same_images && sources.textures == scene.textures;
+        let same_environment = same_images && sources.environment == scene.environment;
+        Kept {
+            textures: same_textures.then_some(textures),
+            environment: same_environment.then(|| lights.into_environment()),
+            geometry: sources.keys.map(|keys| (accel, geometries, keys)),
+        }
+    }
+
+    /// The geometry of a scene, as much of it as can be from the earlier moment.
+    pub fn geometry(
+        &mut self,
+        scene: &Scene,
+        materials: &[CompiledMaterial],
+        origin: DVec3,
+        plan: &Plan,
+    ) -> Geometry {
+        let earlier = self.geometry.take();
+        let (reuse, kept, accel) = match (earlier, &plan.keys) {
+            (Some((accel, geometries, before)), Some(now)) if before.shared == now.shared => {
+                let Geometries { world, mut shared, .. } = geometries;
+                shared.truncate(now.shared.len());
+                let is_same = before.world == now.world;
+                let reuse = if is_same { Reuse::World } else { Reuse::Shared };
+                (reuse, bake::Kept { world: is_same.then_some(world), shared }, Some(accel))
+            }
+            _ => (Reuse::Nothing, bake::Kept::default(), None),
+        };
+        let baked = bake::bake(scene, materials, origin, plan, kept);
+        let accel = build(&baked, plan, reuse, accel);
+        Geometry { geometries: baked.geometries, accel }
+    }
+}
+
+fn build(baked: &Baked, plan: &Plan, reuse: Reuse, earlier: Option<Accel>) -> Accel {
+    let Geometries { world, shared, .. } = &baked.geometries;
+    let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
+    let input = AccelInput {
+        geometries: &geometries,
+        instances: &baked.instances,
+        first_moving: baked.first_moving,
+        // The world counts, too.
+        first_changing: plan.first_changing + 1,
+    };
+    match earlier {
+        Some(earlier) => earlier.rebuild(reuse, &input, &BuildOptions::default()),
+        None => Accel::build_parts(&input, &BuildOptions::default()),
+    }
+}

@@ -1,0 +1,147 @@
+//! The way from a scene to a compiled one.
+
+use super::emitters;
+use super::geometry::{Geometries, Transform};
+use super::material::CompiledMaterial;
+use super::media;
+use super::medium::Medium;
+use super::plan::{self, Place, Plan};
+use super::reuse::{Geometry, Kept, Sources};
+use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
+use crate::accel::BuildStats;
+use crate::error::{Error, ErrorKind, Problem, Result, Warning};
+use crate::light::{EnvironmentLight, Lights, PunctualLight};
+use crate::math::{Bounds3, DVec3};
+use crate::scene::Scene;
+use crate::texture::CompiledTextures;
+use std::time::Instant;
+
+/// Most triangles that the accelerator can address.
+const MAX_TRIANGLES: usize = 400_000_000;
+
+/// Compiles a scene.
+///
+/// # Errors
+/// An input error for a scene with more triangles than can be addressed.
+pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
+    compile_after(None, scene, options, false)
+}
+
+/// Compiles a scene; as one moment of a sequence, whose earlier moment gives what it has in common with this one.
+pub(super) fn compile_after(
+    earlier: Option<CompiledScene>,
+    scene: &Scene,
+    options: &CompileOptions,
+    is_sequence: bool,
+) -> Result<(CompiledScene, CompileReport)> {
+    let begin = Instant::now();
+    let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
+    let mut report = CompileReport::default();
+    let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
+    let textures = match kept.textures.take() {
+        Some(textures) => textures.moved(anchor.as_vec3()),
+        None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
+    };
+    let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
+    let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
+    let media = media::number(scene, &mut materials, &mut report.warnings);
+    let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
+    let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
+    check_size(scene, &plan)?;
+    let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan);
+    report_accel(accel.stats(), &mut report);
+
+    let emitters = emitters::find(&geometries, &materials);
+    let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
+    let environment = match kept.environment.take() {
+        Some(environment) => environment,
+        None => EnvironmentLight::new(&scene.environment, &scene.images, true),
+    };
+    let radius = scene_radius(&geometries);
+    let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
+    report.lights = lights.len() as u64;
+    let features = features(&geometries, &materials, &textures, &media);
+    report.build_s = begin.elapsed().as_secs_f64();
+    let compiled = CompiledScene {
+        anchor,
+        accel,
+        geometries,
+        materials,
+        energy_compensation: options.energy_compensation,
+        media,
+        textures,
+        lights,
+        features,
+        emitters,
+        sources: is_sequence.then(|| Sources::of(scene, &plan)),
+    };
+    Ok((compiled, report))
+}
+
+fn features(
+    geometries: &Geometries,
+    materials: &[CompiledMaterial],
+    textures: &CompiledTextures,
+    media: &[Medium],
+) -> Features {
+    Features {
+        alpha: materials.iter().any(|m| m.alpha.is_some()),
+        normals: geometries.has_normals(),
+        bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
+        footprints: textures.use_footprints(),
+        media: media.len() > 1,
+        absorption: media.iter().any(|m| m.absorption.is_some()),
+    }
+}
+
+fn default_anchor(scene: &Scene) -> DVec3 {
+    scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
+}
+
+fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
+    let copied = plan.steps.iter().filter(|s| s.place == Place::World);
+    let copied = copied.map(|s| scene.instances[s.instance].mesh.index());
+    let meshes = copied.chain(plan.meshes.iter().copied());
+    let triangles: usize = meshes.map(|m| scene.meshes[m].triangles.len()).sum();
+    if triangles > MAX_TRIANGLES {
+        return Err(input_error(format!("{triangles} triangles are more than the {MAX_TRIANGLES} possible")));
+    }
+    Ok(())
+}
+
+fn input_error(message: impl Into<String>) -> Error {
+    let problems = vec![Problem::new("", message)];
+    Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
+}
+
+fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
+    report.bytes = stats.bytes;
+    (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
+    let dropped = stats.dropped;
+    let mut warn = |count: u64, what: &str, with: &str| {
+        let message = match count {
+            0 => return,
+            1 => format!("1 {what} {with} was dropped"),
+            _ => format!("{count} {what}s {with} were dropped"),
+        };
+        report.warnings.push(Warning::general(message));
+    };
+    warn(dropped.not_finite, "primitive", "with coordinates that are not finite or beyond 1e18 m");
+    warn(dropped.degenerate, "primitive", "without area");
+    warn(dropped.instances, "placement", "with singular transforms");
+}
+
+/// Half the diagonal of the box around everything, at least a little.
+fn scene_radius(geometries: &Geometries) -> f32 {
+    let mut world = geometries.world.bounds;
+    for placement in &geometries.placements {
+        let object = geometries.shared[placement.geometry as usize].bounds;
+        if !object.is_empty() {
+            let Transform { linear, translation, .. } = placement.world_from_object;
+            let place = |p| linear * p + translation;
+            world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
+        }
+    }
+    let radius = 0.5 * world.extent().length();
+    if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
+}

@@ -1,0 +1,112 @@
+//! A scene ready to render, and what it is compiled for.
+
+use super::emitters::Emitters;
+use super::geometry::Geometries;
+use super::material::CompiledMaterial;
+use super::medium::Medium;
+use super::objects::ObjectId;
+use super::reuse::{Kept, Sources};
+use crate::accel::Accel;
+use crate::error::Warning;
+use crate::light::Lights;
+use crate::math::{DVec3, Hit};
+use crate::scene::{EnergyCompensation, Scene};
+use crate::shape::Analytic;
+use crate::texture::CompiledTextures;
+
+/// What to compile for.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CompileOptions {
+    /// Treatment of light that bounces between microfacets.
+    pub energy_compensation: EnergyCompensation,
+    /// The point of the scene's world that becomes the compiled scene's origin, metres. Single precision is finest
+    /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
+    /// origin.
+    pub anchor: Option<DVec3>,
+}
+
+/// What compiling did.
+#[derive(Clone, Debug, Default)]
+pub struct CompileReport {
+    /// Seconds it took.
+    pub build_s: f64,
+    /// What was repaired or ignored.
+    pub warnings: Vec<Warning>,
+    /// What the picture does not need, with what leaving it out saved.
+    pub left_out: Vec<String>,
+    /// Triangles that rays can hit; shared meshes count once.
+    pub triangles: u64,
+    /// Quads.
+    pub quads: u64,
+    /// Spheres, disks and the like, in the order of [`Analytic::NAMES`].
+    pub analytic: [u64; Analytic::NAMES.len()],
+    /// Lights, the environment included.
+    pub lights: u64,
+    /// Memory of the accelerator.
+    pub bytes: u64,
+}
+
+/// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`].
+pub struct CompiledScene {
+    /// The point of the scene's world that is the origin of all coordinates here, metres.
+    pub anchor: DVec3,
+    /// Ray queries.
+    pub accel: Accel,
+    /// Surfaces at hits.
+    pub geometries: Geometries,
+    /// Materials.
+    pub materials: Vec<CompiledMaterial>,
+    /// Treatment of light that bounces between microfacets.
+    pub energy_compensation: EnergyCompensation,
+    /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
+    pub media: Vec<Medium>,
+    /// Texture lookups.
+    pub textures: CompiledTextures,
+    /// Everything that shines.
+    pub lights: Lights,
+    /// What the integrator may skip.
+    pub features: Features,
+    /// Which primitives are lights.
+    pub(super) emitters: Emitters,
+    /// What it was made of, for what may be made of it.
+    pub(super) sources: Option<Sources>,
+}
+
+/// What a scene makes use of.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Features {
+    /// Some surface is partly absent.
+    pub alpha: bool,
+    /// Some vertices have shading normals.
+    pub normals: bool,
+    /// Some shading normals differ from the geometric ones: those of vertices or of maps.
+    pub bent_normals: bool,
+    /// Some textures depend on how much of a surface a path sees.
+    pub footprints: bool,
+    /// Light passes through solids.
+    pub media: bool,
+    /// Some of them absorb it.
+    pub absorption: bool,
+}
+
+impl CompiledScene {
+    /// The light that the primitive at a hit is part of.
+    #[inline]
+    pub fn light_at(&self, hit: &Hit) -> Option<u32> {
+        if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+    }
+
+    /// The object of the scene at a hit.
+    pub fn object_at(&self, hit: &Hit) -> ObjectId {
+        self.geometries.object(hit)
+    }
+
+    /// What another moment may have in common with this one.
+    pub(super) fn into_kept(self, scene: &Scene) -> Kept {
+        let CompiledScene { accel, geometries, textures, lights, sources, .. } = self;
+        match sources {
+            Some(sources) => Kept::of(sources, (accel, geometries), textures, lights, scene),
+            None => Kept::default(),
+        }
+    }
+}

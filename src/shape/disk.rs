@@ -1,0 +1,208 @@
+//! Flat disks: rays meet the plane in double precision; points of light are uniform by area. (Sampling by solid angle
+//! takes elliptic integrals: Guillén, Ureña, King, Fajardo, Georgiev, López-Moreno, Jarabo 2017.)
+
+use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
+use super::ray::PreparedRay;
+use super::traits::{Packed, Parametrization, Shape};
+use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, orthonormal_basis};
+use crate::sampling::warp;
+use std::f32::consts::PI;
+
+/// A flat disk.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Disk {
+    /// Its middle.
+    pub center: Vec3,
+    /// Away from its front, as long as its radius. (One vector for both, so that all code sees the same plane.)
+    pub axis: Vec3,
+}
+
+impl Disk {
+    /// Marks packed disks.
+    pub const KIND: u8 = 2;
+
+    /// The disk of packed numbers.
+    #[inline(always)]
+    pub fn unpack(numbers: &[f32; 6]) -> Disk {
+        let [x, y, z, a, b, c] = *numbers;
+        Disk { center: Vec3::new(x, y, z), axis: Vec3::new(a, b, c) }
+    }
+
+    /// Its radius.
+    #[inline(always)]
+    pub fn radius(&self) -> f32 {
+        self.axis.length()
+    }
+
+    /// The front's unit normal; zero for a disk without a radius.
+    #[inline(always)]
+    fn normal(&self) -> Vec3 {
+        self.axis.normalize_or_zero()
+    }
+}
+
+impl Shape for Disk {
+    fn center_and_radius(&self) -> (Vec3, f32) {
+        (self.center, self.radius())
+    }
+
+    fn bounds(&self) -> Bounds3 {
+        // Along x it reaches as far as its axis does across x: r^2 - x^2 = y^2 + z^2.
+        let a = self.axis.as_dvec3();
+        let across = |a: f64, b: f64| ((a * a + b * b).sqrt() as f32).next_up();
+        let half = Vec3::new(across(a.y, a.z), across(a.z, a.x), across(a.x, a.y));
+        Bounds3 { min: self.center - half, max: self.center + half }
+    }
+
+    #[inline(always)]
+    fn is_flat(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let axis = self.axis.to_array().map(f64::from);
+        let d = ray.direction.map(f64::from);
+        let center = self.center.to_array();
+        let f: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]));
+        let t = dot(f, axis) / dot(d, axis);
+        let from_center: [f64; 3] = std::array::from_fn(|k| t * d[k] - f[k]);
+        // NaN and infinity, where the ray is parallel to the plane, fail both tests.
+        let is_inside = dot(from_center, from_center) <= dot(axis, axis);
+        let t = t as f32;
+        (t > t_min && t <= t_max && is_inside).then_some(t)
+    }
+
+    /// The ray's point pulled back onto the plane.
+    #[inline(always)]
+    fn surface(&self, p: Vec3) -> Surface {
+        let ng = self.normal();
+        let offset = p - self.center;
+        let p = self.center + (offset - ng * offset.dot(ng));
+        let p_error = Vec3::splat(self.radius() * gamma(8)) + self.center.abs() * gamma(2);
+        Surface { p, p_error, ng, ns: ng, material: 0 }
+    }
+
+    /// The square around the disk, x of object space to the right and y up; z is the front's normal.
+    #[inline]
+    fn texture_coordinates(&self, point: Vec3, _: Vec3, object_from_world: &Mat3) -> Vec2 {
+        let local = *object_from_world * (point - self.center) * (0.5 / self.radius());
+        Vec2::new(0.5 + local.x, 0.5 - local.y)
+    }
+
+    #[inline]
+    fn parametrize(&self, _: Vec3, object_from_world: &Mat3) -> Parametrization {
+        Parametrization {
+            tangent: object_from_world.transpose().x_axis,
+            handedness: 1.0,
+            uv_per_metre: 0.5 / self.radius(),
+        }
+    }
+
+    fn area(&self) -> f32 {
+        PI * self.axis.length_squared()
+    }
+
+    fn largest_projection(&self) -> f32 {
+        self.area()
+    }
+
+    #[inline(always)]
+    fn normal_at(&self, _: Vec3) -> Vec3 {
+        self.normal()
+    }
+
+    fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
+        let Vec2 { x, y } = warp::uniform_disk(u) * self.radius();
+        let (tangent, bitangent) = orthonormal_basis(self.normal());
+        self.center + tangent * x + bitangent * y
+    }
+
+    #[inline(always)]
+    fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint {
+        let point = self.point_by_area(u);
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(reference, point) }
+    }
+
+    #[inline(always)]
+    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        pdf_solid_angle_of_area(point - reference, self.normal(), self.area())
+    }
+
+    fn pack(&self) -> Packed {
+        let ([x, y, z], [a, b, c]) = (self.center.to_array(), self.axis.to_array());
+        Packed { kind: Disk::KIND, numbers: [x, y, z, a, b, c] }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::accel::{Accel, BuildOptions, Geometry};
+    use crate::math::{Hit, Ray, offset_ray_origin};
+    use crate::sampling::chi2::Random;
+    use crate::shape::Analytic;
+
+    fn disk() -> Disk {
+        Disk { center: Vec3::new(10.0, -3.0, 0.5), axis: Vec3::new(0.3, -1.2, 0.9) }
+    }
+
+    #[test]
+    fn the_box_holds_the_rim_and_touches_it() {
+        let disk = disk();
+        let (x, y) = orthonormal_basis(disk.normal());
+        let rim = (0..100_000).map(|i| {
+            let (sin, cos) = (i as f32 * (2.0 * PI / 100_000.0)).sin_cos();
+            disk.center + (x * cos + y * sin) * disk.radius()
+        });
+        let (found, expected) = (disk.bounds(), Bounds3::of(rim));
+        assert!((found.min - expected.min).abs().max_element() < 2e-6, "{found:?} {expected:?}");
+        assert!((found.max - expected.max).abs().max_element() < 2e-6, "{found:?} {expected:?}");
+    }
+
+    #[test]
+    fn textures_touch_the_edge() {
+        let disk = Disk { center: Vec3::new(1.0, 2.0, 3.0), axis: Vec3::Z * 0.5 };
+        let at = |x: f32, y: f32| {
+            let point = disk.center + Vec3::new(x, y, 0.0) * 0.5;
+            disk.texture_coordinates(point, Vec3::Z, &Mat3::IDENTITY)
+        };
+        assert_eq!(at(0.0, 0.0), Vec2::splat(0.5));
+        assert_eq!([at(-1.0, 0.0), at(1.0, 0.0)], [Vec2::new(0.0, 0.5), Vec2::new(1.0, 0.5)]);
+        assert_eq!([at(0.0, 1.0), at(0.0, -1.0)], [Vec2::new(0.5, 0.0), Vec2::new(0.5, 1.0)]);
+        let lies = disk.parametrize(Vec3::Z, &Mat3::IDENTITY);
+        assert_eq!((lies.tangent, lies.handedness, lies.uv_per_metre), (Vec3::X, 1.0, 1.0));
+    }
+
+    /// Rays that go on from a hit, on either side, don't meet the disk again; nor do those that miss its edge.
+    #[test]
+    fn rays_meet_it_once() {
+        let disk = disk();
+        let geometry = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
+        let accel = Accel::build(&[geometry], &[], &BuildOptions::default());
+        let mut random = Random::new(3);
+        let (mut met, mut missed) = (0, 0);
+        for _ in 0..20_000 {
+            let origin = disk.center + random.direction() * (4.0 * random.next() + 0.1);
+            let aim = disk.point_by_area([random.next(), random.next()]);
+            let aim = disk.center + (aim - disk.center) * (2.0 * random.next());
+            let ray = Ray::new(origin, (aim - origin).normalize());
+            let hit = accel.closest_one(&ray);
+            let inside = (aim - disk.center).length() / disk.radius();
+            if (inside - 1.0).abs() > 1e-4 && (origin - disk.center).dot(disk.normal()).abs() > 1e-3 {
+                assert_eq!(hit.is_hit(), inside < 1.0, "{ray:?}");
+            }
+            if hit.is_hit() {
+                met += 1;
+                let surface = disk.surface(ray.at(hit.t));
+                let direction = random.direction();
+                let origin = offset_ray_origin(surface.p, surface.p_error, surface.ng, direction);
+                assert_eq!(accel.closest_one(&Ray::new(origin, direction)), Hit::MISS);
+            } else {
+                missed += 1;
+            }
+        }
+        assert!(met > 5_000 && missed > 5_000, "{met} {missed}");
+    }
+}

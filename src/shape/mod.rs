@@ -1,0 +1,28 @@
+//! Shapes, one file each: the box around it, where a ray meets it, what its surface is like there, and points of it as
+//! light sources seen from elsewhere.
+//!
+//! Triangles and [`Quad`]s are met by the same vectorised test, four triangles at a time. All others implement [`Shape`]
+//! and are variants of [`Analytic`]: adding one takes a file, the variant, and its line in `each!` and
+//! [`Analytic::unpack`].
+
+mod analytic;
+mod disk;
+mod point;
+mod quad;
+mod ray;
+mod rectangle;
+mod sphere;
+mod traits;
+pub mod triangle;
+mod triangle_light;
+
+pub use analytic::Analytic;
+pub use disk::Disk;
+pub use point::{LightPoint, Surface, pdf_solid_angle_of_area};
+pub use quad::{Quad, SphericalParallelogram};
+pub use ray::PreparedRay;
+pub use rectangle::{MIN_RECTANGLE_SOLID_ANGLE, SphericalRectangle};
+pub use sphere::{Sphere, SphereSampler};
+pub use traits::{Packed, Parametrization, Shape};
+pub use triangle::{shading_normal, triangle_surface};
+pub use triangle_light::{MIN_TRIANGLE_SOLID_ANGLE, SphericalTriangle, uniform_triangle};

@@ -1,0 +1,254 @@
+//! Spheres: met without cancellation (Haines, Guenther, Akenine-Moeller, Ray Tracing Gems 2019, chapter 7) in double
+//! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
+//! inside their whole surface.
+
+use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
+use super::ray::PreparedRay;
+use super::traits::{Packed, Parametrization, Shape};
+use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
+use crate::sampling::warp;
+use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
+
+/// A sphere.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Sphere {
+    /// Its middle.
+    pub center: Vec3,
+    /// Above 0.
+    pub radius: f32,
+}
+
+/// Texture coordinates of the unit sphere, as seen from outside: u goes once around the y axis, v from the top down.
+/// Those of "Ray Tracing in One Weekend", with v counted from the top row of an image: u = (atan2(-z, x) + pi) / 2 pi,
+/// v = acos(y) / pi.
+#[inline]
+pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
+    Vec2::new((poly::atan2(-unit.z, unit.x) + PI) * (0.5 * FRAC_1_PI), poly::acos(unit.y) * FRAC_1_PI)
+}
+
+impl Sphere {
+    /// Marks packed spheres.
+    pub const KIND: u8 = 1;
+
+    /// The sphere of packed numbers.
+    #[inline(always)]
+    pub fn unpack(numbers: &[f32; 6]) -> Sphere {
+        let [x, y, z, radius, ..] = *numbers;
+        Sphere { center: Vec3::new(x, y, z), radius }
+    }
+}
+
+impl Shape for Sphere {
+    fn center_and_radius(&self) -> (Vec3, f32) {
+        (self.center, self.radius)
+    }
+
+    fn bounds(&self) -> Bounds3 {
+        let half = Vec3::splat(self.radius);
+        Bounds3 { min: self.center - half, max: self.center + half }
+    }
+
+    #[inline(always)]
+    fn is_flat(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
+        let r = f64::from(self.radius);
+        let d = ray.direction.map(f64::from);
+        let center = self.center.to_array();
+        let f: [f64; 3] = std::array::from_fn(|k| f64::from(ray.origin[k]) - f64::from(center[k]));
+        let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+        let a = dot(d, d);
+        let b = -dot(f, d);
+        // The point of the line nearest to the centre, seen from it: equation 7.3's discriminant, r^2 - |l|^2.
+        let l: [f64; 3] = std::array::from_fn(|k| f[k] + (b / a) * d[k]);
+        let discriminant = r * r - dot(l, l);
+        if discriminant < 0.0 || discriminant.is_nan() {
+            return None;
+        }
+        let c = power_of_point(self, ray, f);
+        let q = b + (a * discriminant).sqrt().copysign(b);
+        let (first, second) = (c / q, q / a);
+        let (near, far) = if first < second { (first, second) } else { (second, first) };
+        let accept = |t: f64| {
+            let t = t as f32;
+            (t > t_min && t <= t_max).then_some(t)
+        };
+        accept(near).or_else(|| accept(far))
+    }
+
+    /// The ray's point pulled back onto the sphere.
+    #[inline(always)]
+    fn surface(&self, p: Vec3) -> Surface {
+        let ng = (p - self.center).normalize();
+        let offset = ng * self.radius;
+        Surface {
+            p: self.center + offset,
+            p_error: offset.abs() * gamma(7) + self.center.abs() * gamma(2),
+            ng,
+            ns: ng,
+            material: 0,
+        }
+    }
+
+    /// Once around the y axis of object space, see [`sphere_coordinates`].
+    #[inline]
+    fn texture_coordinates(&self, _: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2 {
+        sphere_coordinates(*object_from_world * normal)
+    }
+
+    #[inline]
+    fn parametrize(&self, normal: Vec3, object_from_world: &Mat3) -> Parametrization {
+        let local = *object_from_world * normal;
+        Parametrization {
+            // Eastwards: u grows counter-clockwise as seen from above.
+            tangent: object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x),
+            handedness: -1.0,
+            // At the equator: 2 pi r by pi r metres.
+            uv_per_metre: 1.0 / (SQRT_2 * PI * self.radius),
+        }
+    }
+
+    fn area(&self) -> f32 {
+        4.0 * PI * self.radius * self.radius
+    }
+
+    fn largest_projection(&self) -> f32 {
+        PI * self.radius * self.radius
+    }
+
+    #[inline(always)]
+    fn normal_at(&self, point: Vec3) -> Vec3 {
+        (point - self.center) / self.radius
+    }
+
+    fn point_by_area(&self, u: [f32; 2]) -> Vec3 {
+        self.center + warp::uniform_sphere(u) * self.radius
+    }
+
+    #[inline(always)]
+    fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightPoint {
+        SphereSampler::new(self.center, self.radius, reference).sample(u)
+    }
+
+    #[inline(always)]
+    fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32 {
+        SphereSampler::new(self.center, self.radius, reference).pdf_solid_angle(point)
+    }
+
+    fn pack(&self) -> Packed {
+        let [x, y, z] = self.center.to_array();
+        Packed { kind: Sphere::KIND, numbers: [x, y, z, self.radius, 0.0, 0.0] }
+    }
+}
+
+/// `|f|^2 - r^2` for the origin seen from the centre, `f = o - c`, with about twice the precision of f64 (compensated
+/// sums: Ogita, Rump, Oishi 2005, "Accurate Sum and Dot Product"): near the surface almost all of it cancels.
+#[inline(always)]
+fn power_of_point(sphere: &Sphere, ray: &PreparedRay, f: [f64; 3]) -> f64 {
+    let r = f64::from(sphere.radius);
+    let center = sphere.center.to_array();
+    let (mut sum, mut rest) = (-(r * r), 0.0);
+    for (k, f) in f.into_iter().enumerate() {
+        let (o, c) = (f64::from(ray.origin[k]), -f64::from(center[k]));
+        let square = f * f;
+        rest += f.mul_add(f, -square) + 2.0 * f * rounding_of_sum(o, c, f);
+        let next = sum + square;
+        rest += rounding_of_sum(sum, square, next);
+        sum = next;
+    }
+    sum + rest
+}
+
+/// What `sum`, the rounded `a + b`, lacks (Knuth's two-sum).
+#[inline(always)]
+fn rounding_of_sum(a: f64, b: f64, sum: f64) -> f64 {
+    let part = sum - a;
+    (a - (sum - part)) + (b - part)
+}
+
+/// A sphere as seen from a reference point.
+#[derive(Clone, Copy, Debug)]
+pub struct SphereSampler {
+    center: Vec3,
+    radius: f32,
+    reference: Vec3,
+    /// Axis from the reference point to the centre.
+    frame: Frame,
+    /// Squared sine of the cone's half angle, and 1 - its cosine.
+    sin_squared_max: f32,
+    one_minus_cos_max: f32,
+    inside: bool,
+}
+
+impl SphereSampler {
+    /// A sphere of positive radius, seen from `reference`.
+    #[inline(always)]
+    pub fn new(center: Vec3, radius: f32, reference: Vec3) -> SphereSampler {
+        let axis = center - reference;
+        let distance = axis.length();
+        let inside = distance <= radius;
+        let safe = if distance > 0.0 { distance } else { 1.0 };
+        let direction = if distance > 0.0 { axis / safe } else { Vec3::Z };
+        let sine = radius / safe;
+        let sin_squared = sine * sine;
+        // (d - r)(d + r) / d^2 keeps its digits for a point just above the surface.
+        let cos_squared = ((safe - radius) / safe) * ((safe + radius) / safe);
+        let omc = warp::one_minus_cos(sin_squared, if cos_squared > 0.0 { cos_squared } else { 0.0 });
+        SphereSampler {
+            center,
+            radius,
+            reference,
+            frame: Frame::from_normal(direction),
+            sin_squared_max: sin_squared,
+            // Beyond 1e17 radii the density would overflow.
+            one_minus_cos_max: if omc > 1e-35 { omc } else { 1e-35 },
+            inside,
+        }
+    }
+
+    /// The solid angle, steradians; 4 pi from inside.
+    #[inline(always)]
+    pub fn solid_angle(&self) -> f32 {
+        if self.inside { 4.0 * PI } else { 2.0 * PI * self.one_minus_cos_max }
+    }
+
+    /// A point on the sphere: the nearer intersection of a direction uniform in the cone; from inside uniform by area.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> LightPoint {
+        let on_cone = self.outward_normal_in_cone(u);
+        let anywhere = warp::uniform_sphere(u);
+        let normal = if self.inside { anywhere } else { on_cone };
+        let point = self.center + normal * self.radius;
+        LightPoint { point, pdf_solid_angle: self.pdf_solid_angle(point) }
+    }
+
+    /// The sphere's outward unit normal where a random direction in the cone first meets it.
+    #[inline(always)]
+    fn outward_normal_in_cone(&self, u: [f32; 2]) -> Vec3 {
+        // theta: from the axis at the reference point; alpha: from the axis at the centre, towards the reference.
+        let h = u[0] * self.one_minus_cos_max;
+        let cos_theta = 1.0 - h;
+        let sin_squared = h * (2.0 - h);
+        let ratio = sin_squared / if self.sin_squared_max > 0.0 { self.sin_squared_max } else { 1.0 };
+        let rest = if ratio < 1.0 { 1.0 - ratio } else { 0.0 };
+        let (sine_max, root) = (self.sin_squared_max.sqrt(), rest.sqrt());
+        let cos_alpha = sin_squared / if sine_max > 0.0 { sine_max } else { 1.0 } + cos_theta * root;
+        // By the law of sines from the distance to the point; 1 - cos^2 would lose the digits of small angles.
+        let ratio = if ratio < 1.0 { ratio } else { 1.0 };
+        let sin_alpha = ratio.sqrt() * (cos_theta - sine_max * root);
+        let (s, c) = poly::sin_cos_turns(u[1]);
+        self.frame.to_world(Vec3::new(sin_alpha * c, sin_alpha * s, -cos_alpha))
+    }
+
+    /// Density per solid angle with which [`SphereSampler::sample`] returns a visible point of the sphere.
+    #[inline(always)]
+    pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
+        let area = 4.0 * PI * self.radius * self.radius;
+        let normal = (point - self.center) / self.radius;
+        let of_area = pdf_solid_angle_of_area(point - self.reference, normal, area);
+        if self.inside { of_area } else { warp::uniform_cone_pdf_solid_angle(self.one_minus_cos_max) }
+    }
+}
