@@ -11,8 +11,9 @@ use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
     Vec2, WritableImage, f16,
 };
+use std::fmt::Write;
 use std::io::Cursor;
-use std::time::{Duration, SystemTime};
+use std::time::SystemTime;
 
 /// What the header says about how the picture was made. What is `None` is left out.
 #[derive(Clone, Debug, Default)]
@@ -109,8 +110,8 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
     let mut attributes = LayerAttributes {
         software_name: Some(text(concat!("oscura ", env!("CARGO_PKG_VERSION")))),
         owner: metadata.owner.as_deref().map(text),
-        capture_date: metadata.captured.map(|t| text(&exr_date(t))),
-        utc_offset: metadata.captured.map(|_| 0.0),
+        capture_date: metadata.captured.and_then(exr_date).map(|date| text(&date)),
+        utc_offset: metadata.captured.and_then(exr_date).map(|_| 0.0),
         // The file holds rows of a matrix for row vectors, which are the columns of ours.
         world_to_camera: metadata.world_to_camera.map(|m| m.to_cols_array().map(|v| v as f32)),
         ..LayerAttributes::default()
@@ -142,32 +143,31 @@ fn text(s: &str) -> Text {
     Text::new_or_none(latin).unwrap_or_default()
 }
 
-/// `YYYY:MM:DD hh:mm:ss` in UTC, the form of the capDate attribute. Days become dates by Howard Hinnant's
-/// "chrono-Compatible Low-Level Date Algorithms" (civil_from_days), for times after 1970.
-fn exr_date(time: SystemTime) -> String {
-    let seconds = time.duration_since(SystemTime::UNIX_EPOCH).unwrap_or(Duration::ZERO).as_secs();
-    let (days, second) = (seconds / 86_400 + 719_468, seconds % 86_400);
-    let (era, day_of_era) = (days / 146_097, days % 146_097);
-    let year_of_era = (day_of_era - day_of_era / 1460 + day_of_era / 36_524 - day_of_era / 146_096) / 365;
-    let day_of_year = day_of_era - (365 * year_of_era + year_of_era / 4 - year_of_era / 100);
-    let shifted = (5 * day_of_year + 2) / 153;
-    let day = day_of_year - (153 * shifted + 2) / 5 + 1;
-    let month = if shifted < 10 { shifted + 3 } else { shifted - 9 };
-    let year = year_of_era + era * 400 + u64::from(month <= 2);
-    let (h, m, s) = (second / 3600, second / 60 % 60, second % 60);
-    format!("{year:04}:{month:02}:{day:02} {h:02}:{m:02}:{s:02}")
+/// `YYYY:MM:DD hh:mm:ss` in UTC, the form of the capDate attribute. `None` outside the years 1970 to 9999.
+fn exr_date(time: SystemTime) -> Option<String> {
+    let mut date = String::new();
+    // 2024-02-29T23:59:59Z
+    write!(date, "{}", humantime::format_rfc3339_seconds(time)).ok()?;
+    Some(date.replace('-', ":").replace('T', " ").replace('Z', ""))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::time::Duration;
 
     #[test]
     fn dates_are_those_of_the_calendar() {
         let at = |s| exr_date(SystemTime::UNIX_EPOCH + Duration::from_secs(s));
-        assert_eq!(at(0), "1970:01:01 00:00:00");
-        assert_eq!(at(951_782_400), "2000:02:29 00:00:00");
-        assert_eq!(at(1_709_251_199), "2024:02:29 23:59:59");
-        assert_eq!(at(4_107_542_400), "2100:03:01 00:00:00");
+        for (seconds, date) in [
+            (0, "1970:01:01 00:00:00"),
+            (951_782_400, "2000:02:29 00:00:00"),
+            (1_709_251_199, "2024:02:29 23:59:59"),
+            (4_107_542_400, "2100:03:01 00:00:00"),
+        ] {
+            assert_eq!(at(seconds).as_deref(), Some(date));
+        }
+        assert_eq!(exr_date(SystemTime::UNIX_EPOCH - Duration::from_secs(1)), None);
+        assert_eq!(at(1 << 40), None);
     }
 }
