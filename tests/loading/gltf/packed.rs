@@ -1,6 +1,6 @@
 //! Compressed, quantised and instanced geometry.
 
-use crate::asset::{floats, load_with, triangle, triangle_bytes, triangle_with};
+use super::asset::{floats, load_with, triangle, triangle_bytes, triangle_with};
 use oscura::load::Loaded;
 use oscura::math::DVec3;
 use serde_json::{Value, json};

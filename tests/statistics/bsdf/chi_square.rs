@@ -1,6 +1,6 @@
 //! Samples follow their densities, and weights are values over densities.
 
-use crate::lobes::{conductor, direction, finite, glass};
+use super::lobes::{conductor, direction, finite, glass};
 use oscura::math::Vec3;
 use oscura::sampling::chi2::{Chi2, Random, Square};
 use oscura::scene::Microfacet;

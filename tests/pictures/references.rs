@@ -1,7 +1,6 @@
 //! Pictures of the whole program against converged references that another renderer made.
 
-mod support;
-
+use crate::support::{options, picture};
 use oscura::compile::{CompileOptions, compile};
 use oscura::film::Film;
 use oscura::image::Image;
@@ -13,7 +12,6 @@ use oscura::render::{RenderOptions, render};
 use oscura::scene::Microfacet;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
-use support::{options, picture};
 
 /// Edge of the pictures rendered here, pixels.
 const SIZE: u32 = 64;

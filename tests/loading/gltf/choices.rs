@@ -1,6 +1,6 @@
 //! What options choose: scenes, nodes, variants, units of lights, kinds of glass, demanded extensions.
 
-use crate::asset::{load_by, triangle_bytes, triangle_with};
+use super::asset::{load_by, triangle_bytes, triangle_with};
 use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::{LoadOptions, Loaded};
 use oscura::math::DVec3;

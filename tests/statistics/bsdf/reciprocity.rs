@@ -1,6 +1,6 @@
 //! Light takes every way back as it came, where the models promise it.
 
-use crate::lobes::{basic, conductor, glass, gold};
+use super::lobes::{basic, conductor, glass, gold};
 use oscura::bsdf::{Bsdf, Lambert, OrenNayar, Phong};
 use oscura::math::Vec3;
 use oscura::sampling::chi2::Random;

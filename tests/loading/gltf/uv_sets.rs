@@ -1,7 +1,7 @@
 //! Sets of texture coordinates beyond the first.
 
-use crate::asset::{floats, load_with, triangle_with};
-use crate::materials::RED;
+use super::asset::{floats, load_with, triangle_with};
+use super::materials::RED;
 use oscura::load::Loaded;
 use oscura::scene::{Mapping, Texture};
 use serde_json::{Value, json};

@@ -1,6 +1,6 @@
 //! Random materials, directions and numbers, extremes included, give numbers.
 
-use crate::lobes::{direction, number};
+use super::lobes::{direction, number};
 use oscura::bsdf::{Bsdf, Coat, Factors, LocalFrame, resolve};
 use oscura::math::{Vec2, Vec3};
 use oscura::sampling::chi2::Random;
@@ -193,7 +193,7 @@ fn a_million_random_materials_and_directions_give_numbers() {
     println!("largest weight {largest}");
 }
 
-/// `cargo test --release --test bsdf_statistics -- --ignored`: two minutes.
+/// `cargo test --release --test statistics -- --ignored`: two minutes.
 #[test]
 #[ignore = "two minutes"]
 fn a_hundred_million_draws_give_numbers() {

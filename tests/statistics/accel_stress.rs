@@ -1,6 +1,6 @@
 //! A small run of the stress program's cases: see `tools/stress`.
 
-#[path = "../tools/stress/src/cases/mod.rs"]
+#[path = "../../tools/stress/src/cases/mod.rs"]
 mod cases;
 
 #[test]

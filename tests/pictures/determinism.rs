@@ -1,7 +1,7 @@
 //! The same pixels whatever the number of threads; other pixels from another seed.
 
-mod support;
-
+use crate::support::sheet::{self, Variant};
+use crate::support::{material, options, picture, quad, sphere};
 use oscura::film::{AovSet, Film};
 use oscura::image::Image;
 use oscura::render::{RenderOptions, in_pool};
@@ -10,8 +10,6 @@ use oscura::scene::{
 };
 use oscura::simd::{Level, limit_level};
 use std::path::Path;
-use support::sheet::{self, Variant};
-use support::{material, options, picture, quad, sphere};
 
 fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);

@@ -1,6 +1,6 @@
 //! Accessors, primitives and buffers.
 
-use crate::asset::{
+use super::asset::{
     corners, floats, glb, load_triangle, load_with, open, scene, triangle, triangle_bytes, triangle_with,
 };
 use serde_json::json;

@@ -1,6 +1,6 @@
 //! Collections of files by others, which lie outside the repository; without them these tests say so and pass.
 
-use crate::asset::{load_with, open, triangle_bytes, triangle_with};
+use super::asset::{load_with, open, triangle_bytes, triangle_with};
 use oscura::color::linear_from_srgb;
 use oscura::error::Error;
 use oscura::load::Loaded;

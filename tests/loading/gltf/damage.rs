@@ -1,6 +1,6 @@
 //! Damaged and hostile files: a clear error or a picture, never a panic, and never more memory than the file justifies.
 
-use crate::asset::{glb, load_by, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
+use super::asset::{glb, load_by, load_triangle, open, refusal, triangle, triangle_bytes, triangle_with};
 use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
 use oscura::load::gltf::GltfOptions;

@@ -1,7 +1,7 @@
 //! Images: formats that only glTF brings, and that nothing is decoded without need.
 
-use crate::asset::{load_with, triangle_bytes, triangle_with};
-use crate::materials::RED;
+use super::asset::{load_with, triangle_bytes, triangle_with};
+use super::materials::RED;
 use oscura::error::Error;
 use oscura::image::Encoding;
 use oscura::load::Loaded;
@@ -119,7 +119,7 @@ fn fifty_images_of_which_two_are_seen() {
     write("a.gltf", asset.to_string().as_bytes());
     write("a.bin", &triangle_bytes());
     write("red.png", RED);
-    let loaded = crate::asset::open(&folder.path().join("a.gltf")).unwrap_or_else(|e| panic!("{e}"));
+    let loaded = super::asset::open(&folder.path().join("a.gltf")).unwrap_or_else(|e| panic!("{e}"));
     assert_eq!(loaded.scene.images.len(), 2);
     let output = Command::new(env!("CARGO_BIN_EXE_oscura"))
         .args(["render", "a.gltf", "-o", "a.png", "--width", "4", "--height", "4", "--spp", "1", "--explain"])

@@ -1,13 +1,11 @@
 //! Light transport against answers that are known in closed form.
 
-mod support;
-
+use crate::support::{assert_radiance, camera, material, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
     PbrMaterial, Projection, Scene,
 };
-use support::{assert_radiance, camera, material, options, quad, sphere};
 
 fn lambert(albedo: f32) -> Material {
     Material::lambert("grey", [albedo; 3])

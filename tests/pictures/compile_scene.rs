@@ -1,14 +1,12 @@
 //! What compiling makes of a scene: what is shared, merged and left out, and that the picture stays what it should be.
 
-mod support;
-
+use crate::support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
     Microfacet, Model, PbrMaterial, Scene,
 };
-use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
     let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };

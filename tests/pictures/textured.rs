@@ -1,13 +1,11 @@
 //! Textured vertices are made in vectorised loops, except where vertices have colours: both ways give the same picture,
 //! and the same AOVs.
 
-mod support;
-
+use crate::support::sheet::{Variant, scene};
+use crate::support::{options, picture};
 use oscura::film::AovSet;
 use oscura::render::RenderOptions;
 use oscura::scene::Interpolation;
-use support::sheet::{Variant, scene};
-use support::{options, picture};
 
 #[test]
 fn both_ways_of_making_vertices_agree() {

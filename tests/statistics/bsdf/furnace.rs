@@ -1,6 +1,6 @@
 //! Energy: what arrives is what leaves, for white materials.
 
-use crate::lobes::{
+use super::lobes::{
     anisotropy, coat, direction, film, finite, glass, layers, number, pbr, resolved, sheen, through,
 };
 use oscura::bsdf::{Bsdf, Conductor, Dielectric, OrenNayar, Phong, ThinDielectric};

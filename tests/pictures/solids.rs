@@ -1,12 +1,10 @@
 //! Light inside of solids that absorb, and solids within solids, against closed forms.
 
-mod support;
-
+use crate::support::{assert_radiance, camera, material, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
     Environment, FloatSlot, Light, LightKind, Material, MaterialId, Model, PbrMaterial, Scene,
 };
-use support::{assert_radiance, camera, material, options, quad, sphere};
 
 /// Smooth clear glass that leaves a share of light after a metre.
 fn glass(scene: &mut Scene, ior: f32, left: f32) -> MaterialId {
@@ -173,7 +171,7 @@ fn a_sheet_of_glass_is_a_window() {
         }
         // Towards the ball's rim, where it reflects the sky beside the black ground.
         look(&mut scene, [0.9, 3.0, 0.0], [0.9, -2.0, 0.0]);
-        support::mean(&support::picture(&scene, &options(16, 64, 16)))
+        crate::support::mean(&crate::support::picture(&scene, &options(16, 64, 16)))
     };
     let (without, with) = (radiance(false), radiance(true));
     assert!(with > without + 0.05, "{without} {with}");

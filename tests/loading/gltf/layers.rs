@@ -1,7 +1,7 @@
 //! Extensions of materials that add layers.
 
-use crate::asset::{load_with, triangle_bytes, triangle_with};
-use crate::materials::RED;
+use super::asset::{load_with, triangle_bytes, triangle_with};
+use super::materials::RED;
 use oscura::load::Loaded;
 use oscura::scene::{Anisotropy, Model, PbrMaterial, TextureId};
 use serde_json::{Value, json};
@@ -107,7 +107,7 @@ fn nonsense_is_clamped_or_named() {
         a["materials"][0] = json!({"extensions": {"KHR_materials_sheen": {"sheenColorFactor": "red"},
             "KHR_materials_clearcoat": {"clearcoatFactor": 1, "clearcoatTexture": {}}}});
     });
-    let message = crate::asset::refusal(&asset);
+    let message = super::asset::refusal(&asset);
     for place in ["sheenColorFactor", "clearcoatTexture"] {
         assert!(message.contains(place), "{message}");
     }

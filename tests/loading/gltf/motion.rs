@@ -1,6 +1,6 @@
 //! Animations, skins and morph targets at a moment.
 
-use crate::asset::{floats, triangle_bytes, triangle_with};
+use super::asset::{floats, triangle_bytes, triangle_with};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded};
 use oscura::math::{DQuat, DVec3};
@@ -13,7 +13,7 @@ fn at(asset: &Value, more: &[f32], time_s: Option<f64>) -> Result<Loaded, oscura
     bytes.extend(floats(more));
     asset["buffers"][0]["byteLength"] = json!(bytes.len());
     let gltf = GltfOptions { time_s, ..GltfOptions::default() };
-    crate::asset::load_by(&asset, &[("a.bin", &bytes)], &LoadOptions { gltf, ..LoadOptions::default() })
+    super::asset::load_by(&asset, &[("a.bin", &bytes)], &LoadOptions { gltf, ..LoadOptions::default() })
 }
 
 /// The triangle with accessors 2, 3, ... over the floats that follow its bytes: kind and count of each.

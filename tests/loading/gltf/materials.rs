@@ -1,6 +1,6 @@
 //! Materials, textures, images and extensions.
 
-use crate::asset::{load_triangle, load_with, refusal, triangle_bytes, triangle_with};
+use super::asset::{load_triangle, load_with, refusal, triangle_bytes, triangle_with};
 use oscura::image::Encoding;
 use oscura::load::Loaded;
 use oscura::scene::{AlphaMode, Interpolation, Mapping, Material, Model, PbrMaterial, Texture, Wrap};

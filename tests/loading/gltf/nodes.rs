@@ -1,6 +1,6 @@
 //! Scenes, nodes, transforms, cameras and lights.
 
-use crate::asset::{load_triangle, refusal, scene, triangle_bytes, triangle_with};
+use super::asset::{load_triangle, refusal, scene, triangle_bytes, triangle_with};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Projection};
 use serde_json::json;

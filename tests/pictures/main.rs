@@ -1,0 +1,9 @@
+//! Pictures of whole scenes: against closed forms, references and each other.
+
+mod closed_form;
+mod compile_scene;
+mod determinism;
+mod references;
+mod solids;
+mod support;
+mod textured;

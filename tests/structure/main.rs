@@ -1,0 +1,3 @@
+//! The project's structure, checked in its sources.
+
+mod layering;
