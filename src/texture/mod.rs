@@ -91,18 +91,6 @@ impl CompiledTextures {
             .iter()
             .any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.pyramid_bytes() > 0))
     }
-
-    /// Linear RGBA of a point of a texture with one set of texture coordinates.
-    #[inline]
-    pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
-        self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
-    }
-
-    /// Linear RGBA of a texture.
-    #[inline]
-    pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
-        PointReader::new(self, *point).eval(id)
-    }
 }
 
 /// One lookup for each image that has a pyramid.

@@ -1,7 +1,7 @@
 //! The architecture, checked: modules import lower ranks only, and only certain modules print, open files or are unsafe.
 
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::source::{Source, Word, root, sources, starts, words};
+use std::path::Path;
 
 /// Modules by rank. A module may import those of lower ranks.
 const RANKS: &[(u32, &[&str])] = &[
@@ -25,77 +25,40 @@ fn rank(module: &str) -> Option<u32> {
     RANKS.iter().find(|(_, modules)| modules.contains(&module)).map(|&(rank, _)| rank)
 }
 
-struct Source {
-    path: PathBuf,
-    /// The first folder or file under `src`.
-    module: String,
-    /// Without comments, and without the unit tests at the end of the file.
-    code: String,
-}
-
-fn sources() -> Vec<Source> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut list = Vec::new();
-    collect(&root, &root, &mut list);
-    assert!(list.len() > 20, "found only {} source files under {}", list.len(), root.display());
-    list
-}
-
-fn collect(root: &Path, folder: &Path, list: &mut Vec<Source>) {
-    for entry in fs::read_dir(folder).expect("src can be read") {
-        let path = entry.expect("an entry of src").path();
-        if path.is_dir() {
-            collect(root, &path, list);
-        } else if path.extension().is_some_and(|e| e == "rs") && !is_test_file(&path) {
-            let text = fs::read_to_string(&path).expect("a source file is UTF-8");
-            let text = text.split("#[cfg(test)]\nmod tests {").next().unwrap_or_default();
-            let uncommented = |l: &str| l.split("//").next().unwrap_or_default().to_string();
-            let code = text.lines().map(uncommented).collect::<Vec<_>>().join("\n");
-            let inside = path.strip_prefix(root).expect("under src");
-            let first = inside.iter().next().expect("a name").to_string_lossy();
-            list.push(Source { module: first.trim_end_matches(".rs").to_string(), path, code });
-        }
-    }
-}
-
-/// Is it a `tests.rs` that the module file beside it includes for tests only?
-fn is_test_file(path: &Path) -> bool {
-    if path.file_name().is_none_or(|name| name != "tests.rs") {
-        return false;
-    }
-    let parent = path.with_file_name("mod.rs");
-    let declared = fs::read_to_string(&parent).unwrap_or_default().contains("#[cfg(test)]\nmod tests;");
-    assert!(declared, "{}: not declared as '#[cfg(test)] mod tests;'", path.display());
-    declared
+/// The first folder or file under `src` that a file belongs to.
+fn module(source: &Source) -> &str {
+    source.module.first().map_or("", String::as_str)
 }
 
 /// Names of modules that follow `crate::` (or `oscura::` in the command line), also in braces.
-fn imports(source: &Source) -> Vec<String> {
+fn imports(words: &[Word]) -> Vec<String> {
     let mut names = Vec::new();
-    for start in ["crate::", "oscura::"] {
-        for (at, _) in source.code.match_indices(start) {
-            let rest = &source.code[at + start.len()..];
-            let word =
-                |s: &str| s.chars().take_while(|c| c.is_alphanumeric() || *c == '_').collect::<String>();
-            match rest.strip_prefix('{') {
-                Some(group) => names.extend(top_level_names(group).iter().map(|n| word(n))),
-                None => names.push(word(rest)),
-            }
+    for at in 0..words.len() {
+        if !starts(&words[at..], &["crate", "::"]) && !starts(&words[at..], &["oscura", "::"]) {
+            continue;
+        }
+        match &words[at + 2..] {
+            [open, group @ ..] if open.text == "{" => names.extend(top_level_names(group)),
+            [name, ..] => names.push(name.text.clone()),
+            [] => {}
         }
     }
     names
 }
 
-/// The comma-separated entries of a brace group, nested groups left out.
-fn top_level_names(group: &str) -> Vec<String> {
-    let (mut depth, mut names) = (0, vec![String::new()]);
-    for c in group.chars() {
-        match c {
-            '{' => depth += 1,
-            '}' if depth == 0 => break,
-            '}' => depth -= 1,
-            ',' if depth == 0 => names.push(String::new()),
-            c if depth == 0 && !c.is_whitespace() => names.last_mut().expect("one at least").push(c),
+/// The first names of the entries of a brace group.
+fn top_level_names(group: &[Word]) -> Vec<String> {
+    let (mut depth, mut names, mut is_first) = (0, Vec::new(), true);
+    for word in group {
+        match word.text.as_str() {
+            "{" => depth += 1,
+            "}" if depth == 0 => break,
+            "}" => depth -= 1,
+            "," if depth == 0 => is_first = true,
+            _ if depth == 0 && is_first => {
+                names.push(word.text.clone());
+                is_first = false;
+            }
             _ => {}
         }
     }
@@ -106,51 +69,57 @@ fn top_level_names(group: &str) -> Vec<String> {
 fn modules_import_lower_ranks_only() {
     let mut wrong = Vec::new();
     for source in sources() {
-        if source.module == "lib" || source.module == "main" {
+        if source.module.is_empty() {
             continue;
         }
-        let Some(own) = rank(&source.module) else {
-            wrong.push(format!("{}: module '{}' has no rank", source.path.display(), source.module));
+        let module = module(source);
+        let Some(own) = rank(module) else {
+            wrong.push(format!("{}: module '{module}' has no rank", source.path));
             continue;
         };
-        for import in imports(&source) {
+        for import in imports(&source.words) {
             let Some(other) = rank(&import) else { continue };
-            let within = WITHIN_RANK.contains(&(source.module.as_str(), import.as_str()));
-            if import != source.module && other >= own && !within {
-                wrong.push(format!("{} (rank {own}) imports {import} (rank {other})", source.path.display()));
+            let within = WITHIN_RANK.contains(&(module, import.as_str()));
+            if import != module && other >= own && !within {
+                wrong.push(format!("{} (rank {own}) imports {import} (rank {other})", source.path));
             }
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 
-/// Fails if a file outside `allowed` contains one of the words.
-fn only(allowed: &[&str], words: &[&str]) {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("src");
-    let mut wrong = Vec::new();
-    let mut seen = 0;
+/// Fails if a file outside `allowed` contains one of these, each given as words with spaces between.
+fn only(allowed: &[&str], wanted: &[&str]) {
+    let (mut wrong, mut seen) = (Vec::new(), 0);
     for source in sources() {
-        let found: Vec<&&str> = words.iter().filter(|w| source.code.contains(**w)).collect();
+        let has = |text: &&&str| {
+            let with: Vec<&str> = text.split(' ').collect();
+            (0..source.words.len()).any(|at| starts(&source.words[at..], &with))
+        };
+        let found: Vec<&&str> = wanted.iter().filter(has).collect();
         if found.is_empty() {
             continue;
         }
         seen += 1;
-        if !allowed.iter().any(|a| source.path.starts_with(root.join(a))) {
-            wrong.push(format!("{}: {found:?}", source.path.display()));
+        if !allowed.iter().any(|a| Path::new(&source.path).starts_with(a)) {
+            wrong.push(format!("{}: {found:?}", source.path));
         }
     }
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(seen > 0, "none of {words:?} is anywhere: is the test still right?");
+    assert!(seen > 0, "none of {wanted:?} is anywhere: is the test still right?");
 }
 
 #[test]
 fn unsafe_code_lives_in_simd_only() {
-    only(&["simd"], &["unsafe {", "unsafe fn", "unsafe impl", "allow(unsafe_code)"]);
+    only(&["simd"], &["unsafe {", "unsafe fn", "unsafe impl", "allow ( unsafe_code )"]);
 }
 
 #[test]
 fn only_the_command_line_prints() {
-    only(&["cli"], &["println!", "eprintln!", "print!(", "eprint!(", "dbg!(", "io::stdout", "io::stderr"]);
+    only(
+        &["cli"],
+        &["println !", "eprintln !", "print !", "eprint !", "dbg !", "io :: stdout", "io :: stderr"],
+    );
 }
 
 #[test]
@@ -158,23 +127,18 @@ fn only_load_and_output_open_files() {
     // The command line reads its own memory use from the system.
     only(
         &["load", "output", "cli/process.rs"],
-        &["std::fs", "File::open", "File::create", "OpenOptions", "fs::read"],
+        &["std :: fs", "File :: open", "File :: create", "OpenOptions", "fs :: read"],
     );
 }
 
 #[test]
 fn main_is_a_door() {
-    let main = Path::new(env!("CARGO_MANIFEST_DIR")).join("src/main.rs");
-    let lines = fs::read_to_string(main).expect("main.rs").lines().count();
+    let lines = std::fs::read_to_string(root().join("main.rs")).expect("main.rs").lines().count();
     assert!(lines <= 60, "main.rs has {lines} lines");
 }
 
 #[test]
 fn brace_groups_are_understood() {
-    let source = Source {
-        path: PathBuf::new(),
-        module: String::new(),
-        code: "use crate::{film::{Film, x}, math}; crate::scene::Scene".into(),
-    };
-    assert_eq!(imports(&source), ["film", "math", "scene"]);
+    let text = "use crate::{film::{Film, x}, math}; crate::scene::Scene";
+    assert_eq!(imports(&words(text)), ["film", "math", "scene"]);
 }

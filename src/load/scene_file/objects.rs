@@ -12,8 +12,8 @@
 //! Shapes without a material take `[materials.default]`. Quads stay analytic under every transform; spheres under
 //! rotation, translation and even scaling, and become meshes of 81,920 triangles, with a warning, under any other.
 
-use super::Build;
 use super::assets::Assets;
+use super::build::Build;
 use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::textures::Textures;
