@@ -2,6 +2,7 @@
 
 mod closed_form;
 mod compile_scene;
+mod converged;
 mod determinism;
 mod references;
 mod solids;

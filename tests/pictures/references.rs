@@ -17,7 +17,7 @@ use std::sync::atomic::AtomicBool;
 const SIZE: u32 = 64;
 
 /// A file of references; says so and gives `None` where it is absent.
-fn reference(name: &str) -> Option<PathBuf> {
+pub(crate) fn reference(name: &str) -> Option<PathBuf> {
     shared(&format!("refs/{name}"))
 }
 
@@ -34,7 +34,7 @@ fn shared(name: &str) -> Option<PathBuf> {
 }
 
 /// The means of square blocks, times `factor`: box-filtered pixels of `SIZE` x `SIZE` larger ones.
-fn shrunk(image: &Image, factor: f64) -> Image {
+pub(crate) fn shrunk(image: &Image, factor: f64) -> Image {
     let block = image.width / SIZE;
     assert_eq!((image.width, image.height), (block * SIZE, block * SIZE), "{}", image.name);
     let mut rgb = Vec::new();
