@@ -2,8 +2,10 @@
 
 use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
 use super::ggx::MIN_ALPHA;
-use super::microsurface::LARGEST_ROOT_RATIO;
 use crate::math::Vec3;
+
+/// Largest ratio of the square roots of the two alphas that the table reaches.
+pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
 /// Nodes along the table's axes: the square root r of the smaller alpha, from the least on; how far the root of the larger
 /// one is from it on the way to four times as much, or 1; how far the root of the alpha along the azimuth is from the

@@ -1,8 +1,9 @@
 //! Smooth glass: solid, and as a thin sheet.
 
-use super::{BsdfSample, fresnel};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel};
+use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::FresnelModel;
+use crate::scene::{ColorSlot, FresnelModel};
 
 /// The boundary of a smooth solid dielectric. z above 0 is outside.
 #[derive(Clone, Copy, Debug)]
@@ -10,15 +11,15 @@ pub struct Dielectric {
     /// Index of refraction of the inside over the outside.
     pub ior: f32,
     /// Factor on transmitted light at each crossing.
-    pub tint: Vec3,
+    pub tint: Rgb,
     /// Fresnel term.
     pub fresnel: FresnelModel,
 }
 
-impl Dielectric {
-    /// See [`super::Bsdf::sample`]: reflects with the chance of the reflectance, refracts otherwise.
+impl Lobe for Dielectric {
+    /// Reflects with the probability of the reflectance, refracts otherwise.
     #[inline(always)]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let eta = if wo.z < 0.0 { 1.0 / self.ior } else { self.ior };
         let cos_o = wo.z.abs().min(1.0);
         let side = match self.fresnel {
@@ -26,7 +27,7 @@ impl Dielectric {
             FresnelModel::Schlick => fresnel::schlick_dielectric(cos_o, eta),
         };
         if u[2] < side.reflectance {
-            return BsdfSample::mirror(wo, Vec3::ONE, side.reflectance);
+            return BsdfSample::mirror(wo, Rgb::ONE, side.reflectance);
         }
         let inverse = 1.0 / eta;
         let wi = Vec3::new(-wo.x * inverse, -wo.y * inverse, (-side.cos_transmitted).copysign(-wo.z));
@@ -39,6 +40,26 @@ impl Dielectric {
             is_transmission: true,
         }
     }
+
+    #[inline(always)]
+    fn eval(&self, _wo: Vec3, _wi: Vec3) -> BsdfEval {
+        BsdfEval::ZERO
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        Dielectric { tint: self.tint * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.tint
+    }
 }
 
 /// A thin smooth sheet of glass: light passes straight on; the reflections between its two faces are summed.
@@ -47,7 +68,7 @@ pub struct ThinDielectric {
     /// Index of refraction of the sheet.
     pub ior: f32,
     /// Factor on transmitted light.
-    pub tint: Vec3,
+    pub tint: Rgb,
 }
 
 impl ThinDielectric {
@@ -57,13 +78,14 @@ impl ThinDielectric {
         let r = fresnel::exact(cos_o.abs().min(1.0), self.ior).reflectance;
         2.0 * r / (1.0 + r)
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for ThinDielectric {
     #[inline(always)]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let reflectance = self.reflectance(wo.z);
         if u[2] < reflectance {
-            return BsdfSample::mirror(wo, Vec3::ONE, reflectance);
+            return BsdfSample::mirror(wo, Rgb::ONE, reflectance);
         }
         BsdfSample {
             wi: -wo,
@@ -74,4 +96,96 @@ impl ThinDielectric {
             is_transmission: true,
         }
     }
+
+    #[inline(always)]
+    fn eval(&self, _wo: Vec3, _wi: Vec3) -> BsdfEval {
+        BsdfEval::ZERO
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        true
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        ThinDielectric { tint: self.tint * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.tint
+    }
+}
+
+impl Transmissive for Dielectric {
+    const SCATTERS_THROUGH: bool = false;
+    const REFRACTS: bool = true;
+
+    #[inline(always)]
+    fn with_ior(self, ior: f32) -> Self {
+        Dielectric { ior, ..self }
+    }
+}
+
+impl Transmissive for ThinDielectric {
+    const SCATTERS_THROUGH: bool = false;
+    const REFRACTS: bool = false;
+
+    #[inline(always)]
+    fn with_ior(self, _ior: f32) -> Self {
+        // Thin walls disperse nothing.
+        self
+    }
+}
+
+/// The parameters of a [`Dielectric`].
+#[derive(Clone, Copy, Debug)]
+pub struct DielectricProgram {
+    /// See [`Dielectric::ior`].
+    pub ior: f32,
+    /// See [`Dielectric::tint`].
+    pub tint: ColorSlot,
+    /// The tint is that of both crossings of a solid together.
+    pub tints_once: bool,
+    /// See [`Dielectric::fresnel`].
+    pub fresnel: FresnelModel,
+}
+
+impl MaterialProgram for DielectricProgram {
+    type Lobe = Dielectric;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Dielectric {
+        let tint = tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once);
+        Dielectric { ior: self.ior, tint, fresnel: self.fresnel }
+    }
+}
+
+/// The parameters of a [`ThinDielectric`].
+#[derive(Clone, Copy, Debug)]
+pub struct ThinDielectricProgram {
+    /// See [`ThinDielectric::ior`].
+    pub ior: f32,
+    /// See [`ThinDielectric::tint`].
+    pub tint: ColorSlot,
+}
+
+impl MaterialProgram for ThinDielectricProgram {
+    type Lobe = ThinDielectric;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> ThinDielectric {
+        ThinDielectric { ior: self.ior, tint: slots.share_by_channel(&self.tint) }
+    }
+}
+
+/// The factor on transmitted light at one crossing of a surface.
+///
+/// KHR_materials_transmission multiplies transmitted light by the base colour at each crossing, so that a closed solid shows
+/// its square; where the colour is meant for the whole solid, each crossing takes the root. Absorption inside a volume is
+/// the integrator's.
+#[inline(always)]
+pub(super) fn tint_of_crossing(color: Rgb, tints_once: bool) -> Rgb {
+    if tints_once { color.map(f32::sqrt) } else { color }
 }

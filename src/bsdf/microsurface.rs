@@ -2,9 +2,11 @@
 //! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
 
 use super::albedo_table::DirectionalAlbedo;
-use super::anisotropic_table::anisotropic_albedo;
+use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo};
 use super::ggx::{self, MIN_ALPHA, Reflection};
-use crate::math::Vec3;
+use super::program::{LocalFrame, Slots};
+use crate::math::{Vec2, Vec3, poly};
+use crate::scene::{Anisotropy, ColorSlot, FloatSlot};
 use std::f32::consts::PI;
 
 /// What lobes need of a distribution of facets. Directions have z above 0.
@@ -50,9 +52,6 @@ impl Facets for Isotropic {
 
 /// Smallest ratio of the two alphas.
 const LEAST_RATIO: f32 = 1.0 / (LARGEST_ROOT_RATIO * LARGEST_ROOT_RATIO);
-
-/// Largest ratio of their square roots.
-pub const LARGEST_ROOT_RATIO: f32 = 4.0;
 
 /// Facets of two roughnesses.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -155,6 +154,36 @@ impl Facets for Microsurface {
             pdf_solid_angle: d * 0.5 / (zo + root_o),
             cos_half: 0.5 * half.length(),
         }
+    }
+}
+
+/// Perceptual roughness, and how KHR_materials_anisotropy stretches it.
+#[derive(Clone, Copy, Debug)]
+pub struct MicrosurfaceProgram {
+    /// Perceptual roughness.
+    pub roughness: FloatSlot,
+    /// Stretched highlights; `None` for the same roughness in all directions.
+    pub anisotropy: Option<Anisotropy>,
+}
+
+impl MicrosurfaceProgram {
+    /// The facets where the slots have these values.
+    pub fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Microsurface {
+        let alpha = slots.alpha(&self.roughness);
+        let Some(anisotropy) = self.anisotropy else { return Microsurface::isotropic(alpha) };
+        let (mut strength, mut direction) = (anisotropy.strength, Vec2::X);
+        if let Some(id) = anisotropy.texture {
+            let t = slots.color(&ColorSlot::texture(id));
+            direction = Vec2::new(2.0 * t.r - 1.0, 2.0 * t.g - 1.0).try_normalize().unwrap_or(Vec2::X);
+            strength *= t.b;
+        }
+        let (sine, cosine) = poly::sin_cos(anisotropy.rotation_rad);
+        let turned =
+            Vec2::new(direction.x * cosine - direction.y * sine, direction.x * sine + direction.y * cosine);
+        let axis = (frame.tangent * turned.x + frame.bitangent * turned.y).try_normalize().unwrap_or(Vec2::X);
+        let strength = strength.clamp(0.0, 1.0);
+        let along = alpha + (1.0 - alpha) * strength * strength;
+        Microsurface::new([along, alpha], axis.to_array())
     }
 }
 

@@ -1,4 +1,4 @@
-//! How surfaces scatter light: one file a lobe, and the closed [`Bsdf`] over them.
+//! How surfaces scatter light: one file a lobe, and the closed [`Bsdf`] over them, which the table in this file makes.
 //!
 //! Directions are unit vectors in the local frame whose z is the shading normal; both leave the surface. z of `wo` may
 //! be negative: opaque lobes reflect on either side alike, dielectrics tell the inside (negative z) from the outside.
@@ -10,264 +10,161 @@ pub mod anisotropic_table;
 mod coat;
 mod conductor;
 mod dielectric;
-mod film;
+mod dispatch;
 pub mod fresnel;
 pub mod ggx;
 mod lambert;
 mod layered;
-mod metal;
+mod lobe;
 mod metal_rough;
 mod microsurface;
 mod oren_nayar;
 mod phong;
+mod program;
+mod program_pbr;
 #[cfg(test)]
 mod reference;
 #[cfg(test)]
 mod reference_walk;
-mod resolve;
-mod resolve_pbr;
 mod rough_dielectric;
+mod rough_dielectric_lobe;
+mod sample;
+mod schlick_metal;
 mod sheen;
 #[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
 mod sheen_data;
 mod solid_glass;
+mod thin_film;
 mod through;
 
 pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
-pub use conductor::Conductor;
-pub use dielectric::{Dielectric, ThinDielectric};
-pub use film::Film;
 pub use ggx::above;
-pub use lambert::Lambert;
-pub use layered::Layered;
-pub use metal::Metal;
-pub use metal_rough::{MetalRough, View};
+pub use lobe::{Lobe, Transmissive};
+pub use metal_rough::MetalRoughClosure;
 pub use microsurface::{Facets, Isotropic, Microsurface};
-pub use oren_nayar::OrenNayar;
-pub use phong::Phong;
-pub use resolve::{BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
-pub use rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
+pub use rough_dielectric::{GlassReflectance, Walls};
+pub use sample::{BsdfEval, BsdfSample};
 pub use sheen::Sheen;
+pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
 
+use crate::color::Rgb;
 use crate::math::Vec3;
+use crate::scene::{EnergyCompensation, FresnelModel, Model, PbrMaterial};
+use microsurface::MicrosurfaceProgram;
+use program::always;
+use sample::with_side;
 
-/// A sampled direction.
-#[derive(Clone, Copy, Debug)]
-pub struct BsdfSample {
-    /// Where the light comes from.
-    pub wi: Vec3,
-    /// f |cos| / pdf; zero where the path ends.
-    pub weight: Vec3,
-    /// Density per solid angle; for specular samples the chance of having chosen this direction.
-    pub pdf_solid_angle: f32,
-    /// Index of refraction on the side of `wi` over that on the side of `wo`; 1 unless refracted.
-    pub eta: f32,
-    /// From a lobe that is a single direction, which [`Bsdf::eval`] does not see.
-    pub is_specular: bool,
-    /// To the other side of the surface.
-    pub is_transmission: bool,
-}
-
-impl BsdfSample {
-    /// The path ends.
-    pub const ABSORBED: BsdfSample = BsdfSample {
-        wi: Vec3::Z,
-        weight: Vec3::ZERO,
-        pdf_solid_angle: 0.0,
-        eta: 1.0,
-        is_specular: false,
-        is_transmission: false,
-    };
-
-    /// A direction that was reflected by chance, weighted by value over density; the path ends where that is 0.
-    #[inline(always)]
-    fn reflected(wi: Vec3, eval: BsdfEval) -> BsdfSample {
-        let BsdfEval { f_cos, pdf_solid_angle } = eval;
-        if pdf_solid_angle <= 0.0 {
-            return BsdfSample::ABSORBED;
-        }
-        BsdfSample { wi, weight: f_cos / pdf_solid_angle, pdf_solid_angle, ..BsdfSample::ABSORBED }
+dispatch::bsdfs! {
+    opaque {
+        /// Ideal diffuse reflection.
+        lambert::Lambert(lambert::LambertProgram),
+        /// Rough diffuse reflection.
+        oren_nayar::OrenNayar(oren_nayar::OrenNayarProgram),
+        /// The modified Phong model.
+        phong::Phong(phong::PhongProgram),
+        /// A metal of a colour, with Schlick's Fresnel term.
+        schlick_metal::SchlickMetal(schlick_metal::SchlickMetalProgram),
+        /// A metal of a complex index of refraction.
+        conductor::Conductor(conductor::ConductorProgram),
+        /// The opaque glTF material.
+        metal_rough::MetalRough(program_pbr::MetalRoughProgram),
     }
-
-    /// The mirror image of `wo`, chosen with a chance.
-    #[inline(always)]
-    fn mirror(wo: Vec3, weight: Vec3, chance: f32) -> BsdfSample {
-        BsdfSample {
-            wi: Vec3::new(-wo.x, -wo.y, wo.z),
-            weight,
-            pdf_solid_angle: chance,
-            eta: 1.0,
-            is_specular: true,
-            is_transmission: false,
-        }
+    transmissive {
+        /// Smooth solid glass.
+        dielectric::Dielectric(dielectric::DielectricProgram),
+        /// A smooth thin sheet of glass.
+        dielectric::ThinDielectric(dielectric::ThinDielectricProgram),
+        /// Glass of any roughness, solid or thin.
+        rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
+        /// The glTF material with all layers.
+        layered::Layered(program_pbr::LayeredProgram),
     }
 }
 
-/// The value of a BSDF for two directions.
-#[derive(Clone, Copy, Debug)]
-pub struct BsdfEval {
-    /// f times |cos| of `wi`; without specular lobes.
-    pub f_cos: Vec3,
-    /// Density per solid angle with which sampling finds `wi`.
-    pub pdf_solid_angle: f32,
-}
-
-impl BsdfEval {
-    /// No light that way.
-    pub const ZERO: BsdfEval = BsdfEval { f_cos: Vec3::ZERO, pdf_solid_angle: 0.0 };
-}
-
-/// The mean of a colour's channels, by which lobes are chosen.
-#[inline(always)]
-fn mean(v: Vec3) -> f32 {
-    (v.x + v.y + v.z) * (1.0 / 3.0)
-}
-
-/// Surfaces that return less light than this are black: nothing is divided by it.
-const LEAST_ALBEDO: f32 = 1e-30;
-
-/// With a z of -0 turned to 0, so that its sign says the same as a comparison.
-#[inline(always)]
-fn with_side(v: Vec3) -> Vec3 {
-    Vec3::new(v.x, v.y, v.z + 0.0)
-}
-
-/// Every way in which a surface may scatter.
-#[derive(Clone, Copy, Debug)]
-pub enum Bsdf {
-    /// Absorbs everything.
-    Black,
-    /// Ideal diffuse reflection.
-    Lambert(Lambert),
-    /// Rough diffuse reflection.
-    OrenNayar(OrenNayar),
-    /// The modified Phong model.
-    Phong(Phong),
-    /// Metal of a colour.
-    Conductor(Conductor),
-    /// Metal of a complex index of refraction.
-    Metal(Metal),
-    /// Smooth solid glass.
-    Dielectric(Dielectric),
-    /// A smooth thin sheet of glass.
-    ThinDielectric(ThinDielectric),
-    /// Glass of any roughness, solid or thin.
-    RoughDielectric(RoughDielectric),
-    /// The opaque glTF material.
-    MetalRough(MetalRough),
-    /// The glTF material with all layers.
-    Layered(Layered),
-}
-
-impl Bsdf {
-    /// Chooses a direction. `u[2]` chooses the lobe, the others the direction in it.
-    #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let wo = with_side(wo);
-        match self {
-            Bsdf::Black => BsdfSample::ABSORBED,
-            Bsdf::Lambert(b) => b.sample(wo, u),
-            Bsdf::OrenNayar(b) => b.sample(wo, u),
-            Bsdf::Phong(b) => b.sample(wo, u),
-            Bsdf::Conductor(b) => b.sample(wo, u),
-            Bsdf::Metal(b) => b.sample(wo, u),
-            Bsdf::Dielectric(b) => b.sample(wo, u),
-            Bsdf::ThinDielectric(b) => b.sample(wo, u),
-            Bsdf::RoughDielectric(b) => b.sample(wo, u),
-            Bsdf::MetalRough(b) => b.sample(wo, u),
-            Bsdf::Layered(b) => b.sample(wo, u),
-        }
-    }
-
-    /// Value and density for two directions; specular lobes count as zero.
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        let (wo, wi) = (with_side(wo), with_side(wi));
-        match self {
-            Bsdf::Lambert(b) => b.eval(wo, wi),
-            Bsdf::OrenNayar(b) => b.eval(wo, wi),
-            Bsdf::Phong(b) => b.eval(wo, wi),
-            Bsdf::Conductor(b) => b.eval(wo, wi),
-            Bsdf::Metal(b) => b.eval(wo, wi),
-            Bsdf::RoughDielectric(b) => b.eval(wo, wi),
-            Bsdf::MetalRough(b) => b.eval(wo, wi),
-            Bsdf::Layered(b) => b.eval(wo, wi),
-            Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => BsdfEval::ZERO,
-        }
-    }
-
-    /// Are all its samples specular, so that light sampling is in vain?
-    #[inline]
-    pub fn is_specular(&self) -> bool {
-        match self {
-            Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => true,
-            Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => false,
-            Bsdf::Conductor(b) => b.is_mirror(),
-            Bsdf::Metal(b) => b.surface.is_mirror(),
-            Bsdf::RoughDielectric(b) => b.is_smooth(),
-            Bsdf::MetalRough(b) => b.is_specular(),
-            Bsdf::Layered(b) => b.is_specular(),
-        }
-    }
-
-    /// May light from the other side of the surface reach the viewer by a lobe of finite width?
-    #[inline(always)]
-    pub fn scatters_through(&self) -> bool {
-        matches!(self, Bsdf::RoughDielectric(_) | Bsdf::Layered(_))
-    }
-
-    /// With its base colour multiplied (by the colour of vertices).
-    #[inline]
-    pub fn tinted(self, color: Vec3) -> Bsdf {
-        match self {
-            Bsdf::Black => Bsdf::Black,
-            Bsdf::Lambert(b) => Bsdf::Lambert(Lambert { albedo: b.albedo * color }),
-            Bsdf::OrenNayar(b) => Bsdf::OrenNayar(OrenNayar { color: b.color * color, ..b }),
-            Bsdf::Phong(b) => Bsdf::Phong(Phong { diffuse: b.diffuse * color, ..b }),
-            Bsdf::Conductor(b) => Bsdf::Conductor(Conductor { f0: b.f0 * color, ..b }),
-            // The colour of a measured metal is its own.
-            Bsdf::Metal(b) => Bsdf::Metal(b),
-            Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { tint: b.tint * color, ..b }),
-            Bsdf::ThinDielectric(b) => Bsdf::ThinDielectric(ThinDielectric { tint: b.tint * color, ..b }),
-            Bsdf::RoughDielectric(b) => Bsdf::RoughDielectric(RoughDielectric { tint: b.tint * color, ..b }),
-            Bsdf::MetalRough(b) => {
-                Bsdf::MetalRough(MetalRough { diffuse: b.diffuse * color, metal_f0: b.metal_f0 * color, ..b })
+impl BsdfProgram {
+    /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
+    pub fn of(model: &Model, energy_compensation: EnergyCompensation) -> BsdfProgram {
+        match model {
+            Model::Black => BsdfProgram::Black,
+            Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
+            Model::OrenNayar { color, roughness } if always(roughness, 0.0) => {
+                LambertProgram { albedo: *color }.into()
             }
-            Bsdf::Layered(b) => Bsdf::Layered(b.tinted(color)),
-        }
-    }
-
-    /// With another index of refraction of its glass, for one wavelength of a dispersive material.
-    #[inline]
-    pub fn with_ior(self, ior: f32) -> Bsdf {
-        match self {
-            Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { ior, ..b }),
-            Bsdf::RoughDielectric(b) => Bsdf::RoughDielectric(RoughDielectric { ior, ..b }),
-            Bsdf::Layered(mut b) => {
-                b.glass.ior = ior;
-                Bsdf::Layered(b)
+            Model::OrenNayar { color, roughness } => {
+                OrenNayarProgram { color: *color, roughness: *roughness }.into()
             }
-            other => other,
+            Model::Phong { diffuse, specular, exponent } => {
+                PhongProgram { diffuse: *diffuse, specular: *specular, exponent: *exponent }.into()
+            }
+            Model::SchlickMetal { color, roughness } => {
+                SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
+            }
+            Model::Conductor { eta, k, roughness } => ConductorProgram {
+                eta: Rgb::from_array(*eta),
+                k: Rgb::from_array(*k),
+                roughness: *roughness,
+                energy_compensation,
+            }
+            .into(),
+            Model::Dielectric { ior, tint, fresnel } => {
+                DielectricProgram { ior: *ior, tint: *tint, tints_once: false, fresnel: *fresnel }.into()
+            }
+            Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
+                ThinDielectricProgram { ior: *ior, tint: *tint }.into()
+            }
+            Model::Glass { ior, tint, roughness, is_thin } => RoughDielectricProgram {
+                facets: MicrosurfaceProgram { roughness: *roughness, anisotropy: None },
+                ior: *ior,
+                walls: if *is_thin { Walls::Thin } else { Walls::Solid },
+                tint: *tint,
+                tints_once: false,
+                energy_compensation,
+            }
+            .into(),
+            Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, energy_compensation),
         }
     }
 
-    /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
-    #[inline]
-    pub fn albedo(&self) -> Vec3 {
-        match self {
-            Bsdf::Black => Vec3::ZERO,
-            Bsdf::Lambert(b) => b.albedo,
-            Bsdf::OrenNayar(b) => b.color,
-            Bsdf::Phong(b) => b.diffuse + b.specular,
-            Bsdf::Conductor(b) => b.f0,
-            Bsdf::Metal(b) => b.reflectance(1.0),
-            Bsdf::Dielectric(b) => b.tint,
-            Bsdf::ThinDielectric(b) => b.tint,
-            Bsdf::RoughDielectric(b) => b.tint,
-            Bsdf::MetalRough(b) => b.albedo(),
-            Bsdf::Layered(b) => b.albedo(),
+    fn of_pbr(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
+        let layered = || LayeredProgram::new(pbr, energy_compensation).into();
+        let is_dielectric = always(&pbr.metallic, 0.0);
+        if program_pbr::is_layered(pbr) {
+            return layered();
+        }
+        if program_pbr::transmits(pbr) {
+            let is_clear = is_dielectric && always(&pbr.transmission, 1.0) && program_pbr::is_plain(pbr);
+            return if is_clear { BsdfProgram::of_glass(pbr, energy_compensation) } else { layered() };
+        }
+        if is_dielectric && always(&pbr.specular, 0.0) {
+            // Without a reflection on top, roughness means nothing.
+            let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
+            return if black { BsdfProgram::Black } else { LambertProgram { albedo: pbr.base_color }.into() };
+        }
+        match (pbr.anisotropy.is_some(), always(&pbr.metallic, 1.0)) {
+            (true, _) => layered(),
+            (false, true) => {
+                let (color, roughness) = (pbr.base_color, pbr.roughness);
+                SchlickMetalProgram { color, roughness, energy_compensation }.into()
+            }
+            (false, false) => MetalRoughProgram::new(pbr, energy_compensation).into(),
+        }
+    }
+
+    /// Glass without anything else.
+    fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
+        let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
+        let walls = program_pbr::walls(pbr);
+        if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() {
+            let facets = program_pbr::facets(pbr);
+            return RoughDielectricProgram { facets, ior, walls, tint, tints_once, energy_compensation }
+                .into();
+        }
+        match walls {
+            Walls::Solid => DielectricProgram { ior, tint, tints_once, fresnel: FresnelModel::Exact }.into(),
+            Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Rough diffuse reflection that keeps its energy.
 
-use super::{BsdfEval, BsdfSample};
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots};
+use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
+use crate::scene::{ColorSlot, FloatSlot};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Fujii's form of the Oren-Nayar model with the light that bounces between its facets (Portsmouth, Kutz, Hill 2024,
@@ -11,7 +13,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayar {
     /// Share of light reflected by each facet, 0..1.
-    pub color: Vec3,
+    pub color: Rgb,
     /// 0..1.
     pub roughness: f32,
 }
@@ -35,17 +37,18 @@ impl OrenNayar {
         (1.0 + self.roughness * g) * self.normalisation()
     }
 
-    /// Chance of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
+    /// Probability of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
     /// incidence comes from grazing directions.
     #[inline(always)]
-    fn p_uniform(&self, zo: f32) -> f32 {
+    fn probability_uniform(&self, zo: f32) -> f32 {
         0.5 * self.roughness * (1.0 - zo) * (1.0 - zo)
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+impl Lobe for OrenNayar {
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let up = if u[2] < self.p_uniform(wo.z.abs()) {
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let up = if u[2] < self.probability_uniform(wo.z.abs()) {
             let (s, c) = poly::sin_cos_turns(u[1]);
             let sine = (1.0 - u[0] * u[0]).max(0.0).sqrt();
             Vec3::new(sine * c, sine * s, u[0])
@@ -56,9 +59,8 @@ impl OrenNayar {
         BsdfSample::reflected(wi, self.eval(wo, wi))
     }
 
-    /// See [`super::Bsdf::eval`].
     #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         if (wo.z < 0.0) != (wi.z < 0.0) {
             return BsdfEval::ZERO;
         }
@@ -69,11 +71,44 @@ impl OrenNayar {
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
         let mean = self.normalisation() * (1.0 + C2 * self.roughness);
         let lost = |cosine| (1.0 - self.single_albedo(cosine)).max(0.0);
-        let between = self.color * self.color * mean / (Vec3::ONE - self.color * (1.0 - mean));
+        let between = self.color * self.color * mean / (Rgb::ONE - self.color * (1.0 - mean));
         let multiple = between * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
-        let p_uniform = self.p_uniform(zo);
+        let probability_uniform = self.probability_uniform(zo);
         let cosine = zi * FRAC_1_PI;
-        let pdf_solid_angle = p_uniform * (0.5 * FRAC_1_PI) + (1.0 - p_uniform) * cosine;
+        let pdf_solid_angle = probability_uniform * (0.5 * FRAC_1_PI) + (1.0 - probability_uniform) * cosine;
         BsdfEval { f_cos: (single + multiple) * cosine, pdf_solid_angle }
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline(always)]
+    fn tinted(self, color: Rgb) -> Self {
+        OrenNayar { color: self.color * color, ..self }
+    }
+
+    #[inline(always)]
+    fn albedo(&self) -> Rgb {
+        self.color
+    }
+}
+
+/// The parameters of a [`OrenNayar`].
+#[derive(Clone, Copy, Debug)]
+pub struct OrenNayarProgram {
+    /// See [`OrenNayar::color`].
+    pub color: ColorSlot,
+    /// See [`OrenNayar::roughness`].
+    pub roughness: FloatSlot,
+}
+
+impl MaterialProgram for OrenNayarProgram {
+    type Lobe = OrenNayar;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> OrenNayar {
+        OrenNayar { color: slots.share_by_channel(&self.color), roughness: slots.share(&self.roughness) }
     }
 }

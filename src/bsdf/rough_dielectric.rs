@@ -1,10 +1,11 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
-use super::microsurface::{Facets, Microsurface};
-use super::solid_glass::SolidView;
-use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
+use super::dielectric::tint_of_crossing;
+use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
+use super::{LocalFrame, MaterialProgram, Slots, fresnel};
+use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::Microfacet;
+use crate::scene::{ColorSlot, EnergyCompensation};
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
 /// direction: the surface counts as smooth.
@@ -28,7 +29,7 @@ pub enum GlassReflectance {
     /// From `f0` at normal to `f90` at grazing incidence.
     Between {
         /// Reflectance at normal incidence.
-        f0: Vec3,
+        f0: Rgb,
         /// Reflectance at grazing incidence.
         f90: f32,
     },
@@ -40,9 +41,9 @@ pub enum GlassReflectance {
 /// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
 /// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
 /// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
-/// [`Microfacet::Single`] what is shadowed is lost.
+/// [`EnergyCompensation::Off`] what is shadowed is lost.
 ///
-/// With [`Microfacet::Multi`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
+/// With [`EnergyCompensation::On`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
 /// medium, where total reflection holds it. So of what is shadowed on the rarer side a share stays there, and the rest joins
 /// what the same facet sends to the denser side, tinted by one crossing more; what is mirrored against the surface from
 /// within leaves through it in a share, and is turned back otherwise. Wherever it ends, it is turned away from the horizon,
@@ -67,22 +68,22 @@ pub struct RoughDielectric {
     /// Solid or thin.
     pub walls: Walls,
     /// Factor on transmitted light at each crossing.
-    pub tint: Vec3,
+    pub tint: Rgb,
     /// Reflectance.
     pub reflectance: GlassReflectance,
-    /// Single or multiple scattering.
-    pub microfacet: Microfacet,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
 }
 
 /// A facet as seen under one angle.
 #[derive(Clone, Copy)]
 pub(super) struct Facet {
-    pub reflected: Vec3,
-    pub transmitted: Vec3,
-    /// Chance of sampling the reflection.
-    pub p_reflected: f32,
-    /// Chance of sampling the transmission; on its own, so that a tiny one does not round to 0.
-    pub p_transmitted: f32,
+    pub reflected: Rgb,
+    pub transmitted: Rgb,
+    /// Probability of sampling the reflection.
+    pub probability_reflected: f32,
+    /// Probability of sampling the transmission; on its own, so that a tiny one does not round to 0.
+    pub probability_transmitted: f32,
     pub cos_transmitted: f32,
 }
 
@@ -107,28 +108,29 @@ impl RoughDielectric {
         let interface = fresnel::exact(c, eta);
         let total = interface.cos_transmitted <= 0.0 && interface.reflectance > 0.0;
         let mut reflected = match self.reflectance {
-            GlassReflectance::Plain => Vec3::splat(interface.reflectance),
-            GlassReflectance::Between { .. } if total => Vec3::ONE,
+            GlassReflectance::Plain => Rgb::splat(interface.reflectance),
+            GlassReflectance::Between { .. } if total => Rgb::ONE,
             GlassReflectance::Between { f0, f90 } => {
                 let normal = fresnel::f0_from_eta(eta);
                 let rise = (interface.reflectance - normal) / (1.0 - normal).max(1e-6);
-                (f0 + (Vec3::splat(f90) - f0) * rise).clamp(Vec3::ZERO, Vec3::ONE)
+                (f0 + (Rgb::splat(f90) - f0) * rise).clamp(Rgb::ZERO, Rgb::ONE)
             }
         };
         if self.walls == Walls::Thin {
             // All reflections between the two faces: R + T^2 R / (1 - R^2).
-            reflected = reflected * 2.0 / (Vec3::ONE + reflected);
+            reflected = reflected * 2.0 / (Rgb::ONE + reflected);
         }
         let passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
         let transmitted = self.tint * passes;
-        let (r, t) = (mean(reflected), mean(transmitted));
+        let (r, t) = (reflected.mean(), transmitted.mean());
         let sum = r + t;
-        let [p_reflected, p_transmitted] = [r, t].map(|x| x / if sum > 0.0 { sum } else { 1.0 });
+        let [probability_reflected, probability_transmitted] =
+            [r, t].map(|x| x / if sum > 0.0 { sum } else { 1.0 });
         Facet {
             reflected,
             transmitted,
-            p_reflected,
-            p_transmitted,
+            probability_reflected,
+            probability_transmitted,
             cos_transmitted: interface.cos_transmitted,
         }
     }
@@ -140,114 +142,44 @@ impl RoughDielectric {
         let eta = if is_inside && self.walls == Walls::Solid { 1.0 / self.ior } else { self.ior };
         let share = |c: f32| {
             let facet = self.facet(c.min(1.0), eta);
-            mean(facet.reflected) + mean(facet.transmitted)
+            facet.reflected.mean() + facet.transmitted.mean()
         };
         let estimate = 0.5 * (share(cosine) + share(cosine.max(0.5)));
         // From within, facets may reflect everything where their mean does not: they must not be starved.
         let least = if is_inside && !self.is_smooth() { 0.01 } else { 0.0 };
         if estimate > least { estimate } else { least }
     }
+}
 
-    /// See [`super::Bsdf::sample`].
+/// The parameters of a [`RoughDielectric`] of plain reflectance.
+#[derive(Clone, Copy, Debug)]
+pub struct RoughDielectricProgram {
+    /// See [`RoughDielectric::surface`].
+    pub facets: MicrosurfaceProgram,
+    /// See [`RoughDielectric::ior`].
+    pub ior: f32,
+    /// See [`RoughDielectric::walls`].
+    pub walls: Walls,
+    /// See [`RoughDielectric::tint`].
+    pub tint: ColorSlot,
+    /// The tint is that of both crossings of a solid together.
+    pub tints_once: bool,
+    /// See [`RoughDielectric::energy_compensation`].
+    pub energy_compensation: EnergyCompensation,
+}
+
+impl MaterialProgram for RoughDielectricProgram {
+    type Lobe = RoughDielectric;
+
     #[inline]
-    pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        if self.is_smooth() {
-            return self.sample_smooth(wo, u[2]);
+    fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> RoughDielectric {
+        RoughDielectric {
+            surface: self.facets.evaluate(slots, frame),
+            ior: self.ior,
+            walls: self.walls,
+            tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
+            reflectance: GlassReflectance::Plain,
+            energy_compensation: self.energy_compensation,
         }
-        let (above, eta) = (ggx::above(wo), self.eta(wo));
-        let sampled = match self.walls {
-            Walls::Solid => {
-                let view = SolidView::new(self, above, eta);
-                view.sample(u).map(|wi| (wi, view.eval(wi)))
-            }
-            Walls::Thin => self.sample_thin(above, u).map(|wi| (wi, self.eval_thin(above, wi))),
-        };
-        let Some((wi, value)) = sampled else {
-            return BsdfSample::ABSORBED;
-        };
-        if wi.z == 0.0 || value.pdf_solid_angle <= 0.0 {
-            return BsdfSample::ABSORBED;
-        }
-        let is_transmission = wi.z < 0.0;
-        BsdfSample {
-            wi: if wo.z < 0.0 { Vec3::new(wi.x, wi.y, -wi.z) } else { wi },
-            weight: value.f_cos / value.pdf_solid_angle,
-            pdf_solid_angle: value.pdf_solid_angle,
-            eta: if is_transmission && self.walls == Walls::Solid { eta } else { 1.0 },
-            is_specular: false,
-            is_transmission,
-        }
-    }
-
-    /// A direction from a thin sheet; z below 0 is behind it. None where light is lost.
-    #[inline(always)]
-    fn sample_thin(&self, above: Vec3, u: [f32; 3]) -> Option<Vec3> {
-        let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
-        let c = above.dot(normal).clamp(0.0, 1.0);
-        let mirrored = normal * (2.0 * c) - above;
-        let is_transmission = u[2] >= self.facet(c, self.ior).p_reflected;
-        let side = if is_transmission { -1.0 } else { 1.0 };
-        (mirrored.z > 0.0).then(|| Vec3::new(mirrored.x, mirrored.y, mirrored.z * side))
-    }
-
-    /// The limit of no roughness.
-    #[inline(always)]
-    fn sample_smooth(&self, wo: Vec3, u: f32) -> BsdfSample {
-        let eta = self.eta(wo);
-        // The cosine that the estimate of its albedo sees as well.
-        let facet = self.facet(ggx::above(wo).z.min(1.0), eta);
-        let p = facet.p_reflected;
-        if u < p {
-            return BsdfSample::mirror(wo, facet.reflected / p, p);
-        }
-        if p >= 1.0 || facet.transmitted == Vec3::ZERO {
-            return BsdfSample::ABSORBED;
-        }
-        let weight = facet.transmitted / (1.0 - p);
-        let (wi, eta) = match self.walls {
-            Walls::Thin => (-wo, 1.0),
-            Walls::Solid => {
-                let z = facet.cos_transmitted.copysign(-wo.z);
-                (Vec3::new(-wo.x / eta, -wo.y / eta, z).normalize(), eta)
-            }
-        };
-        BsdfSample {
-            wi,
-            weight: weight * (1.0 / (eta * eta)),
-            pdf_solid_angle: 1.0 - p,
-            eta,
-            is_specular: true,
-            is_transmission: true,
-        }
-    }
-
-    /// See [`super::Bsdf::eval`].
-    #[inline]
-    pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        if self.is_smooth() || wi.z == 0.0 {
-            return BsdfEval::ZERO;
-        }
-        let above = ggx::above(wo);
-        let wi = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
-        match self.walls {
-            Walls::Solid => SolidView::new(self, above, self.eta(wo)).eval(wi),
-            Walls::Thin => self.eval_thin(above, wi),
-        }
-    }
-
-    /// A thin sheet, which reflects and transmits the mirrored direction alike, from a direction with z above 0.
-    #[inline]
-    fn eval_thin(&self, above: Vec3, wi: Vec3) -> BsdfEval {
-        let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
-        let facet = self.facet(r.cos_half.min(1.0), self.ior);
-        let (color, chance) = match wi.z < 0.0 {
-            true => (facet.transmitted, facet.p_transmitted),
-            false => (facet.reflected, facet.p_reflected),
-        };
-        let albedo = match self.microfacet {
-            Microfacet::Single => 1.0,
-            Microfacet::Multi => self.surface.directional_albedo(above).full,
-        };
-        BsdfEval { f_cos: color * (r.f_cos / albedo), pdf_solid_angle: chance * r.pdf_solid_angle }
     }
 }

@@ -1,6 +1,6 @@
 //! Constant textures become part of the factors that they are multiplied with.
 
-use crate::scene::{ColorSlot, FloatSlot, Model, PbrMaterial};
+use crate::scene::{ColorSlot, FloatSlot, Model, ParameterMut, Parameters, PbrMaterial};
 use crate::texture::CompiledTextures;
 
 /// A colour with a constant texture folded in.
@@ -23,35 +23,16 @@ pub(super) fn fold_float(slot: FloatSlot, textures: &CompiledTextures) -> FloatS
 
 /// A model with constant textures folded in and without layers that do nothing.
 pub(super) fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
-    let color = |slot| fold_color(slot, textures);
-    let number = |slot| fold_float(slot, textures);
-    match model.clone() {
-        Model::Black => Model::Black,
-        Model::Lambert { albedo } => Model::Lambert { albedo: color(albedo) },
-        Model::OrenNayar { color: c, roughness } => {
-            Model::OrenNayar { color: color(c), roughness: number(roughness) }
-        }
-        Model::Phong { diffuse, specular, exponent } => {
-            Model::Phong { diffuse: color(diffuse), specular: color(specular), exponent }
-        }
-        Model::Metal { color: f0, roughness } => {
-            Model::Metal { color: color(f0), roughness: number(roughness) }
-        }
-        Model::MeasuredMetal { eta, k, roughness } => {
-            Model::MeasuredMetal { eta, k, roughness: number(roughness) }
-        }
-        Model::Dielectric { ior, tint, fresnel } => Model::Dielectric { ior, tint: color(tint), fresnel },
-        Model::Glass { ior, tint, roughness, is_thin } => {
-            Model::Glass { ior, tint: color(tint), roughness: number(roughness), is_thin }
-        }
-        Model::Pbr(mut pbr) => {
-            let slots = pbr.slots_mut();
-            slots.colors.into_iter().for_each(|slot| *slot = color(*slot));
-            slots.numbers.into_iter().for_each(|slot| *slot = number(*slot));
-            drop_absent_layers(&mut pbr);
-            Model::Pbr(pbr)
-        }
+    let mut folded = model.clone();
+    folded.visit_mut("", &mut |_, parameter| match parameter {
+        ParameterMut::Color(slot) => *slot = fold_color(*slot, textures),
+        ParameterMut::Number(slot) => *slot = fold_float(*slot, textures),
+        ParameterMut::Texture(_) | ParameterMut::Constant(_) => {}
+    });
+    if let Model::Pbr(pbr) = &mut folded {
+        drop_absent_layers(pbr);
     }
+    folded
 }
 
 fn drop_absent_layers(pbr: &mut PbrMaterial) {

@@ -1,12 +1,13 @@
-//! Materials ready for shading: constant slots folded, constant BSDFs resolved once.
+//! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
-use super::medium::Medium;
-use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+use super::medium::{Medium, lets_light_in};
+use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, Slots};
+use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
+    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
 };
 use crate::texture::{CompiledTextures, PointReader};
 
@@ -18,7 +19,7 @@ pub struct CompiledMaterial {
     /// The same BSDF everywhere.
     pub constant: Option<Bsdf>,
     /// Its albedo there; black otherwise.
-    pub albedo: Vec3,
+    pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
     /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
@@ -39,8 +40,7 @@ pub struct CompiledMaterial {
     pub uses_frame: bool,
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
-    model: Model,
-    microfacet: Microfacet,
+    program: BsdfProgram,
 }
 
 /// Emitted radiance.
@@ -61,13 +61,13 @@ pub struct Alpha {
 
 impl Slots for PointReader<'_> {
     #[inline]
-    fn color(&self, slot: &ColorSlot) -> Vec3 {
-        let factor = Vec3::from_array(slot.factor);
+    fn color(&self, slot: &ColorSlot) -> Rgb {
+        let factor = Rgb::from_array(slot.factor);
         match slot.texture {
             None => factor,
             Some(id) => {
                 let [r, g, b, _] = self.eval(id);
-                factor * Vec3::new(r, g, b)
+                factor * Rgb::new(r, g, b)
             }
         }
     }
@@ -82,21 +82,25 @@ impl Slots for PointReader<'_> {
 }
 
 impl CompiledMaterial {
-    pub(super) fn new(material: &Material, textures: &CompiledTextures, microfacet: Microfacet) -> Self {
+    pub(super) fn new(
+        material: &Material,
+        textures: &CompiledTextures,
+        energy_compensation: EnergyCompensation,
+    ) -> Self {
         let model = fold_model(&material.model, textures);
-        let class = class_of(&model);
+        let program = BsdfProgram::of(&model, energy_compensation);
+        let class = program.class();
         let emission = material.emission.and_then(|e| {
             let radiance = fold_color(e.radiance, textures);
             (radiance.factor != [0.0; 3]).then_some(CompiledEmission { radiance, two_sided: e.two_sided })
         });
         let alpha = alpha_of(material, textures);
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
-        let folded = Material { model, ..material.clone() };
-        let is_textured = model_textures(&folded).next().is_some();
+        let is_textured = has_textures(&model);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
-        let coat = clearcoat(&folded.model);
+        let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
-        let has_axis = matches!(&folded.model, Model::Pbr(p) if p.anisotropy.is_some());
+        let has_axis = model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.
         let uses_frame = has_axis || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
         let uses_uv = is_textured
@@ -105,15 +109,14 @@ impl CompiledMaterial {
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
-        let constant =
-            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, microfacet));
+        let constant = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
         CompiledMaterial {
             class,
             constant,
-            albedo: constant.map_or(Vec3::ZERO, |b| b.albedo()),
+            albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
-            is_two_sided: material.double_sided || is_transmissive(&folded.model),
-            medium: Medium::of(&folded.model, class),
+            is_two_sided: material.double_sided || is_transmissive(&model),
+            medium: Medium::of(&model, class),
             medium_index: 0,
             normal_map,
             alpha,
@@ -121,8 +124,7 @@ impl CompiledMaterial {
             uses_uv,
             uses_frame,
             coat_normal_map,
-            model: folded.model,
-            microfacet,
+            program,
         }
     }
 
@@ -143,11 +145,11 @@ impl CompiledMaterial {
 
     /// The BSDF at a point.
     #[inline]
-    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
+    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Rgb) -> Bsdf {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
-        let bsdf = resolve(&self.model, slots, frame, self.microfacet);
+        let bsdf = self.program.evaluate(slots, frame);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 
@@ -223,7 +225,7 @@ impl Alpha {
         self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
-    /// The chance that the surface is present at a point.
+    /// The probability that the surface is present at a point.
     #[inline]
     pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;
@@ -247,28 +249,16 @@ fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     (!(constant && present(slot.factor))).then_some(alpha)
 }
 
-fn clearcoat(model: &Model) -> Option<Clearcoat> {
-    match model {
-        Model::Pbr(pbr) => pbr.clearcoat,
-        _ => None,
-    }
-}
-
 fn is_transmissive(model: &Model) -> bool {
-    match model {
-        Model::Dielectric { .. } | Model::Glass { .. } => true,
-        Model::Pbr(pbr) => lets_light_in(pbr),
-        _ => false,
+    match model.transmission() {
+        Transmission::None => false,
+        Transmission::Thin | Transmission::Clear(_) => true,
+        Transmission::Pbr(pbr) => lets_light_in(pbr),
     }
 }
 
-/// Does light pass the surface?
-pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
-    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
-}
-
-fn model_textures(material: &Material) -> impl Iterator<Item = crate::scene::TextureId> {
-    let bare =
-        Material { emission: None, normal_map: None, alpha: FloatSlot::constant(1.0), ..material.clone() };
-    bare.textures().collect::<Vec<_>>().into_iter()
+fn has_textures(model: &Model) -> bool {
+    let mut found = false;
+    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some());
+    found
 }

@@ -1,11 +1,9 @@
 //! What solids are filled with: indices of refraction and absorption.
 
-use super::closed::{Outline, outline};
-use super::material::{CompiledMaterial, lets_light_in};
 use crate::bsdf::BsdfClass;
-use crate::error::Warning;
-use crate::math::{Vec3, poly};
-use crate::scene::{MaterialId, Model, PbrMaterial, Scene};
+use crate::color::Rgb;
+use crate::math::poly;
+use crate::scene::{Model, PbrMaterial, Transmission};
 
 /// The inside of a solid that light passes.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -14,7 +12,7 @@ pub struct Medium {
     /// light or none, whatever is beside it.
     pub iors: Option<[f32; 3]>,
     /// Extinction coefficient by channel, per metre; `None` for clear media.
-    pub absorption: Option<Vec3>,
+    pub absorption: Option<Rgb>,
 }
 
 impl Medium {
@@ -23,18 +21,14 @@ impl Medium {
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass) -> Option<Medium> {
-        let refracts =
-            matches!(class, BsdfClass::Dielectric | BsdfClass::RoughDielectric | BsdfClass::Layered);
-        match model {
-            _ if !refracts => None,
-            Model::Dielectric { ior, .. } | Model::Glass { ior, is_thin: false, .. } => {
-                Some(Medium { iors: relative_to_air([*ior; 3]), absorption: None })
-            }
-            Model::Pbr(pbr) if pbr.has_volume && lets_light_in(pbr) => {
+        match model.transmission() {
+            Transmission::None | Transmission::Thin => None,
+            Transmission::Clear(ior) => Some(Medium { iors: relative_to_air([ior; 3]), absorption: None }),
+            Transmission::Pbr(pbr) => {
+                let has_inside = class.refracts() && pbr.has_volume && lets_light_in(pbr);
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
-                Some(Medium { iors: relative_to_air(iors), absorption: absorption(pbr) })
+                has_inside.then(|| Medium { iors: relative_to_air(iors), absorption: absorption(pbr) })
             }
-            _ => None,
         }
     }
 
@@ -46,50 +40,11 @@ impl Medium {
 
     /// What is left of light after a way through the medium, in metres.
     #[inline]
-    pub fn transmittance(&self, distance: f32) -> Vec3 {
-        let Some(absorption) = self.absorption else { return Vec3::ONE };
+    pub fn transmittance(&self, distance: f32) -> Rgb {
+        let Some(absorption) = self.absorption else { return Rgb::ONE };
         let optical = absorption * -distance;
-        Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
+        optical.map(poly::exp)
     }
-}
-
-/// Gathers the media of a scene's materials after that of the surroundings, and tells the materials their numbers.
-///
-/// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
-/// a window, and would fill the room behind it with glass.
-pub(super) fn number(
-    scene: &Scene,
-    materials: &mut [CompiledMaterial],
-    warnings: &mut Vec<Warning>,
-) -> Vec<Medium> {
-    let mut media = vec![Medium::AIR];
-    let mut left_out = 0;
-    for (id, material) in materials.iter_mut().enumerate() {
-        let Some(medium) = material.medium else { continue };
-        let is_kept = match outline(scene, MaterialId(id as u32)) {
-            Outline::None => false,
-            Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
-            Outline::Closed => true,
-        };
-        if !is_kept {
-            continue;
-        }
-        match u16::try_from(media.len()) {
-            Ok(index) => {
-                material.medium_index = index;
-                media.push(medium);
-            }
-            Err(_) => left_out += 1,
-        }
-    }
-    if left_out > 0 {
-        let most = u16::MAX;
-        warnings.push(Warning::general(format!(
-            "{left_out} materials of solids are more than the {most} whose insides are kept apart: the others neither \
-             absorb nor show what is around them"
-        )));
-    }
-    media
 }
 
 /// An index of 0 stands for total reflection in KHR_materials_ior: it relates to no other.
@@ -98,7 +53,7 @@ fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
 }
 
 /// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
-fn absorption(pbr: &PbrMaterial) -> Option<Vec3> {
+fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
     let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
     if is_clear || pbr.attenuation_distance <= 0.0 {
         return None;
@@ -106,7 +61,7 @@ fn absorption(pbr: &PbrMaterial) -> Option<Vec3> {
     // Black would be infinite; f32's smallest normal number is black enough.
     let sigma =
         |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
-    Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
+    Some(Rgb::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
 }
 
 /// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).
@@ -123,4 +78,9 @@ fn dispersion(pbr: &PbrMaterial) -> Option<[f32; 3]> {
     let b = spread / (inverse_square(486.1) - inverse_square(656.3));
     let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
     Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
+}
+
+/// Does light pass the surface?
+pub(super) fn lets_light_in(pbr: &PbrMaterial) -> bool {
+    pbr.transmission.factor > 0.0 || pbr.diffuse_transmission.is_some()
 }

@@ -1,4 +1,4 @@
-//! Surfaces that are partly absent: rays pass where chance says so. Unbiased for paths and shadow rays alike.
+//! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike.
 
 use super::Integrator;
 use super::wave::Workspace;
@@ -22,7 +22,9 @@ impl Integrator<'_> {
             let Workspace { pending, pending_rays, pending_hits, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                let salt = || hash32(arriving.seed[i] ^ hash32(arriving.shuffled[i]) ^ (bounce << 16));
+                let salt = || {
+                    hash32(arriving.carried.seed[i] ^ hash32(arriving.carried.shuffled[i]) ^ (bounce << 16))
+                };
                 !self.is_present(&rays[i], &hits[i], || salt().wrapping_add(pass))
             });
             if pending.is_empty() {
@@ -62,7 +64,7 @@ impl Integrator<'_> {
         }
         self.scene.accel.any(shadow_rays, pending_hits);
         *ray_count += shadow_rays.len() as u64;
-        // Most meet nothing, or something that is there.
+        // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
             let is_doubtful = self.is_doubtful(hit);
@@ -90,8 +92,8 @@ impl Integrator<'_> {
                     return false;
                 }
                 let i = shadow_vertices[k] as usize;
-                let paths = &wave.paths;
-                let salt = || hash32(paths.seed[i] ^ hash32(!paths.shuffled[i]) ^ (bounce << 16));
+                let path = &wave.paths.carried;
+                let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
                 if self.is_present(&shadow_rays[k], &hit, || salt().wrapping_add(pass)) {
                     occluded[k] = true;
                     return false;

@@ -1,80 +1,43 @@
-//! Direct light: one light sample a vertex, weighted against scattering, and its shadow ray.
+//! Direct light: what the light samples bring to the vertices, weighted against scattering, and their shadow rays.
 
-use super::environment::SampleEnvironment;
-use super::metal_rough;
+use super::Integrator;
+use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
+use super::closure_metal_rough::MetalRoughClass;
+use super::group::Sorted;
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
-use super::surface::{Sorted, add};
-use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
-use super::{Integrator, Purpose};
-use crate::bsdf::Bsdf;
-use crate::light::{AreaLight, AreaShape, Edges, LightSample, Lights, Radiance, Receiver};
-use crate::math::{Frame, Ray, Vec3, offset_along, offset_ray_origin};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::sampling::{SphericalRectangle, power_heuristic};
+use super::wave::{Wave, Workspace};
+use crate::color::Rgb;
+use crate::math::{Ray, offset_along};
+use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
-use std::f32::consts::FRAC_1_PI;
+use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Chooses a point of a light for each vertex that light can reach.
-    pub(super) fn sample_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
-        let dimensions = self.dimensions(bounce, Purpose::Light);
-        let (wave, count) = (&mut *w.wave, sorted.lit);
-        if let Some((light, edges, radiance)) = self.only_rectangle() {
-            dispatch(SampleRectangle { wave, count, dimensions: &dimensions, light, edges, radiance });
-            return;
-        }
-        if let Some(map) = self.only_environment() {
-            dispatch(SampleEnvironment { wave, count, dimensions: &dimensions, map });
-            return;
-        }
-        let (lights, opaque) = (&self.scene.lights, sorted.metal_rough);
-        dispatch(SelectLights { wave, count, opaque, lights, dimensions: &dimensions });
-        for i in 0..count {
-            let v = &wave.vertices;
-            let (p, u, chance) = (get(&v.p, i), get(&v.light, i), v.light_chance[i]);
-            let sample = match chance > 0.0 {
-                true => lights.sample(&self.scene.textures, v.light_index[i], p, [u.x, u.y]),
-                false => LightSample::NONE,
-            };
-            store(&mut wave.vertices, i, &sample, chance);
-        }
-    }
-
-    /// The scene's light, if it has just one that is a rectangle of constant radiance.
-    fn only_rectangle(&self) -> Option<(&AreaLight, Edges, Vec3)> {
-        match self.scene.lights.area() {
-            [light] if self.scene.lights.len() == 1 => match (light.shape, light.radiance) {
-                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) => Some((light, edges, radiance)),
-                _ => None,
-            },
-            _ => None,
-        }
-    }
-
     /// Adds the light that reaches the vertices from their light samples.
-    pub(super) fn trace_shadows(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
-        let softens = self.softens_terminator();
-        if softens {
-            dispatch(LambertDirect::<true> { wave: &mut w.wave, count: sorted.lambert });
+    pub(super) fn direct_light(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        if self.softens_terminator() {
+            direct::<true>(sorted, w);
         } else {
-            dispatch(LambertDirect::<false> { wave: &mut w.wave, count: sorted.lambert });
-        }
-        metal_rough::direct(&mut w.wave, sorted.lambert..sorted.metal_rough, softens);
-        for i in sorted.metal_rough..sorted.lit {
-            generic_direct(&mut w.wave, i, &w.bsdfs[i - sorted.metal_rough], softens);
+            direct::<false>(sorted, w);
         }
         if self.scene.features.absorption {
             self.absorb_light(sorted, &mut w.wave);
         }
+        self.trace_shadow_rays(bounce, sorted, w);
+    }
+
+    /// Traces a shadow ray for each contribution and adds those that arrive.
+    fn trace_shadow_rays(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
-        let v = &w.wave.vertices;
-        for i in 0..sorted.lit {
-            let brightest = v.contribution[0][i].max(v.contribution[1][i]).max(v.contribution[2][i]);
-            if brightest > 0.0 {
-                let t_max = if v.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
-                let (origin, direction) = (get(&v.origin, i), get(&v.direction, i));
-                w.shadow_rays.push(Ray { t_max, leaves: v.departures[i], ..Ray::new(origin, direction) });
+        let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
+        for i in sorted.lit() {
+            let [r, g, b] = &light.contribution;
+            if r[i].max(g[i]).max(b[i]) > 0.0 {
+                let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+                let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
+                w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });
                 w.shadow_vertices.push(i as u32);
             }
         }
@@ -86,162 +49,73 @@ impl Integrator<'_> {
             self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
             w.ray_count += w.shadow_rays.len() as u64;
         }
+        let Wave { paths, vertices: v, .. } = &*w.wave;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if !occluded {
-                let sample = w.wave.paths.sample[i as usize] as usize;
-                add(&mut w.radiance[sample], get(&w.wave.vertices.contribution, i as usize));
+                let i = i as usize;
+                let light = self.only_light.unwrap_or(v.light.index[i]);
+                let value = get_rgb(&v.light.contribution, i);
+                w.sink.contribute(paths.carried.sample[i], Some(light), value);
             }
         }
     }
 }
 
-/// Keeps a light sample. Lights without size have a negative density.
-fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
-    set(&mut v.wi, i, sample.wi);
-    set(&mut v.target, i, sample.target);
-    set(&mut v.light, i, sample.radiance);
-    v.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
-    let pdf = sample.pdf_solid_angle * pdf_discrete;
-    v.light_pdf[i] = if sample.is_delta { -pdf } else { pdf };
+/// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
+fn direct<const SOFT: bool>(sorted: &Sorted, w: &mut Workspace) {
+    let Workspace { wave, bsdfs, .. } = w;
+    dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert() });
+    dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough() });
+    let range = sorted.rough();
+    // Its loop has no use for a higher CPU level.
+    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range }.run();
 }
 
-/// Chooses a light for each vertex. Two random numbers for a point on it go to `vertices.light`.
-struct SelectLights<'a> {
-    wave: &'a mut Wave,
-    count: usize,
-    /// So many opaque vertices come first: light from behind does nothing there.
-    opaque: usize,
-    lights: &'a Lights,
-    dimensions: &'a Dimensions,
+/// What the light samples bring to the vertices of a class.
+pub(super) struct Direct<'a, C, const SOFT: bool> {
+    pub wave: &'a mut Wave,
+    pub class: C,
+    pub range: Range<usize>,
 }
 
-impl Kernel for SelectLights<'_> {
+impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let Wave { paths, vertices: v } = self.wave;
-        let count = self.count.min(WAVE);
-        for i in 0..count {
-            let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
-            let [a, b, c, d] = point.sample_4d(self.dimensions);
-            set(&mut v.light, i, Vec3::new(a, b, c));
-            v.light_chance[i] = d;
-        }
-        for i in 0..count {
-            let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
-            set(&mut paths.receiver_normal, i, normal);
-            let receiver = Receiver { p: get(&v.p, i), normal };
-            let chosen = self.lights.select(&receiver, [v.light[2][i], v.light_chance[i]]);
-            (v.light_index[i], v.light_chance[i]) = (chosen.index, chosen.pdf_discrete);
-        }
-    }
-}
-
-/// Light samples of a scene whose only light is a rectangle.
-struct SampleRectangle<'a> {
-    wave: &'a mut Wave,
-    count: usize,
-    dimensions: &'a Dimensions,
-    light: &'a AreaLight,
-    edges: Edges,
-    radiance: Vec3,
-}
-
-impl Kernel for SampleRectangle<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Wave { paths, vertices: v } = self.wave;
-        let Edges { corner, edge_u, edge_v } = self.edges;
-        let (normal, error) = (self.light.normal, self.light.point_error());
-        let two_sided = self.light.two_sided;
-        for i in 0..self.count.min(WAVE) {
-            let point = SobolPoint::from_parts(paths.seed[i], paths.shuffled[i]);
-            let [a, b, ..] = point.sample_4d(self.dimensions);
-            let p = get(&v.p, i);
-            let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample([a, b]);
-            let to_light = s.point - p;
-            let distance = to_light.length();
-            let is_lit = (two_sided | (to_light.dot(normal) < 0.0)) & !self.light.is_level_with(p);
-            let pdf = if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 };
-            set(&mut v.wi, i, to_light / if distance > 0.0 { distance } else { 1.0 });
-            set(&mut v.target, i, offset_ray_origin(s.point, error, normal, -to_light));
-            set(&mut v.light, i, self.radiance);
-            v.is_infinite[i] = 0.0;
-            v.light_pdf[i] = pdf;
-        }
-    }
-}
-
-/// What the light samples bring to Lambertian vertices; with softened shadow terminators or without.
-struct LambertDirect<'a, const SOFT: bool> {
-    wave: &'a mut Wave,
-    count: usize,
-}
-
-impl<const SOFT: bool> Kernel for LambertDirect<'_, SOFT> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Wave { paths, vertices: v } = self.wave;
-        for i in 0..self.count.min(WAVE) {
-            let (wi, ng, ns) = (get(&v.wi, i), get(&v.ng, i), get(&v.ns, i));
-            let cosine = wi.dot(ns);
-            let is_lit = (cosine > 0.0) & (wi.dot(ng) > 0.0);
-            let pdf = cosine * FRAC_1_PI;
-            let mut factor = light_factor(v.light_pdf[i], pdf);
-            if SOFT {
-                factor *= terminator(ns, ng, wi);
+        let Wave { paths, vertices: v, .. } = self.wave;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let light_pdf = v.light.pdf[i];
+            if C::Closure::BRANCHES && light_pdf == 0.0 {
+                set_rgb(&mut v.light.contribution, i, Rgb::ZERO);
+                continue;
             }
-            let f_cos = get(&v.albedo, i) * if is_lit { pdf * factor } else { 0.0 };
-            set(&mut v.contribution, i, get(&paths.throughput, i) * f_cos * get(&v.light, i));
-            let origin = offset_along(get(&v.p, i), ng, v.offset[i]);
-            set(&mut v.origin, i, origin);
-            let to_light = get(&v.target, i) - origin;
-            set(&mut v.direction, i, if v.is_infinite[i] > 0.0 { wi } else { to_light });
+            let closure = self.class.closure(v, i);
+            let (wi, ng, ns) = (get(&v.light.wi, i), get(&v.ng, i), get(&v.ns, i));
+            let eval = closure.eval(wi);
+            let height = wi.dot(ng);
+            let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
+            let mut weight = light_weight(light_pdf, eval.pdf_solid_angle);
+            if SOFT && !closure.crosses(wi) {
+                weight *= terminator(ns * side, ng * side, wi);
+            }
+            let is_lit = (light_pdf != 0.0) & (!C::Closure::OPAQUE | (height > 0.0));
+            let weight = if is_lit { weight } else { 0.0 };
+            let (throughput, radiance) =
+                (get_rgb(&paths.carried.throughput, i), get_rgb(&v.light.radiance, i));
+            let contribution = closure.scattered(eval, weight, throughput, radiance);
+            set_rgb(&mut v.light.contribution, i, contribution);
+            let origin = offset_along(get(&v.p, i), ng * side, v.offset[i]);
+            set(&mut v.light.origin, i, origin);
+            let to_light = get(&v.light.target, i) - origin;
+            set(&mut v.light.direction, i, if v.light.is_infinite[i] > 0.0 { wi } else { to_light });
         }
     }
-}
-
-/// What a light sample brings to a vertex with any BSDF.
-fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf, softens_terminator: bool) {
-    let v = &mut wave.vertices;
-    set(&mut v.contribution, i, Vec3::ZERO);
-    let (wi, wo, ng) = (get(&v.wi, i), get(&v.wo, i), get(&v.ng, i));
-    let (side_o, side_i) = (wo.dot(ng), wi.dot(ng));
-    // Most lobes that light sampling can reach reflect.
-    let crosses = side_o * side_i < 0.0;
-    let is_possible = if crosses { bsdf.scatters_through() } else { side_i != 0.0 };
-    if v.light_pdf[i] == 0.0 || !is_possible || bsdf.is_specular() {
-        return;
-    }
-    let ns = get(&v.ns, i);
-    let frame = Frame::from_normal(ns);
-    let (local_o, local_i) = (frame.to_local(wo), frame.to_local(wi));
-    // Both normals must agree on which side the light is.
-    if crosses && local_o.z * local_i.z >= 0.0 {
-        return;
-    }
-    let eval = bsdf.eval(local_o, local_i);
-    let mut factor = light_factor(v.light_pdf[i], eval.pdf_solid_angle);
-    if softens_terminator && !crosses {
-        let side = if side_i < 0.0 { -1.0 } else { 1.0 };
-        factor *= terminator(ns * side, ng * side, wi);
-    }
-    let contribution = get(&wave.paths.throughput, i) * eval.f_cos * get(&v.light, i) * factor;
-    set(&mut v.contribution, i, contribution);
-    let origin = offset_along(get(&v.p, i), if side_i < 0.0 { -ng } else { ng }, v.offset[i]);
-    set(&mut v.origin, i, origin);
-    let to_light = get(&v.target, i) - origin;
-    set(&mut v.direction, i, if v.is_infinite[i] > 0.0 { wi } else { to_light });
 }
 
 /// Weight over density of a light sample; lights without size (negative density) have no competitor.
 #[inline(always)]
-pub(super) fn light_factor(light_pdf: f32, bsdf_pdf: f32) -> f32 {
+fn light_weight(light_pdf: f32, bsdf_pdf: f32) -> f32 {
     let is_delta = light_pdf < 0.0;
     let pdf = light_pdf.abs();
     let weight = power_heuristic(pdf, if is_delta { 0.0 } else { bsdf_pdf });

@@ -1,10 +1,12 @@
 //! Paths start: camera rays.
 
-use super::wave::{Paths, Vertices, WAVE, Workspace, get, set};
+use super::lanes::{WAVE, get, set, set_rgb};
+use super::wave::{Carried, Scratch, Vertices, Workspace};
 use super::{Block, Integrator, Purpose};
 use crate::camera::Camera;
+use crate::color::Rgb;
 use crate::film::FilterSampler;
-use crate::math::{Ray, Vec3};
+use crate::math::Ray;
 use crate::sampling::sampler::{Dimensions, SobolPoint, pixel_seed};
 use crate::simd::{Kernel, dispatch};
 
@@ -12,37 +14,38 @@ impl Integrator<'_> {
     /// Starts samples `first .. first + count` of a block, counted pixel by pixel.
     pub(super) fn generate(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
         w.rays.clear();
-        w.radiance.clear();
-        w.radiance.resize(count, [0.0; 4]);
+        w.sink.begin(count);
         w.aovs.clear();
         if self.options.aovs {
             w.aovs.resize(count, None);
         }
-        let (paths, vertices) = (&mut *w.arriving, &mut w.wave.vertices);
-        self.number_samples(block, first, count, paths, vertices);
+        let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
+        self.number_samples(block, first, count, &mut paths.carried, scratch);
         let (dimensions, scene) = (self.dimensions(0, Purpose::Camera), self.scene);
         let (camera, filter) = (&scene.camera, self.options.filter);
-        dispatch(StartPaths { paths, vertices, count, dimensions: &dimensions, camera, filter });
-        if scene.features.footprints {
+        let path = &mut paths.carried;
+        dispatch(StartPaths { path, vertices, scratch, count, dimensions: &dimensions, camera, filter });
+        if self.parts.footprints {
             let (width, spread) = camera.pixel_cone();
-            paths.cone_width[..count].fill(width);
-            paths.cone_spread[..count].fill(spread);
+            paths.footprints.width[..count].fill(width);
+            paths.footprints.spread[..count].fill(spread);
         }
-        if scene.features.media {
+        if self.parts.interiors {
             paths.interior[..count].fill(self.camera_interior);
         }
-        let start = |i| Ray::new(get(&vertices.origin, i), get(&vertices.direction, i));
+        let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
     }
 
-    /// Gives each path its pixel's seed and its sample's number, and `vertices.p` the pixel's corner.
+    /// Gives each path its pixel's seed and its sample's number, and the first lanes of the scratch memory the pixel's
+    /// corner.
     fn number_samples(
         &self,
         block: &Block,
         first: u64,
         count: usize,
-        paths: &mut Paths,
-        vertices: &mut Vertices,
+        path: &mut Carried,
+        [film_x, film_y, ..]: &mut Scratch,
     ) {
         let mut at = Cursor::new(block, first);
         let mut seed = pixel_seed(at.x, at.y, self.options.seed);
@@ -50,10 +53,10 @@ impl Integrator<'_> {
             if at.sample == 0 {
                 seed = pixel_seed(at.x, at.y, self.options.seed);
             }
-            paths.seed[i] = seed;
-            paths.shuffled[i] = block.first_sample + at.sample as u32;
-            paths.sample[i] = i as u32;
-            (vertices.p[0][i], vertices.p[1][i]) = (at.x as f32, at.y as f32);
+            path.seed[i] = seed;
+            path.shuffled[i] = block.first_sample + at.sample as u32;
+            path.sample[i] = i as u32;
+            (film_x[i], film_y[i]) = (at.x as f32, at.y as f32);
             at.advance(u64::from(block.samples));
         }
     }
@@ -94,11 +97,12 @@ impl Cursor {
     }
 }
 
-/// Starts paths from their pixels' seeds, samples' numbers and pixels' corners; the rays go to `vertices.origin` and
-/// `vertices.direction`.
+/// Starts paths from their pixels' seeds, samples' numbers and pixels' corners; the rays go to `vertices.next_origin` and
+/// `vertices.next_direction`.
 struct StartPaths<'a> {
-    paths: &'a mut Paths,
+    path: &'a mut Carried,
     vertices: &'a mut Vertices,
+    scratch: &'a mut Scratch,
     count: usize,
     dimensions: &'a Dimensions,
     camera: &'a Camera,
@@ -110,27 +114,26 @@ impl Kernel for StartPaths<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let StartPaths { paths, vertices: v, camera, filter, .. } = self;
+        let StartPaths { path, vertices: v, camera, filter, .. } = self;
+        let [film_x, film_y, filter_u, filter_v, lens_u, lens_v, ..] = self.scratch;
         let count = self.count.min(WAVE);
         // Loops of one kind each vectorise; together they don't.
         for i in 0..count {
-            let point = SobolPoint::new(paths.seed[i], paths.shuffled[i]);
-            let [film_x, film_y, lens_u, lens_v] = point.sample_4d(self.dimensions);
-            (v.light[0][i], v.light[1][i]) = (film_x, film_y);
-            (v.weights[0][i], v.weights[1][i]) = (lens_u, lens_v);
-            set(&mut paths.throughput, i, Vec3::ONE);
-            paths.pdf[i] = 0.0;
-            paths.eta_squared[i] = 1.0;
-            (paths.seed[i], paths.shuffled[i]) = point.to_parts();
+            let point = SobolPoint::new(path.seed[i], path.shuffled[i]);
+            [filter_u[i], filter_v[i], lens_u[i], lens_v[i]] = point.sample_4d(self.dimensions);
+            set_rgb(&mut path.throughput, i, Rgb::ONE);
+            path.pdf[i] = 0.0;
+            path.eta_squared[i] = 1.0;
+            (path.seed[i], path.shuffled[i]) = point.to_parts();
         }
         for i in 0..count {
-            v.p[0][i] = v.p[0][i] + 0.5 + filter.sample(v.light[0][i]);
-            v.p[1][i] = v.p[1][i] + 0.5 + filter.sample(v.light[1][i]);
+            film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
+            film_y[i] = film_y[i] + 0.5 + filter.sample(filter_v[i]);
         }
         for i in 0..count {
-            let ray = camera.ray(v.p[0][i], v.p[1][i], [v.weights[0][i], v.weights[1][i]]);
-            set(&mut v.origin, i, ray.origin);
-            set(&mut v.direction, i, ray.direction);
+            let ray = camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]]);
+            set(&mut v.next_origin, i, ray.origin);
+            set(&mut v.next_direction, i, ray.direction);
         }
     }
 }

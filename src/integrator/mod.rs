@@ -4,33 +4,43 @@
 //! A wave starts at the camera; then each bounce is one turn of [`Integrator::trace`]'s loop:
 //!
 //! ```text
-//! intersect -> surfaces (emission, sorting) -> light samples -> shadow rays -> scatter and roulette -> next rays
+//! intersect -> surfaces (emission, sorted vertices) -> light samples -> direct light (shadow rays) -> scatter -> next rays
 //! ```
 //!
-//! Light that arrives directly is found in two ways, by sampling lights and by meeting them after scattering, weighted
+//! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
 //! by the power heuristic (Veach 1997, section 9.2). Results depend on nothing but the scene, the options and the
 //! sample: neither on threads nor on how samples are grouped into waves.
 
 mod alpha;
+mod closure;
+mod closure_metal_rough;
 mod direct;
-mod environment;
+mod emission;
+mod first_hit;
+mod flat;
 mod generate;
+mod group;
 mod interior;
-mod metal_rough;
+mod lanes;
+mod light_samples;
+mod media;
 mod normals;
-mod plain;
 mod scatter;
+mod sink;
 mod surface;
 mod textured;
 mod wave;
 
-pub use wave::{WAVE, Workspace};
+pub use lanes::WAVE;
+pub use wave::Workspace;
 
 use crate::compile::CompiledScene;
 use crate::film::{AovSample, FilterSampler};
 use crate::sampling::sampler::Dimensions;
+use group::{Group, group_of};
 use interior::Interior;
-use surface::{Group, group_of};
+use light_samples::has_vector_sampler;
+use wave::PathParts;
 
 /// Options that concern paths.
 #[derive(Clone, Copy, Debug)]
@@ -87,6 +97,10 @@ pub struct Integrator<'a> {
     may_be_absent: Vec<bool>,
     /// Solids around the camera.
     camera_interior: Interior,
+    /// What paths carry.
+    parts: PathParts,
+    /// The scene's light, where it has one that is sampled without a choice.
+    only_light: Option<u32>,
     /// Sobol dimensions of the camera and of each bounce, as far as most paths go.
     dimensions: Vec<Dimensions>,
 }
@@ -120,7 +134,9 @@ impl<'a> Integrator<'a> {
             options,
             groups,
             may_be_absent,
-            camera_interior: Interior::of_camera(scene),
+            camera_interior: Interior::of_camera(scene, &scene.camera),
+            parts: PathParts::of(&scene.features, scene.lights.use_tree()),
+            only_light: has_vector_sampler(&scene.lights).then_some(0),
             dimensions,
         }
     }
@@ -143,7 +159,7 @@ impl<'a> Integrator<'a> {
             if !self.trace_wave(block, first, count as usize, w, stop) {
                 return false;
             }
-            for (i, &[r, g, b, alpha]) in w.radiance.iter().enumerate() {
+            for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
                 let aov = w.aovs.get(i).copied().flatten();
                 sink(&PathSample { pixel, rgb: [r, g, b], alpha, aov });
@@ -173,12 +189,12 @@ impl<'a> Integrator<'a> {
             }
             let is_last = bounce == self.options.max_depth;
             let sorted = self.surfaces(bounce, is_last, w);
-            if sorted.total == 0 {
+            if sorted.all().is_empty() {
                 return true;
             }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
-                self.trace_shadows(bounce, &sorted, w);
+                self.direct_light(bounce, &sorted, w);
             }
             self.scatter(bounce, &sorted, w);
             if w.rays.is_empty() {

@@ -1,22 +1,25 @@
-//! Textured vertices, many at a time: their surfaces in vectorised loops, before and after textures are read.
+//! Textured vertices, many at a time: texture frames and bent normals in vectorised loops, before and after textures are
+//! read.
 
 use super::Integrator;
-use super::metal_rough;
-use super::surface::store;
-use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, set};
-use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
-use crate::compile::{Surface, shading_normal, triangle_surface};
-use crate::film::AovSample;
+use super::closure_metal_rough::store_material;
+use super::flat::corners;
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
+use super::surface::HitPoint;
+use super::wave::{CornerLanes, TexturedLanes, Vertices, Workspace};
+use crate::bsdf::{Bsdf, Lobe, LocalFrame, MetalRough};
+use crate::color::Rgb;
+use crate::compile::Surface;
 use crate::math::{Vec2, Vec3, select};
 use crate::simd::{Kernel, dispatch};
 use crate::texture::{PointReader, TexturePoint};
 use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Collects what a textured vertex is made of.
+    /// Collects what textured vertex `k`, where ray `i` hit a triangle, is made of.
     #[inline(always)]
-    pub(super) fn gather_textured(&self, bounce: u32, i: usize, k: usize, w: &mut Workspace) {
-        self.gather(bounce, i, k, w);
+    pub(super) fn gather_textured(&self, i: usize, k: usize, w: &mut Workspace) {
+        self.gather_corners(i, k, w);
         let Some(corners) = self.scene.geometries.texture_corners(&w.hits[i]) else { return };
         let t = &mut w.wave.vertices.textured;
         for c in 0..3 {
@@ -29,36 +32,31 @@ impl Integrator<'_> {
         t.ray[k] = i as u32;
     }
 
-    /// Makes the vertices from their corners and reads their textures.
-    pub(super) fn look_at_textured(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
-        let wave = &mut *w.wave;
-        let (first, last) = (range.clone(), range.clone());
-        if self.scene.features.normals {
-            dispatch(Surfaces::<true> { wave, range: first });
-        } else {
-            dispatch(Surfaces::<false> { wave, range: first });
-        }
+    /// Makes textured vertices from their corners and textures.
+    pub(super) fn make_textured(&self, bounce: u32, range: Range<usize>, w: &mut Workspace) {
+        let vertices = &mut w.wave.vertices;
+        self.make_surfaces(range.clone(), vertices);
+        dispatch(TextureFrames { vertices, range: range.clone() });
         for k in range.clone() {
             self.read_textures(k, w);
         }
-        dispatch(BendNormals { vertices: &mut w.wave.vertices, range: last });
+        dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
         if bounce == 0 && self.options.aovs {
             for k in range {
-                self.describe_first(k, w);
+                let v = &w.wave.vertices;
+                let sample = w.wave.paths.carried.sample[k];
+                self.record_first_hit(
+                    sample,
+                    get(&v.p, k),
+                    get(&v.ns, k),
+                    get_rgb(&v.albedo, k),
+                    &mut w.aovs,
+                );
             }
         }
     }
 
-    /// Keeps what AOVs show of the first surface.
-    fn describe_first(&self, k: usize, w: &mut Workspace) {
-        let v = &w.wave.vertices;
-        w.aovs[w.wave.paths.sample[k] as usize] = Some(AovSample {
-            depth: self.scene.camera.depth(get(&v.p, k)),
-            normal: get(&v.ns, k).to_array(),
-            albedo: get(&v.albedo, k).to_array(),
-        });
-    }
-
+    /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.
     fn read_textures(&self, k: usize, w: &mut Workspace) {
         let v = &mut w.wave.vertices;
         let i = v.textured.ray[k] as usize;
@@ -69,50 +67,43 @@ impl Integrator<'_> {
             uv: [uv, Vec2::ZERO],
             world: p,
             normal: ng,
-            width: w.arriving.cone_width[i],
+            width: w.arriving.footprints.width[i],
             uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
         };
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
         let is_back = ng.dot(get(&v.wo, k)) < 0.0;
-        let seen = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Vec3::ONE) {
+        let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
             Bsdf::MetalRough(m) if material.is_two_sided || !is_back => m,
             _ => MetalRough::BLACK,
         };
-        metal_rough::store(&mut v.metal_rough, k, &seen);
-        set(&mut v.albedo, k, seen.albedo());
+        store_material(&mut v.metal_rough, k, &read);
+        set_rgb(&mut v.albedo, k, read.albedo());
         if material.emission.is_some() {
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];
-            self.emit(i, material, &surface, &hit, is_back, w);
+            self.emit(i, &HitPoint { surface, hit, material, is_back }, w);
         }
     }
 }
 
-/// Points, normals on the front, texture coordinates and tangents; with shading normals or without.
-struct Surfaces<'a, const SMOOTH: bool> {
-    wave: &'a mut Wave,
+/// Texture coordinates and tangents from corners and shading normals.
+struct TextureFrames<'a> {
+    vertices: &'a mut Vertices,
     range: Range<usize>,
 }
 
-impl<const SMOOTH: bool> Kernel for Surfaces<'_, SMOOTH> {
+impl Kernel for TextureFrames<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let v = &mut self.wave.vertices;
+        let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
-            let (a, b) = (v.weights[0][i], v.weights[1][i]);
-            let mut surface = triangle_surface(corners(&v.corners, i), a, b);
-            if SMOOTH {
-                surface.ns = shading_normal(corners(&v.normals, i), a, b, surface.ng);
-            }
-            store(v, i, &surface);
-        }
-        for i in self.range.start..self.range.end.min(WAVE) {
-            let weights = [1.0 - v.weights[0][i] - v.weights[1][i], v.weights[0][i], v.weights[1][i]];
+            let CornerLanes { positions, weights: [second, third], .. } = &v.corners;
+            let weights = [1.0 - second[i] - third[i], second[i], third[i]];
             let n = get(&v.ns, i);
-            let corners = corners(&v.corners, i).map(Vec3::from_array);
+            let corners = corners(positions, i).map(Vec3::from_array);
             let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
             let t = &mut v.textured;
             let uv = |c: usize| Vec2::new(t.corner_uv[c][0][i], t.corner_uv[c][1][i]);
@@ -144,11 +135,6 @@ impl<const SMOOTH: bool> Kernel for Surfaces<'_, SMOOTH> {
 
 /// Shorter tangents count as none.
 const LEAST_SQUARED: f32 = 1e-30;
-
-#[inline(always)]
-fn corners(lanes: &[Lanes3; 3], i: usize) -> [[f32; 3]; 3] {
-    [get(&lanes[0], i).to_array(), get(&lanes[1], i).to_array(), get(&lanes[2], i).to_array()]
-}
 
 /// The part of a vector that is perpendicular to a normal.
 #[inline(always)]

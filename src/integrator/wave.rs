@@ -1,89 +1,140 @@
-//! The memory of a wave: some thousand paths side by side, one array a quantity, so that loops over paths vectorise.
+//! The memory of a wave: some thousand paths side by side, one array a quantity. Each array means one thing; what a stage
+//! needs for itself is in [`Scratch`].
 
+use super::group::Group;
 use super::interior::Interior;
-use super::surface::Group;
+use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, WAVE, Words, per_path};
+use super::sink::Sink;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
+use crate::compile::Features;
 use crate::film::AovSample;
-use crate::math::{Departure, Hit, Ray, Vec3};
+use crate::math::{Hit, OriginPrimitive, Ray};
 use bytemuck::Zeroable;
 
-/// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
-pub const WAVE: usize = 2048;
-
-/// Length of an array: one cache line more than needed, because arrays a power of two apart would all fall into the same
-/// cache set.
-const LENGTH: usize = WAVE + 16;
-
-/// One number a path.
-pub type Lanes = [f32; LENGTH];
-/// One integer a path.
-pub type Words = [u32; LENGTH];
 /// The solids around each path.
 pub type Interiors = [Interior; LENGTH];
-/// One vector or colour a path, by component.
-pub type Lanes3 = [Lanes; 3];
 
-/// Element `i` as a vector.
-#[inline(always)]
-pub fn get(v: &Lanes3, i: usize) -> Vec3 {
-    Vec3::new(v[0][i], v[1][i], v[2][i])
+per_path! {
+    /// State that every path carries from bounce to bounce.
+    pub struct Carried {
+        /// Product of all weights so far.
+        pub throughput: RgbLanes,
+        /// Density per solid angle of the last scattering; 0 after a specular one and at the camera; negative where the
+        /// path has ended.
+        pub pdf: Lanes,
+        /// Undoes the 1 / eta^2 of refractions for the roulette.
+        pub eta_squared: Lanes,
+        /// Sobol point: its two parts.
+        pub seed: Words,
+        pub shuffled: Words,
+        /// Which sample of the block it is: the index into the radiances.
+        pub sample: Words,
+    }
 }
 
-/// Sets element `i`.
-#[inline(always)]
-pub fn set(v: &mut Lanes3, i: usize, value: Vec3) {
-    v[0][i] = value.x;
-    v[1][i] = value.y;
-    v[2][i] = value.z;
+per_path! {
+    /// How wide the surface is that a path sees: carried where textures ask for it.
+    pub struct Footprints {
+        /// Width at the start of the ray, metres.
+        pub width: Lanes,
+        /// How fast it grows, metres per metre.
+        pub spread: Lanes,
+    }
 }
 
-/// State that a path carries from bounce to bounce.
+/// State of the paths between bounces, by the features of scenes that need it.
 #[derive(Zeroable)]
 pub struct Paths {
-    /// Product of all weights so far.
-    pub throughput: Lanes3,
-    /// Density per solid angle of the last scattering; 0 after a specular one and at the camera.
-    pub pdf: Lanes,
-    /// Undoes the 1 / eta^2 of refractions for the roulette.
-    pub eta_squared: Lanes,
-    /// Width of what the path sees at the start of its ray, metres, and how fast that grows, metres per metre; only
-    /// where textures ask for it.
-    pub cone_width: Lanes,
-    pub cone_spread: Lanes,
-    /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; only where that
-    /// choice depends on it.
+    pub carried: Carried,
+    /// Where textures depend on how much of a surface a path covers.
+    pub footprints: Footprints,
+    /// For the choice among lights at the last vertex: the normal that light had to come from, or zero; where that choice
+    /// depends on it.
     pub receiver_normal: Lanes3,
-    /// Solids that the path is inside of; only where there are some.
+    /// Solids that the path is inside of; where there are some.
     pub interior: Interiors,
-    /// Sobol point: its two parts.
-    pub seed: Words,
-    pub shuffled: Words,
-    /// Which sample of the block it is: the index into the radiances.
-    pub sample: Words,
 }
 
-/// Opaque glTF materials at vertices ([`crate::bsdf::MetalRough`]), and what a direction sees of them
-/// ([`crate::bsdf::View`]) in the same places once that is computed.
+/// Which parts of [`Paths`] a scene needs.
+#[derive(Clone, Copy, Debug)]
+pub struct PathParts {
+    pub footprints: bool,
+    pub receiver_normals: bool,
+    pub interiors: bool,
+}
+
+impl PathParts {
+    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them.
+    pub fn of(features: &Features, receiver_normals: bool) -> PathParts {
+        PathParts { footprints: features.footprints, receiver_normals, interiors: features.media }
+    }
+}
+
+impl Paths {
+    /// Copies path `i` to place `k` of others.
+    #[inline(always)]
+    pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
+        let Paths { carried, footprints, receiver_normal, interior } = self;
+        carried.copy_to(i, &mut other.carried, k);
+        if parts.footprints {
+            footprints.copy_to(i, &mut other.footprints, k);
+        }
+        if parts.receiver_normals {
+            receiver_normal.copy_to(i, &mut other.receiver_normal, k);
+        }
+        if parts.interiors {
+            interior.copy_to(i, &mut other.interior, k);
+        }
+    }
+}
+
+/// Corners of the triangles and quads that are hit, from which a vectorised loop makes surfaces.
 #[derive(Zeroable)]
-pub struct MetalRoughs {
-    /// Diffuse colour; then what is seen of it.
-    pub diffuse: Lanes3,
-    /// Reflectance of the dielectric layer at normal incidence; then that of the whole.
-    pub f0: Lanes3,
-    /// Reflectance of the metal at normal incidence; then that of the whole at grazing incidence.
-    pub f90: Lanes3,
-    /// Reflectance of the layer at grazing incidence; then the chance of reflection by microfacets.
-    pub p_specular: Lanes,
-    /// Share of metal; then the chance of diffuse reflection.
-    pub p_diffuse: Lanes,
-    /// Mean albedo.
-    pub albedo: Lanes,
+pub struct CornerLanes {
+    /// Positions.
+    pub positions: [Lanes3; 3],
+    /// Shading normals; where the scene has some.
+    pub normals: [Lanes3; 3],
+    /// Weights of the second and third corner at the hit.
+    pub weights: [Lanes; 2],
+}
+
+/// Opaque glTF materials ([`crate::bsdf::MetalRough`]).
+#[derive(Zeroable)]
+pub struct MetalRoughMaterials {
+    /// Diffuse colour.
+    pub diffuse: RgbLanes,
+    /// Reflectance of the dielectric layer at normal incidence.
+    pub layer_f0: RgbLanes,
+    /// Reflectance of the layer at grazing incidence.
+    pub layer_f90: Lanes,
+    /// Reflectance of the metal at normal incidence.
+    pub metal_f0: RgbLanes,
+    /// Share of metal.
+    pub metallic: Lanes,
     /// GGX alpha.
     pub alpha: Lanes,
 }
 
-/// What textured vertices are made of besides corners and normals, and where textures are looked up.
+/// What opaque glTF materials are for a viewer ([`crate::bsdf::MetalRoughClosure`]).
+#[derive(Zeroable)]
+pub struct MetalRoughClosures {
+    /// Diffuse colour under the layer.
+    pub diffuse: RgbLanes,
+    /// Reflectance of the facets at normal incidence.
+    pub f0: RgbLanes,
+    /// The same at grazing incidence.
+    pub f90: RgbLanes,
+    /// Mean albedo.
+    pub albedo: Lanes,
+    /// Probability of sampling the facets.
+    pub probability_specular: Lanes,
+    /// Probability of sampling the diffuse lobe.
+    pub probability_diffuse: Lanes,
+}
+
+/// What textured vertices are made of besides corners, and where textures are looked up.
 #[derive(Zeroable)]
 pub struct TexturedLanes {
     /// Texture coordinates of the corners.
@@ -103,61 +154,70 @@ pub struct TexturedLanes {
     pub ray: Words,
 }
 
-/// Where paths hit surfaces, and what is computed there. Vertices are sorted: Lambertian ones first, then opaque glTF
-/// materials, then other ones that light sampling can reach, then specular ones.
+/// Light samples, one a vertex that light sampling can reach.
+#[derive(Zeroable)]
+pub struct LightLanes {
+    /// Towards the light, unit length.
+    pub wi: Lanes3,
+    /// Where the shadow ray ends; not for lights infinitely far away.
+    pub target: Lanes3,
+    /// 1 for lights infinitely far away, else 0.
+    pub is_infinite: Lanes,
+    /// Radiance of the light.
+    pub radiance: RgbLanes,
+    /// Density with which the point was chosen, the choice of the light included; 0 for none; negative for lights
+    /// without size.
+    pub pdf: Lanes,
+    /// The chosen light, and the probability of its choice; where there is a choice.
+    pub index: Words,
+    pub pdf_discrete: Lanes,
+    /// What the shadow ray brings if nothing is in its way.
+    pub contribution: RgbLanes,
+    /// The shadow ray.
+    pub origin: Lanes3,
+    pub direction: Lanes3,
+}
+
+/// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`Group`].
 #[derive(Zeroable)]
 pub struct Vertices {
-    /// What plain vertices are made of: the corners of their primitives with the normals there, and the weights of the
-    /// second and third.
-    pub corners: [Lanes3; 3],
-    pub normals: [Lanes3; 3],
-    pub weights: [Lanes; 2],
-    /// 1 if the back is black, else 0.
+    /// At vertices on flat primitives.
+    pub corners: CornerLanes,
+    /// 1 if the back is black, else 0; at plain vertices.
     pub one_sided: Lanes,
     pub p: Lanes3,
     /// What a ray from here leaves.
-    pub departures: [Departure; LENGTH],
-    /// Geometric normal; towards the viewer at Lambertian and opaque glTF vertices, on the front at others.
+    pub origin_primitives: [OriginPrimitive; LENGTH],
+    /// Geometric normal; towards the viewer at vertices of opaque classes, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.
     pub ns: Lanes3,
     /// Distance along the normal that a secondary ray's origin must keep.
     pub offset: Lanes,
+    /// Towards the viewer.
+    pub wo: Lanes3,
     /// Solids on the other side of the surface than the viewer's; only where there are some.
     pub beyond: Interiors,
-    /// Albedo of Lambertian vertices.
-    pub albedo: Lanes3,
-    pub metal_rough: MetalRoughs,
+    /// Albedo of Lambertian vertices, and of textured ones for the output.
+    pub albedo: RgbLanes,
+    pub metal_rough: MetalRoughMaterials,
+    pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
-    /// Towards the viewer; not at textured Lambertian vertices, which don't need it.
-    pub wo: Lanes3,
-    /// Towards the sampled light, unit length.
-    pub wi: Lanes3,
-    /// Where its shadow ray ends.
-    pub target: Lanes3,
-    /// 1 for lights infinitely far away, else 0.
-    pub is_infinite: Lanes,
-    /// Radiance of the light.
-    pub light: Lanes3,
-    /// The chosen light, and the chance of it.
-    pub light_index: Words,
-    pub light_chance: Lanes,
-    /// Density with which the light's point was chosen; 0 for none; negative for lights without size.
-    pub light_pdf: Lanes,
-    /// What the shadow ray brings if nothing is in its way.
-    pub contribution: Lanes3,
-    /// The ray that follows: of the shadow test, then of the scattered path.
-    pub origin: Lanes3,
-    pub direction: Lanes3,
-    /// Density of the scattered direction; negative where the path ends.
-    pub next_pdf: Lanes,
+    pub light: LightLanes,
+    /// The scattered ray.
+    pub next_origin: Lanes3,
+    pub next_direction: Lanes3,
 }
+
+/// Arrays for use within one stage, which names them; their contents mean nothing to the next.
+pub type Scratch = [Lanes; 9];
 
 /// What the vectorised loops work on: one allocation, so that the compiler knows its arrays apart.
 #[derive(Zeroable)]
 pub struct Wave {
     pub paths: Paths,
     pub vertices: Vertices,
+    pub scratch: Scratch,
 }
 
 /// All memory that tracing a block of pixels takes; made once a thread.
@@ -171,15 +231,16 @@ pub struct Workspace {
     pub(super) groups: Vec<Group>,
     /// Paths that left the scene.
     pub(super) escaped: Vec<u32>,
+    /// Material of each hit.
     pub(super) materials: Vec<u32>,
-    /// BSDFs of the vertices that are neither Lambertian nor of opaque glTF materials.
+    /// BSDFs of the vertices without a vectorised class.
     pub(super) bsdfs: Vec<Bsdf>,
     pub(super) shadow_rays: Vec<Ray>,
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
-    /// Results by sample: radiance and alpha.
-    pub(super) radiance: Vec<[f32; 4]>,
+    /// Results by sample.
+    pub(super) sink: Sink,
     /// Results by sample, if asked for.
     pub(super) aovs: Vec<Option<AovSample>>,
     /// For surfaces that are partly absent.
@@ -205,7 +266,7 @@ impl Workspace {
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
-            radiance: Vec::with_capacity(WAVE),
+            sink: Sink::new(),
             aovs: Vec::new(),
             pending: Vec::new(),
             pending_rays: Vec::new(),

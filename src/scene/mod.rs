@@ -7,7 +7,10 @@ mod geometry;
 mod ids;
 mod light;
 mod material;
+mod model;
+mod pbr;
 mod settings;
+mod slot;
 mod texture;
 mod validate;
 
@@ -17,11 +20,11 @@ pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Quad, Sphere};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
-pub use material::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, FresnelModel,
-    Iridescence, Material, Model, NormalMap, PbrMaterial, Sheen,
-};
-pub use settings::{Filter, Microfacet, Settings};
+pub use material::{AlphaMode, Emission, Material};
+pub use model::{FresnelModel, Model, Transmission};
+pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
+pub use settings::{EnergyCompensation, Filter, Settings};
+pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;

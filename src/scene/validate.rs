@@ -88,32 +88,3 @@ impl Scene {
         }
     }
 }
-
-impl super::Material {
-    /// Every texture that the material refers to.
-    pub fn textures(&self) -> impl Iterator<Item = super::TextureId> {
-        use super::Model;
-        let (colors, floats) = match &self.model {
-            Model::Black => (vec![], vec![]),
-            Model::Lambert { albedo } => (vec![*albedo], vec![]),
-            Model::Metal { color, roughness } => (vec![*color], vec![*roughness]),
-            Model::Dielectric { tint, .. } => (vec![*tint], vec![]),
-            Model::OrenNayar { color, roughness } => (vec![*color], vec![*roughness]),
-            Model::Phong { diffuse, specular, .. } => (vec![*diffuse, *specular], vec![]),
-            Model::MeasuredMetal { roughness, .. } => (vec![], vec![*roughness]),
-            Model::Glass { tint, roughness, .. } => (vec![*tint], vec![*roughness]),
-            Model::Pbr(p) => (p.color_slots().copied().collect(), p.float_slots().copied().collect()),
-        };
-        let other: Vec<_> = match &self.model {
-            Model::Pbr(p) => p.other_textures().collect(),
-            _ => Vec::new(),
-        };
-        colors
-            .into_iter()
-            .chain(self.emission.map(|e| e.radiance))
-            .filter_map(|c| c.texture)
-            .chain(floats.into_iter().chain([self.alpha]).filter_map(|f| f.texture.map(|(id, _)| id)))
-            .chain(self.normal_map.map(|n| n.texture))
-            .chain(other)
-    }
-}

@@ -1,7 +1,7 @@
 //! The answer for programs.
 
 use super::facts::{instance_materials, material_images, placed_triangles, used_images, used_materials};
-use super::words::{environment_name, light_kind, model_name};
+use super::words::{environment_name, light_kind};
 use crate::cli::json::Json;
 use oscura::error::Warning;
 use oscura::load::Loaded;
@@ -97,7 +97,7 @@ fn materials(scene: &Scene) -> Json {
         let radiance = m.emission.map_or(Json::Null, |e| colors(e.radiance.factor));
         Json::Object(vec![
             ("name", text(&m.name)),
-            ("model", text(model_name(&m.model))),
+            ("model", text(m.model.name())),
             ("used", Json::Bool(used)),
             ("emits", Json::Bool(m.emission.is_some())),
             ("radiance", radiance),

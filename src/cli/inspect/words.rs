@@ -2,8 +2,8 @@
 
 use super::facts::material_images;
 use oscura::scene::{
-    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial,
-    Projection, Scene,
+    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, Parameter,
+    Parameters, PbrMaterial, Projection, Scene,
 };
 
 /// Up to four digits behind the point.
@@ -23,45 +23,24 @@ pub fn list<T: Into<f64> + Copy>(values: &[T]) -> String {
     format!("({})", shown.join(", "))
 }
 
-/// The name of a material's model.
-pub fn model_name(model: &Model) -> &'static str {
-    match model {
-        Model::Black => "black",
-        Model::Lambert { .. } => "lambert",
-        Model::OrenNayar { .. } => "oren-nayar",
-        Model::Phong { .. } => "phong",
-        Model::Metal { .. } | Model::MeasuredMetal { .. } => "metal",
-        Model::Dielectric { .. } | Model::Glass { .. } => "dielectric",
-        Model::Pbr(_) => "glTF",
-    }
-}
-
 /// A material's properties that differ from the default.
 pub fn material(scene: &Scene, m: &Material) -> String {
     let mut parts = vec![match &m.model {
-        Model::Black => "black".to_string(),
-        Model::Lambert { albedo } => format!("lambert, colour {}", color(albedo)),
-        Model::Metal { color: c, roughness } => {
+        Model::SchlickMetal { color: c, roughness } => {
             format!("metal, colour {}, roughness {}", color(c), share(roughness))
+        }
+        Model::Conductor { eta, k, roughness } => {
+            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
         }
         Model::Dielectric { ior, tint, .. } => {
             format!("glass of index {}, tint {}", number((*ior).into()), color(tint))
-        }
-        Model::OrenNayar { color: c, roughness } => {
-            format!("rough diffuse, colour {}, roughness {}", color(c), share(roughness))
-        }
-        Model::Phong { diffuse, specular, exponent } => {
-            let exponent = number((*exponent).into());
-            format!("phong, diffuse {}, specular {}, exponent {exponent}", color(diffuse), color(specular))
-        }
-        Model::MeasuredMetal { eta, k, roughness } => {
-            format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
         }
         Model::Glass { ior, tint, roughness, is_thin } => {
             let (ior, kind) = (number((*ior).into()), if *is_thin { "thin glass" } else { "glass" });
             format!("{kind} of index {ior}, tint {}, roughness {}", color(tint), share(roughness))
         }
         Model::Pbr(p) => pbr(p),
+        plain => parameters(plain),
     }];
     if let Some(e) = &m.emission {
         let sides = if e.two_sided { "both sides" } else { "its front" };
@@ -89,6 +68,21 @@ pub fn material(scene: &Scene, m: &Material) -> String {
         parts.push(format!("images {}", images.join(", ")));
     }
     parts.join("; ")
+}
+
+/// The name of a model and its parameters.
+fn parameters(model: &Model) -> String {
+    let mut text = model.name().to_string();
+    model.visit("", &mut |name, parameter| {
+        let name = if name == "color" { "colour" } else { name };
+        match parameter {
+            Parameter::Color(slot) => text += &format!(", {name} {}", color(slot)),
+            Parameter::Number(slot) => text += &format!(", {name} {}", share(slot)),
+            Parameter::Constant(value) => text += &format!(", {name} {}", number((*value).into())),
+            Parameter::Texture(_) => {}
+        }
+    });
+    text
 }
 
 fn pbr(p: &PbrMaterial) -> String {

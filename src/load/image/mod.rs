@@ -64,7 +64,7 @@ pub(crate) fn decode(
     Ok(image)
 }
 
-/// Reads an image as the scene's surroundings: NaN, infinite and negative texels become 0, with a warning that counts
+/// Reads an image as the scene's environment: NaN, infinite and negative texels become 0, with a warning that counts
 /// them.
 ///
 /// # Errors

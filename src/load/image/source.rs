@@ -10,7 +10,7 @@ pub(crate) enum Use {
     Color,
     /// Numbers such as roughness or normals: linear, whatever their type.
     Data,
-    /// Surroundings: integers are sRGB-encoded, floats radiance; no texel may be negative.
+    /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
     Environment,
 }
 

@@ -4,7 +4,7 @@
 use super::build::Build;
 use crate::error::Result;
 use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
-use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture, TextureId};
+use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -118,7 +118,11 @@ fn absorb(build: &mut Build, mut loaded: Loaded) -> Asset {
     scene.images.extend(images);
     scene.textures.extend(textures.into_iter().map(|t| shift.texture(t)));
     for mut material in materials {
-        material.for_each_texture(&mut |id: &mut TextureId| id.0 += shift.texture);
+        material.parameters_mut(&mut |_, parameter| {
+            if let Some(id) = parameter.texture() {
+                id.0 += shift.texture;
+            }
+        });
         scene.materials.push(material);
     }
     for mut mesh in meshes {
@@ -152,41 +156,5 @@ impl Shift {
             Texture::Solid(_) | Texture::Normal | Texture::Noise { .. } => {}
         }
         texture
-    }
-}
-
-impl crate::scene::Material {
-    /// Lets `change` rewrite every texture id of the material.
-    fn for_each_texture(&mut self, change: &mut dyn FnMut(&mut TextureId)) {
-        use crate::scene::{ColorSlot, FloatSlot, Model};
-        let mut colors: Vec<&mut ColorSlot> = Vec::new();
-        let mut floats: Vec<&mut FloatSlot> = vec![&mut self.alpha];
-        match &mut self.model {
-            Model::Black => {}
-            Model::Lambert { albedo } => colors.push(albedo),
-            Model::Metal { color, roughness } => {
-                colors.push(color);
-                floats.push(roughness);
-            }
-            Model::Dielectric { tint, .. } => colors.push(tint),
-            Model::Phong { diffuse, specular, .. } => colors.extend([diffuse, specular]),
-            Model::MeasuredMetal { roughness, .. } => floats.push(roughness),
-            Model::OrenNayar { color, roughness } | Model::Glass { tint: color, roughness, .. } => {
-                colors.push(color);
-                floats.push(roughness);
-            }
-            Model::Pbr(p) => {
-                let slots = p.slots_mut();
-                colors.extend(slots.colors);
-                floats.extend(slots.numbers);
-                slots.others.into_iter().for_each(&mut *change);
-            }
-        }
-        colors.extend(self.emission.iter_mut().map(|e| &mut e.radiance));
-        colors.into_iter().filter_map(|c| c.texture.as_mut()).for_each(&mut *change);
-        floats.into_iter().filter_map(|f| f.texture.as_mut()).for_each(|(id, _)| change(id));
-        if let Some(n) = &mut self.normal_map {
-            change(&mut n.texture);
-        }
     }
 }

@@ -21,7 +21,9 @@ use super::build::Build;
 use super::fields::{Fields, named};
 use super::textures::Textures;
 use super::{metals, pbr};
-use crate::scene::{ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model};
+use crate::scene::{
+    ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
+};
 use std::collections::HashMap;
 use std::ops::Range;
 
@@ -87,26 +89,45 @@ impl<'a> Materials<'a> {
     }
 }
 
+/// Models with a reader of their own; others are read parameter by parameter.
 #[derive(Clone, Copy)]
 enum Kind {
-    Lambert,
-    OrenNayar,
-    Phong,
     Metal,
     Dielectric,
     Emissive,
     Pbr,
+    Plain(fn() -> Model),
 }
 
-const KINDS: [(&str, Kind); 7] = [
-    ("lambert", Kind::Lambert),
-    ("oren-nayar", Kind::OrenNayar),
-    ("phong", Kind::Phong),
-    ("metal", Kind::Metal),
-    ("dielectric", Kind::Dielectric),
-    ("emissive", Kind::Emissive),
-    ("pbr", Kind::Pbr),
-];
+fn kinds() -> Vec<(&'static str, Kind)> {
+    let plain = Model::PLAIN.iter().map(|&(key, default)| (key, Kind::Plain(default)));
+    let others = [
+        ("metal", Kind::Metal),
+        ("dielectric", Kind::Dielectric),
+        ("emissive", Kind::Emissive),
+        ("pbr", Kind::Pbr),
+    ];
+    plain.chain(others).collect()
+}
+
+/// Largest constant that a parameter may be.
+const MOST_CONSTANT: f64 = 1e6;
+
+/// Reads the parameters of a model, each by its own key.
+fn plain(fields: &Fields, mut model: Model, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
+    model.visit_mut("", &mut |key, parameter| match parameter {
+        ParameterMut::Color(color) => *color = slot(key, color.factor[0]),
+        ParameterMut::Number(number) => {
+            let value = fields.number_in(key, 0.0..1.0, number.factor.into());
+            *number = FloatSlot::constant(value as f32);
+        }
+        ParameterMut::Constant(value) => {
+            *value = fields.number_in(key, 0.0..MOST_CONSTANT, (*value).into()) as f32;
+        }
+        ParameterMut::Texture(_) => {}
+    });
+    model
+}
 
 fn read<'a>(
     build: &mut Build,
@@ -115,20 +136,11 @@ fn read<'a>(
     name: &str,
 ) -> Option<Material> {
     fields.require("type", fields.string("type"));
-    let kind = fields.choice("type", &KINDS)?;
+    let kind = fields.choice("type", &kinds())?;
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
     let material = match kind {
-        Kind::Lambert => Material::new(name, Model::Lambert { albedo: slot("color", 0.8) }),
-        Kind::OrenNayar => {
-            let roughness = FloatSlot::constant(fields.number_in("roughness", 0.0..1.0, 1.0) as f32);
-            Material::new(name, Model::OrenNayar { color: slot("color", 0.8), roughness })
-        }
-        Kind::Phong => {
-            let exponent = fields.number_in("exponent", 0.0..1e6, 30.0) as f32;
-            let (diffuse, specular) = (slot("diffuse", 0.5), slot("specular", 0.5));
-            Material::new(name, Model::Phong { diffuse, specular, exponent })
-        }
+        Kind::Plain(default) => Material::new(name, plain(fields, default(), slot)),
         Kind::Metal => {
             let measured = metals::named(fields);
             let color = slot("color", 0.8);
@@ -144,8 +156,8 @@ fn read<'a>(
             Material::new(
                 name,
                 match measured {
-                    Some(m) => Model::MeasuredMetal { eta: m.eta, k: m.k, roughness },
-                    None => Model::Metal { color, roughness },
+                    Some(m) => Model::Conductor { eta: m.eta, k: m.k, roughness },
+                    None => Model::SchlickMetal { color, roughness },
                 },
             )
         }

@@ -1,0 +1,169 @@
+//! Makes the closed enums over all BSDFs, and what calls their parts, of one table.
+
+/// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row names a [`super::Lobe`] and its
+/// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well. `Black`, which does nothing,
+/// is always there.
+macro_rules! bsdfs {
+    (
+        opaque {$(
+            $(#[$opaque_doc:meta])*
+            $opaque_file:ident::$opaque:ident($opaque_program_file:ident::$opaque_program:ident),
+        )*}
+        transmissive {$(
+            $(#[$doc:meta])*
+            $file:ident::$transmissive:ident($program_file:ident::$program:ident),
+        )*}
+    ) => {
+        $(pub use $opaque_file::$opaque;)*
+        $(pub use $opaque_program_file::$opaque_program;)*
+        $(pub use $file::$transmissive;)*
+        $(pub use $program_file::$program;)*
+
+        /// Every way in which a surface may scatter.
+        #[derive(Clone, Copy, Debug)]
+        pub enum Bsdf {
+            /// Absorbs everything.
+            Black,
+            $($(#[$opaque_doc])* $opaque($opaque),)*
+            $($(#[$doc])* $transmissive($transmissive),)*
+        }
+
+        /// Which BSDF a material has; known without its textures.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum BsdfClass {
+            /// [`Bsdf::Black`].
+            Black,
+            $($(#[$opaque_doc])* $opaque,)*
+            $($(#[$doc])* $transmissive,)*
+        }
+
+        /// A material's scattering once it is compiled: the parameters of one BSDF, constants or textures with factors.
+        #[derive(Clone, Copy, Debug)]
+        pub enum BsdfProgram {
+            /// [`Bsdf::Black`].
+            Black,
+            $($(#[$opaque_doc])* $opaque($opaque_program),)*
+            $($(#[$doc])* $transmissive($program),)*
+        }
+
+        $(impl From<$opaque_program> for BsdfProgram {
+            fn from(program: $opaque_program) -> BsdfProgram {
+                BsdfProgram::$opaque(program)
+            }
+        })*
+        $(impl From<$program> for BsdfProgram {
+            fn from(program: $program) -> BsdfProgram {
+                BsdfProgram::$transmissive(program)
+            }
+        })*
+
+        impl BsdfProgram {
+            /// Which BSDF it gives.
+            pub fn class(&self) -> BsdfClass {
+                match self {
+                    BsdfProgram::Black => BsdfClass::Black,
+                    $(BsdfProgram::$opaque(_) => BsdfClass::$opaque,)*
+                    $(BsdfProgram::$transmissive(_) => BsdfClass::$transmissive,)*
+                }
+            }
+
+            /// The BSDF where its slots have these values. Colours and numbers are clamped to 0..1.
+            #[inline]
+            pub fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Bsdf {
+                match self {
+                    BsdfProgram::Black => Bsdf::Black,
+                    $(BsdfProgram::$opaque(program) => Bsdf::$opaque(program.evaluate(slots, frame)),)*
+                    $(BsdfProgram::$transmissive(program) => {
+                        Bsdf::$transmissive(program.evaluate(slots, frame))
+                    })*
+                }
+            }
+        }
+
+        impl BsdfClass {
+            /// May it be the surface of a solid, which bends light?
+            pub fn refracts(self) -> bool {
+                match self {
+                    BsdfClass::Black => false,
+                    $(BsdfClass::$opaque => false,)*
+                    $(BsdfClass::$transmissive => <$transmissive as Transmissive>::REFRACTS,)*
+                }
+            }
+        }
+
+        impl Bsdf {
+            /// Chooses a direction. `u[2]` chooses the lobe, the others the direction in it.
+            #[inline]
+            pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+                let wo = with_side(wo);
+                match self {
+                    Bsdf::Black => BsdfSample::ABSORBED,
+                    $(Bsdf::$opaque(lobe) => lobe.sample(wo, u),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.sample(wo, u),)*
+                }
+            }
+
+            /// Value and density for two directions; specular lobes count as zero.
+            #[inline]
+            pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+                let (wo, wi) = (with_side(wo), with_side(wi));
+                match self {
+                    Bsdf::Black => BsdfEval::ZERO,
+                    $(Bsdf::$opaque(lobe) => lobe.eval(wo, wi),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.eval(wo, wi),)*
+                }
+            }
+
+            /// Are all its samples specular, so that light sampling is in vain?
+            #[inline]
+            pub fn is_specular(&self) -> bool {
+                match self {
+                    Bsdf::Black => true,
+                    $(Bsdf::$opaque(lobe) => lobe.is_specular(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.is_specular(),)*
+                }
+            }
+
+            /// May light from the other side of the surface reach the viewer by a lobe of finite width?
+            #[inline(always)]
+            pub fn scatters_through(&self) -> bool {
+                match self {
+                    Bsdf::Black => false,
+                    $(Bsdf::$opaque(_) => false,)*
+                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::SCATTERS_THROUGH,)*
+                }
+            }
+
+            /// With its base colour multiplied (by the colour of vertices).
+            #[inline]
+            pub fn tinted(self, color: Rgb) -> Bsdf {
+                match self {
+                    Bsdf::Black => Bsdf::Black,
+                    $(Bsdf::$opaque(lobe) => Bsdf::$opaque(lobe.tinted(color)),)*
+                    $(Bsdf::$transmissive(lobe) => Bsdf::$transmissive(lobe.tinted(color)),)*
+                }
+            }
+
+            /// With another index of refraction of its glass, for one wavelength of a dispersive material.
+            #[inline]
+            pub fn with_ior(self, ior: f32) -> Bsdf {
+                match self {
+                    Bsdf::Black => Bsdf::Black,
+                    $(Bsdf::$opaque(lobe) => Bsdf::$opaque(lobe),)*
+                    $(Bsdf::$transmissive(lobe) => Bsdf::$transmissive(lobe.with_ior(ior)),)*
+                }
+            }
+
+            /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
+            #[inline]
+            pub fn albedo(&self) -> Rgb {
+                match self {
+                    Bsdf::Black => Rgb::ZERO,
+                    $(Bsdf::$opaque(lobe) => lobe.albedo(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.albedo(),)*
+                }
+            }
+        }
+    };
+}
+pub(super) use bsdfs;

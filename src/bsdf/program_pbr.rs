@@ -1,0 +1,181 @@
+//! Programs of the glTF material, and what tells which one is the simplest that is equivalent to it.
+
+use super::dielectric::tint_of_crossing;
+use super::layered::Layered;
+use super::metal_rough::MetalRough;
+use super::microsurface::{Isotropic, MicrosurfaceProgram};
+use super::program::{LocalFrame, MaterialProgram, Slots, always};
+use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+use super::{Coat, Sheen, ThinFilm, fresnel};
+use crate::color::Rgb;
+use crate::scene::{
+    Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, PbrMaterial,
+};
+
+/// Can light pass the interface? An index of refraction of 0 means that all is reflected.
+pub(super) fn transmits(pbr: &PbrMaterial) -> bool {
+    !always(&pbr.transmission, 0.0) && pbr.ior > 0.0 && !always(&pbr.metallic, 1.0)
+}
+
+/// Is the dielectric's reflectance that of its index of refraction?
+pub(super) fn is_plain(pbr: &PbrMaterial) -> bool {
+    always(&pbr.specular, 1.0) && pbr.specular_color == ColorSlot::constant([1.0; 3])
+}
+
+/// Is there something that only [`Layered`] has?
+pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
+    pbr.clearcoat.is_some()
+        || pbr.sheen.is_some()
+        || pbr.iridescence.is_some()
+        || pbr.diffuse_transmission.is_some()
+}
+
+/// Its facets.
+pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
+    MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
+}
+
+/// What is behind its surface.
+pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
+    if pbr.has_volume { Walls::Solid } else { Walls::Thin }
+}
+
+/// The parameters of a [`MetalRough`].
+#[derive(Clone, Copy, Debug)]
+pub struct MetalRoughProgram {
+    base_color: ColorSlot,
+    metallic: FloatSlot,
+    roughness: FloatSlot,
+    specular: FloatSlot,
+    specular_color: ColorSlot,
+    /// Reflectance of the dielectric layer at normal incidence, as its index of refraction gives it.
+    normal: f32,
+    energy_compensation: EnergyCompensation,
+}
+
+impl MetalRoughProgram {
+    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> MetalRoughProgram {
+        MetalRoughProgram {
+            base_color: pbr.base_color,
+            metallic: pbr.metallic,
+            roughness: pbr.roughness,
+            specular: pbr.specular,
+            specular_color: pbr.specular_color,
+            // KHR_materials_ior: 0 means that all light is reflected.
+            normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
+            energy_compensation,
+        }
+    }
+}
+
+impl MaterialProgram for MetalRoughProgram {
+    type Lobe = MetalRough;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> MetalRough {
+        let base = slots.share_by_channel(&self.base_color);
+        let (metallic, specular) = (slots.share(&self.metallic), slots.share(&self.specular));
+        let alpha = slots.alpha(&self.roughness);
+        let tint = slots.color(&self.specular_color).max(Rgb::ZERO);
+        MetalRough {
+            diffuse: base * (1.0 - metallic),
+            // KHR_materials_specular: f0 is clamped before the factor.
+            layer_f0: (tint * self.normal).min(Rgb::ONE) * specular,
+            layer_f90: specular,
+            metal_f0: base,
+            metallic,
+            surface: Isotropic { alpha },
+            energy_compensation: self.energy_compensation,
+        }
+    }
+}
+
+/// The parameters of a [`Layered`].
+#[derive(Clone, Copy, Debug)]
+pub struct LayeredProgram {
+    opaque: MetalRoughProgram,
+    facets: MicrosurfaceProgram,
+    /// Share of light that passes the interface, where it lets light pass.
+    transmission: Option<FloatSlot>,
+    ior: f32,
+    walls: Walls,
+    tints_once: bool,
+    /// The glass reflects what its index of refraction says.
+    is_plain: bool,
+    clearcoat: Option<Clearcoat>,
+    sheen: Option<crate::scene::Sheen>,
+    iridescence: Option<Iridescence>,
+    diffuse_transmission: Option<DiffuseTransmission>,
+}
+
+impl LayeredProgram {
+    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> LayeredProgram {
+        LayeredProgram {
+            opaque: MetalRoughProgram::new(pbr, energy_compensation),
+            facets: facets(pbr),
+            transmission: transmits(pbr).then_some(pbr.transmission),
+            ior: pbr.ior,
+            walls: walls(pbr),
+            tints_once: pbr.tints_once,
+            is_plain: is_plain(pbr),
+            clearcoat: pbr.clearcoat,
+            sheen: pbr.sheen,
+            iridescence: pbr.iridescence,
+            diffuse_transmission: pbr.diffuse_transmission,
+        }
+    }
+}
+
+impl MaterialProgram for LayeredProgram {
+    type Lobe = Layered;
+
+    fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Layered {
+        let energy_compensation = self.opaque.energy_compensation;
+        let surface = self.facets.evaluate(slots, frame);
+        let plain = self.opaque.evaluate(slots, frame);
+        let base = plain.metal_f0;
+        let mut opaque = plain.on(surface);
+        let reflectance = match self.is_plain {
+            true => GlassReflectance::Plain,
+            false => GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 },
+        };
+        let dielectric = 1.0 - opaque.metallic;
+        let transmission = self.transmission.as_ref().map_or(0.0, |slot| slots.share(slot));
+        let glass_share = dielectric * transmission;
+        // Shares of what is not glass.
+        let rest = 1.0 / (1.0 - glass_share).max(f32::MIN_POSITIVE);
+        let diffuse = (dielectric * (1.0 - transmission) * rest).min(1.0);
+        opaque.metallic = (opaque.metallic * rest).min(1.0);
+        let (passing, color) = self
+            .diffuse_transmission
+            .as_ref()
+            .map_or((0.0, Rgb::ZERO), |d| (slots.share(&d.factor), slots.share_by_channel(&d.color)));
+        opaque.diffuse = base * (diffuse * (1.0 - passing));
+        let tint = tint_of_crossing(base, self.tints_once);
+        let (ior, walls) = (self.ior, self.walls);
+        Layered {
+            opaque,
+            through: color * (diffuse * passing),
+            glass: RoughDielectric { surface, ior, walls, tint, reflectance, energy_compensation },
+            glass_share,
+            film: self.iridescence.as_ref().map_or(ThinFilm::NONE, |i| film(i, slots)),
+            sheen: self.sheen.as_ref().map_or(Sheen::NONE, |s| Sheen {
+                color: slots.share_by_channel(&s.color),
+                roughness: slots.share(&s.roughness),
+            }),
+            coat: self.clearcoat.as_ref().map_or(Coat::NONE, |c| Coat {
+                factor: slots.share(&c.factor),
+                alpha: slots.alpha(&c.roughness),
+                normal: frame.coat_normal,
+                energy_compensation,
+            }),
+        }
+    }
+}
+
+fn film(iridescence: &Iridescence, slots: &impl Slots) -> ThinFilm {
+    let Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture } = *iridescence;
+    let blend = slots.share(&FloatSlot { factor: 1.0, texture: thickness_texture });
+    let thickness_nm = thickness_min_nm + (thickness_max_nm - thickness_min_nm) * blend;
+    ThinFilm { factor: slots.share(&factor), ior: ior.max(1.0), thickness_nm: thickness_nm.max(0.0) }
+}

@@ -1,0 +1,46 @@
+//! The media of a scene's solids, numbered.
+
+use super::closed::{Outline, outline};
+use super::material::CompiledMaterial;
+use super::medium::Medium;
+use crate::error::Warning;
+use crate::scene::{MaterialId, Scene};
+
+/// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
+///
+/// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
+/// a window, and would fill the room behind it with glass.
+pub(super) fn number(
+    scene: &Scene,
+    materials: &mut [CompiledMaterial],
+    warnings: &mut Vec<Warning>,
+) -> Vec<Medium> {
+    let mut media = vec![Medium::AIR];
+    let mut left_out = 0;
+    for (id, material) in materials.iter_mut().enumerate() {
+        let Some(medium) = material.medium else { continue };
+        let is_kept = match outline(scene, MaterialId(id as u32)) {
+            Outline::None => false,
+            Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
+            Outline::Closed => true,
+        };
+        if !is_kept {
+            continue;
+        }
+        match u16::try_from(media.len()) {
+            Ok(index) => {
+                material.medium_index = index;
+                media.push(medium);
+            }
+            Err(_) => left_out += 1,
+        }
+    }
+    if left_out > 0 {
+        let most = u16::MAX;
+        warnings.push(Warning::general(format!(
+            "{left_out} materials of solids are more than the {most} whose insides are kept apart: the others neither \
+             absorb nor show what is around them"
+        )));
+    }
+    media
+}

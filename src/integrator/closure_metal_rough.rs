@@ -1,0 +1,149 @@
+//! The class of opaque glTF materials: their closures, many at a time.
+
+use super::closure::{Closure, VertexClass};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
+use super::normals::scattering_normal;
+use super::wave::{MetalRoughClosures, MetalRoughMaterials, Vertices, Wave};
+use crate::bsdf::{
+    BsdfEval, BsdfSample, DirectionalAlbedo, Facets, Isotropic, MetalRough, MetalRoughClosure, above,
+};
+use crate::color::Rgb;
+use crate::math::{Frame, Vec3};
+use crate::scene::EnergyCompensation;
+use crate::simd::{Kernel, dispatch};
+use std::ops::Range;
+
+/// Keeps the material of a vertex.
+#[inline(always)]
+pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &MetalRough) {
+    set_rgb(&mut m.diffuse, k, material.diffuse);
+    set_rgb(&mut m.layer_f0, k, material.layer_f0);
+    m.layer_f90[k] = material.layer_f90;
+    set_rgb(&mut m.metal_f0, k, material.metal_f0);
+    m.metallic[k] = material.metallic;
+    m.alpha[k] = material.surface.alpha;
+}
+
+#[inline(always)]
+fn load_material(m: &MetalRoughMaterials, k: usize, energy_compensation: EnergyCompensation) -> MetalRough {
+    MetalRough {
+        diffuse: get_rgb(&m.diffuse, k),
+        layer_f0: get_rgb(&m.layer_f0, k),
+        layer_f90: m.layer_f90[k],
+        metal_f0: get_rgb(&m.metal_f0, k),
+        metallic: m.metallic[k],
+        surface: Isotropic { alpha: m.alpha[k] },
+        energy_compensation,
+    }
+}
+
+#[inline(always)]
+fn store_closure(m: &mut MetalRoughClosures, k: usize, closure: &MetalRoughClosure) {
+    set_rgb(&mut m.diffuse, k, closure.diffuse);
+    set_rgb(&mut m.f0, k, closure.f0);
+    set_rgb(&mut m.f90, k, closure.f90);
+    m.probability_specular[k] = closure.probability_specular;
+    m.probability_diffuse[k] = closure.probability_diffuse;
+    m.albedo[k] = closure.albedo;
+}
+
+#[inline(always)]
+fn load_closure(m: &MetalRoughClosures, k: usize) -> MetalRoughClosure {
+    MetalRoughClosure {
+        diffuse: get_rgb(&m.diffuse, k),
+        rest: 0.0,
+        f0: get_rgb(&m.f0, k),
+        f90: get_rgb(&m.f90, k),
+        albedo: m.albedo[k],
+        probability_specular: m.probability_specular[k],
+        probability_diffuse: m.probability_diffuse[k],
+    }
+}
+
+/// Makes normals usable for scattering, and closures of materials and viewers.
+pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, energy_compensation: EnergyCompensation) {
+    match energy_compensation {
+        EnergyCompensation::On => dispatch(Prepare::<true> { wave, range }),
+        EnergyCompensation::Off => dispatch(Prepare::<false> { wave, range }),
+    }
+}
+
+struct Prepare<'a, const COMPENSATES: bool> {
+    wave: &'a mut Wave,
+    range: Range<usize>,
+}
+
+impl<const COMPENSATES: bool> Kernel for Prepare<'_, COMPENSATES> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { vertices: v, scratch, .. } = self.wave;
+        let [x, y, z, full, grazing, ..] = scratch;
+        let energy_compensation = if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off };
+        let range = self.range.start..self.range.end.min(WAVE);
+        // The second loop looks up a table, and has nothing else in it because that does not vectorise.
+        for i in range.clone() {
+            let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
+            let ns = scattering_normal(ns, get(&v.ng, i), wo);
+            set(&mut v.ns, i, ns);
+            [x[i], y[i], z[i]] = above(Frame::from_normal(ns).to_local(wo)).to_array();
+        }
+        for i in range.clone() {
+            let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
+            let albedo = surface.directional_albedo(Vec3::new(x[i], y[i], z[i]));
+            (full[i], grazing[i]) = (albedo.full, albedo.grazing);
+        }
+        for i in range {
+            let albedo = DirectionalAlbedo { full: full[i], grazing: grazing[i] };
+            let wo = Vec3::new(x[i], y[i], z[i]);
+            let closure = load_material(&v.metal_rough, i, energy_compensation).closure_by(albedo, wo);
+            store_closure(&mut v.metal_rough_closures, i, &closure);
+        }
+    }
+}
+
+/// Vertices of opaque glTF materials, after [`prepare`].
+pub(super) struct MetalRoughClass;
+
+/// An opaque glTF material for its viewer.
+pub(super) struct MetalRoughVertex {
+    lobes: MetalRoughClosure,
+    surface: Isotropic,
+    frame: Frame,
+    /// Towards the viewer in the frame, above the surface.
+    wo: Vec3,
+}
+
+impl VertexClass for MetalRoughClass {
+    type Closure = MetalRoughVertex;
+
+    #[inline(always)]
+    fn closure(&self, v: &Vertices, i: usize) -> MetalRoughVertex {
+        let frame = Frame::from_normal(get(&v.ns, i));
+        let wo = above(frame.to_local(get(&v.wo, i)));
+        let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
+        MetalRoughVertex { lobes: load_closure(&v.metal_rough_closures, i), surface, frame, wo }
+    }
+}
+
+impl Closure for MetalRoughVertex {
+    const OPAQUE: bool = true;
+    const BRANCHES: bool = false;
+
+    #[inline(always)]
+    fn eval(&self, wi: Vec3) -> BsdfEval {
+        self.lobes.eval(&self.surface, self.wo, self.frame.to_local(wi))
+    }
+
+    #[inline(always)]
+    fn sample(&self, u: [f32; 3]) -> BsdfSample {
+        let sample = self.lobes.sample(&self.surface, self.wo, self.wo, u);
+        BsdfSample { wi: self.frame.to_world(sample.wi), ..sample }
+    }
+
+    #[inline(always)]
+    fn scattered(&self, eval: BsdfEval, weight: f32, throughput: Rgb, radiance: Rgb) -> Rgb {
+        eval.f_cos * (throughput * radiance) * weight
+    }
+}

@@ -1,0 +1,114 @@
+//! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
+
+use super::Integrator;
+use super::lanes::{WAVE, get, get_rgb};
+use super::surface::HitPoint;
+use super::wave::{Scratch, Workspace};
+use crate::bsdf::Slots;
+use crate::color::Rgb;
+use crate::light::{EnvironmentLight, ImageMap, Receiver};
+use crate::math::{Ray, Vec3};
+use crate::sampling::power_heuristic;
+use crate::simd::{Kernel, dispatch};
+
+impl Integrator<'_> {
+    /// Adds the light that a surface emits along the ray of arriving path `i`.
+    pub(super) fn emit(&self, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
+        let HitPoint { surface, hit, material, is_back } = at;
+        let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
+        let radiance = match emission.radiance.texture {
+            None => Rgb::from_array(emission.radiance.factor),
+            Some(_) => {
+                // A point: light sampling, which this is weighted against, uses points too.
+                let at = self.scene.geometries.coordinates(surface, hit, false);
+                self.slots(&at, surface, 0.0).color(&emission.radiance)
+            }
+        };
+        let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
+        let mut weight = 1.0;
+        if path.pdf[i] > 0.0
+            && let Some(index) = light
+        {
+            let area = &self.scene.lights.area()[index as usize];
+            let p = w.rays[i].origin;
+            let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+            let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
+            weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
+        }
+        w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
+    }
+
+    /// Adds the environment to the paths that left the scene.
+    pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
+        let lights = &self.scene.lights;
+        let Some(environment) = lights.environment() else { return };
+        let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
+        look_up(environment, &w.rays, &w.escaped, &path.pdf, scratch);
+        let [_, _, _, _, _, r, g, b, pdf] = scratch;
+        let pdf_discrete = lights.environment_pdf_discrete();
+        let light = Some(lights.len() as u32 - 1);
+        for (k, &i) in w.escaped.iter().enumerate() {
+            let i = i as usize;
+            let weight = match path.pdf[i] {
+                scattered if scattered > 0.0 => power_heuristic(scattered, pdf[k] * pdf_discrete),
+                _ => 1.0,
+            };
+            let radiance = Rgb::new(r[k], g[k], b[k]);
+            w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
+            if bounce == 0 {
+                w.sink.cover(path.sample[i]);
+            }
+        }
+    }
+}
+
+/// Radiance and, for rays with a density of their own, density of the directions in which rays left: to the last four
+/// lanes of the scratch memory.
+fn look_up(
+    environment: &EnvironmentLight,
+    rays: &[Ray],
+    escaped: &[u32],
+    pdfs: &[f32],
+    scratch: &mut Scratch,
+) {
+    if let Some(map) = environment.image_map() {
+        return dispatch(LookUp { map, rays, escaped, pdfs, scratch });
+    }
+    let [_, _, _, _, _, r, g, b, pdf] = scratch;
+    for (k, &i) in escaped.iter().enumerate() {
+        let direction = rays[i as usize].direction;
+        [r[k], g[k], b[k]] = environment.radiance(direction).to_array();
+        pdf[k] = environment.pdf_solid_angle(direction);
+    }
+}
+
+struct LookUp<'a> {
+    map: &'a ImageMap,
+    rays: &'a [Ray],
+    escaped: &'a [u32],
+    pdfs: &'a [f32],
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for LookUp<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let LookUp { map, rays, escaped, pdfs, scratch } = self;
+        let [x, y, z, u, v, r, g, b, pdf] = scratch;
+        let count = escaped.len().min(WAVE);
+        for (k, &i) in escaped.iter().enumerate() {
+            [x[k], y[k], z[k]] = rays[i as usize].direction.to_array();
+        }
+        for k in 0..count {
+            [u[k], v[k]] = map.uv(Vec3::new(x[k], y[k], z[k]));
+        }
+        for (k, &i) in escaped.iter().enumerate() {
+            [r[k], g[k], b[k]] = map.lookup([u[k], v[k]]).to_array();
+            if pdfs[i as usize] > 0.0 {
+                pdf[k] = map.pdf_solid_angle([u[k], v[k]], Vec3::new(x[k], y[k], z[k]));
+            }
+        }
+    }
+}

@@ -1,0 +1,133 @@
+//! Which loops shade a vertex, and the order that sorts vertices by it.
+
+use crate::bsdf::{Bsdf, BsdfClass};
+use crate::compile::CompiledMaterial;
+use std::ops::Range;
+
+/// Which loops shade a vertex. The order is that of the sorted vertices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u8)]
+pub enum Group {
+    /// Lambertian, of constant albedo, on a triangle or quad: a vectorised loop makes the vertex.
+    Plain,
+    /// Other Lambertian ones.
+    Lambert,
+    /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
+    Textured,
+    /// Other opaque glTF materials.
+    MetalRough,
+    /// Others that light sampling may reach.
+    Rough,
+    /// It can't.
+    Specular,
+    /// The path ends here.
+    None,
+}
+
+const GROUPS: usize = 7;
+
+/// How many hits there are of each group.
+pub struct GroupCounts([usize; GROUPS]);
+
+impl GroupCounts {
+    /// Of no hit.
+    pub fn new() -> GroupCounts {
+        GroupCounts([0; GROUPS])
+    }
+
+    /// Counts a hit.
+    #[inline(always)]
+    pub fn add(&mut self, group: Group) {
+        self.0[group as usize] += 1;
+    }
+
+    /// Where the vertices of each group lie.
+    pub fn sorted(&self) -> Sorted {
+        let mut sum = 0;
+        let starts = self.0.map(|count| {
+            sum += count;
+            sum - count
+        });
+        Sorted { starts }
+    }
+}
+
+/// Where the sorted vertices of each group lie.
+#[derive(Clone, Copy, Debug)]
+pub struct Sorted {
+    starts: [usize; GROUPS],
+}
+
+impl Sorted {
+    /// The first place of each group.
+    pub fn starts(&self) -> [usize; GROUPS] {
+        self.starts
+    }
+
+    fn from(&self, first: Group, behind: Group) -> Range<usize> {
+        self.starts[first as usize]..self.starts[behind as usize]
+    }
+
+    /// The first ones: a loop makes them of their corners alone.
+    pub fn plain(&self) -> Range<usize> {
+        self.from(Group::Plain, Group::Lambert)
+    }
+
+    /// Those and the other Lambertian ones.
+    pub fn lambert(&self) -> Range<usize> {
+        self.from(Group::Plain, Group::Textured)
+    }
+
+    /// The next.
+    pub fn textured(&self) -> Range<usize> {
+        self.from(Group::Textured, Group::MetalRough)
+    }
+
+    /// Those and the other ones of opaque glTF materials.
+    pub fn metal_rough(&self) -> Range<usize> {
+        self.from(Group::Textured, Group::Rough)
+    }
+
+    /// All others that light sampling can reach.
+    pub fn rough(&self) -> Range<usize> {
+        self.from(Group::Rough, Group::Specular)
+    }
+
+    /// Those and the specular ones: all without a vectorised class.
+    pub fn general(&self) -> Range<usize> {
+        self.from(Group::Rough, Group::None)
+    }
+
+    /// All that light sampling can reach, Lambertian ones included.
+    pub fn lit(&self) -> Range<usize> {
+        self.from(Group::Plain, Group::Specular)
+    }
+
+    /// All.
+    pub fn all(&self) -> Range<usize> {
+        self.from(Group::Plain, Group::None)
+    }
+}
+
+/// The group of a material's vertices, on shapes that don't demand another.
+pub fn group_of(material: &CompiledMaterial) -> Group {
+    match material.class {
+        BsdfClass::Black => Group::None,
+        BsdfClass::Lambert => {
+            let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
+            if is_plain { Group::Plain } else { Group::Lambert }
+        }
+        BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
+        _ => {
+            // What is smooth in air need not be within another solid.
+            let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();
+            let is_specular = material.constant.is_some_and(|b| b.is_specular() && stays_smooth(b));
+            match material.class {
+                _ if is_specular => Group::Specular,
+                BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
+                BsdfClass::MetalRough => Group::MetalRough,
+                _ => Group::Rough,
+            }
+        }
+    }
+}

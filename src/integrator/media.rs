@@ -1,0 +1,144 @@
+//! Solids that light passes: which of them a path is inside of, what they absorb, and what lies on either side of their
+//! surfaces.
+//!
+//! A path carries a list of the solids that it has entered and not left. Light is absorbed, and refracted, by the one
+//! entered last. So a solid inside another displaces it, two bodies of one material that overlap are one, and where a
+//! liquid overlaps its glass the boundary that is hit first counts (Schmidt, Budge 2002 settle such overlaps by priorities,
+//! which scene formats don't have).
+
+use super::Integrator;
+use super::group::Sorted;
+use super::interior::Interior;
+use super::lanes::{get, get_rgb, set_rgb};
+use super::wave::{Carried, Paths, Wave, Workspace};
+use crate::bsdf::{Bsdf, Dielectric};
+use crate::color::Rgb;
+use crate::compile::CompiledMaterial;
+use crate::sampling::hash::{hash32, unit};
+use crate::scene::FresnelModel;
+
+/// The surface of a solid where a path arrives.
+pub(super) struct Boundary {
+    /// How it scatters, with the index of refraction relative to what is on the outer side.
+    pub bsdf: Bsdf,
+    /// Its outer side is the denser one: `bsdf` is for the surface turned around.
+    pub is_inverted: bool,
+    /// The solids on its other side.
+    pub beyond: Interior,
+}
+
+/// A surface that isn't there: within other solids of the same medium, or within one that displaces it.
+const HIDDEN: Bsdf = Bsdf::Dielectric(Dielectric { ior: 1.0, tint: Rgb::ONE, fresnel: FresnelModel::Exact });
+
+impl Integrator<'_> {
+    /// Applies absorption to the ways to the hits. What ends nowhere in a solid was not closed, and absorbs nothing.
+    pub(super) fn absorb(&self, w: &mut Workspace) {
+        let paths = &mut *w.arriving;
+        for (i, hit) in w.hits.iter().enumerate() {
+            let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
+            if medium.absorption.is_some() && hit.is_hit() {
+                let throughput = get_rgb(&paths.carried.throughput, i);
+                set_rgb(&mut paths.carried.throughput, i, throughput * medium.transmittance(hit.t));
+            }
+        }
+    }
+
+    /// Applies absorption to the ways from vertices to the lights that were sampled.
+    pub(super) fn absorb_light(&self, sorted: &Sorted, wave: &mut Wave) {
+        let Wave { paths, vertices: v, .. } = wave;
+        for i in sorted.lit() {
+            let mut interior = paths.interior[i];
+            if i >= sorted.rough().start {
+                let ng = get(&v.ng, i);
+                if ng.dot(get(&v.wo, i)) * ng.dot(get(&v.light.wi, i)) < 0.0 {
+                    interior = v.beyond[i];
+                }
+            }
+            let medium = &self.scene.media[usize::from(interior.medium())];
+            if medium.absorption.is_some() && v.light.is_infinite[i] == 0.0 {
+                let contribution = get_rgb(&v.light.contribution, i);
+                let left = medium.transmittance(get(&v.light.direction, i).length());
+                set_rgb(&mut v.light.contribution, i, contribution * left);
+            }
+        }
+    }
+
+    /// A path that knows of no solid hits one from behind: it must have been inside, and absorption applies.
+    pub(super) fn assume_inside(&self, material: &CompiledMaterial, way: f32, i: usize, paths: &mut Paths) {
+        if paths.interior[i] == Interior::AIR {
+            let medium = material.medium_index;
+            paths.interior[i] = Interior::AIR.entered(medium);
+            let left = self.scene.media[usize::from(medium)].transmittance(way);
+            let throughput = get_rgb(&paths.carried.throughput, i);
+            set_rgb(&mut paths.carried.throughput, i, throughput * left);
+        }
+    }
+
+    /// What a path finds at the surface of a solid of this material.
+    pub(super) fn boundary(
+        &self,
+        bsdf: Bsdf,
+        material: &CompiledMaterial,
+        is_back: bool,
+        bounce: u32,
+        i: usize,
+        paths: &mut Paths,
+    ) -> Boundary {
+        let (here, own) = (paths.interior[i], material.medium_index);
+        // A body may have several materials, one where it is entered and another where it is left: then what was entered
+        // last is left.
+        let medium = if is_back && !here.contains(own) { here.medium() } else { own };
+        let beyond = if is_back { here.left(medium) } else { here.entered(medium) };
+        let outer = if is_back { beyond } else { here };
+        let is_displaced = is_back && here.medium() != medium;
+        if is_displaced || outer.medium() == medium {
+            return Boundary { bsdf: HIDDEN, is_inverted: false, beyond };
+        }
+        let media = &self.scene.media;
+        let (inside, outside) = (&media[usize::from(medium)], &media[usize::from(outer.medium())]);
+        let (Some(inner_iors), Some(outer_iors)) = (inside.iors, outside.iors) else {
+            return Boundary { bsdf, is_inverted: false, beyond };
+        };
+        if inside.is_dispersive() || outside.is_dispersive() {
+            choose_channel(bounce, i, &mut paths.carried);
+        } else if outer == Interior::AIR && medium == own {
+            return Boundary { bsdf, is_inverted: false, beyond };
+        }
+        let channel = channel_of(get_rgb(&paths.carried.throughput, i));
+        let ior = inner_iors[channel] / outer_iors[channel];
+        if ior >= 1.0 {
+            return Boundary { bsdf: bsdf.with_ior(ior), is_inverted: false, beyond };
+        }
+        match bsdf {
+            // Layers stay on the outside; their glass takes the nearest index that it can have.
+            Bsdf::Layered(_) => Boundary { bsdf: bsdf.with_ior(1.0), is_inverted: false, beyond },
+            _ => Boundary { bsdf: bsdf.with_ior(1.0 / ior), is_inverted: true, beyond },
+        }
+    }
+}
+
+/// The path goes on with one channel, chosen by its throughput.
+fn choose_channel(bounce: u32, i: usize, path: &mut Carried) {
+    let throughput = get_rgb(&path.throughput, i).to_array();
+    let total: f32 = throughput.iter().sum();
+    let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]).rotate_left(7) ^ (bounce << 20));
+    let mut at = unit(hash32(salt)) * total;
+    let last = (0..3).rev().find(|&c| throughput[c] > 0.0).unwrap_or(0);
+    let mut channel = 0;
+    while channel < last && at >= throughput[channel] {
+        at -= throughput[channel];
+        channel += 1;
+    }
+    let mut single = [0.0; 3];
+    single[channel] = total;
+    set_rgb(&mut path.throughput, i, Rgb::from_array(single));
+}
+
+/// The channel of a path that carries one; green, the middle of the spectrum, of others.
+fn channel_of(throughput: Rgb) -> usize {
+    match throughput.to_array().map(|c| c > 0.0) {
+        [true, false, false] => 0,
+        [false, false, true] => 2,
+        _ => 1,
+    }
+}

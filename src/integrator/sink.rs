@@ -1,0 +1,47 @@
+//! Where the radiance of paths arrives.
+
+use super::lanes::WAVE;
+use crate::color::Rgb;
+
+/// Index of a light in the scene's lights, by which outputs for groups of lights can tell them apart; `None` for
+/// emitters that light sampling does not know.
+pub type LightIndex = Option<u32>;
+
+/// Radiance and alpha of the samples of a wave.
+pub struct Sink {
+    samples: Vec<[f32; 4]>,
+}
+
+impl Sink {
+    /// Without samples.
+    pub fn new() -> Sink {
+        Sink { samples: Vec::with_capacity(WAVE) }
+    }
+
+    /// Begins a wave of `count` samples: black and transparent.
+    pub fn begin(&mut self, count: usize) {
+        self.samples.clear();
+        self.samples.resize(count, [0.0; 4]);
+    }
+
+    /// Adds what a light contributes to a sample, all weights included: the only way for radiance into the picture.
+    #[inline(always)]
+    pub fn contribute(&mut self, sample: u32, _light: LightIndex, value: Rgb) {
+        let sum = &mut self.samples[sample as usize];
+        let [r, g, b] = value.to_array();
+        sum[0] += r;
+        sum[1] += g;
+        sum[2] += b;
+    }
+
+    /// Makes a sample opaque: something is there.
+    #[inline(always)]
+    pub fn cover(&mut self, sample: u32) {
+        self.samples[sample as usize][3] = 1.0;
+    }
+
+    /// Red, green, blue and alpha of all samples.
+    pub fn samples(&self) -> &[[f32; 4]] {
+        &self.samples
+    }
+}
