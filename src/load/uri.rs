@@ -1,6 +1,9 @@
 //! URIs inside asset files: `data:` URIs are decoded, relative references become paths beside the asset. Nothing is
 //! ever fetched over a network.
 
+use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
+use base64::{DecodeError, alphabet};
+use percent_encoding::percent_decode;
 use std::path::{Component, Path, PathBuf};
 
 /// What a URI leads to.
@@ -105,70 +108,22 @@ fn embedded(rest: &str) -> Result<Target, String> {
     Ok(Target::Embedded { mime, bytes })
 }
 
-/// Replaces `%41` by its byte; `None` where two hexadecimal digits are missing.
+/// Replaces `%41` by its byte; `None` where two hexadecimal digits are missing, which the crate would leave as they are.
 fn percent_decoded(text: &[u8]) -> Option<Vec<u8>> {
-    let digit = |at: usize| text.get(at).and_then(|&c| char::from(c).to_digit(16));
-    let mut bytes = Vec::with_capacity(text.len());
-    let mut at = 0;
-    while at < text.len() {
-        if text[at] == b'%' {
-            bytes.push((digit(at + 1)? * 16 + digit(at + 2)?) as u8);
-            at += 3;
-        } else {
-            bytes.push(text[at]);
-            at += 1;
-        }
-    }
-    Some(bytes)
+    let has_digits = |rest: &[u8]| rest.get(..2).is_some_and(|d| d.iter().all(u8::is_ascii_hexdigit));
+    let is_sound = text.split(|&b| b == b'%').skip(1).all(has_digits);
+    is_sound.then(|| percent_decode(text).collect())
 }
 
-/// Marks bytes that are no digit of base64.
-const NO_DIGIT: u8 = 255;
-
-/// The value of each base64 digit, of the standard and the URL-safe alphabet (RFC 4648, sections 4 and 5).
-const DIGITS: [u8; 256] = {
-    let mut table = [NO_DIGIT; 256];
-    let alphabet = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let mut i = 0;
-    while i < 64 {
-        table[alphabet[i] as usize] = i as u8;
-        i += 1;
-    }
-    table[b'-' as usize] = 62;
-    table[b'_' as usize] = 63;
-    table
-};
-
-/// Decodes base64 with or without padding.
-fn base64_decoded(text: &[u8]) -> Result<Vec<u8>, String> {
-    let padding = text.iter().rev().take(2).take_while(|&&c| c == b'=').count();
-    let text = &text[..text.len() - padding];
-    if text.len() % 4 == 1 {
-        return Err("a digit is missing or left over".to_string());
-    }
-    let wrong = |group: usize, chunk: &[u8]| {
-        let k = chunk.iter().position(|&c| DIGITS[c as usize] == NO_DIGIT).unwrap_or(0);
-        format!("byte {} is no digit", group * 4 + k)
-    };
-    let mut bytes = Vec::with_capacity(text.len() / 4 * 3 + 2);
-    let groups = text.chunks_exact(4);
-    let rest = groups.remainder();
-    for (i, group) in groups.enumerate() {
-        let [a, b, c, d] = [0, 1, 2, 3].map(|k| DIGITS[group[k] as usize]);
-        if (a | b | c | d) == NO_DIGIT || [a, b, c, d].contains(&NO_DIGIT) {
-            return Err(wrong(i, group));
-        }
-        bytes.extend([a << 2 | b >> 4, b << 4 | c >> 2, c << 6 | d]);
-    }
-    let digits: Vec<u8> = rest.iter().map(|&c| DIGITS[c as usize]).collect();
-    if digits.contains(&NO_DIGIT) {
-        return Err(wrong(text.len() / 4, rest));
-    }
-    if let [a, b, more @ ..] = digits.as_slice() {
-        bytes.push(a << 2 | b >> 4);
-        bytes.extend(more.iter().map(|c| b << 4 | c >> 2));
-    }
-    Ok(bytes)
+/// Decodes base64 with or without padding, in the standard or the URL-safe alphabet (RFC 4648, sections 4 and 5). What is
+/// left over of the last digit is not looked at: encoders differ there.
+fn base64_decoded(text: &[u8]) -> Result<Vec<u8>, DecodeError> {
+    let config = GeneralPurposeConfig::new()
+        .with_decode_padding_mode(DecodePaddingMode::Indifferent)
+        .with_decode_allow_trailing_bits(true);
+    let is_url_safe = text.iter().any(|b| b"-_".contains(b));
+    let alphabet = if is_url_safe { &alphabet::URL_SAFE } else { &alphabet::STANDARD };
+    GeneralPurpose::new(alphabet, config).decode(text)
 }
 
 #[cfg(test)]

@@ -1,7 +1,7 @@
 //! Accessors: typed numbers in buffers. [`Accessor::open`] checks everything, reading can't fail.
 
 use super::document::{Document, Unpacked, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use gltf::json::accessor::{self, ComponentType, Type};
 use gltf::json::validation::Checked;
 
@@ -41,20 +41,19 @@ struct Sparse<'d> {
 }
 
 impl<'d> Accessor<'d> {
-    /// Opens the accessor of an index; `from` points to what refers to it. Problems are noted and give `None`.
-    pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Option<Accessor<'d>> {
+    /// Opens the accessor of an index; `from` points to what refers to it. Problems are noted.
+    pub fn open(doc: &'d Document, index: usize, from: &str, report: &mut Report) -> Sound<Accessor<'d>> {
         let json: gltf::json::Accessor = doc.entry("accessors", index, from, report)?;
         let at = pointer("accessors", index);
         let Checked::Valid(accessor::GenericComponentType(component)) = json.component_type else {
-            report.problem(format!("{at}/componentType"), "is no component type of glTF 2.0");
-            return None;
+            return Err(report.problem(format!("{at}/componentType"), "is no component type of glTF 2.0"));
         };
         let Checked::Valid(kind) = json.type_ else {
-            report.problem(format!("{at}/type"), "is no type of glTF 2.0");
-            return None;
+            return Err(report.problem(format!("{at}/type"), "is no type of glTF 2.0"));
         };
         let mut accessor = Accessor {
-            count: usize::try_from(json.count.0).ok()?,
+            count: usize::try_from(json.count.0)
+                .map_err(|_| report.problem(format!("{at}/count"), "is beyond what memory can hold"))?,
             kind,
             component,
             normalized: json.normalized,
@@ -75,17 +74,16 @@ impl<'d> Accessor<'d> {
         } else if accessor.count as u64 > FREE_ZEROS.saturating_add(doc.bytes_read()) {
             let message =
                 format!("{} elements without a bufferView are more than the file justifies", accessor.count);
-            report.problem(at, message);
-            return None;
+            return Err(report.problem(at, message));
         }
         if let Some(sparse) = json.sparse {
             accessor.sparse = Some(accessor.open_sparse(doc, &sparse, report)?);
         }
-        Some(accessor)
+        Ok(accessor)
     }
 
     /// The elements that a compressed primitive holds.
-    fn open_unpacked(&mut self, unpacked: &'d Unpacked, report: &mut Report) -> Option<Elements<'d>> {
+    fn open_unpacked(&mut self, unpacked: &'d Unpacked, report: &mut Report) -> Sound<Elements<'d>> {
         if unpacked.count != self.count {
             let (says, holds) = (self.count, unpacked.count);
             let message =
@@ -97,10 +95,9 @@ impl<'d> Accessor<'d> {
         if unpacked.count.checked_mul(stride) != Some(unpacked.bytes.len()) {
             let message =
                 format!("holds {}, which is not what the compressed primitive holds", self.contents());
-            report.problem(self.pointer.clone(), message);
-            return None;
+            return Err(report.problem(self.pointer.clone(), message));
         }
-        Some(Elements { bytes: &unpacked.bytes, stride })
+        Ok(Elements { bytes: &unpacked.bytes, stride })
     }
 
     fn open_sparse(
@@ -108,17 +105,15 @@ impl<'d> Accessor<'d> {
         doc: &'d Document,
         sparse: &accessor::sparse::Sparse,
         report: &mut Report,
-    ) -> Option<Sparse<'d>> {
+    ) -> Sound<Sparse<'d>> {
         let at = format!("{}/sparse", self.pointer);
         let count = usize::try_from(sparse.count.0).ok().filter(|&n| n <= self.count);
         let Some(count) = count else {
             let message = format!("{} elements replace some of {}", sparse.count.0, self.count);
-            report.problem(format!("{at}/count"), message);
-            return None;
+            return Err(report.problem(format!("{at}/count"), message));
         };
         let Checked::Valid(accessor::IndexComponentType(component)) = sparse.indices.component_type else {
-            report.problem(format!("{at}/indices/componentType"), "is no type of indices");
-            return None;
+            return Err(report.problem(format!("{at}/indices/componentType"), "is no type of indices"));
         };
         let places = Place {
             view: sparse.indices.buffer_view.value(),
@@ -139,10 +134,9 @@ impl<'d> Accessor<'d> {
         let increasing = indices.windows(2).all(|w| w[0] < w[1]);
         if !increasing || indices.last().is_some_and(|&last| last as usize >= self.count) {
             let message = format!("are not increasing and below {}", self.count);
-            report.problem(format!("{at}/indices"), message);
-            return None;
+            return Err(report.problem(format!("{at}/indices"), message));
         }
-        Some(Sparse { indices, values: values? })
+        Ok(Sparse { indices, values: values? })
     }
 
     /// What it holds, for messages: `VEC3 of U8`.
@@ -198,13 +192,12 @@ struct Place {
 
 impl Place {
     /// The elements, inside their view for certain.
-    fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Option<Elements<'d>> {
+    fn elements<'d>(&self, doc: &'d Document, at: &str, report: &mut Report) -> Sound<Elements<'d>> {
         let view = doc.view(self.view, &format!("{at}/bufferView"), report)?;
         let stride = view.stride.unwrap_or(self.element);
         if stride < self.element {
             let message = format!("elements of {} bytes don't fit a byteStride of {stride}", self.element);
-            report.problem(at, message);
-            return None;
+            return Err(report.problem(at, message));
         }
         let last = (self.count as u64).checked_sub(1);
         let length = match last {
@@ -221,10 +214,9 @@ impl Place {
                 self.offset,
                 view.bytes.len()
             );
-            report.problem(at, message);
-            return None;
+            return Err(report.problem(at, message));
         };
-        Some(Elements { bytes: &view.bytes[self.offset.min(end) as usize..end as usize], stride })
+        Ok(Elements { bytes: &view.bytes[self.offset.min(end) as usize..end as usize], stride })
     }
 }
 

@@ -2,8 +2,8 @@
 //! of the file play together; where two move the same thing, the first counts.
 
 use super::accessor::Accessor;
-use super::document::{Document, index_of, pointer};
-use super::report::Report;
+use super::document::{Document, index_of, pointer, required};
+use super::report::{Report, Sound};
 use crate::math::{DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;
@@ -41,23 +41,34 @@ impl Pose {
 /// The pose at a moment, seconds. Before a channel's first key its first value holds, after its last key the last
 /// (glTF 2.0, section 3.11).
 pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
-    let mut reader =
-        Reader { doc, time_s, times: HashMap::new(), pose: Pose::default(), pointers: 0, doubled: 0 };
+    let mut reader = Reader {
+        doc,
+        time_s,
+        times: HashMap::new(),
+        pose: Pose::default(),
+        pointers: 0,
+        targetless: 0,
+        doubled: 0,
+    };
     let count = doc.count("animations");
     for index in 0..count {
-        let Some(animation) = doc.raw("animations", index, "/animations", report) else { continue };
-        let channels = animation.get("channels").and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+        let Ok(animation) = doc.raw("animations", index, "/animations", report) else { continue };
+        let at = format!("{}/channels", pointer("animations", index));
+        let Some(channels) = animation.get("channels").and_then(Value::as_array) else {
+            report.problem(at, "is missing, or no list");
+            continue;
+        };
         for (c, channel) in channels.iter().enumerate() {
-            reader.channel(
-                animation,
-                channel,
-                &format!("{}/channels/{c}", pointer("animations", index)),
-                report,
-            );
+            // What is wrong with a channel doesn't concern the others.
+            let _: Sound<()> = reader.channel(animation, channel, &format!("{at}/{c}"), report);
         }
     }
     if reader.pointers > 0 {
         let message = format!("{} channels use KHR_animation_pointer and stand still", reader.pointers);
+        report.warn("/animations", message);
+    }
+    if reader.targetless > 0 {
+        let message = format!("{} channels move no node; they stand still", reader.targetless);
         report.warn("/animations", message);
     }
     if reader.doubled > 0 {
@@ -77,33 +88,38 @@ struct Reader<'d, 'a> {
     doc: &'d Document<'a>,
     time_s: f64,
     /// Key times by accessor; channels share them.
-    times: HashMap<usize, Option<Rc<Vec<f32>>>>,
+    times: HashMap<usize, Sound<Rc<Vec<f32>>>>,
     pose: Pose,
     pointers: usize,
+    targetless: usize,
     doubled: usize,
 }
 
 impl Reader<'_, '_> {
-    fn channel(&mut self, animation: &Value, channel: &Value, at: &str, report: &mut Report) -> Option<()> {
-        let target = channel.get("target").unwrap_or(&Value::Null);
+    fn channel(&mut self, animation: &Value, channel: &Value, at: &str, report: &mut Report) -> Sound<()> {
+        let Some(target) = channel.get("target") else {
+            return Err(report.problem(format!("{at}/target"), "is missing"));
+        };
         let path = target.get("path").and_then(Value::as_str).unwrap_or_default();
         if path == "pointer" {
             self.pointers += 1;
-            return None;
+            return Ok(());
         }
-        // Without a node the channel is an extension's.
-        let node = index_of(target, "node", &format!("{at}/target"), report)?;
+        let Some(node) = index_of(target, "node", &format!("{at}/target"), report)? else {
+            // The channel is an extension's.
+            self.targetless += 1;
+            return Ok(());
+        };
         self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?;
         let width = match path {
             "translation" | "scale" => 3,
             "rotation" => 4,
             "weights" => 1,
             other => {
-                report.warn(
+                return Err(report.warn(
                     format!("{at}/target/path"),
                     format!("'{other}' is not known; the channel stands still"),
-                );
-                return None;
+                ));
             }
         };
         let known = self.pose.nodes.get(&node);
@@ -115,7 +131,7 @@ impl Reader<'_, '_> {
         });
         if is_doubled {
             self.doubled += 1;
-            return None;
+            return Ok(());
         }
         let value = self.sample(animation, channel, width, at, report)?;
         let pose = self.pose.nodes.entry(node).or_default();
@@ -126,7 +142,7 @@ impl Reader<'_, '_> {
             "rotation" => pose.rotation = Some(unit(DQuat::from_slice(&value), at, report)?),
             _ => pose.weights = Some(value.iter().map(|&w| w as f32).collect()),
         }
-        Some(())
+        Ok(())
     }
 
     /// The value of a channel at the moment; `width` is the number of components of an output element.
@@ -137,43 +153,46 @@ impl Reader<'_, '_> {
         width: usize,
         at: &str,
         report: &mut Report,
-    ) -> Option<Vec<f64>> {
-        let index = index_of(channel, "sampler", at, report)?;
+    ) -> Sound<Vec<f64>> {
+        let index = required(index_of(channel, "sampler", at, report), "sampler", at, report)?;
         let Some(sampler) = animation.get("samplers").and_then(|s| s.get(index)) else {
-            report
-                .problem(format!("{at}/sampler"), format!("refers to sampler {index}, which does not exist"));
-            return None;
+            return Err(report.problem(
+                format!("{at}/sampler"),
+                format!("refers to sampler {index}, which does not exist"),
+            ));
         };
         let interpolation = match sampler.get("interpolation").map(|i| i.as_str()) {
             None | Some(Some("LINEAR")) => Interpolation::Linear,
             Some(Some("STEP")) => Interpolation::Step,
             Some(Some("CUBICSPLINE")) => Interpolation::Cubic,
             Some(_) => {
-                report
-                    .problem(at, "has a sampler whose interpolation is none of LINEAR, STEP and CUBICSPLINE");
-                return None;
+                return Err(report.problem(
+                    at,
+                    "has a sampler whose interpolation is none of LINEAR, STEP and CUBICSPLINE",
+                ));
             }
         };
-        let times = self.key_times(index_of(sampler, "input", at, report)?, at, report)?;
-        let values = self.values(index_of(sampler, "output", at, report)?, width, at, report)?;
+        let from = format!("{}/samplers/{index}", at.split("/channels").next().unwrap_or_default());
+        let input = required(index_of(sampler, "input", &from, report), "input", &from, report);
+        let output = required(index_of(sampler, "output", &from, report), "output", &from, report);
+        let times = self.key_times(input?, at, report)?;
+        let values = self.values(output?, width, at, report)?;
         let parts = if interpolation == Interpolation::Cubic { 3 } else { 1 };
         let per_key = values.len().checked_div(times.len() * parts).unwrap_or(0);
         let fits = per_key * times.len() * parts == values.len() && per_key > 0;
         if !fits || width != 1 && per_key != width {
             let message = format!("has {} keys, but {} numbers for them", times.len(), values.len());
-            report.problem(at, message);
-            return None;
+            return Err(report.problem(at, message));
         }
         let track = Track { times: &times, values: &values, width: per_key, interpolation };
         let value = track.at(self.time_s, width == 4);
         if value.iter().any(|v| !v.is_finite()) {
-            report.warn(at, "has values that are not finite numbers; the channel stands still");
-            return None;
+            return Err(report.warn(at, "has values that are not finite numbers; the channel stands still"));
         }
-        Some(value)
+        Ok(value)
     }
 
-    fn key_times(&mut self, index: usize, at: &str, report: &mut Report) -> Option<Rc<Vec<f32>>> {
+    fn key_times(&mut self, index: usize, at: &str, report: &mut Report) -> Sound<Rc<Vec<f32>>> {
         if let Some(known) = self.times.get(&index) {
             return known.clone();
         }
@@ -182,28 +201,26 @@ impl Reader<'_, '_> {
         times
     }
 
-    fn read_times(&self, index: usize, at: &str, report: &mut Report) -> Option<Vec<f32>> {
+    fn read_times(&self, index: usize, at: &str, report: &mut Report) -> Sound<Vec<f32>> {
         let accessor = Accessor::open(self.doc, index, at, report)?;
         if accessor.kind != Type::Scalar || accessor.component != ComponentType::F32 {
             let message = format!("holds {}; the times of keys are SCALAR of F32", accessor.contents());
-            report.problem(accessor.pointer.clone(), message);
-            return None;
+            return Err(report.problem(accessor.pointer.clone(), message));
         }
         let mut times = vec![[0.0]; self.affordable(&accessor, report)?];
         accessor.read_floats(&mut times);
         let times = times.into_flattened();
         let increase = times.windows(2).all(|w| w[0] <= w[1]) && times.iter().all(|t| t.is_finite());
         if !increase || times.is_empty() {
-            report.warn(
+            return Err(report.warn(
                 accessor.pointer.clone(),
                 "holds key times that do not increase; what they drive stands still",
-            );
-            return None;
+            ));
         }
-        Some(times)
+        Ok(times)
     }
 
-    fn values(&self, index: usize, width: usize, at: &str, report: &mut Report) -> Option<Vec<f32>> {
+    fn values(&self, index: usize, width: usize, at: &str, report: &mut Report) -> Sound<Vec<f32>> {
         let accessor = Accessor::open(self.doc, index, at, report)?;
         let kind = match width {
             1 => Type::Scalar,
@@ -214,24 +231,23 @@ impl Reader<'_, '_> {
         if accessor.kind != kind || !(accessor.component == ComponentType::F32 || small) {
             let wanted = format!("{kind:?}").to_uppercase();
             let message = format!("holds {}; this channel needs {wanted} of F32", accessor.contents());
-            report.problem(accessor.pointer.clone(), message);
-            return None;
+            return Err(report.problem(accessor.pointer.clone(), message));
         }
         let count = self.affordable(&accessor, report)?;
-        Some(match width {
+        Ok(match width {
             1 => read::<1>(&accessor, count),
             3 => read::<3>(&accessor, count),
             _ => read::<4>(&accessor, count),
         })
     }
 
-    fn affordable(&self, accessor: &Accessor, report: &mut Report) -> Option<usize> {
+    fn affordable(&self, accessor: &Accessor, report: &mut Report) -> Sound<usize> {
         let bytes = (accessor.count as u64).saturating_mul(16);
         if !self.doc.may_decode(bytes) {
-            report.problem(accessor.pointer.clone(), "holds more keys than the size of the file justifies");
-            return None;
+            return Err(report
+                .problem(accessor.pointer.clone(), "holds more keys than the size of the file justifies"));
         }
-        Some(accessor.count)
+        Ok(accessor.count)
     }
 }
 
@@ -241,12 +257,11 @@ fn read<const N: usize>(accessor: &Accessor, count: usize) -> Vec<f32> {
     values.into_flattened()
 }
 
-fn unit(q: DQuat, at: &str, report: &mut Report) -> Option<DQuat> {
+fn unit(q: DQuat, at: &str, report: &mut Report) -> Sound<DQuat> {
     if q.length() > 1e-6 {
-        return Some(q.normalize());
+        return Ok(q.normalize());
     }
-    report.warn(at, "has a rotation of length 0; the channel stands still");
-    None
+    Err(report.warn(at, "has a rotation of length 0; the channel stands still"))
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]

@@ -2,7 +2,7 @@
 
 use super::document::{Document, pointer};
 use super::meshopt;
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::load::uri::{self, Target};
 use gltf::json::{Buffer, buffer};
 use serde_json::Value;
@@ -20,98 +20,90 @@ pub(super) struct BufferView<'d> {
 
 impl<'a> Document<'a> {
     /// The bytes of a buffer view, inside its buffer for certain; `from` points to what refers to it.
-    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Option<BufferView<'_>> {
+    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Sound<BufferView<'_>> {
         let view: buffer::View = self.entry("bufferViews", index, from, report)?;
         let at = pointer("bufferViews", index);
         let stride = view.byte_stride.map(|s| s.0);
         if stride.is_some_and(|s| !(4..=252).contains(&s)) {
-            report.problem(format!("{at}/byteStride"), "is not in 4..252");
-            return None;
+            return Err(report.problem(format!("{at}/byteStride"), "is not in 4..252"));
         }
         if let Some((place, packed)) = meshopt::packed(&self.json, &at) {
-            let cell = self.views.get(index)?;
-            let bytes = cell
-                .get_or_init(|| report.lasting(|report| self.unpack(packed, &place, report)))
-                .as_deref()?;
+            let unpack = || report.lasting(|report| self.unpack(packed, &place, report));
+            // `entry` found the view, so that it has a cell.
+            let bytes = self.views[index].get_or_init(unpack).as_ref().map_err(|noted| *noted)?;
             if view.byte_length.0 != bytes.len() as u64 {
                 let (says, holds) = (view.byte_length.0, bytes.len());
-                report.problem(place, format!("holds {holds} bytes for a bufferView of {says}"));
-                return None;
+                return Err(report.problem(place, format!("holds {holds} bytes for a bufferView of {says}")));
             }
-            return Some(BufferView { bytes, stride });
+            return Ok(BufferView { bytes, stride });
         }
         let (offset, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
         let bytes = self.range(view.buffer.value(), offset, length, &at, report)?;
-        Some(BufferView { bytes, stride })
+        Ok(BufferView { bytes, stride })
     }
 
     /// Bytes of a buffer; `at` points to what asks for them.
-    fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Option<&[u8]> {
+    fn range(&self, buffer: usize, offset: u64, length: u64, at: &str, report: &mut Report) -> Sound<&[u8]> {
         let bytes = self.buffer(buffer, &format!("{at}/buffer"), report)?;
         let range = offset.checked_add(length).filter(|&end| end <= bytes.len() as u64);
         let Some(end) = range else {
             let size = bytes.len();
-            report.problem(
+            return Err(report.problem(
                 at,
                 format!("reaches from byte {offset} over {length} bytes, but its buffer has {size}"),
-            );
-            return None;
+            ));
         };
-        Some(&bytes[offset as usize..end as usize])
+        Ok(&bytes[offset as usize..end as usize])
     }
 
     /// Decompresses a buffer view.
-    fn unpack(&self, packed: &Value, at: &str, report: &mut Report) -> Option<Vec<u8>> {
+    fn unpack(&self, packed: &Value, at: &str, report: &mut Report) -> Sound<Vec<u8>> {
         let layout = meshopt::Layout::new(packed, at, report)?;
         let bytes = self.range(layout.buffer, layout.offset, layout.length, at, report)?;
         if !self.may_decode(layout.size()) {
-            report.problem(
+            return Err(report.problem(
                 at,
                 format!("{} elements are more than the size of the file justifies", layout.count),
-            );
-            return None;
+            ));
         }
         match layout.decode(bytes) {
-            Ok(bytes) => Some(bytes),
-            Err(message) => {
-                report.problem(at, format!("can't be decompressed: {message}"));
-                None
-            }
+            Ok(bytes) => Ok(bytes),
+            Err(message) => Err(report.problem(at, format!("can't be decompressed: {message}"))),
         }
     }
 
     /// The contents of a buffer, read when first asked for.
-    fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Option<&[u8]> {
+    fn buffer(&self, index: usize, from: &str, report: &mut Report) -> Sound<&[u8]> {
         let Some(cell) = self.buffers.get(index) else {
             let message = format!("refers to /buffers/{index}, but there are {}", self.buffers.len());
-            report.problem(from, message);
-            return None;
+            return Err(report.problem(from, message));
         };
-        cell.get_or_init(|| report.lasting(|report| self.read_buffer(index, from, report))).as_deref()
+        let read = cell.get_or_init(|| report.lasting(|report| self.read_buffer(index, from, report)));
+        read.as_deref().map_err(|noted| *noted)
     }
 
-    fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Option<Cow<'a, [u8]>> {
+    fn read_buffer(&self, index: usize, from: &str, report: &mut Report) -> Sound<Cow<'a, [u8]>> {
         let at = pointer("buffers", index);
         let buffer: Buffer = self.entry("buffers", index, from, report)?;
-        let bytes: Cow<'a, [u8]> = match (&buffer.uri, self.binary) {
+        let bytes: Cow<'a, [u8]> = match (&buffer.uri, &self.binary) {
             (Some(uri), _) => self.fetch(uri, &format!("{at}/uri"), report)?.bytes,
-            (None, Some(binary)) if index == 0 => Cow::Borrowed(binary),
+            (None, Some(binary)) if index == 0 => binary.clone(),
             (None, _) => {
                 // Allowed: such a buffer is filled by agreement between programs.
-                report.warn(at, "has no data (no uri and no binary chunk); what uses it is left out");
-                return None;
+                return Err(
+                    report.warn(at, "has no data (no uri and no binary chunk); what uses it is left out")
+                );
             }
         };
         let (promised, held) = (buffer.byte_length.0, bytes.len());
         if promised > held as u64 {
-            report.problem(
+            return Err(report.problem(
                 format!("{at}/byteLength"),
                 format!("promises {promised} bytes, but there are {held}"),
-            );
-            return None;
+            ));
         }
         // What lies beyond (padding of a GLB's chunk) belongs to no view.
-        Some(match bytes {
+        Ok(match bytes {
             Cow::Borrowed(b) => Cow::Borrowed(&b[..promised as usize]),
             Cow::Owned(mut b) => {
                 b.truncate(promised as usize);
@@ -121,23 +113,17 @@ impl<'a> Document<'a> {
     }
 
     /// The bytes that a URI leads to.
-    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Option<Fetched<'a>> {
+    pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Sound<Fetched<'a>> {
         match uri::resolve(uri, self.path, self.allow_external) {
-            Ok(Target::Embedded { mime, bytes }) => Some(Fetched { bytes: bytes.into(), mime, file: None }),
+            Ok(Target::Embedded { mime, bytes }) => Ok(Fetched { bytes: bytes.into(), mime, file: None }),
             Ok(Target::File(path)) => match std::fs::read(&path) {
                 Ok(bytes) => {
                     self.note_read(bytes.len());
-                    Some(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
+                    Ok(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
                 }
-                Err(e) => {
-                    report.problem(at, format!("the file {} can't be read: {e}", path.display()));
-                    None
-                }
+                Err(e) => Err(report.problem(at, format!("the file {} can't be read: {e}", path.display()))),
             },
-            Err(message) => {
-                report.problem(at, message);
-                None
-            }
+            Err(message) => Err(report.problem(at, message)),
         }
     }
 

@@ -1,9 +1,9 @@
 //! Cameras and lights of nodes.
 
-use super::document::{Document, name_of, number_of, numbers_of, pointer};
+use super::document::{Document, name_of, number_of, numbers_of, pointer, required};
 use super::nodes::Node;
 use super::options::LightUnits;
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::math::{DAffine3, DMat3};
 use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
 use gltf::json::camera::Type;
@@ -18,22 +18,20 @@ const LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
 /// candela and lux, the scene wants W/sr and W/m2; Blender's exporter multiplies by the same number in its default mode.
 const LUMENS_PER_WATT: f64 = 683.0;
 
-/// The camera of a node; `None` with a warning where it shows nothing.
-pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Camera> {
+/// The camera of a node, unless it shows nothing.
+pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Camera> {
     let from = format!("{}/camera", node.pointer());
     let camera: gltf::json::Camera = doc.entry("cameras", index, &from, report)?;
     let raw = doc.raw("cameras", index, &from, report)?;
     let at = pointer("cameras", index);
     let Some(world_from_camera) = without_scale(&node.world_from_node) else {
-        report.warn(node.pointer(), "flattens its camera, which is left out");
-        return None;
+        return Err(report.warn(node.pointer(), "flattens its camera, which is left out"));
     };
     let (projection, aspect_ratio) = match camera.type_ {
         Checked::Valid(Type::Perspective) => perspective(raw, &at, report)?,
         Checked::Valid(Type::Orthographic) => orthographic(raw, &at, report)?,
         Checked::Invalid => {
-            report.problem(format!("{at}/type"), "is neither perspective nor orthographic");
-            return None;
+            return Err(report.problem(format!("{at}/type"), "is neither perspective nor orthographic"));
         }
     };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
@@ -41,45 +39,41 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         Some(_) => name_of(raw, "camera", index),
         None => name_of(node_raw, "camera of node", node.index),
     };
-    Some(Camera { name, world_from_camera, projection, aspect_ratio, lens: None })
+    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None })
 }
 
-fn perspective(camera: &Value, at: &str, report: &mut Report) -> Option<(Projection, Option<f64>)> {
+fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
     let at = format!("{at}/perspective");
     let Some(perspective) = camera.get("perspective") else {
-        report.problem(at, "is missing");
-        return None;
+        return Err(report.problem(at, "is missing"));
     };
-    let Some(vfov_rad) = number_of(perspective, "yfov", &at, report) else {
-        report.problem(format!("{at}/yfov"), "is missing");
-        return None;
-    };
+    let vfov_rad = required(number_of(perspective, "yfov", &at, report), "yfov", &at, report)?;
     if !(vfov_rad > 0.0 && vfov_rad < PI) {
-        report.warn(
+        return Err(report.warn(
             format!("{at}/yfov"),
             format!("{vfov_rad} is not between 0 and pi: the camera is left out"),
-        );
-        return None;
+        ));
     }
-    let aspect = number_of(perspective, "aspectRatio", &at, report).filter(|a| *a > 0.0 && a.is_finite());
-    Some((Projection::Perspective { vfov_rad }, aspect))
+    let given = number_of(perspective, "aspectRatio", &at, report)?;
+    let aspect = given.filter(|a| *a > 0.0 && a.is_finite());
+    if let (Some(given), None) = (given, aspect) {
+        let message = format!("{given} is not above 0: the picture's own is taken");
+        report.warn(format!("{at}/aspectRatio"), message);
+    }
+    Ok((Projection::Perspective { vfov_rad }, aspect))
 }
 
-fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Option<(Projection, Option<f64>)> {
+fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
     let at = format!("{at}/orthographic");
     let Some(orthographic) = camera.get("orthographic") else {
-        report.problem(at, "is missing");
-        return None;
+        return Err(report.problem(at, "is missing"));
     };
-    let mut size = |key: &str| match number_of(orthographic, key, &at, report) {
-        Some(size) if size != 0.0 && size.is_finite() => Some(size.abs()),
-        _ => {
-            report.warn(format!("{at}/{key}"), "is missing or 0: the camera is left out");
-            None
-        }
+    let mut size = |key: &str| match number_of(orthographic, key, &at, report)? {
+        Some(size) if size != 0.0 && size.is_finite() => Ok(size.abs()),
+        _ => Err(report.warn(format!("{at}/{key}"), "is missing or 0: the camera is left out")),
     };
     let (half_width, half_height) = (size("xmag")?, size("ymag")?);
-    Some((Projection::Orthographic { half_height }, Some(half_width / half_height)))
+    Ok((Projection::Orthographic { half_height }, Some(half_width / half_height)))
 }
 
 /// The rotation and translation of a transform: axes z, y and x made orthonormal in this order, right-handed. `None` for
@@ -141,25 +135,19 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
 }
 
 /// The light of a node.
-pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Option<Light> {
+pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Light> {
     let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
     let raw = doc.raw(LIGHTS, index, &from, report)?;
     let at = pointer(LIGHTS, index);
-    let color = match raw.get("color") {
-        Some(_) => numbers_of(raw, "color", &at, report)?,
-        None => [1.0; 3],
-    };
-    let strength = match raw.get("intensity") {
-        Some(_) => number_of(raw, "intensity", &at, report)?,
-        None => 1.0,
-    };
+    let color = numbers_of(raw, "color", &at, report)?.unwrap_or([1.0; 3]);
+    let strength = number_of(raw, "intensity", &at, report)?.unwrap_or(1.0);
     let is_directional = raw.get("type").and_then(Value::as_str) == Some("directional");
     let (local, directional) = divisors(doc.options.light_units);
     let divisor = if is_directional { directional } else { local };
     let intensity = color.map(|c| (c * strength / divisor) as f32);
     if intensity.iter().any(|i| !(i.is_finite() && *i >= 0.0)) {
-        report.problem(at, "has a colour or an intensity that is negative or beyond the range of numbers");
-        return None;
+        return Err(report
+            .problem(at, "has a colour or an intensity that is negative or beyond the range of numbers"));
     }
     if raw.get("range").is_some() {
         report.warn(
@@ -173,7 +161,7 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
         Some("point") => Some(LightKind::Point { position }),
         Some("directional") => direction.map(|direction| LightKind::Directional { direction }),
         Some("spot") => {
-            let (inner_angle_rad, outer_angle_rad) = cone(raw, &at, report);
+            let (inner_angle_rad, outer_angle_rad) = cone(raw, &at, report)?;
             direction.map(|direction| LightKind::Spot {
                 position,
                 direction,
@@ -183,23 +171,22 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
             })
         }
         _ => {
-            report.problem(format!("{at}/type"), "is none of point, spot and directional");
-            return None;
+            return Err(report.problem(format!("{at}/type"), "is none of point, spot and directional"));
         }
     };
-    if kind.is_none() {
-        report.warn(node.pointer(), "flattens its light, which is left out");
-    }
+    let Some(kind) = kind else {
+        return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
+    };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
-    Some(Light { name: name_of(node_raw, "light of node", node.index), kind: kind?, intensity })
+    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity })
 }
 
 /// Inner and outer half angle of a spot light, in order.
-fn cone(light: &Value, at: &str, report: &mut Report) -> (f64, f64) {
+fn cone(light: &Value, at: &str, report: &mut Report) -> Sound<(f64, f64)> {
     let at = format!("{at}/spot");
     let spot = light.get("spot").unwrap_or(&Value::Null);
-    let inner = number_of(spot, "innerConeAngle", &at, report).unwrap_or(0.0);
-    let outer = number_of(spot, "outerConeAngle", &at, report).unwrap_or(FRAC_PI_4);
+    let inner = number_of(spot, "innerConeAngle", &at, report)?.unwrap_or(0.0);
+    let outer = number_of(spot, "outerConeAngle", &at, report)?.unwrap_or(FRAC_PI_4);
     if !(0.0 <= inner && inner < outer && outer <= FRAC_PI_2 + 1e-6) {
         report.warn(
             at,
@@ -207,5 +194,5 @@ fn cone(light: &Value, at: &str, report: &mut Report) -> (f64, f64) {
         );
     }
     let outer = outer.clamp(1e-6, FRAC_PI_2);
-    (inner.clamp(0.0, outer), outer)
+    Ok((inner.clamp(0.0, outer), outer))
 }

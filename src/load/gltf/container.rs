@@ -1,23 +1,22 @@
 //! The binary container (GLB) and the JSON text in it or by itself.
 
 use crate::error::{Error, Result};
+use gltf::{Glb, binary};
 use serde_json::Value;
+use std::borrow::Cow;
 use std::path::Path;
 
 /// First four bytes of a GLB file.
 const MAGIC: &[u8] = b"glTF";
-/// Bytes of the file's header and of a chunk's.
+/// Bytes of the file's header.
 const HEADER: usize = 12;
-const CHUNK_HEADER: usize = 8;
-const JSON_CHUNK: u32 = 0x4e4f_534a;
-const BINARY_CHUNK: u32 = 0x004e_4942;
 
 /// The parts of a glTF file.
 pub(super) struct Parts<'a> {
     /// The JSON document, an object.
     pub json: Value,
     /// The binary chunk of a GLB.
-    pub binary: Option<&'a [u8]>,
+    pub binary: Option<Cow<'a, [u8]>>,
 }
 
 /// Takes a `.gltf` or `.glb` apart, told apart by content.
@@ -28,8 +27,8 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     if bytes.is_empty() {
         return Err(Error::input(path, "is empty"));
     }
-    let (text, binary) = if bytes.starts_with(MAGIC) { chunks(path, bytes)? } else { (bytes, None) };
-    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(text);
+    let (text, binary) = if bytes.starts_with(MAGIC) { chunks(path, bytes)? } else { (bytes.into(), None) };
+    let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
     let json: Value = serde_json::from_slice(text)
         .map_err(|e| Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}")))?;
     if !json.is_object() {
@@ -38,54 +37,45 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     Ok(Parts { json, binary })
 }
 
-/// The JSON chunk and the binary chunk of a GLB (glTF 2.0, section 4.4). Unknown chunks are skipped, as it demands.
-fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<(&'a [u8], Option<&'a [u8]>)> {
-    let fail = |message: String| Err(Error::input(path, format!("is a broken GLB: {message}")));
-    let (Some(version), Some(length)) = (word(bytes, 4), word(bytes, 8)) else {
-        return fail(format!("it ends after {} bytes, inside its header", bytes.len()));
+/// The JSON chunk and the binary chunk of a GLB (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it
+/// demands; so is one of unknown type in the second's place, which the crate refuses.
+fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, [u8]>, Option<Cow<'a, [u8]>>)> {
+    let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
+    // The crate subtracts its header's length from this without a look, and reads on behind the file's end by it.
+    let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);
+    let Some(length) = length.map(|length| length as usize) else {
+        return Err(fail(format!("it ends after {} bytes, inside its header", bytes.len())));
     };
-    if version != 2 {
-        return Err(Error::input(path, format!("is a GLB of version {version}"))
-            .with_help("only glTF 2.0 is read; convert the file"));
-    }
-    let length = length as usize;
     if length > bytes.len() {
-        return fail(format!(
-            "its header promises {length} bytes, but there are {}: it was cut off",
-            bytes.len()
-        ));
+        let held = bytes.len();
+        return Err(fail(format!(
+            "its header promises {length} bytes, but there are {held}: it was cut off"
+        )));
     }
-    let (mut json, mut binary, mut at, mut number) = (None, None, HEADER, 0);
-    while at < length {
-        let (Some(size), Some(kind)) = (word(bytes, at), word(bytes, at + 4)) else {
-            return fail(format!("chunk {number} ends inside its header"));
-        };
-        let start = at + CHUNK_HEADER;
-        let Some(end) = start.checked_add(size as usize).filter(|&end| end <= length) else {
-            return fail(format!(
-                "chunk {number} promises {size} bytes, but {} are left",
-                length.saturating_sub(start)
-            ));
-        };
-        let chunk = &bytes[start..end];
-        match (number, kind) {
-            (0, JSON_CHUNK) => json = Some(chunk),
-            (0, _) => return fail(format!("its first chunk has the type {kind:#010x}, not JSON")),
-            (1, BINARY_CHUNK) => binary = Some(chunk),
-            (_, JSON_CHUNK | BINARY_CHUNK) => {
-                return fail(format!("chunk {number} is a JSON or BIN chunk out of place"));
-            }
-            _ => {}
+    if length < HEADER {
+        return Err(fail(format!("its header promises {length} bytes, fewer than its own")));
+    }
+    let file = &bytes[..length];
+    let error = match Glb::from_slice(file) {
+        Ok(glb) => return Ok((glb.json, glb.bin)),
+        Err(gltf::Error::Binary(error)) => error,
+        Err(other) => return Err(fail(other.to_string())),
+    };
+    Err(match error {
+        binary::Error::Version(version) => Error::input(path, format!("is a GLB of version {version}"))
+            .with_help("only glTF 2.0 is read; convert the file"),
+        binary::Error::UnknownChunkType(_) if file.get(16..20) == Some(b"JSON") => {
+            let end = file[12..16].try_into().map_or(0, u32::from_le_bytes) as usize;
+            return Ok((file[20..20 + end].into(), None));
         }
-        (at, number) = (end, number + 1);
-    }
-    match json {
-        Some(json) => Ok((json, binary)),
-        None => fail("it has no chunks".to_string()),
-    }
-}
-
-/// The little-endian word at a place.
-fn word(bytes: &[u8], at: usize) -> Option<u32> {
-    bytes.get(at..at.checked_add(4)?)?.try_into().ok().map(u32::from_le_bytes)
+        binary::Error::UnknownChunkType(kind) => {
+            fail(format!("its first chunk has the type '{}', not JSON", kind.escape_ascii()))
+        }
+        binary::Error::ChunkLength { ty, length, length_read } => {
+            fail(format!("its {ty:?} chunk promises {length} bytes, but {length_read} are left"))
+        }
+        binary::Error::ChunkType(ty) => fail(format!("a {ty:?} chunk is out of place")),
+        binary::Error::Io(_) => fail(format!("it ends after {length} bytes, inside the header of a chunk")),
+        other => fail(other.to_string()),
+    })
 }

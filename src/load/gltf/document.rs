@@ -3,7 +3,7 @@
 
 use super::container::Parts;
 use super::options::GltfOptions;
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::load::LoadOptions;
 use gltf::json::accessor::ComponentType;
 use serde::de::DeserializeOwned;
@@ -19,15 +19,15 @@ pub(super) struct Document<'a> {
     /// The whole JSON.
     pub json: Value,
     /// The binary chunk of a GLB.
-    pub binary: Option<&'a [u8]>,
+    pub binary: Option<Cow<'a, [u8]>>,
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
     /// What the user chose.
     pub options: &'a GltfOptions,
-    /// The contents of each buffer, once read; `None` for those with problems.
-    pub(super) buffers: Vec<OnceCell<Option<Cow<'a, [u8]>>>>,
-    /// The contents of compressed buffer views, once decoded; `None` for those with problems.
-    pub(super) views: Vec<OnceCell<Option<Vec<u8>>>>,
+    /// The contents of each buffer, once read.
+    pub(super) buffers: Vec<OnceCell<Sound<Cow<'a, [u8]>>>>,
+    /// The contents of compressed buffer views, once decoded.
+    pub(super) views: Vec<OnceCell<Sound<Vec<u8>>>>,
     /// The contents of accessors that compressed primitives bring along, once decoded.
     pub(super) accessors: Vec<OnceCell<Unpacked>>,
     /// Bytes of all the files read so far.
@@ -105,16 +105,15 @@ impl<'a> Document<'a> {
     }
 
     /// The object at an index of a list, as it stands in the file; `from` points to what refers to it.
-    pub fn raw(&self, list: &str, index: usize, from: &str, report: &mut Report) -> Option<&Value> {
-        let value = self.list(list).and_then(|l| l.get(index));
-        match value {
-            Some(value) if value.is_object() => return Some(value),
-            Some(_) => report.problem(pointer(list, index), "is not an object"),
+    pub fn raw(&self, list: &str, index: usize, from: &str, report: &mut Report) -> Sound<&Value> {
+        match self.list(list).and_then(|l| l.get(index)) {
+            Some(value) if value.is_object() => Ok(value),
+            Some(_) => Err(report.problem(pointer(list, index), "is not an object")),
             None => {
-                report.problem(from, format!("refers to /{list}/{index}, but there are {}", self.count(list)))
+                let message = format!("refers to /{list}/{index}, but there are {}", self.count(list));
+                Err(report.problem(from, message))
             }
         }
-        None
     }
 
     /// The object at an index of a list as a type of the `gltf` crate.
@@ -124,15 +123,10 @@ impl<'a> Document<'a> {
         index: usize,
         from: &str,
         report: &mut Report,
-    ) -> Option<T> {
+    ) -> Sound<T> {
         let raw = self.raw(list, index, from, report)?;
-        match T::deserialize(raw) {
-            Ok(entry) => Some(entry),
-            Err(e) => {
-                report.problem(pointer(list, index), format!("can't be understood: {e}"));
-                None
-            }
-        }
+        T::deserialize(raw)
+            .map_err(|e| report.problem(pointer(list, index), format!("can't be understood: {e}")))
     }
 }
 
@@ -158,51 +152,62 @@ pub(super) fn list_of_indices(object: &Value, key: &str, at: &str, report: &mut 
     for (i, value) in list.iter().enumerate() {
         match value.as_u64().and_then(|v| usize::try_from(v).ok()) {
             Some(index) => indices.push(index),
-            None => report.problem(format!("{at}/{key}/{i}"), "is not an index"),
+            None => {
+                report.problem(format!("{at}/{key}/{i}"), "is not an index");
+            }
         }
     }
     indices
 }
 
-/// An optional index held by an object of the document: absent, an index, or a noted problem (`None` too).
-pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Option<usize> {
-    let value = object.get(key)?;
-    let index = value.as_u64().and_then(|i| usize::try_from(i).ok());
-    if index.is_none() {
-        report.problem(format!("{at}/{key}"), "is not an index");
-    }
-    index
+/// An optional index held by an object of the document.
+pub(super) fn index_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<Option<usize>> {
+    let index = |v: &Value| v.as_u64().and_then(|i| usize::try_from(i).ok());
+    optional(object, key, at, "an index", index, report)
 }
 
-/// Optional numbers held by an object, in full precision: absent (or a noted problem) gives `None`.
+/// Optional numbers held by an object, in full precision.
 pub(super) fn numbers_of<const N: usize>(
     object: &Value,
     key: &str,
     at: &str,
     report: &mut Report,
-) -> Option<[f64; N]> {
-    let value = object.get(key)?;
-    let numbers = value.as_array().filter(|a| a.len() == N).and_then(|a| {
+) -> Sound<Option<[f64; N]>> {
+    let numbers = |value: &Value| {
+        let list = value.as_array().filter(|a| a.len() == N)?;
         let mut numbers = [0.0; N];
-        for (number, value) in numbers.iter_mut().zip(a) {
+        for (number, value) in numbers.iter_mut().zip(list) {
             *number = value.as_f64()?;
         }
         Some(numbers)
-    });
-    if numbers.is_none() {
-        report.problem(format!("{at}/{key}"), format!("is not a list of {N} numbers"));
-    }
-    numbers
+    };
+    optional(object, key, at, &format!("a list of {N} numbers"), numbers, report)
 }
 
 /// An optional number held by an object.
-pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Option<f64> {
-    let value = object.get(key)?;
-    let number = value.as_f64();
-    if number.is_none() {
-        report.problem(format!("{at}/{key}"), "is not a number");
+pub(super) fn number_of(object: &Value, key: &str, at: &str, report: &mut Report) -> Sound<Option<f64>> {
+    optional(object, key, at, "a number", Value::as_f64, report)
+}
+
+fn optional<T>(
+    object: &Value,
+    key: &str,
+    at: &str,
+    what: &str,
+    convert: impl Fn(&Value) -> Option<T>,
+    report: &mut Report,
+) -> Sound<Option<T>> {
+    let Some(value) = object.get(key) else { return Ok(None) };
+    let value = convert(value);
+    if value.is_none() {
+        return Err(report.problem(format!("{at}/{key}"), format!("is not {what}")));
     }
-    number
+    Ok(value)
+}
+
+/// What an object must hold: the value of [`index_of`] and its like.
+pub(super) fn required<T>(value: Sound<Option<T>>, key: &str, at: &str, report: &mut Report) -> Sound<T> {
+    value?.ok_or_else(|| report.problem(format!("{at}/{key}"), "is missing"))
 }
 
 /// The name of an object, or a stand-in made of its kind and index.

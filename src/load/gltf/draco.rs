@@ -2,7 +2,7 @@
 //! for the contents of the primitive's accessors.
 
 use super::document::{Document, Unpacked, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::error::Problem;
 use crate::load::guard;
 use draco_core::{
@@ -20,40 +20,48 @@ const DRACO: &str = "KHR_draco_mesh_compression";
 const FREE: u64 = 1 << 16;
 const PER_BYTE: u64 = 64;
 
-/// Unpacks a primitive, if it is compressed, so that its accessors can be read; says whether it is. `None` with a noted
-/// problem.
-pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Option<bool> {
+/// Unpacks a primitive, if it is compressed, so that its accessors can be read; says whether it is.
+pub(super) fn unpack(doc: &Document, primitive: &Primitive, at: &str, report: &mut Report) -> Sound<bool> {
     let at = format!("{at}/extensions/{DRACO}");
-    let Some(extension) = doc.json.pointer(&at) else { return Some(false) };
+    let Some(extension) = doc.json.pointer(&at) else { return Ok(false) };
     let accessors: Vec<(String, usize)> = primitive
         .indices
         .iter()
         .map(|i| ("indices".to_string(), i.value()))
         .chain(attribute_accessors(extension, &at, doc))
         .collect();
+    let is_compressed = |index: usize| accessors.iter().any(|a| a.1 == index);
+    let used = primitive.attributes.values().chain(&primitive.indices).map(|i| i.value());
+    let empty = used.filter(|&i| !is_compressed(i) && !is_plain(doc, i)).count();
+    if empty > 0 {
+        let message =
+            format!("{empty} accessors of the primitive are neither compressed nor plain: all zeros");
+        report.warn(at.clone(), message);
+    }
     // Another primitive may share them.
     if accessors.iter().all(|(_, i)| doc.accessors.get(*i).is_some_and(|cell| cell.get().is_some())) {
-        return Some(true);
+        return Ok(true);
     }
     if let Err(problem) = fill(doc, extension, &at, &accessors, report) {
         if has_plain_copies(doc, primitive) {
             let message = format!("{}; the plain copy beside it is read", problem.message);
             report.warn(problem.place, message);
-            return Some(false);
+            return Ok(false);
         }
-        report.add(problem.with_help("export the model without mesh compression"));
-        return None;
+        return Err(report.add(problem.with_help("export the model without mesh compression")));
     }
-    Some(true)
+    Ok(true)
 }
 
 /// Has a primitive plain data for all that it needs, beside the compressed?
 fn has_plain_copies(doc: &Document, primitive: &Primitive) -> bool {
-    let is_plain = |index: usize| {
-        let accessor = doc.json.pointer(&pointer("accessors", index));
-        accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())
-    };
-    primitive.attributes.values().chain(&primitive.indices).all(|i| is_plain(i.value()))
+    primitive.attributes.values().chain(&primitive.indices).all(|i| is_plain(doc, i.value()))
+}
+
+/// Has an accessor, if there is one, data of its own?
+fn is_plain(doc: &Document, index: usize) -> bool {
+    let accessor = doc.json.pointer(&pointer("accessors", index));
+    accessor.is_none_or(|a| a.get("bufferView").is_some() || a.get("sparse").is_some())
 }
 
 /// Decodes the stream and hands its contents to the accessors: to all or, on an error, to none.
@@ -65,10 +73,13 @@ fn fill(
     report: &mut Report,
 ) -> Result<(), Problem> {
     let problem = |message: String| Problem::new(at, message);
+    if !extension.get("attributes").is_some_and(Value::is_object) {
+        return Err(problem("has no attributes".to_string()));
+    }
     let view = extension.get("bufferView").and_then(Value::as_u64).and_then(|v| usize::try_from(v).ok());
     let view = view.ok_or_else(|| problem("has no bufferView".to_string()))?;
     let view = doc.view(view, &format!("{at}/bufferView"), report);
-    let bytes = view.ok_or_else(|| problem("has no bytes that can be read".to_string()))?.bytes;
+    let bytes = view.map_err(|_| problem("has no bytes that can be read".to_string()))?.bytes;
     let mesh = decode(bytes).map_err(|message| problem(format!("can't be decompressed: {message}")))?;
     let points = mesh.num_points() as u64;
     if !doc.may_decode(points.saturating_mul(64) + mesh.num_faces() as u64 * 12) {

@@ -54,10 +54,13 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
     let major = |key: &str| asset.get(key).and_then(Value::as_str).map(|v| v.split('.').next() == Some("2"));
     match (major("version"), asset.get("minVersion").and_then(Value::as_str)) {
         (Some(true), None | Some("2.0")) => {}
-        (None, _) => report.problem("/asset/version", "is missing: this is no glTF 2.0 file"),
-        _ => report.add(
-            Problem::new("/asset/version", "is not 2.0").with_help("only glTF 2.0 is read; convert the file"),
-        ),
+        (None, _) => {
+            report.problem("/asset/version", "is missing: this is no glTF 2.0 file");
+        }
+        _ => {
+            let problem = Problem::new("/asset/version", "is not 2.0");
+            report.add(problem.with_help("only glTF 2.0 is read; convert the file"));
+        }
     }
     let Some(required) = doc.json.get("extensionsRequired") else { return };
     let Some(required) = required.as_array() else {
@@ -67,15 +70,18 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
     for (i, name) in required.iter().enumerate() {
         let at = pointer("extensionsRequired", i);
         match name.as_str() {
-            None => report.problem(at, "is not a name"),
+            None => {
+                report.problem(at, "is not a name");
+            }
             Some(name) if READ.contains(&name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
             Some(name) if doc.options.force => {
                 report.warn(at, format!("the file demands {name}, which is not supported; --force goes on"));
             }
-            Some(name) => report.add(
-                Problem::new(at, format!("the file demands {name}, which is not supported"))
-                    .with_help("export it without this extension, or go on without it by --force"),
-            ),
+            Some(name) => {
+                let problem = Problem::new(at, format!("the file demands {name}, which is not supported"));
+                let help = "export it without this extension, or go on without it by --force";
+                report.add(problem.with_help(help));
+            }
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use super::buffers::Fetched;
 use super::document::{Document, name_of, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::textures::ImageNeed;
 use crate::error::Warning;
 use crate::image::{Encoding, Image, Pixels};
@@ -69,26 +69,24 @@ fn roughness(image: &Image, factor: f32) -> Image {
     }
 }
 
-fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Option<Source<'d>> {
+fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Sound<Source<'d>> {
     let at = pointer("images", need.index);
     let json: gltf::json::Image = doc.entry("images", need.index, &at, report)?;
     let name = name_of(doc.raw("images", need.index, &at, report)?, "image", need.index);
     let mut fetched = match (json.uri, json.buffer_view) {
         (Some(uri), _) => doc.fetch(&uri, &format!("{at}/uri"), report)?,
         (None, Some(view)) => match doc.view(view.value(), &format!("{at}/bufferView"), report) {
-            Some(view) => Fetched { bytes: view.bytes.into(), mime: None, file: None },
-            None => {
-                report.problem(at, "has no bytes that can be read");
-                return None;
+            Ok(view) => Fetched { bytes: view.bytes.into(), mime: None, file: None },
+            Err(_) => {
+                return Err(report.problem(at, "has no bytes that can be read"));
             }
         },
         (None, None) => {
-            report.problem(at, "has neither a uri nor a bufferView");
-            return None;
+            return Err(report.problem(at, "has neither a uri nor a bufferView"));
         }
     };
     fetched.mime = json.mime_type.map(|m| m.0).or(fetched.mime);
-    Some(Source { need, name, fetched })
+    Ok(Source { need, name, fetched })
 }
 
 /// Decodes an image; an error comes as its message.

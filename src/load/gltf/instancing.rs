@@ -2,7 +2,7 @@
 
 use super::accessor::Accessor;
 use super::document::{Document, index_of};
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::math::{DAffine3, DQuat, DVec3};
 use gltf::json::accessor::{ComponentType, Type};
 use serde_json::Value;
@@ -10,34 +10,34 @@ use serde_json::Value;
 /// Bytes that one more instance takes in the scene, roughly, with its name.
 const BYTES_PER_INSTANCE: u64 = 256;
 
-/// Where the instances of a node stand in its space; `None` if it has no instancing, or a noted problem with it.
+/// Where the instances of a node stand in its space; `None` if it has no instancing.
 pub(super) fn placements(
     doc: &Document,
     node: &Value,
     at: &str,
     report: &mut Report,
-) -> Option<Vec<DAffine3>> {
-    let extension = node.pointer("/extensions/EXT_mesh_gpu_instancing")?;
+) -> Sound<Option<Vec<DAffine3>>> {
+    let Some(extension) = node.pointer("/extensions/EXT_mesh_gpu_instancing") else { return Ok(None) };
     let at = format!("{at}/extensions/EXT_mesh_gpu_instancing/attributes");
-    let attributes = extension.get("attributes").unwrap_or(&Value::Null);
+    let Some(attributes) = extension.get("attributes").filter(|a| a.is_object()) else {
+        return Err(report.problem(at, "is missing, or no object"));
+    };
     let mut count = None;
-    let mut open = |name: &str, kind: Type, report: &mut Report| -> Option<Option<Accessor<'_>>> {
-        let Some(index) = index_of(attributes, name, &at, report) else { return Some(None) };
+    let mut open = |name: &str, kind: Type, report: &mut Report| -> Sound<Option<Accessor<'_>>> {
+        let Some(index) = index_of(attributes, name, &at, report)? else { return Ok(None) };
         let accessor = Accessor::open(doc, index, &format!("{at}/{name}"), report)?;
         let small = accessor.normalized && accessor.component != ComponentType::U32;
         if accessor.kind != kind || !(accessor.component == ComponentType::F32 || small) {
             let wanted = format!("{kind:?}").to_uppercase();
             let message = format!("holds {}; this attribute needs {wanted} of F32", accessor.contents());
-            report.problem(accessor.pointer.clone(), message);
-            return None;
+            return Err(report.problem(accessor.pointer.clone(), message));
         }
         let expected = *count.get_or_insert(accessor.count);
         if accessor.count != expected {
             let message = format!("has {} elements for {expected} instances", accessor.count);
-            report.problem(accessor.pointer.clone(), message);
-            return None;
+            return Err(report.problem(accessor.pointer.clone(), message));
         }
-        Some(Some(accessor))
+        Ok(Some(accessor))
     };
     let translations = open("TRANSLATION", Type::Vec3, report);
     let rotations = open("ROTATION", Type::Vec4, report);
@@ -46,8 +46,9 @@ pub(super) fn placements(
     // Instances without a transform (only custom attributes) all stand where the node does: one is enough to see.
     let count = count.unwrap_or(1);
     if !doc.may_decode(BYTES_PER_INSTANCE.saturating_mul(count as u64)) {
-        report.problem(at, format!("{count} instances are more than the size of the file justifies"));
-        return None;
+        return Err(
+            report.problem(at, format!("{count} instances are more than the size of the file justifies"))
+        );
     }
     let translations = read(translations.as_ref(), count, [0.0; 3]);
     let rotations = read(rotations.as_ref(), count, [0.0, 0.0, 0.0, 1.0]);
@@ -67,7 +68,7 @@ pub(super) fn placements(
     if unusable > 0 {
         report.warn(at, format!("{unusable} instances are flattened or not finite, and left out"));
     }
-    Some(list)
+    Ok(Some(list))
 }
 
 fn read<const N: usize>(accessor: Option<&Accessor>, count: usize, default: [f32; N]) -> Vec<[f32; N]> {

@@ -4,7 +4,7 @@
 use super::accessor::Accessor;
 use super::document::{Document, name_of, pointer};
 use super::materials::Materials;
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use super::{draco, repair, triangles, variants};
 use crate::scene::{MaterialId, Mesh, MeshPart};
@@ -60,7 +60,7 @@ impl MeshReader<'_, '_> {
     /// Reads the mesh of an index; `from` points to what refers to it. Problems are noted.
     pub fn read(mut self, index: usize, from: &str) -> Vec<Mesh> {
         let doc = self.doc;
-        let Some(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
+        let Ok(json) = doc.entry::<gltf::json::Mesh>("meshes", index, from, self.report) else {
             return Vec::new();
         };
         let (mut groups, mut skipped) = (Vec::<Group>::new(), [0; 2]);
@@ -94,7 +94,8 @@ impl MeshReader<'_, '_> {
             Checked::Valid(Mode::Points) => skipped[0] += 1,
             Checked::Valid(Mode::Lines | Mode::LineLoop | Mode::LineStrip) => skipped[1] += 1,
             Checked::Valid(mode @ (Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan)) => {
-                self.add_triangles(primitive, mode, at, groups);
+                // What is wrong with a primitive doesn't concern the others.
+                let _: Sound<()> = self.add_triangles(primitive, mode, at, groups);
             }
         }
     }
@@ -105,7 +106,7 @@ impl MeshReader<'_, '_> {
         mode: Mode,
         at: &str,
         groups: &mut Vec<Group>,
-    ) -> Option<()> {
+    ) -> Sound<()> {
         let doc = self.doc;
         let is_compressed = self.report.lasting(|report| draco::unpack(doc, primitive, at, report))?;
         // A compressed primitive is a list of triangles, whatever it was made from.
@@ -113,10 +114,7 @@ impl MeshReader<'_, '_> {
         let material = variants::material(doc, primitive, at, self.report);
         let material = self.materials.get(doc, material, &format!("{at}/material"), self.report)?;
         let needs = self.materials.needs(material);
-        let Some(attributes) = attributes(primitive, needs, &self.deformation) else {
-            self.report.warn(at, "has no positions and is skipped");
-            return None;
-        };
+        let attributes = attributes(primitive, needs, &self.deformation, at, self.report)?;
         for (needed, held) in needs.uv_slots.sets.iter().zip(&attributes.uv_slots) {
             if let (Some(set), None) = (needed, held) {
                 let message = format!("has no TEXCOORD_{set}, which its material's textures use; taken as 0");
@@ -143,16 +141,14 @@ impl MeshReader<'_, '_> {
         };
         let corners = indices.as_ref().map_or(count, |a| a.count) as u64;
         if !doc.may_decode(corners * if mode == Mode::Triangles { 4 } else { 12 }) {
-            self.report.problem(at, "asks for more triangles than the size of the file justifies");
-            return None;
+            return Err(self
+                .report
+                .problem(at, "asks for more triangles than the size of the file justifies"));
         }
         let mesh = &mut group.mesh;
         let first = mesh.triangles.len();
-        if triangles::append(mode, indices.as_ref(), count, base, at, &mut mesh.triangles, self.report) {
-            add_part(mesh, first, material, at, self.report)
-        } else {
-            None
-        }
+        triangles::append(mode, indices.as_ref(), count, base, at, &mut mesh.triangles, self.report)?;
+        add_part(mesh, first, material, at, self.report)
     }
 }
 
@@ -168,20 +164,13 @@ fn group_of<'g>(attributes: &Attributes, groups: &'g mut Vec<Group>) -> &'g mut 
 }
 
 /// Covers the triangles from `first` on by a part.
-fn add_part(
-    mesh: &mut Mesh,
-    first: usize,
-    material: MaterialId,
-    at: &str,
-    report: &mut Report,
-) -> Option<()> {
+fn add_part(mesh: &mut Mesh, first: usize, material: MaterialId, at: &str, report: &mut Report) -> Sound<()> {
     let (Ok(first_triangle), Ok(end)) = (u32::try_from(first), u32::try_from(mesh.triangles.len())) else {
         mesh.triangles.truncate(first);
-        report.problem(at, "takes its mesh beyond 4,294,967,295 triangles");
-        return None;
+        return Err(report.problem(at, "takes its mesh beyond 4,294,967,295 triangles"));
     };
     mesh.parts.push(MeshPart { first_triangle, triangle_count: end - first_triangle, material });
-    Some(())
+    Ok(())
 }
 
 /// Fills up attributes that some primitives of a mesh lack: texture coordinates 0, white.

@@ -2,7 +2,7 @@
 
 use super::document::Document;
 use super::opener::{Kind, Opener};
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::scene::Mesh;
 use gltf::json::accessor::Type;
 use gltf::json::mesh::MorphTarget;
@@ -41,7 +41,7 @@ pub(super) fn apply(
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Option<()> {
+) -> Sound<()> {
     let count = mesh.positions.len() - base;
     let at = format!("{at}/targets/{}", target.number);
     let mut opener = Opener::new(doc, &at, "", Some(count), report);
@@ -66,7 +66,7 @@ pub(super) fn apply(
         accessor.read_floats(&mut offsets);
         add(&mut mesh.tangents[base..], &offsets, weight);
     }
-    Some(())
+    Ok(())
 }
 
 fn add<const N: usize>(values: &mut [[f32; N]], offsets: &[[f32; 3]], weight: f32) {

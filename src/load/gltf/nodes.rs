@@ -1,10 +1,10 @@
 //! The node hierarchy: which nodes are seen, and where they stand.
 
 use super::animation::Pose;
-use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer};
+use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer, required};
 use super::instancing;
 use super::options::GltfOptions;
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::transform::{self, Family};
 use crate::error::Problem;
 use crate::math::DAffine3;
@@ -86,7 +86,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
     };
     let above = match roots.as_slice() {
         [Step { node, .. }] if doc.options.node.is_some() => {
-            family.parent(*node).and_then(|parent| family.world_from_node(parent, report))
+            family.parent(*node).and_then(|parent| family.world_from_node(parent, report).ok())
         }
         _ => None,
     };
@@ -100,15 +100,24 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
             report.problem(pointer("nodes", step.node), message);
             continue;
         }
-        let Some(raw) = doc.raw("nodes", step.node, &step.from, report) else { continue };
+        let Ok(raw) = doc.raw("nodes", step.node, &step.from, report) else { continue };
         reached[step.node] = true;
         let at = pointer("nodes", step.node);
-        if raw.pointer("/extensions/KHR_node_visibility/visible") == Some(&Value::Bool(false)) {
-            hidden += 1;
-            continue;
+        match raw.pointer("/extensions/KHR_node_visibility/visible") {
+            Some(Value::Bool(false)) => {
+                hidden += 1;
+                continue;
+            }
+            Some(Value::Bool(true)) | None => {}
+            Some(_) => {
+                report.problem(
+                    format!("{at}/extensions/KHR_node_visibility/visible"),
+                    "is neither true nor false",
+                );
+            }
         }
         let parent = step.parent.map(|p| hierarchy.nodes[p].world_from_node).or(above).unwrap_or_default();
-        let Some(local) = transform::local(raw, pose.node(step.node), &at, report) else { continue };
+        let Ok(local) = transform::local(raw, pose.node(step.node), &at, report) else { continue };
         let world_from_node = parent * local;
         if !world_from_node.is_finite() {
             report.problem(at, "stands beyond the range of numbers");
@@ -118,23 +127,31 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
         for (i, child) in list_of_indices(raw, "children", &at, report).into_iter().enumerate().rev() {
             stack.push(Step { node: child, parent: Some(entry), from: format!("{at}/children/{i}") });
         }
-        let light = raw.pointer("/extensions/KHR_lights_punctual");
-        let light_at = format!("{at}/extensions/KHR_lights_punctual");
+        // A noted problem of any of these ends the loading.
+        let mut index = |key: &str| index_of(raw, key, &at, report).unwrap_or(None);
+        let (mesh, camera, skin) = (index("mesh"), index("camera"), index("skin"));
         hierarchy.nodes.push(Node {
             index: step.node,
             parent: step.parent,
             world_from_node,
-            mesh: index_of(raw, "mesh", &at, report),
-            camera: index_of(raw, "camera", &at, report),
-            light: light.and_then(|l| index_of(l, "light", &light_at, report)),
-            skin: index_of(raw, "skin", &at, report),
-            instances: instancing::placements(doc, raw, &at, report),
+            mesh,
+            camera,
+            light: light(raw, &at, report).unwrap_or(None),
+            skin,
+            instances: instancing::placements(doc, raw, &at, report).unwrap_or(None),
         });
     }
     if hidden > 0 {
         report.warn("", format!("{hidden} nodes with their children are invisible (KHR_node_visibility)"));
     }
     hierarchy
+}
+
+/// The light that a node holds.
+fn light(node: &Value, at: &str, report: &mut Report) -> Sound<Option<usize>> {
+    let Some(extension) = node.pointer("/extensions/KHR_lights_punctual") else { return Ok(None) };
+    let at = format!("{at}/extensions/KHR_lights_punctual");
+    required(index_of(extension, "light", &at, report), "light", &at, report).map(Some)
 }
 
 /// A node to be visited.
@@ -163,7 +180,7 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     let scenes = doc.count("scenes");
     let chosen =
         match doc.options.scene.as_deref().map(|s| (s, GltfOptions::find(&names_of(doc, "scenes"), s))) {
-            None => index_of(&doc.json, "scene", "", report),
+            None => index_of(&doc.json, "scene", "", report).unwrap_or(None),
             Some((_, Ok(index))) => Some(index),
             Some((wanted, Err(help))) => {
                 let message = format!("there is no scene '{wanted}'");
@@ -180,14 +197,14 @@ fn roots(doc: &Document, report: &mut Report) -> (Option<usize>, Vec<Step>) {
     if chosen.is_some() || scenes > 0 {
         let index = chosen.unwrap_or(0);
         let at = pointer("scenes", index);
-        let Some(scene) = doc.raw("scenes", index, "/scene", report) else { return (None, Vec::new()) };
+        let Ok(scene) = doc.raw("scenes", index, "/scene", report) else { return (None, Vec::new()) };
         let roots = list_of_indices(scene, "nodes", &at, report).into_iter().enumerate();
         return (Some(index), roots.map(|(i, node)| step(node, format!("{at}/nodes/{i}"))).collect());
     }
     let count = doc.count("nodes");
     let mut is_child = vec![false; count];
     for index in 0..count {
-        let Some(raw) = doc.raw("nodes", index, "/nodes", report) else { continue };
+        let Ok(raw) = doc.raw("nodes", index, "/nodes", report) else { continue };
         for child in list_of_indices(raw, "children", &pointer("nodes", index), report) {
             if let Some(is_child) = is_child.get_mut(child) {
                 *is_child = true;

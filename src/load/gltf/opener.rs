@@ -2,7 +2,7 @@
 
 use super::accessor::Accessor;
 use super::document::Document;
-use super::report::Report;
+use super::report::{Noted, Report, Sound};
 use gltf::json::accessor::{ComponentType, Type};
 
 /// Which component types an attribute may have.
@@ -28,7 +28,8 @@ pub(super) struct Opener<'d, 'a, 'r> {
     quantized: bool,
     /// The number of vertices, known from the first attribute on.
     count: Option<usize>,
-    sound: bool,
+    /// Are all attributes so far sound?
+    sound: Sound<()>,
 }
 
 impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
@@ -41,10 +42,10 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
         report: &'r mut Report,
     ) -> Opener<'d, 'a, 'r> {
         let quantized = doc.extension_used("KHR_mesh_quantization");
-        Opener { doc, at, inside, report, quantized, count, sound: true }
+        Opener { doc, at, inside, report, quantized, count, sound: Ok(()) }
     }
 
-    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (then `sound` is false).
+    /// The accessor of an attribute; `None` if there is no such attribute, or it has problems (which `finish` tells).
     pub fn open(
         &mut self,
         index: Option<usize>,
@@ -54,33 +55,41 @@ impl<'d, 'a, 'r> Opener<'d, 'a, 'r> {
     ) -> Option<Accessor<'d>> {
         let from = format!("{}{}/{name}", self.at, self.inside);
         let opened = Accessor::open(self.doc, index?, &from, self.report);
-        let usable = opened.filter(|accessor| {
-            let expected = *self.count.get_or_insert(accessor.count);
-            if accessor.count != expected {
-                let message = format!("has {} elements for {expected} vertices", accessor.count);
-                self.report.problem(accessor.pointer.clone(), message);
-            }
-            checked(accessor, types, kind, self.quantized, self.report) && accessor.count == expected
-        });
-        self.sound &= usable.is_some();
-        usable
+        let usable = opened.and_then(|accessor| self.check(accessor, types, kind));
+        usable.map_err(|noted: Noted| self.sound = Err(noted)).ok()
+    }
+
+    fn check(&mut self, accessor: Accessor<'d>, types: &[Type], kind: Kind) -> Sound<Accessor<'d>> {
+        let expected = *self.count.get_or_insert(accessor.count);
+        check_type(&accessor, types, kind, self.quantized, self.report)?;
+        if accessor.count != expected {
+            let message = format!("has {} elements for {expected} vertices", accessor.count);
+            return Err(self.report.problem(accessor.pointer.clone(), message));
+        }
+        Ok(accessor)
     }
 
     /// The number of vertices, if all is sound and the file justifies the memory they take after `base` others.
-    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Option<usize> {
-        let count = self.count.filter(|_| self.sound)?;
+    pub fn finish(self, base: usize, bytes_per_vertex: u64) -> Sound<usize> {
+        self.sound?;
+        let Some(count) = self.count else { return Err(self.report.problem(self.at, "has no attributes")) };
         let fits = base.checked_add(count).is_some_and(|n| u32::try_from(n).is_ok());
         if fits && self.doc.may_decode(bytes_per_vertex.saturating_mul(count as u64)) {
-            return Some(count);
+            return Ok(count);
         }
         let message = format!("{count} vertices are more than the size of the file justifies");
-        self.report.problem(self.at, message);
-        None
+        Err(self.report.problem(self.at, message))
     }
 }
 
 /// Has an accessor the type that its attribute needs (glTF 2.0, section 3.7.2.1, and KHR_mesh_quantization)?
-fn checked(accessor: &Accessor, types: &[Type], kind: Kind, quantized: bool, report: &mut Report) -> bool {
+fn check_type(
+    accessor: &Accessor,
+    types: &[Type],
+    kind: Kind,
+    quantized: bool,
+    report: &mut Report,
+) -> Sound<()> {
     let small = matches!(
         accessor.component,
         ComponentType::I8 | ComponentType::U8 | ComponentType::I16 | ComponentType::U16
@@ -103,7 +112,7 @@ fn checked(accessor: &Accessor, types: &[Type], kind: Kind, quantized: bool, rep
         let component = if matches!(kind, Kind::Joints) { "U8 or U16" } else { "F32" };
         let (held, named) = (accessor.contents(), named.join(" or "));
         let message = format!("holds {held}; this attribute needs {named} of {component}");
-        report.problem(accessor.pointer.clone(), message);
+        return Err(report.problem(accessor.pointer.clone(), message));
     }
-    fits
+    Ok(())
 }

@@ -5,13 +5,14 @@ use super::document::Document;
 use super::keep::{Kept, StillMesh};
 use super::meshes::MeshReader;
 use super::nodes::{Hierarchy, Node};
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::skin::{self, SkinPose};
 use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
 use crate::math::DAffine3;
 use crate::scene::{Instance, MeshId, Scene};
+use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
 /// What makes two placed meshes the same mesh of the scene.
@@ -52,11 +53,11 @@ impl<'b, 'a> Builder<'b, 'a> {
         Builder { doc, pose, family, scene: Scene::default(), kept, shapes: HashMap::new() }
     }
 
-    /// Adds what all nodes show.
+    /// Adds what all nodes show. What is wrong with one doesn't concern the others.
     pub fn add(&mut self, hierarchy: &Hierarchy, report: &mut Report) {
         for (entry, node) in hierarchy.nodes.iter().enumerate() {
             if let Some(mesh) = node.mesh {
-                self.add_mesh(hierarchy, entry, node, mesh, report);
+                let _: Sound<()> = self.add_mesh(hierarchy, entry, node, mesh, report);
             }
             if let Some(index) = node.camera {
                 self.scene.cameras.extend(cameras::camera(self.doc, node, index, report));
@@ -76,7 +77,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         node: &Node,
         mesh: usize,
         report: &mut Report,
-    ) -> Option<()> {
+    ) -> Sound<()> {
         let skin = match node.skin {
             Some(index) => {
                 let from = format!("{}/skin", node.pointer());
@@ -84,8 +85,8 @@ impl<'b, 'a> Builder<'b, 'a> {
                 Some(skin::pose(self.doc, index, &from, world, self.family, report)?)
             }
             None if node.world_from_node.matrix3.determinant() == 0.0 => {
-                report.warn(node.pointer(), "flattens its mesh to nothing (a scale of 0); it is left out");
-                return None;
+                return Err(report
+                    .warn(node.pointer(), "flattens its mesh to nothing (a scale of 0); it is left out"));
             }
             None => None,
         };
@@ -111,7 +112,7 @@ impl<'b, 'a> Builder<'b, 'a> {
                 self.scene.instances.push(Instance { name, mesh, world_from_object, material: None });
             }
         }
-        Some(())
+        Ok(())
     }
 
     /// The meshes of the scene for a mesh of the file in a shape; read when first asked for.
@@ -151,9 +152,11 @@ impl<'b, 'a> Builder<'b, 'a> {
     /// The weights of a node's morph targets: those of its animation, else its own, else its mesh's. None if all are 0.
     fn weights(&self, node: &Node, mesh: usize, report: &mut Report) -> Vec<f32> {
         let animated = self.pose.node(node.index).and_then(|p| p.weights.clone());
+        // What is no number, or no list of them, is found below.
+        let number = |w: &Value| w.as_f64().unwrap_or(f64::NAN) as f32;
         let list = |pointer: String| {
-            let list = self.doc.json.pointer(&pointer)?.as_array()?;
-            Some(list.iter().map(|w| w.as_f64().unwrap_or(f64::NAN) as f32).collect::<Vec<f32>>())
+            let list = self.doc.json.pointer(&pointer)?;
+            Some(list.as_array().map_or(vec![f32::NAN], |list| list.iter().map(number).collect()))
         };
         let own = || list(format!("{}/weights", node.pointer()));
         let weights = animated.or_else(own).or_else(|| list(format!("/meshes/{mesh}/weights")));

@@ -17,6 +17,14 @@ enum Kind {
     Note,
 }
 
+/// The proof that a problem or a warning was noted, which only a [`Report`] gives. What reads a part of a file and can't
+/// returns one, so that nothing is left out in silence.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::load::gltf) struct Noted(());
+
+/// A part of a file, or the proof that what is wrong with it was noted.
+pub(in crate::load::gltf) type Sound<T> = Result<T, Noted>;
+
 /// One warning or note.
 struct Entry {
     kind: Kind,
@@ -64,25 +72,25 @@ impl Report {
     }
 
     /// Notes a problem.
-    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
-        self.add(Problem::new(pointer, message));
+    pub fn problem(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Noted {
+        self.add(Problem::new(pointer, message))
     }
 
     /// Notes a problem with its remedy.
-    pub fn add(&mut self, problem: Problem) {
-        if !self.seen.insert((problem.place.clone(), problem.message.clone())) {
-            return;
-        }
-        if self.problems.len() < LISTED {
+    pub fn add(&mut self, problem: Problem) -> Noted {
+        let is_new = self.seen.insert((problem.place.clone(), problem.message.clone()));
+        if is_new && self.problems.len() < LISTED {
             self.problems.push(problem);
-        } else {
+        } else if is_new {
             self.unlisted += 1;
         }
+        Noted(())
     }
 
     /// Notes a warning.
-    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) {
+    pub fn warn(&mut self, pointer: impl Into<String>, message: impl Into<String>) -> Noted {
         self.say(Kind::Warning, pointer.into(), message.into());
+        Noted(())
     }
 
     /// Notes how something was understood that has more than one sound meaning.

@@ -3,7 +3,7 @@
 
 use super::accessor::Accessor;
 use super::document::{Document, index_of, list_of_indices, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::transform::{Family, affine};
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Mesh;
@@ -43,25 +43,24 @@ pub(super) fn pose(
     world_from_node: DAffine3,
     family: &Family,
     report: &mut Report,
-) -> Option<SkinPose> {
+) -> Sound<SkinPose> {
     let raw = doc.raw("skins", index, from, report)?;
     let at = pointer("skins", index);
     let joints = list_of_indices(raw, "joints", &at, report);
     if joints.is_empty() {
-        report.problem(format!("{at}/joints"), "is empty or missing");
-        return None;
+        return Err(report.problem(format!("{at}/joints"), "is empty or missing"));
     }
     let mut bind = vec![DAffine3::IDENTITY; joints.len()];
-    if let Some(accessor) = index_of(raw, "inverseBindMatrices", &at, report) {
+    if let Some(accessor) = index_of(raw, "inverseBindMatrices", &at, report)? {
         let accessor = Accessor::open(doc, accessor, &format!("{at}/inverseBindMatrices"), report)?;
         bind = inverse_binds(doc, &accessor, joints.len(), report)?;
     }
     let placed: Vec<_> = joints.iter().map(|&joint| family.world_from_node(joint, report)).collect();
-    let placed: Vec<DAffine3> = placed.into_iter().collect::<Option<_>>()?;
+    let placed: Vec<DAffine3> = placed.into_iter().collect::<Sound<_>>()?;
     let origin = placed[0].translation;
     let back = DAffine3::from_translation(-origin);
     let joints = placed.iter().zip(bind).map(|(world, bind)| back * *world * bind).collect();
-    Some(SkinPose { joints, rest: back * world_from_node, origin })
+    Ok(SkinPose { joints, rest: back * world_from_node, origin })
 }
 
 fn inverse_binds(
@@ -69,28 +68,26 @@ fn inverse_binds(
     accessor: &Accessor,
     joints: usize,
     report: &mut Report,
-) -> Option<Vec<DAffine3>> {
+) -> Sound<Vec<DAffine3>> {
     if accessor.kind != Type::Mat4 || accessor.component != ComponentType::F32 || accessor.count < joints {
         let message = format!(
             "holds {} of {}; a skin of {joints} joints needs as many MAT4 of F32",
             accessor.count,
             accessor.contents()
         );
-        report.problem(accessor.pointer.clone(), message);
-        return None;
+        return Err(report.problem(accessor.pointer.clone(), message));
     }
     if !doc.may_decode((accessor.count as u64).saturating_mul(160)) {
-        report.problem(accessor.pointer.clone(), "holds more matrices than the size of the file justifies");
-        return None;
+        return Err(report
+            .problem(accessor.pointer.clone(), "holds more matrices than the size of the file justifies"));
     }
     let mut matrices = vec![[0.0f32; 16]; accessor.count];
     accessor.read_floats(&mut matrices);
     let binds: Vec<DAffine3> = matrices.iter().map(|m| affine(&m.map(f64::from))).collect();
     if binds.iter().any(|m| !m.is_finite()) {
-        report.problem(accessor.pointer.clone(), "holds numbers that are not finite");
-        return None;
+        return Err(report.problem(accessor.pointer.clone(), "holds numbers that are not finite"));
     }
-    Some(binds)
+    Ok(binds)
 }
 
 /// Moves the vertices of a mesh from `base` on; gives how many had weights that do not add up to 1.

@@ -1,7 +1,7 @@
 //! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
 
 use super::document::{Document, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::image::Encoding;
 use crate::math::Vec2;
 use crate::scene::{ImageId, Interpolation, Mapping, Texture, TextureId, TextureTransform, Wrap};
@@ -74,7 +74,7 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// The images that they need; their ids count along.
     pub images: Vec<ImageNeed>,
-    known: HashMap<Key, Option<TextureId>>,
+    known: HashMap<Key, Sound<TextureId>>,
 }
 
 /// What makes two references the same texture.
@@ -88,14 +88,14 @@ struct Key {
 }
 
 impl Textures {
-    /// The texture that a material refers to; `None` if it has problems or no image that can be read.
+    /// The texture that a material refers to, unless it has problems or no image that can be read.
     pub fn get(
         &mut self,
         doc: &Document,
         reference: &Reference,
         encoding: Encoding,
         report: &mut Report,
-    ) -> Option<TextureId> {
+    ) -> Sound<TextureId> {
         let transform = transform(reference);
         let [o, s] = [transform.offset.to_array(), transform.scale.to_array()];
         let key = Key {
@@ -120,43 +120,51 @@ impl Textures {
         transform: TextureTransform,
         encoding: Encoding,
         report: &mut Report,
-    ) -> Option<TextureId> {
+    ) -> Sound<TextureId> {
         let at = pointer("textures", reference.texture);
         let from = format!("{}/index", reference.at);
         let json: gltf::json::Texture = doc.entry("textures", reference.texture, &from, report)?;
         let raw = doc.raw("textures", reference.texture, &from, report)?;
         let Some(index) = source(raw) else {
-            report.warn(at, "has no image that can be read; the material's constants are used alone");
-            return None;
+            return Err(
+                report.warn(at, "has no image that can be read; the material's constants are used alone")
+            );
         };
         let image = doc.raw("images", index, &format!("{at}/source"), report)?;
         let uri = image.get("uri").and_then(Value::as_str);
         if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {
             let message =
                 format!("the image {} is missing; the material's constants are used alone", file.display());
-            report.warn(pointer("images", index), message);
-            return None;
+            return Err(report.warn(pointer("images", index), message));
         }
         let mut wraps = (Wrap::Repeat, Wrap::Repeat);
         let mut interpolation = Interpolation::Bilinear;
         if let Some(sampler) = json.sampler {
-            let sampler: Sampler =
-                doc.entry("samplers", sampler.value(), &format!("{at}/sampler"), report)?;
+            let sampler_index = sampler.value();
+            let sampler: Sampler = doc.entry("samplers", sampler_index, &format!("{at}/sampler"), report)?;
             wraps = (wrap(sampler.wrap_s), wrap(sampler.wrap_t));
             interpolation = filter(&sampler);
+            let is_known = !matches!(sampler.wrap_s, Checked::Invalid)
+                && !matches!(sampler.wrap_t, Checked::Invalid)
+                && !matches!(sampler.mag_filter, Some(Checked::Invalid))
+                && !matches!(sampler.min_filter, Some(Checked::Invalid));
+            if !is_known {
+                let message =
+                    "has a filter or a way of wrapping that glTF 2.0 does not know; the default is taken";
+                report.warn(pointer("samplers", sampler_index), message);
+            }
         }
         if !(transform.offset.is_finite()
             && transform.scale.is_finite()
             && transform.rotation_rad.is_finite())
         {
-            report.problem(reference.at.clone(), "has a transform beyond the range of numbers");
-            return None;
+            return Err(report.problem(reference.at.clone(), "has a transform beyond the range of numbers"));
         }
         let mapping = Mapping::Uv { set: reference.slot, transform };
         let image = self.image(ImageNeed { index, encoding, gloss: reference.gloss });
         let (wrap_u, wrap_v) = wraps;
         self.list.push(Texture::Image { image, wrap_u, wrap_v, interpolation, mapping });
-        Some(TextureId(self.list.len() as u32 - 1))
+        Ok(TextureId(self.list.len() as u32 - 1))
     }
 
     fn image(&mut self, need: ImageNeed) -> ImageId {

@@ -1,23 +1,17 @@
 //! Where nodes stand. Transforms are taken from the JSON in full precision and composed in f64.
 
 use super::animation::{NodePose, Pose};
-use super::document::{Document, numbers_of, pointer};
-use super::report::Report;
+use super::document::{Document, numbers_of, pointer, required};
+use super::report::{Report, Sound};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use serde_json::Value;
 
 /// A node's own transform at the pose's moment: its matrix, or translation * rotation * scale.
-pub(super) fn local(
-    node: &Value,
-    pose: Option<&NodePose>,
-    at: &str,
-    report: &mut Report,
-) -> Option<DAffine3> {
+pub(super) fn local(node: &Value, pose: Option<&NodePose>, at: &str, report: &mut Report) -> Sound<DAffine3> {
     let moves = pose.is_some_and(|p| p.translation.is_some() || p.rotation.is_some() || p.scale.is_some());
     let transform = if node.get("matrix").is_some() {
         if ["translation", "rotation", "scale"].iter().any(|key| node.get(key).is_some()) {
-            report.problem(at, "has a matrix and also a translation, rotation or scale");
-            return None;
+            return Err(report.problem(at, "has a matrix and also a translation, rotation or scale"));
         }
         if moves {
             report.warn(format!("{at}/matrix"), "an animated node must not have a matrix; the matrix counts");
@@ -34,18 +28,17 @@ pub(super) fn local(
         )
     };
     if !transform.is_finite() {
-        report.problem(at, "has a transform beyond the range of numbers");
-        return None;
+        return Err(report.problem(at, "has a transform beyond the range of numbers"));
     }
-    Some(transform)
+    Ok(transform)
 }
 
-fn matrix(node: &Value, at: &str, report: &mut Report) -> Option<DAffine3> {
-    let m: [f64; 16] = numbers_of(node, "matrix", at, report)?;
+fn matrix(node: &Value, at: &str, report: &mut Report) -> Sound<DAffine3> {
+    let m: [f64; 16] = required(numbers_of(node, "matrix", at, report), "matrix", at, report)?;
     if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
         report.warn(format!("{at}/matrix"), "is a projection; its last row is taken as 0 0 0 1");
     }
-    Some(affine(&m))
+    Ok(affine(&m))
 }
 
 /// The affine part of a matrix given column by column.
@@ -54,27 +47,21 @@ pub(super) fn affine(m: &[f64; 16]) -> DAffine3 {
     DAffine3::from_mat3_translation(DMat3::from_cols(column(0), column(4), column(8)), column(12))
 }
 
-fn vector(node: &Value, key: &str, default: f64, at: &str, report: &mut Report) -> Option<DVec3> {
-    match node.get(key) {
-        Some(_) => numbers_of(node, key, at, report).map(DVec3::from_array),
-        None => Some(DVec3::splat(default)),
-    }
+fn vector(node: &Value, key: &str, default: f64, at: &str, report: &mut Report) -> Sound<DVec3> {
+    Ok(numbers_of(node, key, at, report)?.map_or(DVec3::splat(default), DVec3::from_array))
 }
 
-fn rotation(node: &Value, at: &str, report: &mut Report) -> Option<DQuat> {
-    if node.get("rotation").is_none() {
-        return Some(DQuat::IDENTITY);
-    }
-    let rotation = DQuat::from_array(numbers_of(node, "rotation", at, report)?);
+fn rotation(node: &Value, at: &str, report: &mut Report) -> Sound<DQuat> {
+    let Some(rotation) = numbers_of(node, "rotation", at, report)? else { return Ok(DQuat::IDENTITY) };
+    let rotation = DQuat::from_array(rotation);
     let length = rotation.length();
     if !(length > 1e-6 && length.is_finite()) {
-        report.problem(format!("{at}/rotation"), "is no rotation: a unit quaternion is needed");
-        return None;
+        return Err(report.problem(format!("{at}/rotation"), "is no rotation: a unit quaternion is needed"));
     }
     if (length - 1.0).abs() > 1e-3 {
         report.warn(format!("{at}/rotation"), format!("has the length {length:.4}; it was normalised"));
     }
-    Some(rotation.normalize())
+    Ok(rotation.normalize())
 }
 
 /// The parents of all nodes, for placing nodes that the walk over the shown scene doesn't reach: joints of skins, and
@@ -107,15 +94,16 @@ impl<'d, 'a> Family<'d, 'a> {
         self.parents.get(index).copied().flatten()
     }
 
-    /// The placement of a node in the world; `None` with a noted problem.
-    pub fn world_from_node(&self, index: usize, report: &mut Report) -> Option<DAffine3> {
+    /// The placement of a node in the world.
+    pub fn world_from_node(&self, index: usize, report: &mut Report) -> Sound<DAffine3> {
         let mut world = DAffine3::IDENTITY;
         let mut next = Some(index);
         let mut left = self.parents.len();
         while let Some(node) = next {
             if left == 0 {
-                report.problem(pointer("nodes", index), "is its own ancestor: nodes form a cycle");
-                return None;
+                return Err(
+                    report.problem(pointer("nodes", index), "is its own ancestor: nodes form a cycle")
+                );
             }
             left -= 1;
             let at = pointer("nodes", node);
@@ -124,9 +112,8 @@ impl<'d, 'a> Family<'d, 'a> {
             next = self.parent(node);
         }
         if !world.is_finite() {
-            report.problem(pointer("nodes", index), "stands beyond the range of numbers");
-            return None;
+            return Err(report.problem(pointer("nodes", index), "stands beyond the range of numbers"));
         }
-        Some(world)
+        Ok(world)
     }
 }

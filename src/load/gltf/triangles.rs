@@ -1,13 +1,13 @@
 //! The triangles of a primitive: lists, strips and fans, with or without indices.
 
 use super::accessor::Accessor;
-use super::report::Report;
+use super::report::{Report, Sound};
 use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::Mode;
 
 /// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
-/// `vertices` afterwards; false (with a noted problem, and nothing appended) if the file says otherwise.
+/// `vertices` afterwards; nothing is appended if the file says otherwise.
 pub(super) fn append(
     mode: Mode,
     indices: Option<&Accessor>,
@@ -16,13 +16,9 @@ pub(super) fn append(
     at: &str,
     triangles: &mut Vec<[u32; 3]>,
     report: &mut Report,
-) -> bool {
+) -> Sound<()> {
     let count = indices.map_or(vertices, |a| a.count);
-    if let Some(accessor) = indices
-        && !is_index_accessor(accessor, report)
-    {
-        return false;
-    }
+    indices.map_or(Ok(()), |accessor| check_indices(accessor, report))?;
     let whole = match mode {
         Mode::Triangles => count.is_multiple_of(3),
         _ => count == 0 || count >= 3,
@@ -53,24 +49,24 @@ pub(super) fn append(
     let largest = added.iter().copied().max();
     if let Some(largest) = largest.filter(|&i| i as usize >= vertices) {
         let at = indices.map_or(at, |a| &a.pointer);
-        report.problem(at, format!("holds the index {largest}, but there are {vertices} vertices"));
+        let message = format!("holds the index {largest}, but there are {vertices} vertices");
         triangles.truncate(first);
-        return false;
+        return Err(report.problem(at, message));
     }
     if base > 0 {
         added.iter_mut().for_each(|i| *i += base);
     }
-    true
+    Ok(())
 }
 
-fn is_index_accessor(accessor: &Accessor, report: &mut Report) -> bool {
+fn check_indices(accessor: &Accessor, report: &mut Report) -> Sound<()> {
     let unsigned = matches!(accessor.component, ComponentType::U8 | ComponentType::U16 | ComponentType::U32);
     let fits = unsigned && accessor.kind == Type::Scalar && !accessor.normalized;
     if !fits {
         let message = format!("holds {}; indices are unsigned scalars, not normalised", accessor.contents());
-        report.problem(accessor.pointer.clone(), message);
+        return Err(report.problem(accessor.pointer.clone(), message));
     }
-    fits
+    Ok(())
 }
 
 fn read(indices: Option<&Accessor>, out: &mut [u32]) {

@@ -39,6 +39,9 @@ pub(super) fn material(
     };
     let extension = doc.json.pointer(&format!("{at}/extensions/KHR_materials_variants/mappings"));
     let mappings = extension.and_then(Value::as_array).map_or(&[][..], Vec::as_slice);
+    if mappings.is_empty() && extension.is_some() {
+        report.warn(at, "has variants, but no list of them; its own material is shown");
+    }
     let is_chosen = |mapping: &&Value| {
         let variants = mapping.get("variants").and_then(Value::as_array);
         variants.is_some_and(|list| list.iter().any(|v| v.as_u64() == Some(chosen as u64)))

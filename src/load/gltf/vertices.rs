@@ -5,7 +5,7 @@ use super::document::Document;
 use super::materials::Needs;
 use super::morph::{self, Target};
 use super::opener::{Kind, Opener};
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::skin::{self, Influence, SkinPose};
 use crate::math::Vec3;
 use crate::scene::Mesh;
@@ -43,30 +43,44 @@ pub(super) struct Deformation<'s> {
 /// Most sets of four joints a vertex; files with more are not known.
 const MOST_INFLUENCE_SETS: u32 = 4;
 
-/// What a primitive's vertices are made of, as far as its material needs it; `None` without positions. Tangents mean
-/// nothing without normals.
+/// What a primitive's vertices are made of, as far as its material needs it. Tangents mean nothing without normals.
 ///
 /// The first slot of texture coordinates is always filled: a scene file may replace the material.
 pub(super) fn attributes(
     primitive: &Primitive,
     needs: Needs,
     deformation: &Deformation,
-) -> Option<Attributes> {
+    at: &str,
+    report: &mut Report,
+) -> Sound<Attributes> {
     let accessor =
         |semantic: Semantic| primitive.attributes.get(&Checked::Valid(semantic)).map(|index| index.value());
+    let Some(positions) = accessor(Semantic::Positions) else {
+        return Err(report.warn(at, "has no positions and is skipped"));
+    };
     let uv = |set: Option<u32>| Some((set?, accessor(Semantic::TexCoords(set?))?));
     let normals = accessor(Semantic::Normals);
-    let sets = deformation.skin.map_or(0..0, |_| 0u32..MOST_INFLUENCE_SETS);
-    let influences =
-        sets.map_while(|set| Some((accessor(Semantic::Joints(set))?, accessor(Semantic::Weights(set))?)));
-    Some(Attributes {
-        positions: accessor(Semantic::Positions)?,
+    let mut influences = Vec::new();
+    for set in deformation.skin.map_or(0..0, |_| 0..MOST_INFLUENCE_SETS + 1) {
+        match (accessor(Semantic::Joints(set)), accessor(Semantic::Weights(set))) {
+            (Some(joints), Some(weights)) if set < MOST_INFLUENCE_SETS => influences.push((joints, weights)),
+            (None, None) => break,
+            _ => {
+                let message =
+                    format!("JOINTS_{set} and WEIGHTS_{set} are not a pair, or beyond what is read");
+                report.warn(format!("{at}/attributes"), format!("{message}: left out"));
+                break;
+            }
+        }
+    }
+    Ok(Attributes {
+        positions,
         normals,
         tangents: accessor(Semantic::Tangents).filter(|_| needs.tangents && normals.is_some()),
         colors: accessor(Semantic::Colors(0)),
         uv_slots: [needs.uv_slots.sets[0].or(Some(0)), needs.uv_slots.sets[1]].map(uv),
         targets: morph::shown(primitive.targets.as_ref(), deformation.weights),
-        influences: influences.collect(),
+        influences,
     })
 }
 
@@ -78,7 +92,7 @@ pub(super) fn add_vertices(
     at: &str,
     mesh: &mut Mesh,
     report: &mut Report,
-) -> Option<(u32, usize)> {
+) -> Sound<(u32, usize)> {
     let base = mesh.positions.len();
     let mut opener = Opener::new(doc, at, "/attributes", None, report);
     let positions = opener.open(Some(attributes.positions), "POSITION", &[Type::Vec3], Kind::Signed);
@@ -93,7 +107,9 @@ pub(super) fn add_vertices(
     // Small integers can't hold unit vectors to more than their precision, which is no fault of the file.
     let rounded = |a: &Option<Accessor>| a.as_ref().is_some_and(|a| a.component != ComponentType::F32);
     let is_rounded = rounded(&normals) || rounded(&tangents);
-    positions?.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
+    if let Some(positions) = positions {
+        positions.read_floats(tail(&mut mesh.positions, base, count, [0.0; 3]));
+    }
     if let Some(normals) = normals {
         normals.read_floats(tail(&mut mesh.normals, base, count, [0.0; 3]));
     }
@@ -118,7 +134,7 @@ pub(super) fn add_vertices(
     } else if !attributes.targets.is_empty() || is_rounded {
         unit_length(mesh, base);
     }
-    Some((base as u32, count))
+    Ok((base as u32, count))
 }
 
 /// Gives morphed or rounded normals and tangents the length 1 again.
@@ -141,7 +157,7 @@ fn add_skin(
     mesh: &mut Mesh,
     base: usize,
     report: &mut Report,
-) -> Option<()> {
+) -> Sound<()> {
     let count = mesh.positions.len() - base;
     let mut influences = Vec::new();
     for (set, &(joints, weights)) in attributes.influences.iter().enumerate() {
@@ -150,7 +166,7 @@ fn add_skin(
         let weights = opener.open(Some(weights), &format!("WEIGHTS_{set}"), &[Type::Vec4], Kind::Unsigned);
         opener.finish(0, 32)?;
         let mut influence = Influence { joints: vec![[0.0; 4]; count], weights: vec![[0.0; 4]; count] };
-        let (joints, weights) = (joints?, weights?);
+        let (Some(joints), Some(weights)) = (joints, weights) else { continue };
         joints.read_floats(&mut influence.joints);
         weights.read_floats(&mut influence.weights);
         let used = influence.joints.iter().zip(&influence.weights);
@@ -158,8 +174,7 @@ fn add_skin(
         let largest = largest.fold(-1.0, f32::max);
         if largest >= skin.joint_count() as f32 {
             let message = format!("holds the joint {largest}, but the skin has {}", skin.joint_count());
-            report.problem(joints.pointer, message);
-            return None;
+            return Err(report.problem(joints.pointer, message));
         }
         influences.push(influence);
     }
@@ -171,7 +186,7 @@ fn add_skin(
         let message = format!("{uneven} vertices have weights of joints that do not add up to 1; normalised");
         report.warn(at, message);
     }
-    Some(())
+    Ok(())
 }
 
 fn read_colors(accessor: &Accessor, out: &mut [[f32; 4]]) {

@@ -1,22 +1,14 @@
-//! From faces to meshes: polygons become triangles, corners vertices, and vertices without a normal of the file get
-//! that of their face or of their smoothing group.
+//! From the models that `tobj` returns to meshes: polygons become triangles, models of one object one mesh, and vertices
+//! without a normal of the file get that of their face or of their smoothing group.
 
-use super::vertices::{Corner, NormalSource, Vertices};
+use super::statements::{Piece, Statements};
 use crate::color::linear_from_srgb;
 use crate::load::polygon::triangulate;
 use crate::math::DVec3;
 use crate::scene::Mesh;
 use std::collections::HashMap;
-
-/// What faces refer to, in file order.
-#[derive(Default)]
-pub(super) struct Attributes {
-    pub positions: Vec<[f32; 3]>,
-    /// Colours as in the file; those of the first positions, white where there is none.
-    pub colors: Vec<[f32; 3]>,
-    pub uvs: Vec<[f32; 2]>,
-    pub normals: Vec<[f32; 3]>,
-}
+use std::iter::Peekable;
+use std::slice::Iter;
 
 /// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
 pub(super) type MaterialName = Option<u32>;
@@ -30,7 +22,7 @@ pub(super) struct Run {
 
 /// The faces of one object or group.
 pub(super) struct Object {
-    /// Everything but its parts and the normals of smoothing groups.
+    /// Everything but its parts.
     pub mesh: Mesh,
     /// Runs of triangles, each material once.
     pub runs: Vec<Run>,
@@ -38,153 +30,186 @@ pub(super) struct Object {
     smooth: Vec<(u32, u32, u32)>,
 }
 
-/// Collects faces.
-#[derive(Default)]
-pub(super) struct Builder {
-    pub attributes: Attributes,
-    pub objects: Vec<Object>,
-    name: String,
-    vertices: Vertices,
-    triangles: Vec<[u32; 3]>,
-    runs: Vec<Run>,
-    /// Sums of face normals by position and smoothing group: groups reach across objects.
-    smooth: HashMap<(u32, u32), [f32; 3]>,
+/// The objects of a file that has faces, from the models that `tobj` made of the pieces.
+pub(super) fn objects(models: Vec<tobj::Model>, statements: &Statements) -> Vec<Object> {
+    let mut builder = Builder {
+        statements,
+        corners: &statements.corners,
+        runs: statements.runs.iter().peekable(),
+        face: 0,
+        material: None,
+        sums: HashMap::new(),
+    };
+    let mut models = models.into_iter().map(|m| m.mesh);
+    let mut objects = Vec::new();
+    for pieces in statements.pieces.chunk_by(|a, b| a.object == b.object) {
+        objects.push(builder.object(pieces, models.by_ref().take(pieces.len()).collect()));
+    }
+    for object in &mut objects {
+        for (vertex, position, group) in std::mem::take(&mut object.smooth) {
+            if let Some(sum) = builder.sums.get(&(position, group)) {
+                object.mesh.normals[vertex as usize] = *sum;
+            }
+        }
+    }
+    objects
 }
 
-impl Builder {
-    /// The faces from here on belong to another object.
-    pub fn begin(&mut self, name: String) {
-        self.close();
-        self.name = name;
+struct Builder<'s> {
+    statements: &'s Statements,
+    /// The noted positions of the corners to come.
+    corners: &'s [u32],
+    /// The materials to come.
+    runs: Peekable<Iter<'s, (usize, MaterialName)>>,
+    /// Number of the next face.
+    face: usize,
+    material: MaterialName,
+    /// Sums of face normals by position and smoothing group: groups reach across objects.
+    sums: HashMap<(u32, u32), [f32; 3]>,
+}
+
+/// What `tobj` made of a piece, and what it doesn't tell.
+struct Part<'s> {
+    piece: &'s Piece,
+    model: tobj::Mesh,
+    triangles: Vec<[u32; 3]>,
+    /// Number in the file of each vertex's position, where that was noted.
+    numbers: Vec<u32>,
+}
+
+impl Builder<'_> {
+    fn object(&mut self, pieces: &[Piece], models: Vec<tobj::Mesh>) -> Object {
+        let mut mesh = Mesh { name: self.statements.objects[pieces[0].object].clone(), ..Mesh::default() };
+        mesh.positions.reserve_exact(models.iter().map(|m| m.positions.len() / 3).sum());
+        mesh.triangles.reserve_exact(models.iter().map(|m| m.indices.len() / 3).sum());
+        if pieces.iter().any(|p| p.has_uvs) {
+            mesh.uv_sets.push(Vec::with_capacity(mesh.positions.capacity()));
+        }
+        let is_flat = pieces.iter().all(Piece::is_flat);
+        let mut object = Object { mesh, runs: Vec::new(), smooth: Vec::new() };
+        let mut is_colored = false;
+        for (piece, model) in pieces.iter().zip(models) {
+            let triangles = self.triangles(&model, &mut object);
+            let numbers = self.numbers(piece, &model);
+            is_colored |= numbers.iter().any(|&n| (n as usize) < self.statements.colors.len());
+            let part = Part { piece, model, triangles, numbers };
+            self.add_to_group(&part);
+            object.add(&part, is_flat, &self.statements.colors);
+        }
+        if !is_colored {
+            object.mesh.colors = Vec::new();
+        }
+        object.runs = each_material_once(&mut object.mesh.triangles, object.runs);
+        object
     }
 
-    /// Adds a polygon, whose corners have been checked.
-    #[inline]
-    pub fn face(&mut self, corners: &[Corner], material: MaterialName) {
-        let first_triangle = self.triangles.len() as u32;
-        if self.runs.last().is_none_or(|r| r.material != material) {
-            self.runs.push(Run { first_triangle, material });
-        }
-        if let [a, b, c] = *corners {
-            return self.triangle([a, b, c]);
-        }
-        let points: Vec<[f32; 3]> =
-            corners.iter().map(|c| self.attributes.positions[c.position as usize]).collect();
-        for t in triangulate(&points) {
-            self.triangle(t.map(|k| corners[k]));
-        }
-    }
-
-    #[inline]
-    fn triangle(&mut self, corners: [Corner; 3]) {
-        self.triangles.push(corners.map(|c| self.vertices.index(c)));
-        if corners.iter().any(|c| c.normal.group().is_some()) {
-            self.add_to_groups(corners);
-        }
-    }
-
-    /// Adds the triangle's normal, weighted by the angle at each corner (Thuermer and Wuethrich 1998, "Computing Vertex
-    /// Normals from Polygonal Facets"), so that it doesn't matter how a polygon was cut.
-    fn add_to_groups(&mut self, corners: [Corner; 3]) {
-        let point = |c: Corner| DVec3::from(self.attributes.positions[c.position as usize].map(f64::from));
-        let p = corners.map(point);
-        let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { return };
-        for (i, corner) in corners.iter().enumerate() {
-            let Some(group) = corner.normal.group() else { continue };
-            let angle = (p[(i + 1) % 3] - p[i]).angle_between(p[(i + 2) % 3] - p[i]);
-            let sum = self.smooth.entry((corner.position, group)).or_default();
-            let [x, y, z] = (normal * angle).as_vec3().to_array();
-            *sum = [sum[0] + x, sum[1] + y, sum[2] + z];
-        }
-    }
-
-    /// All objects, with the normals of their smoothing groups.
-    pub fn finish(mut self) -> Vec<Object> {
-        self.close();
-        self.attributes = Attributes::default();
-        for object in &mut self.objects {
-            for (vertex, position, group) in std::mem::take(&mut object.smooth) {
-                if let Some(sum) = self.smooth.get(&(position, group)) {
-                    object.mesh.normals[vertex as usize] = *sum;
-                }
-            }
-        }
-        self.objects
-    }
-
-    /// Makes a mesh of the faces since the last object began.
-    fn close(&mut self) {
-        if self.triangles.is_empty() {
-            return;
-        }
-        let flat = |v: &Corner| v.normal == NormalSource::FLAT;
-        let is_flat = self.vertices.corners.iter().all(flat);
-        let face_normals = if !is_flat && self.vertices.corners.iter().any(flat) {
-            self.separate_flat_corners()
-        } else {
-            Vec::new()
-        };
-        let corners = self.vertices.take();
-        let mut mesh = Mesh { name: self.name.clone(), ..Mesh::default() };
-        mesh.triangles = std::mem::take(&mut self.triangles);
-        mesh.positions = corners.iter().map(|c| self.attributes.positions[c.position as usize]).collect();
-        self.fill_uvs_and_colors(&mut mesh, &corners);
-        let mut smooth = Vec::new();
-        if !is_flat {
-            let given = &self.attributes.normals;
-            mesh.normals =
-                corners.iter().map(|c| c.normal.index().map_or([0.0; 3], |i| given[i as usize])).collect();
-            for (vertex, normal) in face_normals {
-                mesh.normals[vertex as usize] = normal;
-            }
-            let of_groups =
-                corners.iter().zip(0..).filter_map(|(c, v)| Some((v, c.position, c.normal.group()?)));
-            smooth = of_groups.collect();
-        }
-        let runs = each_material_once(&mut mesh.triangles, std::mem::take(&mut self.runs));
-        self.objects.push(Object { mesh, runs, smooth });
-    }
-
-    /// Where flat faces meet smooth ones in a mesh, gives each flat corner a vertex of its own; the normals of these.
-    fn separate_flat_corners(&mut self) -> Vec<(u32, [f32; 3])> {
-        let (mut normals, mut taken) = (Vec::new(), vec![false; self.vertices.corners.len()]);
-        for triangle in &mut self.triangles {
-            let corners = triangle.map(|v| self.vertices.corners[v as usize]);
-            if corners.iter().all(|c| c.normal != NormalSource::FLAT) {
+    /// The triangles of a model's polygons; notes where materials change.
+    fn triangles(&mut self, model: &tobj::Mesh, object: &mut Object) -> Vec<[u32; 3]> {
+        let positions = model.positions.as_chunks::<3>().0;
+        let first = object.mesh.triangles.len();
+        let mut triangles = Vec::with_capacity(model.indices.len() / 3);
+        let mut arities = model.face_arities.iter();
+        let mut rest = &model.indices[..];
+        while !rest.is_empty() {
+            // Models of triangles alone say nothing about arities.
+            let (corners, behind) = rest.split_at(arities.next().map_or(3, |&n| n as usize));
+            rest = behind;
+            self.begin_face((first + triangles.len()) as u32, &mut object.runs);
+            if let [a, b, c] = *corners {
+                triangles.push([a, b, c]);
                 continue;
             }
-            let [a, b, c] =
-                corners.map(|c| DVec3::from(self.attributes.positions[c.position as usize].map(f64::from)));
-            let normal = (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array();
-            for (index, corner) in triangle.iter_mut().zip(corners) {
-                if corner.normal != NormalSource::FLAT {
-                    continue;
-                }
-                // The first face keeps the vertex.
-                if std::mem::replace(&mut taken[*index as usize], true) {
-                    *index = self.vertices.push(corner);
-                }
-                normals.push((*index, normal));
-            }
+            let points: Vec<[f32; 3]> = corners.iter().map(|&i| positions[i as usize]).collect();
+            triangles.extend(triangulate(&points).into_iter().map(|t| t.map(|k| corners[k])));
         }
-        normals
+        triangles
     }
 
-    fn fill_uvs_and_colors(&self, mesh: &mut Mesh, corners: &[Corner]) {
-        let Attributes { uvs, colors, .. } = &self.attributes;
-        let uv = |c: &Corner| uvs.get(c.uv as usize).copied();
-        if corners.iter().any(|c| uv(c).is_some()) {
-            // The file's v grows upwards.
-            let turned = |c: &Corner| uv(c).map_or([0.0, 1.0], |[u, v]| [u, 1.0 - v]);
-            mesh.uv_sets = vec![corners.iter().map(turned).collect()];
+    fn begin_face(&mut self, first_triangle: u32, runs: &mut Vec<Run>) {
+        let change = self.runs.next_if(|run| run.0 == self.face);
+        if let Some(&(_, material)) = change {
+            self.material = material;
         }
-        let color = |c: &Corner| colors.get(c.position as usize).copied();
-        if corners.iter().any(|c| color(c).is_some()) {
-            let linear = |c: &Corner| {
-                let [r, g, b] = color(c).unwrap_or([1.0; 3]).map(linear_from_srgb);
+        if runs.last().is_none_or(|r| r.material != self.material) {
+            runs.push(Run { first_triangle, material: self.material });
+        }
+        self.face += 1;
+    }
+
+    /// The numbers of a model's vertices, if they were noted.
+    fn numbers(&mut self, piece: &Piece, model: &tobj::Mesh) -> Vec<u32> {
+        if piece.group.is_none() && self.statements.colors.is_empty() {
+            return Vec::new();
+        }
+        let (noted, rest) = self.corners.split_at(model.indices.len());
+        self.corners = rest;
+        let mut numbers = vec![0; model.positions.len() / 3];
+        for (&vertex, &number) in model.indices.iter().zip(noted) {
+            numbers[vertex as usize] = number;
+        }
+        numbers
+    }
+
+    /// Adds the normal of each triangle of a smoothing group to its corners, weighted by the angle there (Thuermer and
+    /// Wuethrich 1998, "Computing Vertex Normals from Polygonal Facets"), so that it doesn't matter how a polygon was cut.
+    fn add_to_group(&mut self, part: &Part) {
+        let Some(group) = part.piece.group else { return };
+        for triangle in &part.triangles {
+            let p = part.corners(triangle);
+            // Without an area it has no normal, and weighs nothing.
+            let Some(normal) = (p[1] - p[0]).cross(p[2] - p[0]).try_normalize() else { continue };
+            for (i, &vertex) in triangle.iter().enumerate() {
+                let angle = (p[(i + 1) % 3] - p[i]).angle_between(p[(i + 2) % 3] - p[i]);
+                let sum = self.sums.entry((part.numbers[vertex as usize], group)).or_default();
+                let [x, y, z] = (normal * angle).as_vec3().to_array();
+                *sum = [sum[0] + x, sum[1] + y, sum[2] + z];
+            }
+        }
+    }
+}
+
+impl Part<'_> {
+    fn corners(&self, triangle: &[u32; 3]) -> [DVec3; 3] {
+        let positions = self.model.positions.as_chunks::<3>().0;
+        triangle.map(|i| DVec3::from(positions[i as usize].map(f64::from)))
+    }
+}
+
+impl Object {
+    /// Appends a part. Where flat faces meet smooth ones in a mesh, each corner of the flat ones gets a vertex of its own.
+    fn add(&mut self, part: &Part, is_flat: bool, colors: &[[f32; 3]]) {
+        let Part { piece, model, triangles, numbers } = part;
+        let (base, mesh) = (self.mesh.positions.len() as u32, &mut self.mesh);
+        let vertices: Vec<u32> = if piece.is_flat() && !is_flat {
+            let corners = triangles.iter().map(|t| part.corners(t));
+            let normals =
+                corners.map(|[a, b, c]| (b - a).cross(c - a).normalize_or_zero().as_vec3().to_array());
+            mesh.normals.extend(normals.flat_map(|n| [n; 3]));
+            mesh.triangles.extend((0..triangles.len() as u32).map(|t| [0, 1, 2].map(|k| base + 3 * t + k)));
+            triangles.as_flattened().to_vec()
+        } else {
+            mesh.triangles.extend(triangles.iter().map(|t| t.map(|i| base + i)));
+            (0..model.positions.len() as u32 / 3).collect()
+        };
+        let of_vertices = vertices.iter().map(|&v| v as usize);
+        mesh.positions.extend(of_vertices.clone().map(|v| model.positions.as_chunks::<3>().0[v]));
+        if piece.has_normals {
+            mesh.normals.extend_from_slice(model.normals.as_chunks::<3>().0);
+        } else if let Some(group) = piece.group {
+            mesh.normals.resize(mesh.positions.len(), [0.0; 3]);
+            self.smooth.extend(numbers.iter().zip(base..).map(|(&number, v)| (v, number, group)));
+        }
+        if let Some(set) = mesh.uv_sets.first_mut() {
+            let uvs = model.texcoords.as_chunks::<2>().0;
+            // The file's v grows upwards.
+            set.extend(of_vertices.clone().map(|v| uvs.get(v).map_or([0.0, 1.0], |[u, v]| [*u, 1.0 - v])));
+        }
+        if !colors.is_empty() {
+            let color = |v: usize| colors.get(numbers[v] as usize).copied().unwrap_or([1.0; 3]);
+            mesh.colors.extend(of_vertices.map(|v| {
+                let [r, g, b] = color(v).map(linear_from_srgb);
                 [r, g, b, 1.0]
-            };
-            mesh.colors = corners.iter().map(linear).collect();
+            }));
         }
     }
 }

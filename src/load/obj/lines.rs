@@ -1,7 +1,9 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
-//! joined where a `\` says that a line goes on.
+//! joined where a `\` says that a line goes on; and a reader that hands what is made of them to `tobj`.
 
-use std::io::{BufRead, BufReader, Read, Result};
+use crate::load::guard;
+use std::fs::File;
+use std::io::{BufRead, BufReader, Error, Read, Result, Seek};
 
 /// Bytes that are read at a time.
 const CHUNK: usize = 1 << 18;
@@ -19,11 +21,18 @@ pub(super) struct Lines<R> {
     number: usize,
 }
 
-impl<R: Read> Lines<R> {
+impl<R: Read + Seek> Lines<R> {
     /// Starts at the beginning of a file.
     pub fn new(inner: R) -> Lines<R> {
         let inner = BufReader::with_capacity(CHUNK, inner);
         Lines { inner, raw: Vec::new(), at: 0, joined: Vec::new(), number: 0 }
+    }
+
+    /// Starts again.
+    fn rewind(&mut self) -> Result<()> {
+        self.inner.rewind()?;
+        (self.at, self.number) = (self.raw.len(), 0);
+        Ok(())
     }
 
     /// The next line without its end, and the number of its first line in the file, from 1.
@@ -88,6 +97,93 @@ impl<R: Read> Lines<R> {
     }
 }
 
+/// Says what `tobj` gets to see of a line.
+pub(super) trait Clean {
+    /// Appends to `out` what the line with this number becomes: nothing, or lines of its own.
+    fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
+
+    /// The file has ended: should it be read once more?
+    fn again(&mut self) -> bool {
+        false
+    }
+}
+
+/// A file as its cleaner leaves it.
+pub(super) struct Cleaned<R, C> {
+    lines: Lines<R>,
+    /// The cleaner, with all that it noted.
+    pub cleaner: C,
+    /// Why reading failed, which `tobj` doesn't tell.
+    pub error: Option<Error>,
+    out: Vec<u8>,
+    at: usize,
+}
+
+impl<R: Read + Seek, C: Clean> Cleaned<R, C> {
+    /// Starts at the beginning of a file.
+    pub fn new(file: R, cleaner: C) -> Cleaned<R, C> {
+        Cleaned { lines: Lines::new(file), cleaner, error: None, out: Vec::new(), at: 0 }
+    }
+
+    fn refill(&mut self) -> Result<()> {
+        self.out.clear();
+        self.at = 0;
+        while self.out.len() < CHUNK {
+            match self.lines.next()? {
+                Some((number, text)) => self.cleaner.line(number, text, &mut self.out),
+                None if self.cleaner.again() => self.lines.rewind()?,
+                None => break,
+            }
+        }
+        Ok(())
+    }
+}
+
+impl<R: Read + Seek, C: Clean> BufRead for Cleaned<R, C> {
+    fn fill_buf(&mut self) -> Result<&[u8]> {
+        if self.at == self.out.len()
+            && let Err(error) = self.refill()
+        {
+            let kind = error.kind();
+            self.error = Some(error);
+            return Err(kind.into());
+        }
+        Ok(&self.out[self.at..])
+    }
+
+    fn consume(&mut self, count: usize) {
+        self.at += count;
+    }
+}
+
+impl<R: Read + Seek, C: Clean> Read for Cleaned<R, C> {
+    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+        let count = self.fill_buf()?.read(out)?;
+        self.consume(count);
+        Ok(count)
+    }
+}
+
+/// What `tobj` gives.
+type Parsed<T> = std::result::Result<T, tobj::LoadError>;
+
+/// What `tobj` makes of a file behind a cleaner, and the cleaner with its notes.
+///
+/// # Errors
+/// Says in words why the file can't be read.
+pub(super) fn by_tobj<C: Clean, T>(
+    file: File,
+    cleaner: C,
+    parse: impl FnOnce(&mut Cleaned<File, C>) -> Parsed<T>,
+) -> std::result::Result<(Parsed<T>, C), String> {
+    let mut reader = Cleaned::new(file, cleaner);
+    let parsed = guard::catch(|| parse(&mut reader))?;
+    match reader.error {
+        Some(e) => Err(format!("can't be read: {e}")),
+        None => Ok((parsed, reader.cleaner)),
+    }
+}
+
 /// Text of a name: UTF-8, else Latin-1.
 pub(super) fn decoded(bytes: &[u8]) -> String {
     match std::str::from_utf8(bytes) {
@@ -133,9 +229,10 @@ pub(super) fn float(word: &[u8]) -> Option<f32> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use std::io::{Cursor, SeekFrom};
 
     /// Gives a few bytes at a time.
-    struct Drops<'a>(&'a [u8]);
+    struct Drops<'a>(Cursor<&'a [u8]>);
 
     impl Read for Drops<'_> {
         fn read(&mut self, out: &mut [u8]) -> Result<usize> {
@@ -144,8 +241,36 @@ mod tests {
         }
     }
 
+    impl Seek for Drops<'_> {
+        fn seek(&mut self, to: SeekFrom) -> Result<u64> {
+            self.0.seek(to)
+        }
+    }
+
+    /// Repeats every line with its number, and the whole file once.
+    #[derive(Default)]
+    struct Twice(bool);
+
+    impl Clean for Twice {
+        fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>) {
+            out.extend([format!("{number} ").as_bytes(), text, b"\n"].concat());
+        }
+
+        fn again(&mut self) -> bool {
+            !std::mem::replace(&mut self.0, true)
+        }
+    }
+
+    #[test]
+    fn a_cleaner_may_see_the_file_twice() {
+        let mut text = String::new();
+        let mut cleaned = Cleaned::new(Drops(Cursor::new(b"\xef\xbb\xbfa\rb\nc")), Twice::default());
+        cleaned.read_to_string(&mut text).expect("it can be read");
+        assert_eq!(text, "1 a\n2 b\n3 c\n".repeat(2));
+    }
+
     fn all(bytes: &[u8]) -> Vec<(usize, String)> {
-        let (mut lines, mut out) = (Lines::new(Drops(bytes)), Vec::new());
+        let (mut lines, mut out) = (Lines::new(Drops(Cursor::new(bytes))), Vec::new());
         while let Some((number, line)) = lines.next().expect("it can be read") {
             out.push((number, decoded(line)));
         }

@@ -33,7 +33,7 @@ const SHEEN_ROUGHNESS: f32 = 0.3;
 pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mut Loaded) -> Material {
     let mut convert = Conversion { source, library, maps, loaded };
     convert.warn_of_maps();
-    let opacity = source.number("d").or(source.number("tr").map(|t| 1.0 - t)).map_or(1.0, unit);
+    let opacity = source.number("d").or(source.number("Tr").map(|t| 1.0 - t)).map_or(1.0, unit);
     let model = convert.model();
     let is_glass = matches!(model, Model::Dielectric { .. });
     let mut material = Material::new(&source.name, model);
@@ -42,7 +42,7 @@ pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mu
     if is_glass {
         return material;
     }
-    let map = convert.number_map("d", true);
+    let map = convert.number_map("map_d", true);
     if opacity < 1.0 || map.is_some() {
         material.alpha_mode = AlphaMode::Blend;
         material.alpha = FloatSlot { factor: opacity, texture: map };
@@ -62,34 +62,33 @@ impl Conversion<'_, '_> {
         let source = self.source;
         let number = |key| source.number(key);
         let illum = number("illum").map(|n| n as i32);
-        let ior = number("ni").filter(|n| (1.0..=10.0).contains(n));
+        let ior = number("Ni").filter(|n| (1.0..=10.0).contains(n));
         if let (Some(4 | 6 | 7 | 9), Some(ior)) = (illum, ior.filter(|n| *n > 1.0)) {
-            let tint = ColorSlot::constant(source.tf.map_or([1.0; 3], colour));
+            let tint = ColorSlot::constant(source.color("Tf").map_or([1.0; 3], colour));
             return Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact };
         }
-        let is_pbr = ["pr", "pm", "ps", "pc"]
-            .iter()
-            .any(|k| source.numbers.contains_key(k) || source.maps.contains_key(k));
-        let ks = source.ks.map_or([0.0; 3], colour);
-        let shines = illum.is_none_or(|i| i > 1) && (ks != [0.0; 3] || source.maps.contains_key("ks"));
-        let roughness = number("pr").or(number("ns").map(roughness_of_exponent)).map_or(1.0, unit);
-        let base_color = self.color("kd", source.kd.unwrap_or([0.8; 3]), true);
+        let is_given = |key| number(key).is_some() || source.map(&format!("map_{key}")).is_some();
+        let is_pbr = ["Pr", "Pm", "Ps", "Pc"].into_iter().any(is_given);
+        let ks = source.color("Ks").map_or([0.0; 3], colour);
+        let shines = illum.is_none_or(|i| i > 1) && (ks != [0.0; 3] || source.map("map_Ks").is_some());
+        let roughness = number("Pr").or(number("Ns").map(roughness_of_exponent)).map_or(1.0, unit);
+        let base_color = self.color("map_Kd", source.color("Kd").unwrap_or([0.8; 3]), true);
         if !is_pbr && !shines {
             return Model::Lambert { albedo: base_color };
         }
         let no_diffuse = base_color.factor == [0.0; 3] && base_color.texture.is_none();
         if !is_pbr && no_diffuse && ks != [0.0; 3] {
-            let color = self.color("ks", ks, false);
+            let color = self.color("map_Ks", ks, false);
             return Model::SchlickMetal { color, roughness: FloatSlot::constant(roughness) };
         }
         let brightest = ks.into_iter().fold(0.0, f32::max);
         let hue = if brightest > 0.0 { ks.map(|c| c / brightest) } else { [1.0; 3] };
         Model::Pbr(Box::new(PbrMaterial {
             base_color,
-            metallic: self.share("pm", number("pm").map_or(0.0, unit)),
-            roughness: self.share("pr", roughness),
+            metallic: self.share("map_Pm", number("Pm").map_or(0.0, unit)),
+            roughness: self.share("map_Pr", roughness),
             ior: ior.unwrap_or(1.5),
-            specular_color: self.color("ks", hue, true),
+            specular_color: self.color("map_Ks", hue, true),
             clearcoat: self.clearcoat(),
             sheen: self.sheen(),
             anisotropy: self.anisotropy(),
@@ -98,16 +97,16 @@ impl Conversion<'_, '_> {
     }
 
     fn clearcoat(&self) -> Option<Clearcoat> {
-        let factor = self.source.number("pc").map(unit).filter(|c| *c > 0.0)?;
-        let roughness = self.source.number("pcr").map_or(0.0, unit);
+        let factor = self.source.number("Pc").map(unit).filter(|c| *c > 0.0)?;
+        let roughness = self.source.number("Pcr").map_or(0.0, unit);
         let (factor, roughness) = (FloatSlot::constant(factor), FloatSlot::constant(roughness));
         Some(Clearcoat { factor, roughness, normal_map: None })
     }
 
     fn sheen(&mut self) -> Option<Sheen> {
-        let strength = self.source.number("ps").map(unit);
+        let strength = self.source.number("Ps").map(unit);
         let mut color = ColorSlot::constant([strength.unwrap_or(0.0); 3]);
-        color.texture = self.color_map("ps");
+        color.texture = self.color_map("map_Ps");
         if color.texture.is_some() && color.factor == [0.0; 3] {
             color.factor = [1.0; 3];
         }
@@ -122,9 +121,9 @@ impl Conversion<'_, '_> {
     }
 
     fn emission(&mut self) -> Option<Emission> {
-        let factor = self.source.ke.unwrap_or([0.0; 3]);
+        let factor = self.source.color("Ke").unwrap_or([0.0; 3]);
         let factor = factor.map(|x| if x.is_finite() { x.max(0.0) } else { 0.0 });
-        let mut radiance = ColorSlot { factor, texture: self.color_map("ke") };
+        let mut radiance = ColorSlot { factor, texture: self.color_map("map_Ke") };
         if radiance.texture.is_some() && factor == [0.0; 3] {
             radiance.factor = [1.0; 3];
         }
@@ -132,12 +131,12 @@ impl Conversion<'_, '_> {
     }
 
     fn normal_map(&mut self) -> Option<crate::scene::NormalMap> {
-        let (map, is_height) = match (self.source.maps.get("norm"), self.source.maps.get("bump")) {
+        let (map, is_height) = match (self.source.map("norm"), self.source.map("bump")) {
             (Some(map), _) => (map, false),
             (None, Some(map)) => (map, true),
             (None, None) => return None,
         };
-        self.maps.normal(map, self.library, is_height, self.loaded)
+        self.maps.normal(&map, self.library, is_height, self.loaded)
     }
 
     /// A colour with its map; a black factor beside a map is white if `lift`.
@@ -150,8 +149,8 @@ impl Conversion<'_, '_> {
     }
 
     fn color_map(&mut self, key: &str) -> Option<crate::scene::TextureId> {
-        let map = self.source.maps.get(key)?;
-        self.maps.texture(map, self.library, Use::Color, self.loaded)
+        let map = self.source.map(key)?;
+        self.maps.texture(&map, self.library, Use::Color, self.loaded)
     }
 
     /// A number that its map replaces.
@@ -163,15 +162,14 @@ impl Conversion<'_, '_> {
     }
 
     fn number_map(&mut self, key: &str, alpha_first: bool) -> Option<(crate::scene::TextureId, u8)> {
-        let map = self.source.maps.get(key)?;
-        self.maps.number(map, self.library, alpha_first, self.loaded)
+        let map = self.source.map(key)?;
+        self.maps.number(&map, self.library, alpha_first, self.loaded)
     }
 
     fn warn_of_maps(&mut self) {
-        for key in ["ns", "tr", "disp", "decal", "refl", "rma"] {
-            let Some(map) = self.source.maps.get(key) else { continue };
-            let message =
-                format!("material '{}': the map of '{key}' is not supported, ignored", self.source.name);
+        for key in ["map_Ns", "map_Tr", "disp", "decal", "refl", "map_RMA"] {
+            let Some(map) = self.source.map(key) else { continue };
+            let message = format!("material '{}': '{key}' is not supported, ignored", self.source.name);
             self.loaded.warnings.push(Warning::new(self.library, format!("line {}", map.line), message));
         }
     }

@@ -1,11 +1,12 @@
-//! OBJ meshes with MTL materials, read in one pass over the file (in two where faces precede their vertices).
+//! OBJ meshes with MTL materials, read by `tobj` behind a reader that checks and cleans the lines.
 //!
 //! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
 //! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);
 //! vertex colours (sRGB-encoded, as exporters write them). Lines, points and free-form surfaces are left out, with a
 //! count. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
 //!
-//! The parser is our own: `tobj` fans out polygons, ignores smoothing groups and keeps about 100 bytes for each face.
+//! `tobj` gets even statements without problems (`statements.rs`, `mtl.rs`), which note what it drops: lines, smoothing
+//! groups, materials of several libraries, options of textures. Polygons are cut here, as `tobj` would fan them out.
 
 mod build;
 mod files;
@@ -13,8 +14,7 @@ mod lines;
 mod maps;
 mod materials;
 mod mtl;
-mod parse;
-mod vertices;
+mod statements;
 
 use super::shapes::drop_unusable_triangles;
 use super::{LoadOptions, Loaded};
@@ -22,27 +22,27 @@ use crate::error::{Error, Result, Warning};
 use crate::math::DAffine3;
 use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
 use build::{MaterialName, Object};
+use lines::by_tobj;
 use maps::Maps;
 use mtl::Mtl;
-use parse::Parsed;
+use statements::Statements;
 use std::collections::HashMap;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let parsed = parse::parse(file).map_err(|problems| Error::input_problems(path, problems))?;
+    let (objects, statements) = read(path)?;
     let mut loaded = Loaded::default();
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    for (line, message) in &parsed.warnings {
+    for (line, message) in statements.left_out() {
         loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
     }
     let libraries = match options.geometry_only {
         true => Vec::new(),
-        false => read_libraries(path, &parsed, options, &mut loaded.warnings),
+        false => read_libraries(path, &statements, options, &mut loaded.warnings),
     };
-    let Parsed { objects, materials, .. } = parsed;
+    let materials = statements.materials;
     let mut palette = Palette {
         file: path,
         names: &materials,
@@ -64,6 +64,27 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
     }
     Ok(loaded)
+}
+
+/// The objects of a file, and what else its statements say.
+///
+/// # Errors
+/// An input error with all problems of the file.
+fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
+    let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    // Corners with the same indices become one vertex; polygons stay what they are.
+    let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
+    let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
+    let (models, statements) = by_tobj(file, Statements::default(), |reader| {
+        tobj::load_obj_buf(reader, &options, no_library).map(|(models, _)| models)
+    })
+    .map_err(|message| Error::input(path, message))?;
+    let problems = statements.problems();
+    match (problems.is_empty(), models) {
+        (false, _) => Err(Error::input_problems(path, problems)),
+        (true, Err(e)) => Err(Error::input(path, format!("can't be understood: {e}"))),
+        (true, Ok(models)) => Ok((build::objects(models, &statements), statements)),
+    }
 }
 
 /// Adds an object to the scene; the number of triangles that had to be dropped.
@@ -141,12 +162,12 @@ impl Palette<'_> {
 /// All materials of the libraries that the file names; a missing library is a warning.
 fn read_libraries(
     path: &Path,
-    parsed: &Parsed,
+    statements: &Statements,
     options: &LoadOptions,
     warnings: &mut Vec<Warning>,
 ) -> Vec<(PathBuf, Mtl)> {
     let (mut all, mut seen) = (Vec::new(), Vec::new());
-    for (statement, line) in &parsed.libraries {
+    for (statement, line) in &statements.libraries {
         let place = format!("line {line}");
         if statement.is_empty() {
             warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
@@ -157,32 +178,24 @@ fn read_libraries(
             Err(_) => statement.split_whitespace().collect(),
         };
         for name in names {
-            let (file, bytes) = match read_library(path, name, options) {
-                Ok((file, _)) if seen.contains(&file) => continue,
-                Ok(read) => read,
+            let file = match files::find(path, name, options.allow_external) {
+                Ok(file) if seen.contains(&file) => continue,
+                Ok(file) => file,
                 Err(message) => {
                     let message = format!("material library {message}; its materials are grey");
                     warnings.push(Warning::new(path, &place, message));
                     continue;
                 }
             };
-            let (materials, ignored) = mtl::parse(&bytes);
-            let ignored = ignored.into_iter();
-            warnings
-                .extend(ignored.map(|(line, message)| Warning::new(&file, format!("line {line}"), message)));
-            all.extend(materials.into_iter().map(|m| (file.clone(), m)));
+            match mtl::read(&file, warnings) {
+                Ok(materials) => all.extend(materials.into_iter().map(|m| (file.clone(), m))),
+                Err(message) => {
+                    let message = format!("material library '{name}' {message}; its materials are grey");
+                    warnings.push(Warning::new(path, &place, message));
+                }
+            }
             seen.push(file);
         }
     }
     all
-}
-
-fn read_library(
-    path: &Path,
-    name: &str,
-    options: &LoadOptions,
-) -> std::result::Result<(PathBuf, Vec<u8>), String> {
-    let file = files::find(path, name, options.allow_external)?;
-    let bytes = std::fs::read(&file).map_err(|e| format!("'{name}' can't be read: {e}"))?;
-    Ok((file, bytes))
 }

@@ -1,34 +1,59 @@
 //! The statements of MTL files (Wavefront, "MTL material format", and the PBR keys of Exocortex, tinyobjloader's
-//! "PBR extension").
+//! "PBR extension"), checked before `tobj` reads them.
+//!
+//! `tobj` ends the program on colours of fewer than three numbers, stops at the first number it doesn't like, knows
+//! keywords in one spelling only, and has no lines. It gets sound statements in its own spelling; before the file name of
+//! a texture stands the line.
 
-use super::lines::{Lines, Words, decoded, float};
-use std::collections::BTreeMap;
+use super::lines::{Clean, Words, by_tobj, decoded, float};
+use crate::error::Warning;
+use std::fs::File;
+use std::path::Path;
 
-/// A material as the file says; what it lacks is `None`.
-#[derive(Clone, Debug, Default, PartialEq)]
+/// A material as the file says.
+#[derive(Clone, Debug, Default)]
 pub(super) struct Mtl {
     pub name: String,
-    /// Line of its `newmtl`.
-    pub line: usize,
-    /// Diffuse reflectance, linear.
-    pub kd: Option<[f32; 3]>,
-    /// Specular reflectance.
-    pub ks: Option<[f32; 3]>,
-    /// Emitted radiance.
-    pub ke: Option<[f32; 3]>,
-    /// Transmission filter.
-    pub tf: Option<[f32; 3]>,
-    /// Single numbers by their keyword in small letters: `ns`, `ni`, `d`, `tr`, `illum`, `pr`, `pm`, `ps`, `pc`, `pcr`,
-    /// `aniso`, `anisor`.
-    pub numbers: BTreeMap<&'static str, f32>,
-    /// Textures by their keyword in small letters, without `map_`: `kd`, `ks`, `ke`, `d`, `bump`, `norm`, `pr`, ...
-    pub maps: BTreeMap<&'static str, Map>,
+    statements: tobj::Material,
 }
 
 impl Mtl {
-    /// A number, if given.
+    /// A colour by its keyword: `Kd`, `Ks`, `Ke`, `Tf`; `None` if the file lacks it.
+    pub fn color(&self, key: &str) -> Option<[f32; 3]> {
+        let m = &self.statements;
+        match key {
+            "Kd" => m.diffuse,
+            "Ks" => m.specular,
+            "Ke" => m.emissive,
+            _ => rgb(Words(m.unknown_param.get(key)?.as_bytes())),
+        }
+    }
+
+    /// A number by its keyword: `Ns`, `Ni`, `d`, `illum`, `Tr`, `Pr`, ...
     pub fn number(&self, key: &str) -> Option<f32> {
-        self.numbers.get(key).copied()
+        let m = &self.statements;
+        match key {
+            "Ns" => m.shininess,
+            "Ni" => m.optical_density,
+            "d" => m.dissolve,
+            "illum" => m.illumination_model.map(f32::from),
+            _ => m.unknown_param.get(key)?.parse().ok(),
+        }
+    }
+
+    /// A texture by its keyword: `map_Kd`, `bump`, `norm`, `map_Pr`, ...
+    pub fn map(&self, key: &str) -> Option<Map> {
+        let m = &self.statements;
+        let known = match key {
+            "map_Kd" => &m.diffuse_texture,
+            "map_Ks" => &m.specular_texture,
+            "map_Ns" => &m.shininess_texture,
+            "map_d" => &m.dissolve_texture,
+            "bump" => &m.normal_texture,
+            _ => &None,
+        };
+        let (line, text) = known.as_ref().or_else(|| m.unknown_param.get(key))?.split_once(' ')?;
+        Some(map(text, line.parse().ok()?).0)
     }
 }
 
@@ -50,87 +75,153 @@ pub(super) struct Map {
     pub channel: Option<u8>,
 }
 
-const NUMBERS: [&str; 12] =
-    ["ns", "ni", "d", "tr", "illum", "pr", "pm", "ps", "pc", "pcr", "aniso", "anisor"];
-
-/// Keywords of textures in small letters, and what they are filed under.
-const MAPS: [(&str, &str); 16] = [
-    ("map_kd", "kd"),
-    ("map_ks", "ks"),
-    ("map_ke", "ke"),
-    ("map_d", "d"),
-    ("map_bump", "bump"),
-    ("bump", "bump"),
-    ("norm", "norm"),
-    ("map_pr", "pr"),
-    ("map_pm", "pm"),
-    ("map_ps", "ps"),
-    ("map_tr", "tr"),
-    ("map_ns", "ns"),
-    ("disp", "disp"),
-    ("decal", "decal"),
-    ("refl", "refl"),
-    ("map_rma", "rma"),
-];
-
-/// The materials of a library, and what was ignored: line and message.
-pub(super) fn parse(bytes: &[u8]) -> (Vec<Mtl>, Vec<(usize, String)>) {
-    let (mut lines, mut materials, mut warnings) = (Lines::new(bytes), Vec::<Mtl>::new(), Vec::new());
-    // Reading from memory doesn't fail.
-    while let Ok(Some((line, text))) = lines.next() {
-        let mut words = Words(text);
-        let Some(keyword) = words.next() else { continue };
-        let keyword = decoded(keyword).to_ascii_lowercase();
-        if keyword == "newmtl" {
-            let name = decoded(words.rest());
-            materials.push(Mtl { name, line, ..Mtl::default() });
-            continue;
-        }
-        let Some(material) = materials.last_mut() else {
-            warnings.push((line, format!("'{keyword}' before the first 'newmtl' is ignored")));
-            continue;
-        };
-        if let Some(message) = statement(material, line, &keyword, words) {
-            warnings.push((line, format!("material '{}': {message}", material.name)));
-        }
-    }
-    (materials, warnings)
+/// What a statement says.
+#[derive(Clone, Copy, PartialEq)]
+enum Kind {
+    Color,
+    Number,
+    Map,
 }
 
-/// Reads a statement into the material; a message if it is ignored.
-fn statement(material: &mut Mtl, line: usize, keyword: &str, words: Words) -> Option<String> {
-    let color = match keyword {
-        "kd" => Some(&mut material.kd),
-        "ks" => Some(&mut material.ks),
-        "ke" => Some(&mut material.ke),
-        "tf" => Some(&mut material.tf),
-        _ => None,
+/// Keywords in small letters, how they are spelt for `tobj`, and what stands behind them.
+const STATEMENTS: [(&str, &str, Kind); 32] = [
+    ("kd", "Kd", Kind::Color),
+    ("ks", "Ks", Kind::Color),
+    ("ke", "Ke", Kind::Color),
+    ("tf", "Tf", Kind::Color),
+    ("ns", "Ns", Kind::Number),
+    ("ni", "Ni", Kind::Number),
+    ("d", "d", Kind::Number),
+    ("tr", "Tr", Kind::Number),
+    ("illum", "illum", Kind::Number),
+    ("pr", "Pr", Kind::Number),
+    ("pm", "Pm", Kind::Number),
+    ("ps", "Ps", Kind::Number),
+    ("pc", "Pc", Kind::Number),
+    ("pcr", "Pcr", Kind::Number),
+    ("aniso", "aniso", Kind::Number),
+    ("anisor", "anisor", Kind::Number),
+    ("map_kd", "map_Kd", Kind::Map),
+    ("map_ks", "map_Ks", Kind::Map),
+    ("map_ke", "map_Ke", Kind::Map),
+    ("map_d", "map_d", Kind::Map),
+    ("map_bump", "bump", Kind::Map),
+    ("bump", "bump", Kind::Map),
+    ("norm", "norm", Kind::Map),
+    ("map_pr", "map_Pr", Kind::Map),
+    ("map_pm", "map_Pm", Kind::Map),
+    ("map_ps", "map_Ps", Kind::Map),
+    ("map_tr", "map_Tr", Kind::Map),
+    ("map_ns", "map_Ns", Kind::Map),
+    ("disp", "disp", Kind::Map),
+    ("decal", "decal", Kind::Map),
+    ("refl", "refl", Kind::Map),
+    ("map_rma", "map_RMA", Kind::Map),
+];
+
+/// The materials of a library; adds to the warnings what was ignored.
+///
+/// # Errors
+/// Says why the file can't be read.
+pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>, String> {
+    let file = File::open(path).map_err(|e| format!("can't be read: {e}"))?;
+    let (parsed, library) = by_tobj(file, Library::default(), |reader| tobj::load_mtl_buf(reader))?;
+    let (materials, _) = parsed.map_err(|e| format!("can't be understood: {e}"))?;
+    let ignored = library.ignored.into_iter();
+    warnings.extend(ignored.map(|(line, message)| Warning::new(path, format!("line {line}"), message)));
+    let named = library.names.into_iter().zip(materials);
+    Ok(named.map(|(name, statements)| Mtl { name, statements }).collect())
+}
+
+/// Checks statements and notes what is ignored.
+#[derive(Default)]
+struct Library {
+    /// The materials' names, which may be empty.
+    names: Vec<String>,
+    /// The textures of the current material so far.
+    maps: Vec<&'static str>,
+    /// Line and message.
+    ignored: Vec<(usize, String)>,
+}
+
+impl Clean for Library {
+    fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
+        let mut words = Words(text);
+        let Some(keyword) = words.next() else { return };
+        let keyword = decoded(keyword).to_ascii_lowercase();
+        if keyword == "newmtl" {
+            out.extend(format!("newmtl {}\n", self.names.len()).as_bytes());
+            self.names.push(decoded(words.rest()));
+            self.maps.clear();
+            return;
+        }
+        let Some(name) = self.names.last() else {
+            self.ignored.push((line, format!("'{keyword}' before the first 'newmtl' is ignored")));
+            return;
+        };
+        match clean(&keyword, words, line, &mut self.maps) {
+            Ok(Statement { text, ignored }) => {
+                out.extend(text.as_bytes());
+                if !ignored.is_empty() {
+                    let message = format!("material '{name}': '{keyword}': {} ignored", ignored.join(", "));
+                    self.ignored.push((line, message));
+                }
+            }
+            Err(message) => self.ignored.push((line, format!("material '{name}': {message}"))),
+        }
+    }
+}
+
+/// A statement as `tobj` gets it.
+#[derive(Default)]
+struct Statement {
+    text: String,
+    /// Options that mean nothing here.
+    ignored: Vec<String>,
+}
+
+/// Checks a statement; the error says why it is ignored.
+fn clean(
+    keyword: &str,
+    words: Words,
+    line: usize,
+    maps: &mut Vec<&'static str>,
+) -> Result<Statement, String> {
+    let Some(&(_, name, kind)) = STATEMENTS.iter().find(|s| s.0 == keyword) else {
+        return match keyword {
+            // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
+            "ka" | "map_ka" | "sharpness" | "map_aat" => Ok(Statement::default()),
+            _ => Err(format!("'{keyword}' is not supported, ignored")),
+        };
     };
-    let broken = || Some(format!("'{keyword}' without its numbers is ignored"));
-    if let Some(slot) = color {
-        *slot = rgb(words.clone());
-        return if slot.is_some() { None } else { broken() };
-    }
-    if let Some(&name) = NUMBERS.iter().find(|n| **n == keyword) {
-        // `d -halo 0.5` has an option before its number.
-        let Some(value) = words.filter_map(float).last() else { return broken() };
-        material.numbers.insert(name, value);
-        return None;
-    }
-    if let Some(&(_, name)) = MAPS.iter().find(|m| m.0 == keyword) {
-        let (map, ignored) = map(&decoded(words.rest()), line);
-        if map.file.is_empty() {
-            return Some(format!("'{keyword}' without a file name is ignored"));
+    let broken = || format!("'{keyword}' without its numbers is ignored");
+    let mut ignored = Vec::new();
+    let text = match kind {
+        Kind::Color => {
+            let [r, g, b] = rgb(words).ok_or_else(broken)?;
+            format!("{name} {r} {g} {b}\n")
+        }
+        Kind::Number => {
+            // `d -halo 0.5` has an option before its number.
+            let value = words.filter_map(float).last().ok_or_else(broken)?;
+            // Models of illumination are whole numbers in a byte.
+            let value = if name == "illum" { value.clamp(0.0, 255.0).floor() } else { value };
+            format!("{name} {value}\n")
         }
         // Of `map_Bump` and `bump` the first counts.
-        material.maps.entry(name).or_insert(map);
-        return (!ignored.is_empty()).then(|| format!("'{keyword}': {} ignored", ignored.join(", ")));
-    }
-    match keyword {
-        // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
-        "ka" | "map_ka" | "sharpness" | "map_aat" => None,
-        _ => Some(format!("'{keyword}' is not supported, ignored")),
-    }
+        Kind::Map if maps.contains(&name) => String::new(),
+        Kind::Map => {
+            let text = decoded(words.rest());
+            let (map, without_meaning) = map(&text, line);
+            if map.file.is_empty() {
+                return Err(format!("'{keyword}' without a file name is ignored"));
+            }
+            maps.push(name);
+            ignored = without_meaning;
+            format!("{name} {line} {text}\n")
+        }
+    };
+    Ok(Statement { text, ignored })
 }
 
 /// Three numbers, or one for grey.
@@ -228,17 +319,47 @@ mod tests {
         assert_eq!(map("-my-file.png", 1).0.file, "-my-file.png");
     }
 
+    /// The materials of a library with this content, and the lines of its warnings.
+    fn library(content: &[u8]) -> (Vec<Mtl>, Vec<String>) {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.mtl");
+        std::fs::write(&path, content).expect("written");
+        let mut warnings = Vec::new();
+        let materials = read(&path, &mut warnings).expect("it can be read");
+        (materials, warnings.into_iter().map(|w| w.place).collect())
+    }
+
     #[test]
     fn statements_fill_the_material_or_are_named() {
         let text = b"Kd 1 1 1\nnewmtl caf\xe9 au lait\nKd 0.5\nKs 1 2 3\nd -halo 0.25\nTR 0.75\nillum 2\n\
-                     map_Kd\nfoo 1\nNs x\nKe spectral a.rfl\nbump a.png\nmap_Bump b.png\nKa 1 1 1\n";
-        let (materials, warnings) = parse(text);
+                     map_Kd\nfoo 1\nNs x\nKe spectral a.rfl\nbump a.png\nmap_Bump b.png\nKa 1 1 1\nTf 1 0.5 0\n";
+        let (materials, warned) = library(text);
         let m = &materials[0];
-        assert_eq!((m.name.as_str(), m.line), ("caf\u{e9} au lait", 2));
-        assert_eq!((m.kd, m.ks, m.ke), (Some([0.5; 3]), Some([1.0, 2.0, 3.0]), None));
-        assert_eq!((m.number("d"), m.number("tr"), m.number("illum")), (Some(0.25), Some(0.75), Some(2.0)));
-        assert_eq!(m.maps["bump"].file, "a.png");
-        let lines: Vec<usize> = warnings.iter().map(|w| w.0).collect();
-        assert_eq!(lines, [1, 8, 9, 10, 11], "{warnings:?}");
+        assert_eq!(m.name, "caf\u{e9} au lait");
+        assert_eq!(
+            (m.color("Kd"), m.color("Ks"), m.color("Ke")),
+            (Some([0.5; 3]), Some([1.0, 2.0, 3.0]), None)
+        );
+        assert_eq!((m.number("d"), m.number("Tr"), m.number("illum")), (Some(0.25), Some(0.75), Some(2.0)));
+        assert_eq!((m.number("Ns"), m.color("Tf")), (None, Some([1.0, 0.5, 0.0])));
+        let bump = m.map("bump").expect("a texture");
+        assert_eq!((bump.file.as_str(), bump.line), ("a.png", 12));
+        assert_eq!(warned, ["line 1", "line 8", "line 9", "line 10", "line 11"]);
+    }
+
+    /// What would end the program, or the whole library, if `tobj` saw it.
+    #[test]
+    fn odd_statements_cost_no_more_than_themselves() {
+        let text =
+            b"newmtl\nKd\nKd 1 2\nKs nan inf -1\nillum -3.5\nillum 1e9\nillum x\nNi \xff\nmap_d \xe9.png\n\
+                     newmtl a\nnewmtl a\nd 0.5\n \xa0\xc2 1\nPr\nmap_Kd -s\nKd 3";
+        let (materials, warned) = library(text);
+        let names: Vec<&str> = materials.iter().map(|m| m.name.as_str()).collect();
+        assert_eq!(names, ["", "a", "a"]);
+        assert_eq!((materials[0].color("Kd"), materials[0].number("illum")), (Some([1.0; 3]), Some(255.0)));
+        assert_eq!(materials[0].map("map_d").map(|m| m.file), Some("\u{e9}.png".to_string()));
+        assert_eq!((materials[2].number("d"), materials[2].color("Kd")), (Some(0.5), Some([3.0; 3])));
+        let expected = [2, 7, 8, 13, 14, 15].map(|line| format!("line {line}"));
+        assert_eq!(warned, expected);
     }
 }

@@ -1,7 +1,8 @@
 //! The Cornell box as glTF: the vertices that Cornell's Program of Computer Graphics published with its measurements
 //! of the box, in millimetres, with the reflectances and the light that later renderers made customary.
 
-use crate::{base64, json};
+use crate::json;
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 
 type Corners = [[f64; 3]; 4];
@@ -161,7 +162,7 @@ pub fn gltf() -> String {
         ],
         "buffers": [{
             "byteLength": buffer.len(),
-            "uri": format!("data:application/octet-stream;base64,{}", base64::encode(&buffer)),
+            "uri": format!("data:application/octet-stream;base64,{}", BASE64_STANDARD.encode(&buffer)),
         }],
     }))
 }

@@ -1,6 +1,5 @@
 //! The project's own assets, as code: meshes, pictures and scene files with many objects.
 
-mod base64;
 pub mod bricks;
 pub mod cornell;
 mod json;

@@ -1,7 +1,8 @@
 //! A reed that bends in the wind, as glTF: one small file with an animated skin, a morph target, instances, quantised
 //! vertices, variants of materials, lights, two cameras and a hidden node.
 
-use crate::{base64, json};
+use crate::json;
+use base64::prelude::{BASE64_STANDARD, Engine};
 use serde_json::{Value, json};
 use std::f64::consts::PI;
 
@@ -138,7 +139,7 @@ pub fn gltf() -> String {
         "bufferViews": data.views,
         "buffers": [{
             "byteLength": data.bytes.len(),
-            "uri": format!("data:application/octet-stream;base64,{}", base64::encode(&data.bytes)),
+            "uri": format!("data:application/octet-stream;base64,{}", BASE64_STANDARD.encode(&data.bytes)),
         }],
     }))
 }

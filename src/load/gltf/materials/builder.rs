@@ -3,12 +3,12 @@
 use super::needs::Needs;
 use crate::image::Encoding;
 use crate::load::gltf::document::{Document, number_of, numbers_of};
-use crate::load::gltf::report::Report;
+use crate::load::gltf::report::{Report, Sound};
 use crate::load::gltf::textures::{Gloss, Reference, Textures};
 use crate::scene::{ColorSlot, FloatSlot, NormalMap, TextureId};
 use gltf::json::extensions::texture::TextureTransform;
 use gltf::json::texture::Info;
-use serde::Deserialize;
+use serde::de::DeserializeOwned;
 use serde_json::Value;
 
 /// Largest factor on a normal map's slopes; beyond, the surface is a comb of vertical walls.
@@ -46,30 +46,29 @@ impl<'b> Builder<'b, '_> {
         Some((extension, format!("/extensions/{name}")))
     }
 
-    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Option<TextureId> {
+    fn texture(&mut self, reference: Reference, encoding: Encoding) -> Sound<TextureId> {
         let (mut slots, set) = (self.needs.uv_slots, reference.effective_uv_set());
         let Some(slot) = slots.take(set) else {
             let message =
                 format!("uses the texture coordinates {set}, the third set of its material; left out");
-            self.report.warn(reference.at.clone(), message);
-            return None;
+            return Err(self.report.warn(reference.at.clone(), message));
         };
         let reference = Reference { slot, ..reference };
         let id = self.textures.get(self.doc, &reference, encoding, self.report)?;
         self.needs.uv_slots = slots;
-        Some(id)
+        Ok(id)
     }
 
     /// A colour slot; places are relative to the material.
     pub fn color(&mut self, factor: [f32; 3], info: Option<&Info>, place: &str) -> ColorSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
-        ColorSlot { factor, texture: reference.and_then(|r| self.texture(r, Encoding::Srgb)) }
+        ColorSlot { factor, texture: reference.and_then(|r| self.texture(r, Encoding::Srgb).ok()) }
     }
 
     /// A slot of a number that stands in a channel of a texture.
     pub fn float(&mut self, factor: f32, info: Option<&Info>, channel: u8, place: &str) -> FloatSlot {
         let reference = info.map(|info| Reference::new(info, format!("{}{place}", self.at)));
-        let texture = reference.and_then(|r| self.texture(r, Encoding::Linear));
+        let texture = reference.and_then(|r| self.texture(r, Encoding::Linear).ok());
         FloatSlot { factor, texture: texture.map(|id| (id, channel)) }
     }
 
@@ -78,8 +77,8 @@ impl<'b> Builder<'b, '_> {
         let at = format!("{}{place}", self.at);
         let reference = Reference { gloss: Some(Gloss::new(factor)), ..Reference::new(info, at) };
         match self.texture(reference, Encoding::Linear) {
-            Some(id) => FloatSlot { factor: 1.0, texture: Some((id, 0)) },
-            None => FloatSlot::constant(1.0 - factor),
+            Ok(id) => FloatSlot { factor: 1.0, texture: Some((id, 0)) },
+            Err(_) => FloatSlot::constant(1.0 - factor),
         }
     }
 
@@ -101,7 +100,7 @@ impl<'b> Builder<'b, '_> {
     pub fn number(&mut self, from: (&Value, &str), key: &str, default: f32, range: [f32; 2]) -> f32 {
         let (extension, place) = from;
         let number = number_of(extension, key, &format!("{}{place}", self.at), self.report);
-        let value = number.map_or(default, |n| n as f32);
+        let value = number.unwrap_or(None).map_or(default, |n| n as f32);
         self.clamped(value, range[0], range[1], &format!("{place}/{key}"))
     }
 
@@ -114,56 +113,48 @@ impl<'b> Builder<'b, '_> {
     ) -> [f32; N] {
         let (extension, place) = from;
         let numbers = numbers_of::<N>(extension, key, &format!("{}{place}", self.at), self.report);
-        let value = numbers.map_or(default, |n| n.map(|v| v as f32));
+        let value = numbers.unwrap_or(None).map_or(default, |n| n.map(|v| v as f32));
         value.map(|v| self.unit(v, &format!("{place}/{key}")))
     }
 
-    /// A reference to a texture in an extension.
+    /// A reference to a texture in an extension; none if it has a problem, which is noted.
     pub fn info(&mut self, from: (&Value, &str), key: &str) -> Option<Info> {
         let (extension, place) = from;
         let raw = extension.get(key)?;
-        match Info::deserialize(raw) {
-            Ok(info) => Some(info),
-            Err(e) => {
-                self.report.problem(format!("{}{place}/{key}", self.at), format!("can't be understood: {e}"));
-                None
-            }
-        }
+        understood(raw, &format!("{}{place}/{key}", self.at), self.report).ok()
     }
 
     /// A texture of an extension that holds numbers.
     pub fn data_texture(&mut self, from: (&Value, &str), key: &str) -> Option<TextureId> {
         let info = self.info(from, key)?;
         let reference = Reference::new(&info, format!("{}{}/{key}", self.at, from.1));
-        self.texture(reference, Encoding::Linear)
+        self.texture(reference, Encoding::Linear).ok()
     }
 
-    /// The normal map at a place in the material.
+    /// The normal map at a place in the material; none if it has a problem, which is noted.
     pub fn normal_map_at(&mut self, place: &str) -> Option<NormalMap> {
         let raw = self.raw.pointer(place)?;
+        self.normal_map_of(raw, place).ok()
+    }
+
+    fn normal_map_of(&mut self, raw: &Value, place: &str) -> Sound<NormalMap> {
         let at = format!("{}{place}", self.at);
-        let info = match Info::deserialize(raw) {
-            Ok(info) => info,
-            Err(e) => {
-                self.report.problem(at, format!("can't be understood: {e}"));
-                return None;
-            }
-        };
+        let info: Info = understood(raw, &at, self.report)?;
         // The crate leaves the transform of these references to the extensions that it does not know.
-        let transform =
-            match raw.pointer("/extensions/KHR_texture_transform").map(TextureTransform::deserialize) {
-                None => None,
-                Some(Ok(transform)) => Some(transform),
-                Some(Err(e)) => {
-                    let at = format!("{at}/extensions/KHR_texture_transform");
-                    self.report.problem(at, format!("can't be understood: {e}"));
-                    None
-                }
-            };
+        let key = "/extensions/KHR_texture_transform";
+        let transform: Option<TextureTransform> = match raw.pointer(key) {
+            Some(raw) => Some(understood(raw, &format!("{at}{key}"), self.report)?),
+            None => None,
+        };
         let reference = Reference { transform, ..Reference::new(&info, at.clone()) };
         let texture = self.texture(reference, Encoding::Linear)?;
-        let scale = number_of(raw, "scale", &at, self.report).map_or(1.0, |s| s as f32);
+        let scale = number_of(raw, "scale", &at, self.report)?.map_or(1.0, |s| s as f32);
         let scale = self.clamped(scale, -MOST_NORMAL_SCALE, MOST_NORMAL_SCALE, &format!("{place}/scale"));
-        Some(NormalMap { texture, scale })
+        Ok(NormalMap { texture, scale })
     }
+}
+
+/// A part of the file as a type of the `gltf` crate.
+fn understood<T: DeserializeOwned>(raw: &Value, at: &str, report: &mut Report) -> Sound<T> {
+    T::deserialize(raw).map_err(|e| report.problem(at, format!("can't be understood: {e}")))
 }

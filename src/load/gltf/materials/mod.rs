@@ -10,7 +10,7 @@ mod specular_glossiness;
 pub(super) use needs::Needs;
 
 use super::document::{Document, name_of, pointer};
-use super::report::Report;
+use super::report::{Report, Sound};
 use super::textures::Textures;
 use crate::scene::{AlphaMode, Emission, FloatSlot, Material, MaterialId, Model};
 use builder::Builder;
@@ -26,7 +26,7 @@ pub(super) struct Materials {
     /// The caller replaces all materials: none is read, and the default stands for each.
     pub geometry_only: bool,
     needs: Vec<Needs>,
-    known: HashMap<Option<usize>, Option<MaterialId>>,
+    known: HashMap<Option<usize>, Sound<MaterialId>>,
 }
 
 impl Materials {
@@ -37,14 +37,14 @@ impl Materials {
         index: Option<usize>,
         from: &str,
         report: &mut Report,
-    ) -> Option<MaterialId> {
+    ) -> Sound<MaterialId> {
         let index = index.filter(|_| !self.geometry_only);
         if let Some(known) = self.known.get(&index) {
             return *known;
         }
         let built = match index {
             Some(index) => report.lasting(|report| build(doc, index, from, &mut self.textures, report)),
-            None => Some((default_material(), Needs::default())),
+            None => Ok((default_material(), Needs::default())),
         };
         let id = built.map(|(material, needs)| {
             self.list.push(material);
@@ -87,7 +87,7 @@ fn build(
     from: &str,
     textures: &mut Textures,
     report: &mut Report,
-) -> Option<(Material, Needs)> {
+) -> Sound<(Material, Needs)> {
     let json: gltf::json::Material = doc.entry("materials", index, from, report)?;
     let raw = doc.raw("materials", index, from, report)?;
     let name = name_of(raw, "material", index);
@@ -126,5 +126,5 @@ fn build(
         _ => false,
     };
     let needs = Needs { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
-    Some((material, needs))
+    Ok((material, needs))
 }

@@ -8,8 +8,8 @@ mod filters;
 mod indices;
 mod stream;
 
-use super::document::index_of;
-use super::report::Report;
+use super::document::{index_of, required};
+use super::report::{Report, Sound};
 use crate::error::Problem;
 use serde_json::Value;
 
@@ -57,17 +57,20 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Reads and checks it; `None` with a noted problem.
-    pub fn new(packed: &Value, at: &str, report: &mut Report) -> Option<Layout> {
-        let number = |key: &str| packed.get(key).and_then(Value::as_u64);
-        let buffer = index_of(packed, "buffer", at, report)?;
+    /// Reads and checks it.
+    pub fn new(packed: &Value, at: &str, report: &mut Report) -> Sound<Layout> {
+        let mut whole = |key: &str| required(index_of(packed, key, at, report), key, at, report);
+        let (buffer, length) = (whole("buffer"), whole("byteLength"));
+        let (stride, count) = (whole("byteStride"), whole("count"));
+        let offset = index_of(packed, "byteOffset", at, report);
         let mode = match packed.get("mode").and_then(Value::as_str) {
             Some("ATTRIBUTES") => Mode::Attributes,
             Some("TRIANGLES") => Mode::Triangles,
             Some("INDICES") => Mode::Indices,
             _ => {
-                report.problem(format!("{at}/mode"), "is none of ATTRIBUTES, TRIANGLES and INDICES");
-                return None;
+                return Err(
+                    report.problem(format!("{at}/mode"), "is none of ATTRIBUTES, TRIANGLES and INDICES")
+                );
             }
         };
         let filter = match packed.get("filter").map(|f| f.as_str().unwrap_or_default()) {
@@ -78,26 +81,17 @@ impl Layout {
             Some("COLOR") => Filter::Color,
             Some(other) => {
                 let problem = Problem::new(format!("{at}/filter"), format!("'{other}' is not known"));
-                report.add(problem.with_help("export the model without mesh compression"));
-                return None;
+                return Err(report.add(problem.with_help("export the model without mesh compression")));
             }
         };
-        let (stride, count) = (number("byteStride")?, number("count")?);
-        let (Ok(stride), Ok(count)) = (usize::try_from(stride), usize::try_from(count)) else { return None };
-        let layout = Layout {
-            buffer,
-            offset: number("byteOffset").unwrap_or(0),
-            length: number("byteLength").unwrap_or(0),
-            count,
-            stride,
-            mode,
-            filter,
-        };
+        let (stride, count) = (stride?, count?);
+        let (offset, length) = (offset?.unwrap_or(0) as u64, length? as u64);
+        let layout = Layout { buffer: buffer?, offset, length, count, stride, mode, filter };
         if !layout.is_sound() {
-            report.problem(at, format!("{count} elements of {stride} bytes don't fit its mode and filter"));
-            return None;
+            return Err(report
+                .problem(at, format!("{count} elements of {stride} bytes don't fit its mode and filter")));
         }
-        Some(layout)
+        Ok(layout)
     }
 
     /// The rules for strides and counts.

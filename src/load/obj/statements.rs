@@ -1,0 +1,349 @@
+//! The statements of OBJ files (Wavefront, "Advanced Visualizer Manual", appendix B1), checked before `tobj` reads them.
+//!
+//! The file goes by twice: first its vertices reach `tobj`, then its faces, as nothing says that a vertex must precede
+//! the faces that use it. `tobj` stops at the first problem without its line, ends the program on some, takes `v x y z w`
+//! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
+//! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
+
+use super::build::MaterialName;
+use super::lines::{Clean, Words, decoded, float};
+use crate::error::Problem;
+use crate::load::digits::integer;
+use std::collections::{BTreeMap, HashMap, HashSet};
+use std::io::Write;
+
+/// How many problems are worth listing.
+const LISTED: usize = 10;
+
+/// Faces after which `tobj` is made to convert what it holds of them, about 100 bytes each.
+const PIECE: usize = 1 << 15;
+
+/// Indices of a corner's position, texture coordinates and normal, from 1; 0 for none.
+type Corner = [u32; 3];
+
+/// Consecutive faces that are alike, which `tobj` returns as one model.
+pub(super) struct Piece {
+    /// Index of its object's name.
+    pub object: usize,
+    /// Its corners have texture coordinates.
+    pub has_uvs: bool,
+    /// Its corners have normals.
+    pub has_normals: bool,
+    /// The smoothing group that its normals come from; `None` if they are given, or flat.
+    pub group: Option<u32>,
+    faces: usize,
+}
+
+impl Piece {
+    /// Are its normals those of its faces?
+    pub fn is_flat(&self) -> bool {
+        !self.has_normals && self.group.is_none()
+    }
+
+    fn is_like(&self, other: &Piece) -> bool {
+        let key = |p: &Piece| (p.object, p.has_uvs, p.has_normals, p.group);
+        key(self) == key(other)
+    }
+}
+
+/// Checks statements and notes what `tobj` drops.
+#[derive(Default)]
+pub(super) struct Statements {
+    /// The models that `tobj` returns, in order.
+    pub pieces: Vec<Piece>,
+    /// Names of objects and groups.
+    pub objects: Vec<String>,
+    /// Where another material begins: number of the face in the file, and the material.
+    pub runs: Vec<(usize, MaterialName)>,
+    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours.
+    pub corners: Vec<u32>,
+    /// Colours of the first positions as in the file, white where there is none.
+    pub colors: Vec<[f32; 3]>,
+    /// The names that `usemtl` statements use, with the line of the first.
+    pub materials: Vec<(String, usize)>,
+    /// What stands behind `mtllib`, with its line.
+    pub libraries: Vec<(String, usize)>,
+    /// The vertices have gone by.
+    faces_now: bool,
+    /// Statements of positions, texture coordinates and normals in the file.
+    totals: [usize; 3],
+    /// Those so far.
+    counts: [usize; 3],
+    /// Lines of vertices that are broken.
+    broken: HashSet<usize>,
+    faces: usize,
+    face: Vec<Corner>,
+    material: MaterialName,
+    /// For faces without normals; `None` is flat.
+    group: Option<u32>,
+    group_numbers: HashMap<Vec<u8>, u32>,
+    object: String,
+    group_name: String,
+    material_numbers: HashMap<Vec<u8>, u32>,
+    /// The first problems by their lines.
+    problems: BTreeMap<usize, String>,
+    problem_count: usize,
+    /// What was left out: the first line and how often.
+    ignored: BTreeMap<String, (usize, usize)>,
+}
+
+impl Clean for Statements {
+    fn line(&mut self, line: usize, text: &[u8], out: &mut Vec<u8>) {
+        let mut words = Words(text);
+        let Some(keyword) = words.next() else { return };
+        let vertex = match keyword {
+            b"v" => Some(0),
+            b"vt" => Some(1),
+            b"vn" => Some(2),
+            _ => None,
+        };
+        match vertex {
+            Some(kind) if !self.faces_now => self.vertex(line, kind, words, out),
+            Some(kind) => self.counts[kind] += usize::from(!self.broken.contains(&line)),
+            None if self.faces_now => self.statement(line, keyword, words, out),
+            None => {}
+        }
+    }
+
+    fn again(&mut self) -> bool {
+        !std::mem::replace(&mut self.faces_now, true)
+    }
+}
+
+impl Statements {
+    /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
+    fn vertex(&mut self, line: usize, kind: usize, words: Words, out: &mut Vec<u8>) {
+        let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
+        let start = out.len();
+        out.extend(name.as_bytes());
+        let (mut sound, mut color) = (0, [0.0; 3]);
+        for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
+            let Some(value) = float(word) else { break };
+            if i < most {
+                out.push(b' ');
+                out.extend(word);
+            } else {
+                color[i - most] = value;
+            }
+            sound += 1;
+        }
+        let given = words.take(most).count();
+        if sound < least || sound < given || self.totals[0] >= u32::MAX as usize - 1 {
+            out.truncate(start);
+            self.broken.insert(line);
+            return self.problem(
+                line,
+                format!("'{name}' needs {}", ["three numbers", "numbers", "three numbers"][kind]),
+            );
+        }
+        if kind == 1 && sound == 1 {
+            out.extend(b" 0");
+        }
+        out.push(b'\n');
+        self.totals[kind] += 1;
+        if kind == 0 && sound == 6 {
+            self.colors.resize(self.totals[0] - 1, [1.0; 3]);
+            self.colors.push(color);
+        }
+    }
+
+    fn statement(&mut self, line: usize, keyword: &[u8], words: Words, out: &mut Vec<u8>) {
+        match keyword {
+            b"f" | b"fo" => self.face(line, words, out),
+            b"usemtl" => self.use_material(line, words.rest()),
+            b"s" => self.smoothing(words.rest()),
+            b"o" => {
+                self.object = decoded(words.rest());
+                self.begin();
+            }
+            b"g" => {
+                self.group_name = decoded(words.rest());
+                self.begin();
+            }
+            b"mtllib" => self.libraries.push((decoded(words.rest()), line)),
+            b"l" | b"p" => self.ignore(line, "lines and points, which have no surface"),
+            b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim"
+            | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"vp" => {
+                self.ignore(line, "statements of free-form curves and surfaces");
+            }
+            // They concern how other programs draw.
+            b"mg" | b"bevel" | b"c_interp" | b"d_interp" | b"lod" | b"shadow_obj" | b"trace_obj"
+            | b"ctech" | b"stech" => {}
+            _ => {
+                let shown: String = decoded(keyword).chars().take(20).collect();
+                let known = self.ignored.len() < LISTED;
+                let name = if known { format!("statements '{shown}'") } else { "other statements".into() };
+                self.ignore(line, &name);
+            }
+        }
+    }
+
+    fn face(&mut self, line: usize, mut words: Words, out: &mut Vec<u8>) {
+        self.face.clear();
+        let (text, mut is_plain) = (words.0, true);
+        while let Some(word) = words.next() {
+            match self.corner(line, word, &mut is_plain) {
+                Ok(corner) => self.face.push(corner),
+                Err(message) => return self.problem(line, message),
+            }
+        }
+        let text = &text[..text.len() - words.0.len()];
+        let corners = self.face.len();
+        // Some exporters repeat a corner at once.
+        self.face.dedup();
+        if self.face.len() > 1 && self.face.first() == self.face.last() {
+            self.face.pop();
+        }
+        if self.face.len() < 3 {
+            return self.ignore(line, "faces of fewer than three corners");
+        }
+        is_plain &= self.face.len() == corners;
+        let [has_uvs, has_normals] = [1, 2].map(|kind| {
+            let given = self.face.iter().filter(|c| c[kind] > 0).count();
+            if given > 0 && given < self.face.len() {
+                is_plain = false;
+                let what = ["texture coordinates", "normals"][kind - 1];
+                self.ignore(line, &format!("{what} of faces that lack them at other corners"));
+                self.face.iter_mut().for_each(|c| c[kind] = 0);
+            }
+            given == self.face.len()
+        });
+        self.continue_piece(has_uvs, has_normals, out);
+        out.push(b'f');
+        if is_plain {
+            out.extend(text);
+        } else {
+            self.face.iter().for_each(|c| write_corner(*c, out));
+        }
+        out.push(b'\n');
+    }
+
+    /// Counts the current face to the last piece, or begins another.
+    fn continue_piece(&mut self, has_uvs: bool, has_normals: bool, out: &mut Vec<u8>) {
+        if self.objects.is_empty() {
+            self.begin();
+        }
+        let object = self.objects.len() - 1;
+        let group = if has_normals { None } else { self.group };
+        let new = Piece { object, has_uvs, has_normals, group, faces: 1 };
+        match self.pieces.last_mut() {
+            Some(last) if last.faces < PIECE && last.is_like(&new) => last.faces += 1,
+            _ => {
+                self.pieces.push(new);
+                out.extend(b"o\n");
+            }
+        }
+        if group.is_some() || !self.colors.is_empty() {
+            self.corners.extend(self.face.iter().map(|c| c[0] - 1));
+        }
+        if self.runs.last().is_none_or(|r| r.1 != self.material) {
+            self.runs.push((self.faces, self.material));
+        }
+        self.faces += 1;
+    }
+
+    /// `v`, `v/t`, `v//n` or `v/t/n`; negative indices count back from the last statement. What is not in the file as it
+    /// is returned is not plain.
+    #[inline]
+    fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
+        let broken = || format!("'{}' is no corner of a face", decoded(&word[..word.len().min(40)]));
+        let mut corner = [0; 3];
+        for (kind, digits) in word.split(|&b| b == b'/').enumerate() {
+            if kind == 3 || digits.is_empty() && kind == 0 {
+                return Err(broken());
+            }
+            if digits.is_empty() {
+                continue;
+            }
+            let index = integer(digits).ok_or_else(broken)?;
+            *is_plain &= index > 0;
+            let (before, total) = (self.counts[kind] as i64, self.totals[kind] as i64);
+            let place = if index < 0 { before + index + 1 } else { index };
+            if (1..=total).contains(&place) {
+                corner[kind] = place as u32;
+            } else if kind == 0 {
+                return Err(format!("refers to vertex {index}, but there are {total}"));
+            } else {
+                *is_plain = false;
+                let what = ["texture coordinates", "normals"][kind - 1];
+                self.ignore(line, &format!("references to {what} that don't exist"));
+            }
+        }
+        Ok(corner)
+    }
+
+    fn use_material(&mut self, line: usize, name: &[u8]) {
+        let next = self.materials.len() as u32;
+        let number = *self.material_numbers.entry(name.to_vec()).or_insert(next);
+        if number == next {
+            self.materials.push((decoded(name), line));
+        }
+        self.material = Some(number);
+    }
+
+    fn smoothing(&mut self, name: &[u8]) {
+        let next = self.group_numbers.len() as u32;
+        let name = if name == b"on" { b"1" } else { name };
+        self.group = match name {
+            b"off" | b"0" | b"" => None,
+            _ => Some(*self.group_numbers.entry(name.to_vec()).or_insert(next)),
+        };
+    }
+
+    /// The faces from here on belong to another object.
+    fn begin(&mut self) {
+        let parts = [&self.object, &self.group_name];
+        let names: Vec<&str> = parts.into_iter().filter(|n| !n.is_empty()).map(String::as_str).collect();
+        self.objects.push(names.join("/"));
+    }
+
+    #[cold]
+    fn problem(&mut self, line: usize, message: impl Into<String>) {
+        self.problem_count += 1;
+        self.problems.insert(line, message.into());
+        if self.problems.len() > LISTED {
+            self.problems.pop_last();
+        }
+    }
+
+    #[cold]
+    fn ignore(&mut self, line: usize, what: &str) {
+        self.ignored.entry(what.to_string()).or_insert((line, 0)).1 += 1;
+    }
+
+    /// All problems, the first with their lines; none if the file can be rendered.
+    pub fn problems(&self) -> Vec<Problem> {
+        let listed = self.problems.iter();
+        let mut problems: Vec<Problem> =
+            listed.map(|(line, message)| Problem::new(format!("line {line}"), message)).collect();
+        if self.problem_count > LISTED {
+            let message = format!("{} more statements are broken", self.problem_count - LISTED);
+            problems.push(Problem::new("", message));
+        }
+        if self.pieces.is_empty() && problems.is_empty() {
+            let mut problem = Problem::new("", "has no faces").with_help("only surfaces can be rendered");
+            if let Some((what, (line, count))) = self.ignored.iter().next() {
+                problem.message = format!("has no faces, but {count} {what}, the first in line {line}");
+            }
+            problems.push(problem);
+        }
+        problems
+    }
+
+    /// What was left out: line and message.
+    pub fn left_out(&self) -> Vec<(usize, String)> {
+        let ignored = self.ignored.iter();
+        ignored.map(|(what, (line, count))| (*line, format!("{count} {what}: left out"))).collect()
+    }
+}
+
+/// ` v`, ` v/t`, ` v//n` or ` v/t/n`.
+fn write_corner([position, uv, normal]: Corner, out: &mut Vec<u8>) {
+    // Writing to memory doesn't fail.
+    let _ = match (uv, normal) {
+        (0, 0) => write!(out, " {position}"),
+        (_, 0) => write!(out, " {position}/{uv}"),
+        (0, _) => write!(out, " {position}//{normal}"),
+        _ => write!(out, " {position}/{uv}/{normal}"),
+    };
+}
