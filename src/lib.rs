@@ -21,7 +21,7 @@
 //! - Randomness is a pure function of (pixel, sample, dimension, seed). The same command gives the same pixels at any
 //!   number of threads and on every CPU level.
 //!
-//! Modules are ranked; each imports lower ranks only (`tests/layering.rs` holds the table).
+//! Modules are ranked; each imports lower ranks only (`tests/structure/layering.rs` holds the table).
 
 #![deny(unsafe_code)]
 

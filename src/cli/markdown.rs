@@ -1,6 +1,7 @@
 //! Markdown for terminals: tables become aligned columns, marks of code go, links keep their text.
 
 use std::fmt::Write;
+use textwrap::{Options, WordSplitter, fill, wrap};
 
 /// Columns of a terminal.
 const WIDTH: usize = 100;
@@ -30,10 +31,8 @@ pub(crate) fn to_text(markdown: &str) -> String {
                 |l: &&&str| !l.trim().is_empty() && !l.starts_with(['|', '#']) && !l.starts_with("- ");
             let count = 1 + rest[1..].iter().take_while(is_more).count();
             let paragraph = rest[..count].iter().map(|l| l.trim()).collect::<Vec<_>>().join(" ");
-            for (n, line) in wrapped(&plain(&paragraph), WIDTH).iter().enumerate() {
-                let indent = if n > 0 && paragraph.starts_with("- ") { "  " } else { "" };
-                let _ = writeln!(text, "{indent}{line}");
-            }
+            let indent = if paragraph.starts_with("- ") { "  " } else { "" };
+            let _ = writeln!(text, "{}", fill(&plain(&paragraph), lines_of(WIDTH).subsequent_indent(indent)));
             i += count;
         }
     }
@@ -52,6 +51,11 @@ fn plain(text: &str) -> String {
         }
     }
     text
+}
+
+/// Lines of at most so many columns; a longer word has a line of its own.
+fn lines_of(columns: usize) -> Options<'static> {
+    Options::new(columns).break_words(false).word_splitter(WordSplitter::NoHyphenation)
 }
 
 fn cells(line: &str) -> Vec<String> {
@@ -73,33 +77,16 @@ fn table(text: &mut String, lines: &[&str]) {
         widths[widest] -= 1;
     }
     for row in &rows {
-        let wrapped: Vec<Vec<String>> = row.iter().zip(&widths).map(|(cell, w)| wrapped(cell, *w)).collect();
+        let wrapped: Vec<_> = row.iter().zip(&widths).map(|(cell, w)| wrap(cell, lines_of(*w))).collect();
         for i in 0..wrapped.iter().map(Vec::len).max().unwrap_or(0) {
             let mut line = String::new();
             for (cell, width) in wrapped.iter().zip(&widths) {
-                let part = cell.get(i).map_or("", String::as_str);
+                let part = cell.get(i).map_or("", |line| line.as_ref());
                 let _ = write!(line, "{part:<width$}  ");
             }
             let _ = writeln!(text, "  {}", line.trim_end());
         }
     }
-}
-
-/// Lines of at most so many characters, if words allow.
-fn wrapped(text: &str, width: usize) -> Vec<String> {
-    let mut lines = vec![String::new()];
-    for word in text.split_whitespace() {
-        let last = lines.last_mut().expect("one at least");
-        if last.is_empty() {
-            last.push_str(word);
-        } else if last.chars().count() + 1 + word.chars().count() <= width {
-            last.push(' ');
-            last.push_str(word);
-        } else {
-            lines.push(word.to_string());
-        }
-    }
-    lines
 }
 
 #[cfg(test)]
@@ -122,5 +109,7 @@ mod tests {
     fn paragraphs_flow_and_marks_go() {
         let text = to_text("One\ntwo `three` [four](five).\n\n## Six\n- seven\n- eight");
         assert_eq!(text, "One two three four.\n\nSix\n- seven\n- eight\n");
+        let long = to_text(&format!("- {}", "word ".repeat(30)));
+        assert_eq!(long.lines().map(str::len).collect::<Vec<_>>(), [96, 56], "{long}");
     }
 }

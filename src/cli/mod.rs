@@ -12,6 +12,7 @@ mod inspect;
 mod json;
 mod markdown;
 mod new;
+mod outcome;
 mod pictures;
 mod process;
 mod progress;
@@ -23,17 +24,8 @@ mod settings;
 use args::{Arguments, Command};
 use clap::Parser;
 use oscura::error::{Error, ErrorKind};
+use outcome::Outcome;
 use std::process::ExitCode;
-
-/// How a command ended.
-pub(crate) enum Outcome {
-    /// As asked.
-    Done,
-    /// `compare` found that the pictures disagree.
-    Disagreement,
-    /// Stopped by a signal; what was there is written.
-    Interrupted,
-}
 
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
 pub(crate) fn main() -> ExitCode {

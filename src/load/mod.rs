@@ -6,6 +6,7 @@ pub mod framing;
 pub mod gltf;
 mod guard;
 pub mod image;
+mod loaded;
 pub mod obj;
 pub mod ply;
 mod polygon;
@@ -13,47 +14,13 @@ pub mod scene_file;
 mod shapes;
 mod uri;
 
+pub use loaded::{LoadOptions, Loaded};
+
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DQuat};
 use crate::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
-
-/// What the user may choose about loading.
-#[derive(Clone, Debug, Default)]
-pub struct LoadOptions {
-    /// The files that a glTF asset refers to may lie outside its folder.
-    pub allow_external: bool,
-    /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
-    /// sky.
-    pub brings_environment: bool,
-    /// Choices about glTF assets.
-    pub gltf: gltf::GltfOptions,
-    /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.
-    pub point_radius: Option<f64>,
-    /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
-    pub geometry_only: bool,
-    /// The z axis of an OBJ or PLY file points up, not the y axis: its model is turned to stand upright.
-    pub z_up: bool,
-    /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
-    pub no_sidecar: bool,
-}
-
-/// A scene and what happened on the way to it.
-#[derive(Debug, Default)]
-pub struct Loaded {
-    /// The scene, validated.
-    pub scene: Scene,
-    /// What was ignored, approximated or repaired.
-    pub warnings: Vec<Warning>,
-    /// What the user may want to know, though nothing is amiss: a choice that was made, a file that was found.
-    pub notes: Vec<Warning>,
-    /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
-    pub left_out: Vec<String>,
-    /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
-    /// put lights, as exporters leave such nodes in the place of what glTF can't carry.
-    pub empties: Vec<(String, DAffine3)>,
-}
 
 /// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file (told apart by content where the name doesn't
 /// say).

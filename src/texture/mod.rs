@@ -13,7 +13,7 @@ pub use noise::{marble, perlin, turbulence};
 pub use reader::PointReader;
 
 use crate::image::Image;
-use crate::math::{Vec2, Vec3};
+use crate::math::Vec3;
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
 use coordinates::TextureCoordinates;
 use rayon::prelude::*;
@@ -86,18 +86,6 @@ impl CompiledTextures {
         self.textures
             .iter()
             .any(|t| matches!(t, Compiled::Image { lookup, .. } if lookup.pyramid_bytes() > 0))
-    }
-
-    /// Linear RGBA of a point of a texture with one set of texture coordinates.
-    #[inline]
-    pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
-        self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
-    }
-
-    /// Linear RGBA of a texture.
-    #[inline]
-    pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
-        PointReader::new(self, *point).eval(id)
     }
 }
 

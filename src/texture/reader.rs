@@ -3,7 +3,7 @@
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
 use super::image::{ImageLookup, Taps};
 use super::{Compiled, CompiledTextures, MAX_DEPTH, TexturePoint, checker_is_odd, noise_value};
-use crate::math::Vec2;
+use crate::math::{Vec2, Vec3};
 use crate::scene::TextureId;
 use std::cell::Cell;
 
@@ -87,6 +87,20 @@ impl<'a> PointReader<'a> {
             self.taps[level % 2].set((key, taps));
             taps
         })
+    }
+}
+
+impl CompiledTextures {
+    /// Linear RGBA of a point of a texture with one set of texture coordinates.
+    #[inline]
+    pub fn eval(&self, id: TextureId, uv: Vec2, world: Vec3) -> [f32; 4] {
+        self.eval_at(id, &TexturePoint { uv: [uv, uv], world, ..TexturePoint::default() })
+    }
+
+    /// Linear RGBA of a texture.
+    #[inline]
+    pub fn eval_at(&self, id: TextureId, point: &TexturePoint) -> [f32; 4] {
+        PointReader::new(self, *point).eval(id)
     }
 }
 

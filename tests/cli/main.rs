@@ -1,10 +1,14 @@
-//! The program from outside: exit codes, messages, files.
+//! The program from outside: exit codes, messages, files, and every command of the README.
 
 mod comparing;
 mod errors;
+mod inspect;
 mod limits;
 mod options;
+mod output;
 mod program;
+mod readme;
+mod sequence;
 #[cfg(target_os = "linux")]
 mod signals;
 mod teaching;

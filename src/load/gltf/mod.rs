@@ -24,6 +24,7 @@ mod meshes;
 mod meshopt;
 mod morph;
 mod nodes;
+mod opener;
 mod options;
 mod place;
 mod repair;

@@ -1,8 +1,8 @@
 //! Morph targets: displacements of positions, normals and tangents, each times its weight.
 
 use super::document::Document;
+use super::opener::{Kind, Opener};
 use super::report::{Report, Sound};
-use super::vertices::{Kind, Opener};
 use crate::scene::Mesh;
 use gltf::json::accessor::Type;
 use gltf::json::mesh::MorphTarget;

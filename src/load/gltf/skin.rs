@@ -5,10 +5,17 @@ use super::accessor::Accessor;
 use super::document::{Document, index_of, list_of_indices, pointer};
 use super::report::{Report, Sound};
 use super::transform::{Family, affine};
-use super::vertices::Influence;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Mesh;
 use gltf::json::accessor::{ComponentType, Type};
+
+/// Four joints and their weights for each vertex.
+pub(super) struct Influence {
+    /// Indices into the skin's joints.
+    pub joints: Vec<[f32; 4]>,
+    /// How far each moves the vertex.
+    pub weights: Vec<[f32; 4]>,
+}
 
 /// A skin at a moment.
 pub(super) struct SkinPose {

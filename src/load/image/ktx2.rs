@@ -1,7 +1,8 @@
 //! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
 //! pixels. The first level of the first layer is read.
 
-use super::{Source, Use, limits};
+use super::limits;
+use super::source::{Source, Use};
 use crate::error::Result;
 use crate::image::{Encoding, Image, Pixels};
 use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};

@@ -1,6 +1,6 @@
 //! How large an image may be, judged by the file that claims it.
 
-use super::Source;
+use super::source::Source;
 use crate::error::Result;
 use image::Limits;
 

@@ -6,49 +6,19 @@
 mod ktx2;
 mod limits;
 mod openexr;
+mod source;
 
-use crate::error::{Error, Problem, Result, Warning};
+pub(crate) use source::Use;
+
+use crate::error::{Error, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use crate::load::guard;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
+use source::Source;
 use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
-
-/// What an image is for, which decides how its numbers are understood.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(crate) enum Use {
-    /// Colour: integers are sRGB-encoded, floats linear.
-    Color,
-    /// Numbers such as roughness or normals: linear, whatever their type.
-    Data,
-    /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
-    Environment,
-}
-
-/// Where the bytes come from, for messages.
-struct Source<'a> {
-    bytes: &'a [u8],
-    file: &'a Path,
-    pointer: &'a str,
-}
-
-impl Source<'_> {
-    fn error(&self, message: impl Into<String>) -> Error {
-        Error::input_problems(self.file, vec![Problem::new(self.pointer, message)])
-    }
-
-    fn warning(&self, message: impl Into<String>) -> Warning {
-        Warning::new(self.file, self.pointer, message)
-    }
-
-    /// The image's name for reports.
-    fn name(&self) -> String {
-        let file = self.file.display();
-        if self.pointer.is_empty() { file.to_string() } else { format!("{file}#{}", self.pointer) }
-    }
-}
 
 /// Reads an image file for a use.
 ///

@@ -1,6 +1,7 @@
 //! EXR to pixels: the first layer with colour.
 
-use super::{Source, limits};
+use super::limits;
+use super::source::Source;
 use crate::error::Result;
 use crate::image::{Encoding, Image, Pixels};
 use exr::image::{AnyChannels, FlatSamples, Layer};

@@ -1,7 +1,7 @@
 //! Rows of ascii elements, one a line.
 
 use super::elements::{Record, Slot};
-use super::header::{cut, split_line};
+use super::lines::{cut, split_line};
 use crate::error::Problem;
 use crate::load::digits::integer;
 use ply_rs::ply::{ElementDef, Property, PropertyType, ScalarType};

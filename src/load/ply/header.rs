@@ -6,6 +6,7 @@
 use super::ascii::{self, Lines};
 use super::binary;
 use super::elements::Record;
+use super::lines::{cut, split_line};
 use crate::error::Problem;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
@@ -133,24 +134,8 @@ impl<'a> Source<'a> {
     }
 }
 
-pub(super) fn cut(definition: &ElementDef, i: usize) -> Problem {
-    let message = format!("the file ends inside '{}' {i} of {}", definition.name, definition.count);
-    Problem::new("", message).with_help("export or download the file again")
-}
-
 fn first_line(text: &str) -> String {
     text.replace("\n\t", "; ").lines().next().unwrap_or_default().trim().to_string()
-}
-
-/// The line's content and the offset of the next line; ends are LF, CR LF or CR.
-pub(super) fn split_line(bytes: &[u8]) -> (&[u8], usize) {
-    match bytes.iter().position(|&b| b == b'\n' || b == b'\r') {
-        None => (bytes, bytes.len()),
-        Some(end) => {
-            let pair = bytes[end] == b'\r' && bytes.get(end + 1) == Some(&b'\n');
-            (&bytes[..end], end + if pair { 2 } else { 1 })
-        }
-    }
 }
 
 /// The header with plain line ends and ASCII only, its length in bytes, and its number of lines.

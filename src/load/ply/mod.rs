@@ -11,6 +11,7 @@ mod binary;
 mod elements;
 mod faces;
 mod header;
+mod lines;
 mod points;
 
 use super::shapes::drop_unusable_triangles;

@@ -1,7 +1,7 @@
 //! Mesh files that a scene file refers to: each is read once, however often it is placed, and only what the scene uses
 //! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
 
-use super::Build;
+use super::build::Build;
 use crate::error::Result;
 use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
 use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture};

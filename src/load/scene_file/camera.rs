@@ -15,8 +15,8 @@
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The four keys of the lens
 //! may follow; `focus_distance` or `focus_at` is then required with the first two.
 
-use super::Build;
 use super::assets::Assets;
+use super::build::Build;
 use super::fields::{Fields, nearest};
 use crate::load::framing::looking_at;
 use crate::math::{DAffine3, DVec3};

@@ -4,7 +4,7 @@
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
 //! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1).
 
-use super::Build;
+use super::build::Build;
 use super::fields::Fields;
 use super::textures::read_image;
 use crate::load::image::Use;

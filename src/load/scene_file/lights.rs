@@ -11,7 +11,7 @@
 //! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
 //! irradiance in W/m2 across the light. Area lights are quads that cameras see; all others have no surface.
 
-use super::Build;
+use super::build::Build;
 use super::fields::{Fields, nearest};
 use crate::math::DVec3;
 use crate::scene::{Light, LightKind, Material, MaterialId, Quad, SpotFade};

@@ -17,9 +17,10 @@
 //! `cos(2 theta) = 2 / (1 + s) - 1` is `2 (1 / (1 - a) + a ln a / (1 - a)^2) - 1`. The alpha whose mean is that of the
 //! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
 
+use super::build::Build;
 use super::fields::{Fields, named};
 use super::textures::Textures;
-use super::{Build, metals, pbr};
+use super::{metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };

@@ -15,6 +15,7 @@
 //! What nothing refers to is not loaded. A file beside a model may say what the model can't (`sidecar`).
 
 mod assets;
+mod build;
 mod camera;
 mod environment;
 mod fields;
@@ -23,6 +24,7 @@ mod materials;
 mod metals;
 mod object;
 mod objects;
+mod parts;
 mod pbr;
 pub mod reference;
 mod round;
@@ -32,22 +34,13 @@ mod textures;
 mod transform;
 
 use super::{LoadOptions, Loaded};
-use crate::error::{Error, Problem, Result};
+use crate::error::Result;
 use assets::Assets;
+use build::Build;
 use fields::{Fields, Problems};
-use materials::Materials;
+use parts::{read_parts, read_text};
 use std::path::Path;
-use textures::Textures;
 use toml::de::DeTable;
-
-/// Everything that the parts of a scene file are built into.
-struct Build<'a> {
-    /// The scene file, for relative paths and messages.
-    file: &'a Path,
-    options: &'a LoadOptions,
-    problems: &'a Problems<'a>,
-    loaded: Loaded,
-}
 
 /// Reads a scene file and the files that it refers to.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
@@ -56,19 +49,6 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let loaded = build(path, &text, options, &problems);
     problems.into_result(path, &text)?;
     Ok(loaded)
-}
-
-fn read_text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let text = String::from_utf8(bytes).map_err(|e| {
-        let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];
-        let line = before.iter().filter(|&&b| b == b'\n').count() + 1;
-        let problem =
-            Problem::new(format!("line {line}"), "is not UTF-8 text").with_help("save the file as UTF-8");
-        Error::input_problems(path, vec![problem])
-    })?;
-    // Editors of some systems begin a file with a byte order mark.
-    Ok(text.strip_prefix('\u{feff}').map(str::to_string).unwrap_or(text))
 }
 
 fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) -> Loaded {
@@ -104,27 +84,4 @@ fn lacks_first_digit(text: &str, place: usize) -> bool {
         let is_first = !before.ends_with(|c: char| c.is_ascii_digit() || c == '.');
         is_first && rest.strip_prefix('.').is_some_and(|t| t.starts_with(|c: char| c.is_ascii_digit()))
     })
-}
-
-/// Reads all parts of a file; `camera` reads that table, which means different things.
-fn read_parts<'a>(
-    build: &mut Build,
-    root: &Fields<'a>,
-    assets: &mut Assets,
-    camera: impl FnOnce(&mut Build, &mut Assets),
-) {
-    if let Some(fields) = root.table("render") {
-        build.loaded.scene.settings = settings::read(&fields);
-    }
-    let mut textures = Textures::new(root.table("textures"));
-    let mut materials = Materials::new(root.table("materials"));
-    if let Some(fields) = root.table("environment") {
-        environment::read(build, &fields);
-    }
-    objects::read(build, root, &mut materials, &mut textures, assets);
-    lights::read(build, root);
-    camera(build, assets);
-    root.finish();
-    materials.check_unused(build, &mut textures);
-    textures.check_unused(build);
 }

@@ -14,8 +14,8 @@
 //! under rotation, translation and even scaling, and become meshes, with a warning, under any other (a sphere one of 81,920
 //! triangles). A texture on a disk touches its edge; its top points up (of a level disk to -z) and turns with it.
 
-use super::Build;
 use super::assets::Assets;
+use super::build::Build;
 use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};

@@ -1,5 +1,5 @@
 //! What scene files may hold, in words: the documentation of the modules that read them, which is beside the code that
-//! reads each key. `tests/scene_reference/` holds it against what the parser takes.
+//! reads each key. `tests/loading/scene_reference/` holds it against what the parser takes.
 
 /// One part of the reference.
 #[derive(Clone, Copy, Debug)]

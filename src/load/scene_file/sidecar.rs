@@ -10,8 +10,10 @@
 //! | `[render]` | settings of rendering |
 
 use super::assets::Assets;
+use super::build::Build;
+use super::camera;
 use super::fields::{Fields, Problems};
-use super::{Build, camera, read_parts, read_text};
+use super::parts::{read_parts, read_text};
 use crate::error::{Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use crate::scene::Settings;

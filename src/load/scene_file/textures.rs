@@ -8,7 +8,7 @@
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
-use super::Build;
+use super::build::Build;
 use super::fields::{Fields, color, named};
 use crate::load::image::{self, Use};
 use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};

@@ -1,6 +1,6 @@
 //! The parsers without any checks or conversions, used as their documentation shows.
 
-use ply_rs::parser::Parser;
+use ply_rs::parser::{Parser, Reader};
 use ply_rs::ply::{Property, PropertyAccess};
 use std::fs::File;
 use std::io::BufReader;
@@ -50,7 +50,7 @@ impl PropertyAccess for Face {
 
 /// Reads a PLY file by `ply-rs` into typed records; gives the bytes that these take.
 pub fn ply(path: &Path) -> Result<u64, String> {
-    let mut reader = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
+    let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
     let header = Parser::<Vertex>::new().read_header(&mut reader).map_err(|e| e.to_string())?;
     let (mut vertices, mut faces) = (Vec::new(), Vec::new());
     for (name, element) in &header.elements {
@@ -74,7 +74,7 @@ pub fn ply(path: &Path) -> Result<u64, String> {
 
 /// Reads an OBJ file by `tobj` with its options for graphics cards; gives the bytes that the result takes.
 pub fn obj(path: &Path) -> Result<u64, String> {
-    let mut reader = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
+    let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
     let options = tobj::GPU_LOAD_OPTIONS;
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Err(tobj::LoadError::OpenFileFailed))
         .map_err(|e| e.to_string())?;

@@ -1,6 +1,6 @@
 //! Slots, numbers and textures of one material, checked while they are taken from the file.
 
-use super::Needs;
+use super::needs::Needs;
 use crate::image::Encoding;
 use crate::load::gltf::document::{Document, number_of, numbers_of};
 use crate::load::gltf::report::{Report, Sound};

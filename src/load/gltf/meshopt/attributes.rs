@@ -1,6 +1,6 @@
 //! Mode "attributes": elements as differences from their predecessors, byte by byte, in groups of 16.
 
-use super::Stream;
+use super::stream::Stream;
 
 /// Elements in a group.
 const GROUP: usize = 16;

@@ -1,6 +1,6 @@
 //! Modes "triangles" and "indices".
 
-use super::Stream;
+use super::stream::Stream;
 
 /// The last 16 things pushed, the newest first.
 struct Fifo<T> {

@@ -6,6 +6,7 @@
 mod attributes;
 mod filters;
 mod indices;
+mod stream;
 
 use super::document::{index_of, required};
 use super::report::{Report, Sound};
@@ -141,54 +142,6 @@ impl Layout {
 /// Indices as bytes of their size; what does not fit 16 bits wraps around, as the specification demands.
 fn narrowed(indices: Vec<u32>, stride: usize) -> Vec<u8> {
     indices.iter().flat_map(|i| i.to_le_bytes().into_iter().take(stride)).collect()
-}
-
-/// A stream read from its start; reading beyond its end is an error.
-struct Stream<'s> {
-    bytes: &'s [u8],
-}
-
-impl<'s> Stream<'s> {
-    /// The next bytes.
-    fn take(&mut self, count: usize) -> Result<&'s [u8], String> {
-        let (head, rest) = self.bytes.split_at_checked(count).ok_or("the stream ends too early")?;
-        self.bytes = rest;
-        Ok(head)
-    }
-
-    /// The next byte.
-    fn byte(&mut self) -> Result<u8, String> {
-        Ok(self.take(1)?[0])
-    }
-
-    /// An unsigned number of seven bits a byte, the lowest first, at most five bytes long.
-    fn varint(&mut self) -> Result<u32, String> {
-        let mut value = 0u32;
-        for shift in [0, 7, 14, 21, 28] {
-            let byte = self.byte()?;
-            value |= u32::from(byte & 0x7f) << shift;
-            if byte & 0x80 == 0 {
-                return Ok(value);
-            }
-        }
-        Err("a number is longer than five bytes".to_string())
-    }
-
-    /// Splits the last bytes off.
-    fn tail(&mut self, count: usize) -> Result<&'s [u8], String> {
-        let at = self.bytes.len().checked_sub(count).ok_or("the stream is too short")?;
-        let (rest, tail) = self.bytes.split_at(at);
-        self.bytes = rest;
-        Ok(tail)
-    }
-
-    /// All must have been read.
-    fn finish(self) -> Result<(), String> {
-        match self.bytes.len() {
-            0 => Ok(()),
-            left => Err(format!("{left} bytes are left over")),
-        }
-    }
 }
 
 #[cfg(test)]

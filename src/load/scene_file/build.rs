@@ -1,0 +1,17 @@
+//! A scene in the making.
+
+use super::fields::Problems;
+use crate::load::{LoadOptions, Loaded};
+use std::path::Path;
+
+/// Everything that the parts of a scene file are built into.
+pub(super) struct Build<'a> {
+    /// The scene file, for relative paths and messages.
+    pub file: &'a Path,
+    /// What the user chose.
+    pub options: &'a LoadOptions,
+    /// What is wrong with the file.
+    pub problems: &'a Problems<'a>,
+    /// The scene so far.
+    pub loaded: Loaded,
+}

@@ -1,0 +1,161 @@
+//! What options choose: scenes, nodes, variants, units of lights, kinds of glass, demanded extensions.
+
+use super::asset::{load_by, triangle_bytes, triangle_with};
+use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
+use oscura::load::{LoadOptions, Loaded};
+use oscura::math::DVec3;
+use oscura::scene::{LightKind, Model};
+use serde_json::{Value, json};
+
+fn load(asset: &Value, gltf: GltfOptions) -> Result<Loaded, oscura::error::Error> {
+    load_by(asset, &[("a.bin", &triangle_bytes())], &LoadOptions { gltf, ..LoadOptions::default() })
+}
+
+#[test]
+fn scenes_and_nodes_by_name_or_number() {
+    let asset = triangle_with(|a| {
+        a["nodes"] = json!([
+            {"name": "a", "mesh": 0},
+            {"name": "b", "translation": [1, 0, 0], "children": [2]},
+            {"name": "c", "mesh": 0, "translation": [0, 1, 0]}
+        ]);
+        a["scenes"] = json!([{"name": "first", "nodes": [0]}, {"name": "second", "nodes": [1]}]);
+    });
+    let shown = |scene: Option<&str>, node: Option<&str>| {
+        let options = GltfOptions {
+            scene: scene.map(str::to_string),
+            node: node.map(str::to_string),
+            ..GltfOptions::default()
+        };
+        let loaded = load(&asset, options).map_err(|e| e.to_string())?;
+        let placed = |i: &oscura::scene::Instance| (i.name.clone(), i.world_from_object.translation);
+        Ok::<_, String>(loaded.scene.instances.iter().map(placed).collect::<Vec<_>>())
+    };
+    let c = DVec3::new(1.0, 1.0, 0.0);
+    assert_eq!(shown(None, None), Ok(vec![("a".to_string(), DVec3::ZERO)]));
+    assert_eq!(shown(Some("second"), None), Ok(vec![("b/c".to_string(), c)]));
+    assert_eq!(shown(Some("1"), None), Ok(vec![("b/c".to_string(), c)]));
+    // Alone, a node still stands where its parents put it.
+    assert_eq!(shown(None, Some("c")), Ok(vec![("c".to_string(), c)]));
+    for (scene, node, words) in [(Some("x"), None, "0 'first', 1 'second'"), (None, Some("x"), "2 'c'")] {
+        let message = shown(scene, node).expect_err("there is none");
+        assert!(message.contains(words), "{message}");
+    }
+}
+
+#[test]
+fn variants_replace_materials() {
+    let asset = triangle_with(|a| {
+        a["extensionsRequired"] = json!(["KHR_materials_variants"]);
+        a["extensions"] =
+            json!({"KHR_materials_variants": {"variants": [{"name": "day"}, {"name": "night"}]}});
+        a["materials"] = json!([{"name": "own"}, {"name": "dark"}]);
+        a["meshes"][0]["primitives"][0]["extensions"] =
+            json!({"KHR_materials_variants": {"mappings": [{"material": 1, "variants": [1]}]}});
+    });
+    let shown = |variant: Option<&str>| {
+        let options = GltfOptions { variant: variant.map(str::to_string), ..GltfOptions::default() };
+        load(&asset, options).map(|l| l.scene.materials[0].name.clone()).map_err(|e| e.to_string())
+    };
+    assert_eq!(shown(None).as_deref(), Ok("own"));
+    assert_eq!(shown(Some("day")).as_deref(), Ok("own"));
+    assert_eq!(shown(Some("night")).as_deref(), Ok("dark"));
+    assert_eq!(shown(Some("1")).as_deref(), Ok("dark"));
+    assert!(shown(Some("dusk")).expect_err("there is none").contains("1 'night'"));
+}
+
+/// 100 W of a point light and 3 W/m2 of a sun, as Blender's three modes write them, are the same light.
+#[test]
+fn light_units() {
+    let lights = |units: LightUnits, point: f64, sun: f64| {
+        let asset = triangle_with(|a| {
+            a["extensions"] = json!({"KHR_lights_punctual": {"lights": [
+                {"type": "point", "intensity": point}, {"type": "directional", "intensity": sun}
+            ]}});
+            let light = |i: usize| json!({"KHR_lights_punctual": {"light": i}});
+            a["nodes"] = json!([{"children": [1, 2]}, {"extensions": light(0)}, {"extensions": light(1)}]);
+        });
+        let loaded =
+            load(&asset, GltfOptions { light_units: units, ..GltfOptions::default() }).expect("it loads");
+        let lights = loaded.scene.lights;
+        assert!(matches!(lights[0].kind, LightKind::Point { .. }));
+        (lights[0].intensity[0], lights[1].intensity[0])
+    };
+    let watts_per_steradian = 100.0 / (4.0 * std::f64::consts::PI);
+    for (units, point, sun) in [
+        (LightUnits::Auto, watts_per_steradian * 683.0, 3.0 * 683.0),
+        (LightUnits::Spec, watts_per_steradian * 683.0, 3.0 * 683.0),
+        (LightUnits::Compat, watts_per_steradian, 3.0),
+        (LightUnits::Raw, 100.0, 3.0),
+    ] {
+        let (found_point, found_sun) = lights(units, point, sun);
+        assert!((found_point - watts_per_steradian as f32).abs() < 1e-5 && (found_sun - 3.0).abs() < 1e-6);
+    }
+}
+
+/// Is it solid, and does its colour show once in light that has passed all of it?
+fn body(loaded: &Loaded) -> (bool, bool) {
+    match &loaded.scene.materials[0].model {
+        Model::Pbr(p) => (p.has_volume, p.tints_once),
+        other => panic!("{other:?}"),
+    }
+}
+
+#[test]
+fn glass_without_a_volume() {
+    let asset = |generator: &str, thickness: f64| {
+        triangle_with(|a| {
+            a["asset"]["generator"] = json!(generator);
+            a["materials"][0] = json!({"extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": 1},
+                "KHR_materials_volume": {"thicknessFactor": thickness}
+            }});
+        })
+    };
+    let blender = "Khronos glTF Blender I/O v5.0.21";
+    for (glass, generator, thickness, solid) in [
+        (Glass::Auto, "other", 0.0, false),
+        (Glass::Auto, "other", 0.1, true),
+        (Glass::Auto, blender, 0.0, true),
+        (Glass::Solid, "other", 0.0, true),
+        (Glass::Thin, blender, 0.1, false),
+    ] {
+        let options = GltfOptions { glass, ..GltfOptions::default() };
+        let loaded = load(&asset(generator, thickness), options).expect("it loads");
+        // A body that the file itself gives has the colour of the specification, at each crossing.
+        let tints_once = solid && thickness == 0.0;
+        assert_eq!(body(&loaded), (solid, tints_once), "{glass:?} {generator} {thickness}");
+        let guessed = glass == Glass::Auto && solid && thickness == 0.0;
+        assert_eq!(loaded.notes.iter().any(|w| w.message.contains("--glass")), guessed);
+        assert!(loaded.warnings.iter().all(|w| !w.message.contains("--glass")));
+    }
+}
+
+#[test]
+fn blender_materials_that_were_lost_are_diffuse() {
+    let asset = |generator: &str| {
+        triangle_with(|a| {
+            a["asset"]["generator"] = json!(generator);
+            a["materials"][0] = json!({"name": "mix of nodes"});
+        })
+    };
+    let metallic = |generator: &str| {
+        let loaded = load(&asset(generator), GltfOptions::default()).expect("it loads");
+        let warned = loaded.warnings.iter().any(|w| w.message.contains("Principled"));
+        match &loaded.scene.materials[0].model {
+            Model::Pbr(p) => (p.metallic.factor, warned),
+            other => panic!("{other:?}"),
+        }
+    };
+    assert_eq!(metallic("Khronos glTF Blender I/O v5.0.21"), (0.0, true));
+    assert_eq!(metallic("other"), (1.0, false));
+}
+
+#[test]
+fn demanded_extensions_may_be_ignored_by_force() {
+    let asset = triangle_with(|a| a["extensionsRequired"] = json!(["ACME_x"]));
+    let message = load(&asset, GltfOptions::default()).expect_err("it is refused").to_string();
+    assert!(message.contains("ACME_x") && message.contains("--force"), "{message}");
+    let loaded = load(&asset, GltfOptions { force: true, ..GltfOptions::default() }).expect("it loads");
+    assert!(loaded.warnings.iter().any(|w| w.message.contains("ACME_x")));
+}

@@ -1,0 +1,131 @@
+//! Images: formats that only glTF brings, and that nothing is decoded without need.
+
+use super::asset::{load_with, triangle_bytes, triangle_with};
+use super::materials::RED;
+use oscura::error::Error;
+use oscura::image::Encoding;
+use oscura::load::Loaded;
+use oscura::scene::Texture;
+use serde_json::{Value, json};
+use std::process::Command;
+
+/// A KTX2 file of one level: `format` is Vulkan's number, 0 with the description of UASTC blocks.
+fn ktx2(format: u32, width: u32, height: u32, level: &[u8]) -> Vec<u8> {
+    let (description, data) = (104u32, 104 + 44);
+    let mut bytes = b"\xabKTX 20\xbb\r\n\x1a\n".to_vec();
+    for word in [format, 1, width, height, 0, 0, 1, 1, 0, description, 44, 0, 0] {
+        bytes.extend(word.to_le_bytes());
+    }
+    for long in [0u64, 0, data, level.len() as u64, level.len() as u64] {
+        bytes.extend(long.to_le_bytes());
+    }
+    // Colour model 166 (UASTC), primaries BT.709, transfer sRGB; blocks of 4 x 4; one sample of 128 bits, RGBA.
+    let model = 166 | 1 << 8 | 2 << 16;
+    for word in [44, 0, 40 << 16 | 2, model, 3 | 3 << 8, 16, 0, 127 << 16 | 3 << 24, 0, 0, u32::MAX] {
+        bytes.extend(word.to_le_bytes());
+    }
+    bytes.extend(level);
+    bytes
+}
+
+/// A UASTC block of one colour (mode 8).
+fn solid_block(rgba: [u8; 4]) -> [u8; 16] {
+    (0x17u128 | u128::from(u32::from_le_bytes(rgba)) << 5).to_le_bytes()
+}
+
+fn textured(image: &str, texture: Value) -> Value {
+    triangle_with(|a| {
+        a["materials"][0] = json!({"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}});
+        a["textures"] = json!([texture]);
+        a["images"] = json!([{"uri": image}, {"uri": "red.png"}]);
+    })
+}
+
+fn load(asset: &Value, name: &str, bytes: &[u8]) -> Result<Loaded, Error> {
+    load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes), ("red.png", RED)])
+}
+
+#[test]
+fn basis_universal_textures() {
+    let texture = json!({"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}});
+    let asset = textured("a.ktx2", texture);
+    let bytes = ktx2(0, 4, 4, &solid_block([10, 128, 255, 77]));
+    let scene = load(&asset, "a.ktx2", &bytes).unwrap_or_else(|e| panic!("{e}")).scene;
+    let image = &scene.images[0];
+    assert_eq!((image.width, image.height, image.channels), (4, 4, 4));
+    assert_eq!(image.encoding, Encoding::Srgb);
+    let [r, g, _, a] = image.rgba(3, 2);
+    let expected = oscura::color::linear_from_srgb(128.0 / 255.0);
+    assert!((g - expected).abs() < 1e-6 && r < 0.01 && (a - 77.0 / 255.0).abs() < 1e-6);
+}
+
+#[test]
+fn plain_ktx2_and_its_damage() {
+    let asset = textured("a.ktx2", json!({"source": 0}));
+    let pixels: Vec<u8> = (0..24).collect();
+    let whole = ktx2(29, 4, 2, &pixels);
+    let scene = load(&asset, "a.ktx2", &whole).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!((scene.images[0].width, scene.images[0].height, scene.images[0].channels), (4, 2, 3));
+    let claims = [
+        ktx2(29, 4, 3, &pixels),
+        ktx2(29, 1 << 20, 1 << 20, &pixels),
+        ktx2(0, 1 << 13, 1 << 11, &pixels),
+        ktx2(0, 8, 8, &[0xff; 16]),
+        ktx2(0, 4, 0, &[0; 16]),
+        ktx2(97, 4, 2, &pixels),
+    ];
+    for bytes in claims.iter().map(Vec::as_slice).chain((12..whole.len()).map(|n| &whole[..n])) {
+        let error = load(&asset, "a.ktx2", bytes).expect_err("it is broken");
+        assert_eq!(error.problems.len(), 1, "{error}");
+        assert_eq!(error.problems[0].place, "/images/0");
+    }
+}
+
+/// Glossiness in alpha becomes roughness; the same image gives the specular colour.
+#[test]
+fn specular_glossiness_in_metallic_roughness_terms() {
+    let mut asset = textured("a.ktx2", json!({"source": 0}));
+    asset["materials"][0] = json!({"extensions": {"KHR_materials_pbrSpecularGlossiness": {
+        "diffuseFactor": [0.5, 0.25, 0.125, 1], "specularFactor": [0.2, 0.4, 1], "glossinessFactor": 0.5,
+        "specularGlossinessTexture": {"index": 0}
+    }}});
+    let bytes = ktx2(43, 1, 1, &[255, 255, 255, 102]);
+    let scene = load(&asset, "a.ktx2", &bytes).unwrap_or_else(|e| panic!("{e}")).scene;
+    let oscura::scene::Model::Pbr(p) = &scene.materials[0].model else { panic!("no glTF material") };
+    assert_eq!((p.base_color.factor, p.metallic.factor, p.ior), ([0.5, 0.25, 0.125], 0.0, 1.5));
+    // 0.04 is what the specular colour is multiplied by.
+    assert!(p.specular_color.factor.iter().zip([0.2, 0.4, 1.0]).all(|(f, s)| (f * 0.04 - s).abs() < 1e-6));
+    let (rough, channel) = p.roughness.texture.expect("a texture");
+    let Texture::Image { image, .. } = scene.textures[rough.index()] else { panic!("no image") };
+    let value = scene.images[image.index()].rgba(0, 0)[usize::from(channel)];
+    assert!((p.roughness.factor * value - (1.0 - 0.5 * 102.0 / 255.0)).abs() < 1e-4);
+    assert!(p.specular_color.texture.is_some_and(|t| t != rough));
+}
+
+/// Of 50 images 2 are seen; the others are no images at all, and `--explain` says that they are left out.
+#[test]
+fn fifty_images_of_which_two_are_seen() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let asset = triangle_with(|a| {
+        a["materials"] = json!([
+            {"pbrMetallicRoughness": {"baseColorTexture": {"index": 7}, "metallicRoughnessTexture": {"index": 31}}},
+            {"pbrMetallicRoughness": {"baseColorTexture": {"index": 8}}}
+        ]);
+        a["textures"] = (0..50).map(|i| json!({"source": i})).collect();
+        a["images"] =
+            (0..50).map(|i| json!({"uri": if [7, 31].contains(&i) { "red.png" } else { "a.bin" }})).collect();
+    });
+    let write = |name: &str, bytes: &[u8]| std::fs::write(folder.path().join(name), bytes).expect("written");
+    write("a.gltf", asset.to_string().as_bytes());
+    write("a.bin", &triangle_bytes());
+    write("red.png", RED);
+    let loaded = super::asset::open(&folder.path().join("a.gltf")).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.images.len(), 2);
+    let output = Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(["render", "a.gltf", "-o", "a.png", "--width", "4", "--height", "4", "--spp", "1", "--explain"])
+        .current_dir(folder.path())
+        .output()
+        .expect("the program starts");
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("48 of 50 images"), "{said}");
+}

@@ -1,0 +1,213 @@
+//! Animations, skins and morph targets at a moment.
+
+use super::asset::{floats, triangle_bytes, triangle_with};
+use oscura::load::gltf::GltfOptions;
+use oscura::load::{LoadOptions, Loaded};
+use oscura::math::{DQuat, DVec3};
+use serde_json::{Value, json};
+
+/// Loads an asset over the triangle's bytes and further floats, at a moment.
+fn at(asset: &Value, more: &[f32], time_s: Option<f64>) -> Result<Loaded, oscura::error::Error> {
+    let mut asset = asset.clone();
+    let mut bytes = triangle_bytes();
+    bytes.extend(floats(more));
+    asset["buffers"][0]["byteLength"] = json!(bytes.len());
+    let gltf = GltfOptions { time_s, ..GltfOptions::default() };
+    super::asset::load_by(&asset, &[("a.bin", &bytes)], &LoadOptions { gltf, ..LoadOptions::default() })
+}
+
+/// The triangle with accessors 2, 3, ... over the floats that follow its bytes: kind and count of each.
+fn with_floats(accessors: &[(&str, usize)], change: impl FnOnce(&mut Value)) -> Value {
+    triangle_with(|a| {
+        let mut offset = 44;
+        for &(kind, count) in accessors {
+            let numbers = match kind {
+                "SCALAR" => 1,
+                "VEC3" => 3,
+                "VEC4" => 4,
+                _ => 16,
+            };
+            let length = numbers * count * 4;
+            let views = a["bufferViews"].as_array_mut().expect("a list");
+            views.push(json!({"buffer": 0, "byteOffset": offset, "byteLength": length}));
+            let view = views.len() - 1;
+            let accessor = json!({"bufferView": view, "componentType": 5126, "type": kind, "count": count});
+            a["accessors"].as_array_mut().expect("a list").push(accessor);
+            offset += length;
+        }
+        change(a);
+    })
+}
+
+/// Node 0 moves by (10 t, 0, 0) for t in 0..2, turns about z by 90 degrees in the first second, and grows in steps.
+fn moving() -> (Value, Vec<f32>) {
+    let s = std::f32::consts::FRAC_1_SQRT_2;
+    let numbers = vec![
+        0.0, 2.0, // 2: times
+        0.0, 0.0, 0.0, 20.0, 0.0, 0.0, // 3: translations
+        0.0, 0.0, 0.0, 1.0, 0.0, 0.0, s, s, // 4: rotations
+        0.0, 1.0, // 5: times
+        1.0, 1.0, 1.0, 3.0, 3.0, 3.0, // 6: scales
+    ];
+    let asset = with_floats(&[("SCALAR", 2), ("VEC3", 2), ("VEC4", 2), ("SCALAR", 2), ("VEC3", 2)], |a| {
+        a["animations"] = json!([{
+            "channels": [
+                {"sampler": 0, "target": {"node": 0, "path": "translation"}},
+                {"sampler": 1, "target": {"node": 0, "path": "rotation"}},
+                {"sampler": 2, "target": {"node": 0, "path": "scale"}},
+                {"sampler": 0, "target": {"path": "pointer", "extensions":
+                    {"KHR_animation_pointer": {"pointer": "/materials/0/emissiveFactor"}}}}
+            ],
+            "samplers": [
+                {"input": 2, "output": 3},
+                {"input": 5, "output": 4, "interpolation": "LINEAR"},
+                {"input": 5, "output": 6, "interpolation": "STEP"}
+            ]
+        }]);
+        a["nodes"][0]["translation"] = json!([7, 0, 0]);
+    });
+    (asset, numbers)
+}
+
+#[test]
+fn nodes_move_only_if_a_moment_is_asked_for() {
+    let (asset, numbers) = moving();
+    let rest = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(rest.scene.instances[0].world_from_object.translation, DVec3::new(7.0, 0.0, 0.0));
+    assert!(rest.left_out.iter().any(|l| l.contains("animations")), "{:?}", rest.left_out);
+
+    let half = at(&asset, &numbers, Some(0.5)).unwrap_or_else(|e| panic!("{e}"));
+    let (scale, rotation, translation) =
+        half.scene.instances[0].world_from_object.to_scale_rotation_translation();
+    assert!((translation - DVec3::new(5.0, 0.0, 0.0)).length() < 1e-12);
+    assert!((scale - DVec3::ONE).length() < 1e-6, "a step holds until its next key");
+    let eighth = DQuat::from_rotation_z(std::f64::consts::FRAC_PI_4);
+    assert!(rotation.dot(eighth).abs() > 1.0 - 1e-7);
+    assert!(half.warnings.iter().any(|w| w.message.contains("KHR_animation_pointer")));
+
+    let late = at(&asset, &numbers, Some(100.0)).unwrap_or_else(|e| panic!("{e}"));
+    let (scale, _, translation) = late.scene.instances[0].world_from_object.to_scale_rotation_translation();
+    assert!((translation.x - 20.0).abs() < 1e-12 && (scale.y - 3.0).abs() < 1e-6);
+}
+
+#[test]
+fn broken_animations_are_named_only_when_they_play() {
+    type Change = fn(&mut Value);
+    let cases: &[(Change, &[&str])] = &[
+        (|a| a["animations"][0]["channels"][0]["sampler"] = json!(9), &["/channels/0/sampler"]),
+        (|a| a["animations"][0]["channels"][0]["target"]["node"] = json!(9), &["/channels/0/target/node"]),
+        (|a| a["animations"][0]["samplers"][0]["output"] = json!(4), &["/accessors/4", "VEC3"]),
+        (|a| a["animations"][0]["samplers"][0]["input"] = json!(3), &["/accessors/3", "SCALAR"]),
+        (|a| a["accessors"][3]["count"] = json!(1), &["2 keys", "3 numbers"]),
+        (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE"), &["2 keys"]),
+        (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("NONE"), &["CUBICSPLINE"]),
+    ];
+    for (change, words) in cases {
+        let (mut asset, numbers) = moving();
+        change(&mut asset);
+        at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
+        let message = at(&asset, &numbers, Some(0.0)).expect_err("it is broken").to_string();
+        for word in *words {
+            assert!(message.contains(word), "'{word}' is not in: {message}");
+        }
+    }
+}
+
+/// Two targets move the first corner; weights come from the mesh, the node and an animation, in rising order.
+#[test]
+fn morph_targets_add_up() {
+    let numbers = [
+        1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 2: first target
+        0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 3: second target
+        0.0, 1.0, // 4: times
+        0.0, 0.0, 1.0, 1.0, // 5: weights
+    ];
+    let mut asset = with_floats(&[("VEC3", 3), ("VEC3", 3), ("SCALAR", 2), ("SCALAR", 4)], |a| {
+        a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
+        a["meshes"][0]["weights"] = json!([0.5, 0]);
+    });
+    let corner = |asset: &Value, time: Option<f64>| {
+        at(asset, &numbers, time).unwrap_or_else(|e| panic!("{e}")).scene.meshes[0].positions[0]
+    };
+    assert_eq!(corner(&asset, None), [0.5, 0.0, 0.0]);
+    asset["nodes"] = json!([{"mesh": 0, "weights": [0, 0.25]}, {"mesh": 0}]);
+    asset["scenes"][0]["nodes"] = json!([0, 1]);
+    assert_eq!(corner(&asset, None), [0.0, 0.0, 1.0]);
+    // The second node shows the mesh's own weights: another shape of the same mesh.
+    let both = at(&asset, &numbers, None).expect("it loads").scene;
+    assert_eq!((both.meshes.len(), both.meshes[1].positions[0]), (2, [0.5, 0.0, 0.0]));
+    asset["animations"] = json!([{
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "weights"}}],
+        "samplers": [{"input": 4, "output": 5}]
+    }]);
+    assert_eq!(corner(&asset, Some(0.5)), [0.5, 0.0, 2.0]);
+    // A target of another length is a problem, but not while its weight is 0.
+    asset["accessors"][2]["count"] = json!(2);
+    at(&asset, &numbers, Some(0.0)).expect_err("the second node still shows the first target");
+    asset["meshes"][0]["weights"] = json!([0, 0]);
+    at(&asset, &numbers, Some(0.0)).unwrap_or_else(|e| panic!("{e}"));
+}
+
+/// A corner each on the first joint, on the second, and half on both. The mesh's node stands elsewhere, which must not
+/// matter; the bind matrix of the second joint takes its rest position back.
+#[test]
+fn skins_move_corners_with_their_joints() {
+    let bind_second = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., -5., 0., 0., 1.];
+    let identity = [1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1., 0., 0., 0., 0., 1.];
+    let mut numbers = vec![
+        1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.5, 0.5, 0.0, 0.0, // 2: weights
+    ];
+    numbers.extend(identity);
+    numbers.extend(bind_second); // 3: bind matrices
+    let asset = with_floats(&[("VEC4", 3), ("MAT4", 2)], |a| {
+        // Joints of the three corners as bytes, over the indices 0 1 2 of the triangle: made of sparse zeros.
+        a["accessors"].as_array_mut().expect("a list").push(json!({
+            "componentType": 5121, "type": "VEC4", "count": 3,
+            "sparse": {"count": 2, "indices": {"bufferView": 1, "byteOffset": 2, "componentType": 5123},
+                       "values": {"bufferView": 4}}
+        }));
+        a["bufferViews"]
+            .as_array_mut()
+            .expect("a list")
+            .push(json!({"buffer": 0, "byteOffset": 44 + 4 * (12 + 32), "byteLength": 8}));
+        a["meshes"][0]["primitives"][0]["attributes"]["JOINTS_0"] = json!(4);
+        a["meshes"][0]["primitives"][0]["attributes"]["WEIGHTS_0"] = json!(2);
+        a["nodes"] = json!([
+            {"mesh": 0, "skin": 0, "translation": [1000, 0, 0], "children": [1]},
+            {"translation": [-1000, 0, 100]},
+            {"translation": [5, 0, 0], "children": []}
+        ]);
+        a["nodes"][1]["children"] = json!([2]);
+        a["skins"] = json!([{"joints": [1, 2], "inverseBindMatrices": 3}]);
+    });
+    // Corner 1 is on joint 1 alone; corner 2 on joints 0 and 1.
+    numbers.push(f32::from_le_bytes([1, 1, 1, 1]));
+    numbers.push(f32::from_le_bytes([0, 1, 0, 0]));
+    let mut asset = asset;
+    // Weights of corner 1: all on the second joint of its four, which are all joint 1.
+    let loaded = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
+    let world = |loaded: &Loaded| {
+        let instance = &loaded.scene.instances[0];
+        let positions = &loaded.scene.meshes[instance.mesh.index()].positions;
+        let place = |p: &[f32; 3]| DVec3::from_array(p.map(f64::from));
+        positions.iter().map(|p| instance.world_from_object.transform_point3(place(p))).collect::<Vec<_>>()
+    };
+    let z = DVec3::new(0.0, 0.0, 100.0);
+    assert_eq!(world(&loaded), [z, z + DVec3::X, z + DVec3::Y]);
+    // The second joint rises by 2: corner 1 goes along, corner 2 half the way.
+    asset["nodes"][2]["translation"] = json!([5, 2, 0]);
+    let loaded = at(&asset, &numbers, None).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(world(&loaded), [z, z + DVec3::new(1.0, 2.0, 0.0), z + DVec3::new(0.0, 2.0, 0.0)]);
+
+    let broken = |change: fn(&mut Value), word: &str| {
+        let mut asset = asset.clone();
+        change(&mut asset);
+        let message = at(&asset, &numbers, None).expect_err("it is broken").to_string();
+        assert!(message.contains(word), "{message}");
+    };
+    broken(|a| a["skins"][0]["joints"] = json!([1]), "the skin has 1");
+    broken(|a| a["skins"][0]["joints"] = json!([1, 99]), "/nodes/99");
+    broken(|a| a["skins"][0]["joints"] = json!([]), "/skins/0/joints");
+    broken(|a| a["accessors"][3]["count"] = json!(1), "MAT4");
+    broken(|a| a["nodes"][0]["skin"] = json!(3), "/skins/3");
+}

@@ -1,0 +1,9 @@
+//! Everything that reads files: each format's corners, real and damaged files, and what fuzzing found.
+
+mod gltf;
+mod images;
+mod obj_ply;
+mod regressions;
+mod scene_file;
+mod scene_reference;
+mod sidecar;

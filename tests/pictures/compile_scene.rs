@@ -1,0 +1,465 @@
+//! What compiling makes of a scene: what is shared, merged and left out, and that the picture stays what it should be.
+
+use crate::support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
+use oscura::compile::{CompileOptions, CompileReport, Compiler, View, compile};
+use oscura::film::Film;
+use oscura::math::{DAffine3, DVec3, Ray, Vec3};
+use oscura::scene::{
+    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
+    Model, Motion, PbrMaterial, Scene,
+};
+use std::sync::Arc;
+
+fn report(scene: &Scene) -> CompileReport {
+    compile(scene, &CompileOptions::default()).expect("compiles").1
+}
+
+fn look_down_z() -> oscura::scene::Camera {
+    camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 20.0)
+}
+
+/// A unit square in the xy plane, facing +z, of n x n x 2 triangles.
+fn square(n: u32, material: MaterialId) -> Mesh {
+    let at = |i: u32| i as f32 / n as f32 - 0.5;
+    let positions = (0..=n).flat_map(|y| (0..=n).map(move |x| [at(x), at(y), 0.0])).collect();
+    let cell = |x: u32, y: u32| {
+        let a = y * (n + 1) + x;
+        [[a, a + 1, a + n + 2], [a, a + n + 2, a + n + 1]]
+    };
+    let triangles: Vec<[u32; 3]> = (0..n).flat_map(|y| (0..n).flat_map(move |x| cell(x, y))).collect();
+    let parts = vec![MeshPart { first_triangle: 0, triangle_count: triangles.len() as u32, material }];
+    Mesh { name: "square".into(), positions, triangles, parts, ..Mesh::default() }
+}
+
+fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
+    let name = format!("placement {}", scene.instances.len());
+    let motion = Motion::Still;
+    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None, motion });
+}
+
+#[test]
+fn unplaced_meshes_are_left_out() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    scene.meshes.extend([square(1, grey), square(30, grey)]);
+    place(&mut scene, 0, DAffine3::IDENTITY);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!(report.triangles, 2);
+    assert!(report.left_out.iter().any(|l| l.contains("1800 triangles")), "{:?}", report.left_out);
+}
+
+#[test]
+fn what_is_fully_transparent_is_left_out() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let hidden = curtain(&mut scene, 0.0, AlphaMode::Mask { cutoff: 0.5 });
+    let gone = curtain(&mut scene, 0.0, AlphaMode::Blend);
+    // Alpha 0 is not below this cutoff.
+    let seen = curtain(&mut scene, 0.0, AlphaMode::Mask { cutoff: 0.0 });
+    let mut two_parts = square(2, grey);
+    let half = |first_triangle, material| MeshPart { first_triangle, triangle_count: 4, material };
+    two_parts.parts = vec![half(0, gone), half(4, grey)];
+    scene.meshes.extend([square(30, hidden), square(1, seen), two_parts]);
+    for mesh in 0..3 {
+        place(&mut scene, mesh, DAffine3::IDENTITY);
+    }
+    quad(&mut scene, [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], gone);
+    quad(&mut scene, [0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], grey);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.quads), (2 + 4, 1));
+    assert!(report.left_out.iter().any(|l| l.contains("fully transparent")), "{:?}", report.left_out);
+}
+
+#[test]
+fn dropped_primitives_are_not_counted_as_present() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let mut mesh = square(1, grey);
+    mesh.triangles[0] = [0, 0, 1];
+    scene.meshes.push(mesh);
+    place(&mut scene, 0, DAffine3::IDENTITY);
+    quad(&mut scene, [0.0; 3], [0.0; 3], [0.0; 3], grey);
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.quads), (1, 0));
+    let messages: Vec<&str> = report.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!(messages, ["2 primitives without area were dropped"]);
+    scene.quads.clear();
+    let report = self::report(&scene);
+    assert_eq!(report.warnings[0].message, "1 primitive without area was dropped");
+}
+
+/// An f32 matrix would take rays to object space with errors as uneven as the stretch.
+#[test]
+fn unevenly_stretched_meshes_are_copied() {
+    let triangles = |stretch: f64| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        scene.meshes.push(square(30, grey));
+        for x in [0.0, 2.0, 4.0] {
+            let scale = DVec3::new(1.0, 1.0, stretch);
+            place(&mut scene, 0, DAffine3::from_translation(DVec3::X * x) * DAffine3::from_scale(scale));
+        }
+        scene.cameras.push(look_down_z());
+        report(&scene).triangles
+    };
+    assert_eq!((triangles(10.0), triangles(1e5)), (1800, 3 * 1800));
+}
+
+#[test]
+fn nearly_flat_transforms_are_warned_of() {
+    let warnings = |height: f64| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        scene.meshes.push(square(1, grey));
+        let mut sheared = DAffine3::IDENTITY;
+        sheared.matrix3.y_axis = DVec3::new(1.0, height, 0.0);
+        place(&mut scene, 0, sheared);
+        scene.cameras.push(look_down_z());
+        let report = report(&scene);
+        (report.triangles, report.warnings.len())
+    };
+    assert_eq!((warnings(0.5), warnings(1e-9), warnings(0.0)), ((2, 0), (2, 1), (0, 1)));
+}
+
+#[test]
+fn flat_transforms_are_left_out_with_a_warning() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    scene.meshes.push(square(1, grey));
+    place(&mut scene, 0, DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)));
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.warnings.len()), (0, 1));
+    assert_eq!(report.warnings[0].place, "placement 0");
+}
+
+#[test]
+fn two_triangles_become_one_light() {
+    let mut scene = Scene::default();
+    let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
+    scene.meshes.push(square(1, light));
+    place(&mut scene, 0, DAffine3::from_translation(DVec3::new(1e3, 0.1, 7.0)));
+    scene.cameras.push(look_down_z());
+    assert_eq!(report(&scene).lights, 1);
+    scene.meshes[0].positions[0][0] -= 0.01;
+    assert_eq!(report(&scene).lights, 2, "a trapezoid stays two triangles");
+}
+
+/// A large mesh used several times is shared, and looks as if each use were a mesh of its own; turned, stretched and
+/// mirrored.
+#[test]
+fn shared_meshes_look_like_copies() {
+    let build = |shared: bool| {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let grey = material(&mut scene, Material::lambert("grey", [0.7; 3]));
+        let stretch = DAffine3::from_scale(DVec3::new(-1.0, 1.5, 0.7));
+        let placements = [
+            DAffine3::from_translation(DVec3::new(-0.4, 0.1, 0.0)) * DAffine3::from_rotation_y(0.7),
+            DAffine3::from_translation(DVec3::new(0.4, -0.1, 0.1))
+                * DAffine3::from_rotation_x(-0.5)
+                * stretch,
+            DAffine3::from_translation(DVec3::new(0.0, 0.0, -0.6)) * DAffine3::from_scale(DVec3::splat(3.0)),
+        ];
+        for (i, &placement) in placements.iter().enumerate() {
+            if i == 0 || !shared {
+                scene.meshes.push(square(24, grey));
+            }
+            place(&mut scene, if shared { 0 } else { i as u32 }, placement);
+        }
+        scene.cameras.push(look_down_z());
+        scene
+    };
+    let (shared, copies) = (build(true), build(false));
+    assert_eq!(report(&shared).triangles, 1152);
+    assert_eq!(report(&copies).triangles, 3 * 1152);
+    let ((a, ea), (b, eb)) = (measure(&shared, &options(24, 32, 8)), measure(&copies, &options(24, 32, 8)));
+    assert!(ea < 2e-3 * a && (a - b).abs() < 4.5 * ea.hypot(eb) + 1e-5, "{a} +- {ea} and {b} +- {eb}");
+}
+
+/// glTF 2.0, 3.7.4: a mirroring transform turns the winding, so that fronts stay fronts.
+#[test]
+fn mirrored_emitters_shine_from_their_front() {
+    for (mirror, front) in [(DVec3::new(-1.0, 1.0, 1.0), true), (DVec3::new(1.0, 1.0, -1.0), false)] {
+        let mut scene = Scene::default();
+        let light = material(&mut scene, Material::emitter("light", [1.0; 3], false));
+        scene.meshes.push(square(4, light));
+        place(&mut scene, 0, DAffine3::from_scale(mirror * 4.0));
+        scene.cameras.push(look_down_z());
+        let radiance = mean(&picture(&scene, &options(4, 1, 1)));
+        assert_eq!(radiance, if front { 1.0 } else { 0.0 }, "{mirror}");
+    }
+}
+
+fn curtain(scene: &mut Scene, alpha: f32, mode: AlphaMode) -> MaterialId {
+    let mut curtain = Material::new("curtain", Model::Black);
+    (curtain.alpha, curtain.alpha_mode) = (FloatSlot::constant(alpha), mode);
+    material(scene, curtain)
+}
+
+#[test]
+fn alpha_lets_light_through() {
+    for (alpha, mode, seen) in [
+        (0.25, AlphaMode::Blend, 0.75 * 0.75),
+        (0.4, AlphaMode::Mask { cutoff: 0.5 }, 1.0),
+        (0.6, AlphaMode::Mask { cutoff: 0.5 }, 0.0),
+        (0.1, AlphaMode::Opaque, 0.0),
+    ] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let curtain = curtain(&mut scene, alpha, mode);
+        for z in [0.0, -1.0] {
+            quad(&mut scene, [-9.0, -9.0, z], [18.0, 0.0, 0.0], [0.0, 18.0, 0.0], curtain);
+        }
+        scene.cameras.push(look_down_z());
+        if seen > 0.0 && seen < 1.0 {
+            assert_radiance("two curtains", &scene, &options(32, 64, 1), seen, 2e-3);
+        } else {
+            assert_eq!(mean(&picture(&scene, &options(8, 4, 1))), seen);
+        }
+    }
+}
+
+/// A curtain of alpha 0.5 in front of a light halves the irradiance.
+#[test]
+fn alpha_lets_shadow_rays_through() {
+    let lit = |with_curtain: bool| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+        quad(&mut scene, [-9.0, 0.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], grey);
+        let light = material(&mut scene, Material::emitter("light", [5.0; 3], false));
+        quad(&mut scene, [-0.5, 2.0, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], light);
+        if with_curtain {
+            let curtain = curtain(&mut scene, 0.5, AlphaMode::Blend);
+            quad(&mut scene, [-9.0, 1.9, -9.0], [18.0, 0.0, 0.0], [0.0, 0.0, 18.0], curtain);
+        }
+        let eye = DVec3::new(3.0, 1.0, 2.0);
+        scene.cameras.push(camera(eye, DVec3::ZERO, DVec3::Y, 0.1));
+        scene
+    };
+    let (whole, _) = measure(&lit(false), &options(16, 64, 1));
+    assert_radiance("half a curtain", &lit(true), &options(16, 64, 1), 0.5 * whole, 4e-3);
+}
+
+/// Beer's law through a slab without refraction: colour to the power of thickness over distance.
+#[test]
+fn volumes_absorb() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let glass = Material::new(
+        "tinted",
+        Model::Pbr(Box::new(PbrMaterial {
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(0.0),
+            transmission: FloatSlot::constant(1.0),
+            ior: 1.0,
+            has_volume: true,
+            attenuation_color: [0.5; 3],
+            attenuation_distance: 2.0,
+            ..PbrMaterial::default()
+        })),
+    );
+    let glass = material(&mut scene, glass);
+    // Fronts outwards; 3 thick.
+    quad(&mut scene, [-99.0, -99.0, 0.0], [198.0, 0.0, 0.0], [0.0, 198.0, 0.0], glass);
+    quad(&mut scene, [-99.0, -99.0, -3.0], [0.0, 198.0, 0.0], [198.0, 0.0, 0.0], glass);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1e-3));
+    assert_radiance("slab", &scene, &options(4, 4, 10), 0.5f64.powf(1.5), 1e-4);
+}
+
+/// Light through a slab of index 1 meets its colour at both surfaces, or once in all where the colour is the whole
+/// solid's.
+#[test]
+fn colours_of_solids() {
+    for (tints_once, roughness, seen) in [(false, 0.0, 0.36), (true, 0.0, 0.6), (true, 0.3, 0.6)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let pbr = PbrMaterial {
+            base_color: oscura::scene::ColorSlot::constant([0.6; 3]),
+            metallic: FloatSlot::constant(0.0),
+            roughness: FloatSlot::constant(roughness),
+            transmission: FloatSlot::constant(1.0),
+            ior: 1.0,
+            has_volume: true,
+            tints_once,
+            ..PbrMaterial::default()
+        };
+        let glass = material(&mut scene, Material::new("tinted", Model::Pbr(Box::new(pbr))));
+        quad(&mut scene, [-99.0, -99.0, 0.0], [198.0, 0.0, 0.0], [0.0, 198.0, 0.0], glass);
+        quad(&mut scene, [-99.0, -99.0, -3.0], [0.0, 198.0, 0.0], [198.0, 0.0, 0.0], glass);
+        scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1e-3));
+        assert_radiance("slab", &scene, &options(4, 4, 10), seen, 1e-4);
+    }
+}
+
+/// The back of a one-sided surface is black, and emission stays on the front.
+#[test]
+fn one_sided_surfaces_are_black_behind() {
+    for (from_front, seen) in [(true, 0.5), (false, 0.0)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut wall = Material::lambert("wall", [0.5; 3]);
+        wall.double_sided = false;
+        wall.emission =
+            Some(Emission { radiance: oscura::scene::ColorSlot::constant([0.0; 3]), two_sided: false });
+        let wall = material(&mut scene, wall);
+        let (u, v) = ([18.0, 0.0, 0.0], [0.0, 18.0, 0.0]);
+        let (u, v) = if from_front { (u, v) } else { (v, u) };
+        quad(&mut scene, [-9.0, -9.0, 0.0], u, v, wall);
+        scene.cameras.push(look_down_z());
+        if from_front {
+            assert_radiance("front", &scene, &options(16, 64, 4), seen, 2e-3);
+        } else {
+            assert_eq!(mean(&picture(&scene, &options(8, 4, 4))), seen);
+        }
+    }
+}
+
+/// A view of another camera from a scene compiled for the first.
+#[test]
+fn a_new_view_shows_what_a_new_scene_would() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let grey = material(&mut scene, Material::lambert("grey", [0.6; 3]));
+    quad(&mut scene, [-9.0, -1.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], grey);
+    support::sphere(&mut scene, [0.0; 3], 1.0, grey);
+    let at = |x: f64| camera(DVec3::new(x, 0.5, 5.0), DVec3::ZERO, DVec3::Y, 40.0);
+    scene.cameras.extend([at(0.0), at(3.0)]);
+    let options = options(24, 64, 8);
+    let shot = |anchor: usize, camera: usize| {
+        let anchor = Some(scene.cameras[anchor].world_from_camera.translation);
+        let (compiled, _) =
+            compile(&scene, &CompileOptions { anchor, ..CompileOptions::default() }).expect("compiles");
+        let view = View::new(&compiled, &scene.cameras[camera], 24, 24);
+        assert!(!view.needs_new_anchor(&compiled));
+        support::shot(&compiled, &view, &options)
+    };
+    let (own, others) = (shot(1, 1), shot(0, 1));
+    let differing = |a: &Film, b: &Film| {
+        let pixels = (0..24).flat_map(|y| (0..24).map(move |x| (x, y)));
+        let far = |(p, q): ([f32; 4], [f32; 4])| (p[1] - q[1]).abs() > 1e-4;
+        pixels.filter(|&(x, y)| far((a.mean_rgba(x, y), b.mean_rgba(x, y)))).count()
+    };
+    // Rounding sends few of the paths elsewhere.
+    assert!(differing(&own, &others) < 20, "{}", differing(&own, &others));
+    assert!(differing(&own, &shot(0, 0)) > 200, "the cameras see different things");
+}
+
+#[test]
+fn cameras_far_from_the_anchor_need_a_new_one() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    for x in [0.0, 1e4] {
+        support::sphere(&mut scene, [x, 0.0, 0.0], 1.0, grey);
+    }
+    let near = |x: f64, distance: f64| {
+        let eye = DVec3::new(x, 0.0, 1.0 + distance);
+        camera(eye, eye - DVec3::Z, DVec3::Y, 40.0)
+    };
+    scene.cameras.push(near(0.0, 3.0));
+    let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("compiles");
+    let needs = |camera| View::new(&compiled, &camera, 1280, 720).needs_new_anchor(&compiled);
+    assert!(!needs(near(0.0, 3.0)) && !needs(near(0.0, 0.01)) && !needs(near(100.0, 3.0)));
+    // Ten kilometres off: too far three metres before a ball, not from a hundred metres away.
+    assert!(needs(near(1e4, 3.0)) && !needs(near(1e4, 100.0)));
+    let mut compiler = Compiler::sequence();
+    for (camera, anchor) in [(near(0.0, 3.0), 0.0), (near(1e4, 3.0), 1e4)] {
+        let energy = Default::default();
+        let (compiled, view, _) = compiler.compile(&scene, energy, &camera, (64, 64)).expect("compiles");
+        assert_eq!(compiled.anchor.x, anchor);
+        assert!(!view.needs_new_anchor(compiled));
+    }
+}
+
+/// A field of 80,000 triangles, a wheel that turns on it, and a flag whose shape changes.
+fn moment(time: f64) -> Scene {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let grey = material(&mut scene, Material::lambert("grey", [0.6; 3]));
+    let red = material(&mut scene, Material::lambert("red", [0.6, 0.1, 0.1]));
+    scene.meshes.extend([square(200, grey), square(12, red), square(12, red)]);
+    for p in &mut scene.meshes[2].positions {
+        p[2] = 0.3 * (4.0 * p[0] + time as f32).sin();
+    }
+    place(&mut scene, 0, DAffine3::from_translation(-DVec3::Z) * DAffine3::from_scale(DVec3::splat(3.0)));
+    let turn = DAffine3::from_rotation_z(time);
+    place(&mut scene, 1, DAffine3::from_translation(DVec3::new(-0.6, 0.0, 0.2)) * turn);
+    place(&mut scene, 2, DAffine3::from_translation(DVec3::new(0.6, 0.0, 0.3)));
+    scene.instances[1].motion = Motion::Moves;
+    scene.instances[2].motion = Motion::Deforms;
+    scene.cameras.push(camera(DVec3::new(0.1 * time, 0.2, 4.0), DVec3::ZERO, DVec3::Y, 40.0));
+    scene
+}
+
+#[test]
+fn moments_of_a_sequence_keep_what_stands_still() {
+    let mut compiler = Compiler::sequence();
+    let mut world = None;
+    for time in [0.0, 0.7, 1.4, 0.0] {
+        let scene = moment(time);
+        let camera = &scene.cameras[0];
+        let (compiled, view, report) =
+            compiler.compile(&scene, Default::default(), camera, (32, 32)).expect("compiles");
+        compiled.accel.validate().expect("a sound structure");
+        assert_eq!(report.triangles, 80_000 + 2 * 288);
+        let kept = world.get_or_insert_with(|| compiled.geometries.world.clone());
+        assert!(Arc::ptr_eq(kept, &compiled.geometries.world), "the world is built once");
+        assert_eq!(compiled.geometries.placements.len(), 2);
+        // As a single picture shows it: rounding sends few of the paths elsewhere.
+        let (a, b) =
+            (support::shot(compiled, &view, &options(32, 16, 4)), picture(&scene, &options(32, 16, 4)));
+        let pixels = (0..32).flat_map(|y| (0..32).map(move |x| (x, y)));
+        let far = |&(x, y): &(u32, u32)| (a.mean_rgba(x, y)[0] - b.mean_rgba(x, y)[0]).abs() > 1e-3;
+        let elsewhere = pixels.filter(far).count();
+        assert!(elsewhere < 40, "{elsewhere} of 1024 pixels differ at {time} s");
+    }
+    // A change of what stood still is seen.
+    let mut scene = moment(0.0);
+    scene.instances[0].world_from_object.translation.z -= 0.5;
+    let camera = scene.cameras[0].clone();
+    let (compiled, ..) = compiler.compile(&scene, Default::default(), &camera, (32, 32)).expect("compiles");
+    assert!(!Arc::ptr_eq(&world.expect("a world"), &compiled.geometries.world));
+    compiled.accel.validate().expect("a sound structure");
+}
+
+/// Sequences of few triangles are compiled as single pictures are.
+#[test]
+fn moments_of_small_scenes_are_single_pictures() {
+    let mut scene = moment(0.3);
+    scene.meshes[0] = square(20, MaterialId(0));
+    let mut compiler = Compiler::sequence();
+    for x in [0.0, 0.5] {
+        scene.cameras[0].world_from_camera.translation.x = x;
+        let camera = scene.cameras[0].clone();
+        let (compiled, view, _) =
+            compiler.compile(&scene, Default::default(), &camera, (16, 16)).expect("compiles");
+        assert!(compiled.geometries.placements.is_empty());
+        let (a, b) =
+            (support::shot(compiled, &view, &options(16, 4, 4)), picture(&scene, &options(16, 4, 4)));
+        for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
+            assert_eq!(a.mean_rgba(x, y), b.mean_rgba(x, y));
+        }
+    }
+}
+
+#[test]
+fn hits_know_their_objects() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let red = material(&mut scene, Material::lambert("red", [0.5, 0.0, 0.0]));
+    scene.meshes.extend([square(2, grey), square(30, red)]);
+    let mut names = Vec::new();
+    for (i, mesh) in [0, 1, 0, 1].into_iter().enumerate() {
+        place(&mut scene, mesh, DAffine3::from_translation(DVec3::X * (3.0 * i as f64)));
+        scene.instances[i].name = format!("square {i}");
+        names.push((3.0 * i as f32 + 0.1, format!("square {i}"), mesh));
+    }
+    quad(&mut scene, [12.0, -0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], red);
+    support::sphere(&mut scene, [15.0, 0.0, 0.0], 0.5, grey);
+    support::disk(&mut scene, [18.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.5, red);
+    names.extend([(12.5, "quad".into(), 1), (15.1, "sphere".into(), 0), (18.1, "disk".into(), 1)]);
+    let anchor = Some(DVec3::ZERO);
+    let (compiled, _) = compile(&scene, &CompileOptions { anchor, ..Default::default() }).expect("compiles");
+    assert_eq!(compiled.geometries.placements.len(), 2, "the large square is shared");
+    for (x, name, material) in names {
+        let hit = compiled.accel.closest_one(&Ray::new(Vec3::new(x, 0.13, 5.0), Vec3::NEG_Z));
+        assert_eq!(compiled.object_at(&hit).name(&scene), Some(name.as_str()));
+        assert_eq!(compiled.geometries.material(&hit), material);
+    }
+}

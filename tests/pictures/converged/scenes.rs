@@ -1,0 +1,31 @@
+//! The scenes of `tests/references/`, and how their pictures are made; `tools/references` reads this file, too.
+
+/// A scene of which there is a converged picture.
+pub struct Converged {
+    /// Of its files: `NAME.ref.exr` and `NAME.var.exr`.
+    pub name: &'static str,
+    /// Arguments of `oscura render`, from the project's folder.
+    pub arguments: &'static [&'static str],
+    /// Samples a pixel of each of the parts that the reference is the mean of.
+    pub part_samples: u32,
+}
+
+/// What all of them are rendered with: 64 x 64 pixels that share no samples, as 32-bit numbers.
+pub const COMMON: &[&str] = &["--width", "64", "--height", "64", "--filter", "box", "--float", "--quiet"];
+
+/// Diffuse light to many bounces, caustics of glass and metal, an image as the surroundings, textures, hundreds of lights.
+pub const SCENES: &[Converged] = &[
+    Converged {
+        name: "cornell",
+        arguments: &["assets/cornell-box.gltf", "--depth", "100"],
+        part_samples: 2048,
+    },
+    Converged { name: "glass-metal", arguments: &["scenes/cornell-spheres.toml"], part_samples: 4096 },
+    Converged {
+        name: "environment",
+        arguments: &["scenes/sky.toml", "--env", "scenes/textures/world-map.png"],
+        part_samples: 1024,
+    },
+    Converged { name: "textures", arguments: &["scenes/triplanar.toml"], part_samples: 1024 },
+    Converged { name: "many-lights", arguments: &["scenes/many-lights.toml"], part_samples: 2048 },
+];

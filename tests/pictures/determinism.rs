@@ -1,0 +1,123 @@
+//! The same pixels whatever the number of threads; other pixels from another seed.
+
+use oscura::film::{Aov, AovSet, Film, Values};
+use oscura::image::Image;
+use oscura::render::in_pool;
+use oscura::scene::{
+    AlphaMode, ColorSlot, Environment, FloatSlot, ImageId, Interpolation, Material, Model, PbrMaterial, Scene,
+};
+use oscura::simd::{Level, limit_level};
+use std::path::Path;
+
+fn scene(name: &str) -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes").join(name);
+    oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
+}
+
+/// Textures and normal maps, a picture as the environment, paper of little presence, and a body of dispersive coloured
+/// glass with a rough bubble and two lamps in it.
+fn everything() -> Scene {
+    let interpolation = Interpolation::Trilinear;
+    let (smooth, tangents) = (true, true);
+    let variant =
+        Variant { colored: false, smooth, tangents, mirrored: false, from_behind: false, interpolation };
+    let mut scene = sheet::scene(&variant);
+    let sky = (0..32 * 16).flat_map(|i| [0.3, 0.5, 1.0].map(|c| if i == 70 { 90.0 } else { c })).collect();
+    scene.images.push(Image::from_linear_rgb("sky", 32, 16, sky));
+    let image = ImageId(scene.images.len() as u32 - 1);
+    scene.environment = Environment::Image { image, strength: 1.0, rotation_rad: 0.4 };
+    let mut paper = Material::lambert("paper", [0.7; 3]);
+    (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));
+    let paper = material(&mut scene, paper);
+    quad(&mut scene, [-1.5, -0.5, 0.6], [1.5, 0.0, 0.3], [0.0, 1.5, 0.0], paper);
+    let glass = PbrMaterial {
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(0.0),
+        transmission: FloatSlot::constant(1.0),
+        has_volume: true,
+        attenuation_color: [0.4, 0.9, 0.8],
+        attenuation_distance: 0.5,
+        dispersion: 2.0,
+        ..PbrMaterial::default()
+    };
+    let glass = material(&mut scene, Material::new("glass", Model::Pbr(Box::new(glass))));
+    sphere(&mut scene, [0.5, 0.1, 0.6], 0.5, glass);
+    let tint = ColorSlot::constant([1.0; 3]);
+    let air = Model::Glass { ior: 1.0, tint, roughness: FloatSlot::constant(0.4), is_thin: false };
+    let air = material(&mut scene, Material::new("air", air));
+    sphere(&mut scene, [0.55, 0.2, 0.7], 0.2, air);
+    let lamp = material(&mut scene, Material::emitter("lamp", [6.0; 3], false));
+    sphere(&mut scene, [0.3, -0.1, 0.6], 0.05, lamp);
+    sphere(&mut scene, [0.55, 0.2, 0.7], 0.05, lamp);
+    scene
+}
+
+/// Scenes that together use all loops over vertices.
+fn scenes() -> [(&'static str, Scene); 3] {
+    let named = |name| (name, scene(name));
+    [named("cornell-quads.toml"), named("materials.toml"), ("everything", everything())]
+}
+
+fn bits(film: &Film) -> Vec<[u32; 4]> {
+    film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn any_number_of_threads_gives_the_same_pixels() {
+    for (name, scene) in scenes() {
+        let with = |threads| {
+            in_pool(threads, || bits(&picture(&scene, &options(50, 20, 100)))).expect("the threads start")
+        };
+        let one = with(Some(1));
+        assert!(one == with(Some(2)) && one == with(Some(7)) && one == with(None), "{name} differs");
+    }
+}
+
+#[test]
+fn every_cpu_level_gives_the_same_pixels() {
+    let available: Vec<Level> = Level::ALL.into_iter().filter(|l| l.is_available()).collect();
+    println!("levels: {:?}", available.iter().map(|l| l.name()).collect::<Vec<_>>());
+    for (name, scene) in scenes() {
+        let pictures = available.iter().map(|&level| {
+            limit_level(level);
+            bits(&picture(&scene, &options(40, 12, 100)))
+        });
+        let pictures: Vec<_> = pictures.collect();
+        limit_level(Level::Avx512);
+        for (level, picture) in available.iter().zip(&pictures) {
+            assert!(*picture == pictures[0], "{name}: {} differs from scalar", level.name());
+        }
+    }
+}
+
+#[test]
+fn other_outputs_do_not_change_the_picture() {
+    for (name, scene) in scenes() {
+        let plain = picture(&scene, &options(40, 8, 100));
+        let with = picture(&scene, &options(40, 8, 100).aovs(Aov::ALL.iter().copied().collect::<AovSet>()));
+        assert!(bits(&plain) == bits(&with), "{name} differs");
+        let Some(Values::Float(depth)) = with.plane("Z") else { panic!("{name}: no depth") };
+        assert!(depth[20 * 40 + 20] > 0.0 && depth[20 * 40 + 20] < 1e4, "{name}");
+    }
+}
+
+#[test]
+fn seeds_are_independent() {
+    let scene = scene("cornell-quads.toml");
+    let with = |seed| picture(&scene, &options(48, 16, 100).seed(seed));
+    let (a, b, c) = (with(1), with(2), with(3));
+    let value = |film: &Film, i: u32| f64::from(film.mean_rgba(i % 48, i / 48)[1]);
+    // Differences of two pairs that share no picture are uncorrelated and have mean zero.
+    let pairs = (0..48 * 48).map(|i| (value(&a, i) - value(&b, i), value(&c, i) - value(&b, i)));
+    let pairs: Vec<(f64, f64)> = pairs.filter(|p| *p != (0.0, 0.0)).collect();
+    let n = pairs.len() as f64;
+    assert!(n > 1500.0, "only {n} pixels differ between seeds");
+    let (mean, square) = pairs.iter().fold((0.0, 0.0), |(m, s), p| (m + p.0 / n, s + p.0 * p.0 / n));
+    let error = (square / n).sqrt();
+    assert!(mean.abs() < 4.0 * error, "mean difference {mean} with standard error {error}");
+    // a - b and c - b share b: their correlation is a half.
+    let product = pairs.iter().map(|p| p.0 * p.1).sum::<f64>() / n;
+    let other_square = pairs.iter().map(|p| p.1 * p.1).sum::<f64>() / n;
+    let correlation = product / (square * other_square).sqrt();
+    assert!((correlation - 0.5).abs() < 0.15, "correlation {correlation}");
+}

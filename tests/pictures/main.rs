@@ -1,0 +1,11 @@
+//! Pictures of whole scenes: against closed forms, references and each other.
+
+mod closed_form;
+mod compile_scene;
+mod converged;
+mod determinism;
+mod references;
+mod solids;
+mod stepping;
+mod support;
+mod textured;

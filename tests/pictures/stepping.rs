@@ -1,0 +1,151 @@
+//! A renderer that takes one pass at a time: its film is a picture after each, and stopping leaves one.
+
+use crate::support::{camera, material, options, picture, quad, renderer};
+use oscura::film::{Aov, AovSet, Film};
+use oscura::math::DVec3;
+use oscura::render::{CancelHandle, Event, PassOutcome, Renderer};
+use oscura::scene::{Material, Scene};
+use std::path::Path;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+fn cornell() -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-quads.toml");
+    oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
+}
+
+fn all() -> AovSet {
+    Aov::ALL.iter().copied().collect()
+}
+
+/// Every value of every plane, as bits.
+fn bits(film: &Film) -> Vec<(String, Vec<u32>)> {
+    let bits = |values: Vec<f32>| values.into_iter().map(f32::to_bits).collect();
+    film.planes().map(|plane| (plane.name.to_string(), bits(plane.values.into_floats()))).collect()
+}
+
+#[test]
+fn after_each_pass_the_film_is_the_picture_of_that_many_samples() {
+    let scene = cornell();
+    let whole = options(40, 20, 100).aovs(all());
+    let mut stepping = renderer(&scene, &whole);
+    assert_eq!(stepping.film().unsampled_pixels(), 1600);
+    for (samples, outcome) in
+        [(8, PassOutcome::Progressed), (16, PassOutcome::Progressed), (20, PassOutcome::Done)]
+    {
+        assert_eq!(stepping.next_pass(), outcome);
+        let statistics = stepping.statistics();
+        assert_eq!((statistics.samples, statistics.samples_per_pixel), (1600 * samples, samples as f64));
+        let fewer = picture(&scene, &whole.samples(samples as u32));
+        assert!(bits(stepping.film()) == bits(&fewer), "{samples} samples");
+    }
+    let rays = stepping.statistics().rays;
+    assert_eq!(stepping.next_pass(), PassOutcome::Done);
+    assert_eq!((stepping.statistics().rays, stepping.film().samples(0, 0)), (rays, 20));
+    assert!(bits(stepping.film()) == bits(&picture(&scene, &whole)));
+}
+
+#[test]
+fn threads_agree_on_every_channel() {
+    let scene = cornell();
+    let with = |threads| {
+        let shot = || bits(&picture(&scene, &options(50, 20, 100).aovs(all())));
+        oscura::render::in_pool(Some(threads), shot).expect("the threads start")
+    };
+    assert!(with(1) == with(5));
+}
+
+#[test]
+fn a_handle_stops_between_passes_and_within_one() {
+    let scene = cornell();
+    let mut stopped = renderer(&scene, &options(40, 64, 100));
+    let handle = stopped.cancel_handle();
+    assert_eq!(stopped.next_pass(), PassOutcome::Progressed);
+    std::thread::spawn(move || assert!(!handle.cancel())).join().expect("the thread ends");
+    assert_eq!((stopped.next_pass(), stopped.run()), (PassOutcome::Cancelled, PassOutcome::Cancelled));
+    assert!(stopped.statistics().interrupted && stopped.statistics().samples_per_pixel == 8.0);
+    assert!(bits(stopped.film()) == bits(&picture(&scene, &options(40, 8, 100))));
+
+    // From the first event on: finished tiles stay.
+    let handle = CancelHandle::new();
+    let switch = handle.clone();
+    let endless = options(256, 1 << 20, 100);
+    let mut within = renderer(&scene, &endless).with_cancel_handle(handle).on_event(move |_| {
+        switch.cancel();
+    });
+    assert_eq!(within.run(), PassOutcome::Cancelled);
+    let (film, statistics) = (within.film(), within.statistics());
+    assert!(statistics.samples > 0 && statistics.interrupted && !statistics.timed_out);
+    let counts = film.planes().count();
+    assert_eq!(counts, 4);
+    let sampled: u64 = (0..256 * 256).map(|i| u64::from(film.samples(i % 256, i / 256))).sum();
+    assert_eq!(sampled, statistics.samples);
+}
+
+#[test]
+fn the_time_limit_counts_rendering_only() {
+    let scene = cornell();
+    let limit = Duration::from_millis(300);
+    let mut limited = renderer(&scene, &options(16, u32::MAX, 100).time_limit(limit));
+    assert_eq!(limited.next_pass(), PassOutcome::Progressed);
+    std::thread::sleep(2 * limit);
+    assert_eq!(limited.next_pass(), PassOutcome::Progressed, "the pause is not rendering");
+    assert_eq!(limited.run(), PassOutcome::TimedOut);
+    let statistics = limited.statistics();
+    assert!(statistics.timed_out && !statistics.interrupted, "{statistics:?}");
+}
+
+#[test]
+fn events_count_up_to_all_paths() {
+    let seen = Arc::new(AtomicU64::new(0));
+    let last = seen.clone();
+    let mut told = renderer(&cornell(), &options(32, 12, 100)).on_event(move |event| {
+        let Event::Progress { samples_done, samples_total, .. } = event else { return };
+        assert!(samples_done <= samples_total && samples_total == 32 * 32 * 12);
+        last.fetch_max(samples_done, Ordering::Relaxed);
+    });
+    assert_eq!(told.run(), PassOutcome::Done);
+    assert_eq!(seen.load(Ordering::Relaxed), 32 * 32 * 12);
+}
+
+#[test]
+fn renderers_share_a_scene() {
+    let options = options(24, 8, 8);
+    let compile_options = oscura::compile::CompileOptions {
+        microfacet: Default::default(),
+        camera: None,
+        width: options.width,
+        height: options.height,
+    };
+    let (compiled, _) = oscura::compile::compile(&cornell(), &compile_options).expect("the scene compiles");
+    let compiled = Arc::new(compiled);
+    let shot = |seed| {
+        let mut renderer = Renderer::new(compiled.clone(), options.seed(seed)).expect("the film fits");
+        renderer.run();
+        renderer.into_film()
+    };
+    assert!(shot(1) == shot(1) && shot(1) != shot(2));
+}
+
+/// A floor, a thousand kilometres from the origin, seen from above at a slant: positions are those of the scene's world.
+#[test]
+fn positions_are_in_world_space() {
+    let far = DVec3::new(1e6, -2e6, 5e5);
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    let corner = far + DVec3::new(-4.0, 0.0, -4.0);
+    quad(&mut scene, corner.to_array(), [0.0, 0.0, 8.0], [8.0, 0.0, 0.0], grey);
+    scene.cameras.push(camera(far + DVec3::new(0.0, 3.0, 2.0), far, DVec3::Y, 40.0));
+    let film = picture(&scene, &options(17, 4, 1).aovs([Aov::Position, Aov::Depth, Aov::Material]));
+    let plane = |name: &str| film.plane(name).expect("it was asked for").into_floats();
+    let [x, y, z] = ["P.X", "P.Y", "P.Z"].map(plane);
+    // The middle of the picture looks at `far`, from 13^0.5 metres; f32 has steps of 0.06 m and 0.125 m there.
+    let middle = 8 * 17 + 8;
+    let off = [x[middle], y[middle], z[middle]].map(f64::from);
+    assert!((DVec3::from_array(off) - far).abs().max_element() < 0.2, "{off:?}");
+    assert!((plane("Z")[middle] - 13f32.sqrt()).abs() < 0.1);
+    assert!(y.iter().all(|y| (f64::from(*y) - far.y).abs() < 0.2));
+    assert!(x[middle + 5] > x[middle] + 0.4 && z[middle + 17 * 5] > z[middle] + 0.4);
+    assert!(plane("material.id").iter().all(|id| *id == 1.0));
+}

@@ -1,0 +1,5 @@
+//! Samplers, lobes and intersections, judged by many draws.
+
+mod accel_stress;
+mod bsdf;
+mod sampling_lights;

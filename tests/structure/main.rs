@@ -1,0 +1,6 @@
+//! The project's structure, checked in its sources.
+
+mod imports;
+mod layering;
+mod sizes;
+mod source;
