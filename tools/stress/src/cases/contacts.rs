@@ -4,6 +4,7 @@ use super::Row;
 use super::meshes::{Random, ball, build, closest, cube, vertices};
 use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3, gamma, offset_ray_origin};
+use oscura::shape::Quad;
 
 /// Tries of the full run, a placement.
 const TRIES: f64 = 4e5;

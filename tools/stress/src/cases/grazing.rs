@@ -4,6 +4,7 @@ use super::Row;
 use super::meshes::{Random, ball, build, closest};
 use oscura::accel::Geometry;
 use oscura::math::{DVec3, Ray, Vec3};
+use oscura::shape::Quad;
 
 /// Tries of the full run, each row.
 const TRIES: f64 = 1e6;

@@ -4,6 +4,7 @@ use super::Row;
 use super::meshes::Random;
 use oscura::accel::{Accel, BuildOptions, Geometry};
 use oscura::math::{Hit, Ray};
+use oscura::shape::{Analytic, Quad, Sphere};
 use oscura::simd::{Level, best_level};
 use rayon::prelude::*;
 
