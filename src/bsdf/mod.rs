@@ -10,6 +10,8 @@ pub mod anisotropic_table;
 mod coat;
 mod conductor;
 mod dielectric;
+pub mod dielectric_curve;
+pub mod dielectric_table;
 mod film;
 pub mod fresnel;
 pub mod ggx;
