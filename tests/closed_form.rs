@@ -13,7 +13,7 @@ fn lambert(albedo: f32) -> Material {
     Material::lambert("grey", [albedo; 3])
 }
 
-/// A convex body of albedo a in uniform surroundings of radiance 1 looks like a uniform a.
+/// A convex body of albedo a in a uniform environment of radiance 1 looks like a uniform a.
 #[test]
 fn sphere_in_a_white_furnace() {
     for albedo in [0.5, 1.0] {
@@ -171,7 +171,7 @@ fn many_lights_of_all_kinds() {
     truth += 0.8 / std::f64::consts::PI * 0.2 / DVec3::new(0.3, -1.0, 0.2).length();
     scene.environment = Environment::Constant([0.1; 3]);
     truth += 0.8 * 0.1;
-    // Lamps hide a little of the surroundings behind them; each takes away what it would give at radiance 0.1.
+    // Lamps hide a little of the environment behind them; each takes away what it would give at radiance 0.1.
     let hidden: f64 = scene
         .spheres
         .iter()

@@ -5,13 +5,14 @@ mod support;
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
-    AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Microfacet, Model, PbrMaterial, Scene,
+    AlphaMode, Emission, EnergyCompensation, Environment, FloatSlot, Instance, Material, MaterialId, Mesh,
+    MeshId, MeshPart, Model, PbrMaterial, Scene,
 };
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
-    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: 16, height: 16 };
+    let options =
+        CompileOptions { energy_compensation: EnergyCompensation::On, camera: None, width: 16, height: 16 };
     compile(scene, &options).expect("compiles").1
 }
 

@@ -18,7 +18,7 @@ fn scene(name: &str) -> Scene {
     oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
 }
 
-/// Textures and normal maps, a picture as the surroundings, paper of little presence, and a body of dispersive coloured
+/// Textures and normal maps, a picture as the environment, paper of little presence, and a body of dispersive coloured
 /// glass with a rough bubble and two lamps in it.
 fn everything() -> Scene {
     let interpolation = Interpolation::Trilinear;

@@ -71,7 +71,7 @@ fn words(line: &str) -> Vec<String> {
     words
 }
 
-/// The files that the README's user has: the project's assets and scenes, an export, a scan, surroundings, and pictures
+/// The files that the README's user has: the project's assets and scenes, an export, a scan, an environment, and pictures
 /// of another renderer.
 fn fixtures(folder: &Path) {
     for name in ["assets/cornell-box.gltf", "scenes/meshes/torus.ply"] {

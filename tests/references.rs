@@ -10,7 +10,7 @@ use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
 use oscura::render::{RenderOptions, render};
-use oscura::scene::Microfacet;
+use oscura::scene::EnergyCompensation;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::AtomicBool;
 use support::{options, picture};
@@ -90,8 +90,12 @@ fn export(path: &Path) -> Image {
     let gltf = GltfOptions { glass: Glass::Solid, ..GltfOptions::default() };
     let loaded =
         load(path, &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"));
-    let compile_options =
-        CompileOptions { microfacet: Microfacet::Single, camera: None, width: SIZE, height: SIZE };
+    let compile_options = CompileOptions {
+        energy_compensation: EnergyCompensation::Off,
+        camera: None,
+        width: SIZE,
+        height: SIZE,
+    };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = RenderOptions { soft_terminator: false, ..options(SIZE, 256, 64) };
     let (film, _) = render(&compiled, &options, &AtomicBool::new(false), &|_| {}).expect("the film fits");

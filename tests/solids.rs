@@ -72,7 +72,7 @@ fn sampled_light_is_absorbed_on_the_way() {
 }
 
 /// A ray through the middle of a sphere of glass, whose faces reflect R and whose diameter leaves T:
-/// R + (1 - R)^2 T / (1 - R T) of white surroundings. A sphere of the same glass inside changes nothing.
+/// R + (1 - R)^2 T / (1 - R T) of a white environment. A sphere of the same glass inside changes nothing.
 #[test]
 fn glass_inside_the_same_glass_is_not_there() {
     for inner in [None, Some(0.7)] {

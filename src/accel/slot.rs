@@ -23,8 +23,8 @@ pub struct Slot<const N: usize> {
     pub current: u32,
     /// Which ray of the batch.
     pub index: u32,
-    /// The triangle or quad of the present space that the ray leaves.
-    pub leaves: u32,
+    /// The triangle or quad of the present space that the ray starts on.
+    pub origin_primitive: u32,
     /// The ray for everything else.
     pub ray: PreparedRay,
     /// The nearest hit so far; its `t` is in units of the scaled direction of the present space.
@@ -55,7 +55,7 @@ impl<const N: usize> Slot<N> {
         top: 0,
         current: DONE,
         index: 0,
-        leaves: NO_HIT,
+        origin_primitive: NO_HIT,
         ray: PreparedRay::NONE,
         best: Hit::MISS,
         instance: 0,

@@ -5,7 +5,7 @@
 //! queue holds only one kind of work, its branches are predictable. The order in which one ray visits its own nodes
 //! does not depend on the others: batches of any size give the same hits.
 //!
-//! A ray that leaves a triangle or quad says so: that primitive counts as missed, without an exact test, which nearly every
+//! A ray that starts on a triangle or quad says so: that primitive counts as missed, without an exact test, which nearly every
 //! such ray would ask for.
 
 use super::layout::{
@@ -190,7 +190,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.clear_stack();
             slot.index = index as u32;
             slot.instance = 0;
-            slot.leaves = ray.leaves.prim_of(0);
+            slot.origin_primitive = ray.origin_primitive.prim_of(0);
             self.flying |= 1 << (2 * id);
             return self.route(id, self.root);
         }
@@ -269,7 +269,7 @@ impl<const N: usize> Flight<'_, N> {
         let Some(packet) = view::<TrianglePacket, TRIANGLE_LINES>(self.lines, line_of(current)) else {
             return self.lost(id);
         };
-        let left = w.equal(packet.ids(), slot.leaves);
+        let left = w.equal(packet.ids(), slot.origin_primitive);
         let lanes = triangle::candidates(w, packet, &slot.ray, &slot.boxes) & !left;
         self.candidates[id] = Candidates { packet: current, lanes };
         self.exact |= u64::from(lanes != 0) << (2 * id);
@@ -365,7 +365,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.push(LEAVE_INSTANCE);
             slot.push(record.root);
             slot.instance = record.instance;
-            slot.leaves = self.rays[slot.index as usize].leaves.prim_of(record.instance);
+            slot.origin_primitive = self.rays[slot.index as usize].origin_primitive.prim_of(record.instance);
         }
         self.pop::<O>(id);
     }
@@ -380,7 +380,7 @@ impl<const N: usize> Flight<'_, N> {
             slot.best.t = t;
             slot.limit = t * WIDEN;
             slot.instance = 0;
-            slot.leaves = world.leaves.prim_of(0);
+            slot.origin_primitive = world.origin_primitive.prim_of(0);
         }
         DONE
     }

@@ -1,7 +1,7 @@
 //! Against brute force, on all CPU levels, and on what breaks structures.
 
 use super::*;
-use crate::math::{Departure, NO_HIT};
+use crate::math::{NO_HIT, OriginPrimitive};
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
 pub struct Rng(u64);
@@ -306,13 +306,15 @@ fn what_a_ray_leaves_is_not_met_again_unless_it_is_round() {
         .collect();
     let first = trace(&accel, Level::Scalar, &rays);
     // Start again behind what was met: from there it would be met again by those that are sent back.
-    let back =
-        |(ray, hit): (&Ray, &Hit), leaves| Ray { leaves, ..Ray::new(ray.at(hit.t * 1.001), -ray.direction) };
+    let back = |(ray, hit): (&Ray, &Hit), origin_primitive| Ray {
+        origin_primitive,
+        ..Ray::new(ray.at(hit.t * 1.001), -ray.direction)
+    };
     let met: Vec<(&Ray, &Hit)> = rays.iter().zip(&first).filter(|(_, hit)| hit.is_hit()).collect();
     assert!(met.len() > 1000 && met.iter().any(|(_, h)| h.instance != 0));
-    let free: Vec<Ray> = met.iter().map(|&m| back(m, Departure::NONE)).collect();
+    let free: Vec<Ray> = met.iter().map(|&m| back(m, OriginPrimitive::NONE)).collect();
     let leaving: Vec<Ray> = met.iter().map(|&m| back(m, m.1.into())).collect();
-    let elsewhere = |h: &Hit| Departure { prim: h.prim, instance: h.instance + 7 };
+    let elsewhere = |h: &Hit| OriginPrimitive { prim: h.prim, instance: h.instance + 7 };
     let others: Vec<Ray> = met.iter().map(|&m| back(m, elsewhere(m.1))).collect();
     let expected = trace(&accel, Level::Scalar, &free);
     for level in Level::ALL.into_iter().filter(|l| l.is_available()) {

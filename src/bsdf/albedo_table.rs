@@ -1,7 +1,7 @@
 //! Directional albedo of the GGX lobe, from a table: how much of the light from a direction single scattering returns.
 
 use super::ggx::MIN_ALPHA;
-use crate::math::Vec3;
+use crate::color::Rgb;
 
 /// Rows by roughness r = sqrt(alpha) from the least to 1.
 const ROWS: usize = 128;
@@ -61,14 +61,14 @@ impl DirectionalAlbedo {
 
     /// The factor that gives back what single scattering loses (Turquin 2019, eq. 16).
     #[inline(always)]
-    pub fn compensation(&self, f0: Vec3) -> Vec3 {
-        Vec3::ONE + f0 * ((1.0 - self.full) / self.full)
+    pub fn compensation(&self, f0: Rgb) -> Rgb {
+        Rgb::ONE + f0 * ((1.0 - self.full) / self.full)
     }
 
     /// Albedo of single scattering with Schlick's Fresnel term.
     #[inline(always)]
-    pub fn reflectance(&self, f0: Vec3, f90: f32) -> Vec3 {
-        f0 * (self.full - self.grazing) + Vec3::splat(f90 * self.grazing)
+    pub fn reflectance(&self, f0: Rgb, f90: f32) -> Rgb {
+        f0 * (self.full - self.grazing) + Rgb::splat(f90 * self.grazing)
     }
 }
 

@@ -1,12 +1,13 @@
 //! A clear dielectric layer on top of everything else (KHR_materials_clearcoat).
 
 use super::albedo_table::DirectionalAlbedo;
-use super::{BsdfEval, BsdfSample, Conductor, fresnel};
+use super::{BsdfEval, BsdfSample, SchlickMetal, fresnel};
+use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 
 /// Reflectance at normal incidence: an index of refraction of 1.5, as the extension fixes it.
-const F0: Vec3 = Vec3::splat(0.04);
+const F0: Rgb = Rgb::splat(0.04);
 
 /// The reflection of the layer, with a normal of its own. What it lets pass is one minus its directional albedo.
 #[derive(Clone, Copy, Debug)]
@@ -17,18 +18,19 @@ pub struct Coat {
     pub alpha: f32,
     /// Its unit normal in the frame of the BSDF, z above 0.
     pub normal: Vec3,
-    /// Single or multiple scattering.
-    pub microfacet: Microfacet,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
 }
 
 impl Coat {
     /// No layer.
-    pub const NONE: Coat = Coat { factor: 0.0, alpha: 0.0, normal: Vec3::Z, microfacet: Microfacet::Multi };
+    pub const NONE: Coat =
+        Coat { factor: 0.0, alpha: 0.0, normal: Vec3::Z, energy_compensation: EnergyCompensation::On };
 
     /// The reflecting lobe of a layer of full strength, in its own frame.
     #[inline(always)]
-    fn lobe(&self) -> Conductor {
-        Conductor { f0: F0, alpha: self.alpha, microfacet: self.microfacet }
+    fn lobe(&self) -> SchlickMetal {
+        SchlickMetal { f0: F0, alpha: self.alpha, energy_compensation: self.energy_compensation }
     }
 
     /// Is its reflection a single direction?
@@ -42,14 +44,14 @@ impl Coat {
     pub fn albedo(&self, wo: Vec3) -> f32 {
         let cosine = wo.dot(self.normal).abs().clamp(super::ggx::MIN_COS, 1.0);
         let full = if self.is_mirror() {
-            fresnel::schlick(F0, Vec3::ONE, cosine).x
+            fresnel::schlick(F0, Rgb::ONE, cosine).r
         } else {
             let table = DirectionalAlbedo::at(cosine, self.alpha);
-            let gain = match self.microfacet {
-                Microfacet::Multi => table.compensation(F0).x,
-                Microfacet::Single => 1.0,
+            let gain = match self.energy_compensation {
+                EnergyCompensation::On => table.compensation(F0).r,
+                EnergyCompensation::Off => 1.0,
             };
-            table.reflectance(F0, 1.0).x * gain
+            table.reflectance(F0, 1.0).r * gain
         };
         (self.factor * full).min(1.0)
     }

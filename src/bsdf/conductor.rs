@@ -1,60 +1,63 @@
-//! Metal: GGX microfacets with Schlick's Fresnel term.
+//! Metals of a measured index of refraction.
 
-use super::albedo_table::DirectionalAlbedo;
-use super::ggx::{self, MIN_ALPHA};
-use super::{BsdfEval, BsdfSample, fresnel};
+use super::microsurface::{Facets, Microsurface};
+use super::{BsdfEval, BsdfSample, fresnel, ggx};
+use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 
-/// A metal; both sides alike.
+/// A metal with the exact Fresnel term of its complex index of refraction; both sides alike.
 ///
-/// With [`Microfacet::Multi`] the light that single scattering loses is given back by a factor 1 + f0 (1 - E) / E,
-/// with E the directional albedo for a reflectance of 1 (Turquin 2019, "Practical multiple scattering compensation for
-/// microfacet models", eq. 16). For f0 = 1 it keeps all energy, up to the 0.04 % by which the table of E may be wrong; it
-/// is not reciprocal.
+/// Compensated like [`super::SchlickMetal`], with the reflectance at normal incidence as f0.
 #[derive(Clone, Copy, Debug)]
 pub struct Conductor {
-    /// Reflectance at normal incidence; it rises to 1 at grazing incidence.
-    pub f0: Vec3,
-    /// GGX alpha 0..1; below [`MIN_ALPHA`] an exact mirror.
-    pub alpha: f32,
-    /// Single or multiple scattering.
-    pub microfacet: Microfacet,
+    /// Real part of the index of refraction by channel.
+    pub eta: Rgb,
+    /// Extinction coefficient by channel.
+    pub k: Rgb,
+    /// Its facets; smooth ones are an exact mirror.
+    pub surface: Microsurface,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
 }
 
 impl Conductor {
-    /// Is it an exact mirror?
-    #[inline(always)]
-    pub fn is_mirror(&self) -> bool {
-        self.alpha < MIN_ALPHA
+    /// Reflectance under a cosine.
+    #[inline]
+    pub fn reflectance(&self, cosine: f32) -> Rgb {
+        let (eta, k) = (self.eta.to_array(), self.k.to_array());
+        Rgb::from_array([0, 1, 2].map(|c| fresnel::conductor(cosine, eta[c], k[c])))
     }
 
-    /// The compensation for a view cosine.
+    /// The factor that gives back what single scattering loses.
     #[inline(always)]
-    fn compensation(&self, cos_o: f32) -> Vec3 {
-        match self.microfacet {
-            Microfacet::Multi => DirectionalAlbedo::at(cos_o, self.alpha).compensation(self.f0),
-            Microfacet::Single => Vec3::ONE,
+    fn compensation(&self, above: Vec3) -> Rgb {
+        match self.energy_compensation {
+            EnergyCompensation::On => {
+                self.surface.directional_albedo(above).compensation(self.reflectance(1.0))
+            }
+            EnergyCompensation::Off => Rgb::ONE,
         }
     }
 
     /// See [`super::Bsdf::sample`].
-    #[inline(always)]
+    #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::above(wo);
-        if self.is_mirror() {
-            return BsdfSample::mirror(wo, fresnel::schlick(self.f0, Vec3::ONE, above.z), 1.0);
+        if self.surface.is_mirror() {
+            return BsdfSample::mirror(wo, self.reflectance(above.z), 1.0);
         }
-        let normal = ggx::sample_visible_normal(above, [self.alpha; 2], [u[0], u[1]]);
+        let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
         let wi = normal * (2.0 * above.dot(normal)) - above;
-        let lost = wi.z <= 0.0;
-        let r = ggx::reflection(above, wi, self.alpha);
-        let factor = fresnel::schlick(self.f0, Vec3::ONE, r.cos_half) * self.compensation(above.z);
-        let weight = factor * (r.f_cos / r.pdf_solid_angle.max(f32::MIN_POSITIVE));
+        let outward = Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z));
+        let value = self.eval(wo, outward);
+        if wi.z <= 0.0 || value.pdf_solid_angle <= 0.0 {
+            return BsdfSample::ABSORBED;
+        }
         BsdfSample {
-            wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
-            weight: if lost { Vec3::ZERO } else { weight },
-            pdf_solid_angle: if lost { 0.0 } else { r.pdf_solid_angle },
+            wi: outward,
+            weight: value.f_cos / value.pdf_solid_angle,
+            pdf_solid_angle: value.pdf_solid_angle,
             eta: 1.0,
             is_specular: false,
             is_transmission: false,
@@ -62,14 +65,14 @@ impl Conductor {
     }
 
     /// See [`super::Bsdf::eval`].
-    #[inline(always)]
+    #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        if self.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
+        if self.surface.is_mirror() || (wo.z < 0.0) != (wi.z < 0.0) || wi.z == 0.0 {
             return BsdfEval::ZERO;
         }
         let above = ggx::above(wo);
-        let r = ggx::reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()), self.alpha);
-        let factor = fresnel::schlick(self.f0, Vec3::ONE, r.cos_half) * self.compensation(above.z);
+        let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
+        let factor = self.reflectance(r.cos_half.min(1.0)) * self.compensation(above);
         BsdfEval { f_cos: factor * r.f_cos, pdf_solid_angle: r.pdf_solid_angle }
     }
 }

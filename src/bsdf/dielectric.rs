@@ -1,6 +1,7 @@
 //! Smooth glass: solid, and as a thin sheet.
 
 use super::{BsdfSample, fresnel};
+use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::FresnelModel;
 
@@ -10,13 +11,13 @@ pub struct Dielectric {
     /// Index of refraction of the inside over the outside.
     pub ior: f32,
     /// Factor on transmitted light at each crossing.
-    pub tint: Vec3,
+    pub tint: Rgb,
     /// Fresnel term.
     pub fresnel: FresnelModel,
 }
 
 impl Dielectric {
-    /// See [`super::Bsdf::sample`]: reflects with the chance of the reflectance, refracts otherwise.
+    /// See [`super::Bsdf::sample`]: reflects with the probability of the reflectance, refracts otherwise.
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let eta = if wo.z < 0.0 { 1.0 / self.ior } else { self.ior };
@@ -26,7 +27,7 @@ impl Dielectric {
             FresnelModel::Schlick => fresnel::schlick_dielectric(cos_o, eta),
         };
         if u[2] < side.reflectance {
-            return BsdfSample::mirror(wo, Vec3::ONE, side.reflectance);
+            return BsdfSample::mirror(wo, Rgb::ONE, side.reflectance);
         }
         let inverse = 1.0 / eta;
         let wi = Vec3::new(-wo.x * inverse, -wo.y * inverse, (-side.cos_transmitted).copysign(-wo.z));
@@ -47,7 +48,7 @@ pub struct ThinDielectric {
     /// Index of refraction of the sheet.
     pub ior: f32,
     /// Factor on transmitted light.
-    pub tint: Vec3,
+    pub tint: Rgb,
 }
 
 impl ThinDielectric {
@@ -63,7 +64,7 @@ impl ThinDielectric {
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let reflectance = self.reflectance(wo.z);
         if u[2] < reflectance {
-            return BsdfSample::mirror(wo, Vec3::ONE, reflectance);
+            return BsdfSample::mirror(wo, Rgb::ONE, reflectance);
         }
         BsdfSample {
             wi: -wo,

@@ -1,6 +1,6 @@
 //! Reflectance of smooth interfaces.
 
-use crate::math::Vec3;
+use crate::color::Rgb;
 
 /// (1 - cos)^5, the weight of grazing reflectance (Schlick 1994).
 #[inline(always)]
@@ -13,7 +13,7 @@ pub fn schlick_weight(cos_theta: f32) -> f32 {
 
 /// Schlick's interpolation from `f0` at normal to `f90` at grazing incidence.
 #[inline(always)]
-pub fn schlick(f0: Vec3, f90: Vec3, cos_theta: f32) -> Vec3 {
+pub fn schlick(f0: Rgb, f90: Rgb, cos_theta: f32) -> Rgb {
     f0 + (f90 - f0) * schlick_weight(cos_theta)
 }
 

@@ -1,6 +1,7 @@
 //! Ideal diffuse reflection.
 
 use super::{BsdfEval, BsdfSample};
+use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::sampling::warp;
 use std::f32::consts::FRAC_1_PI;
@@ -9,7 +10,7 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug)]
 pub struct Lambert {
     /// Share of light reflected, 0..1.
-    pub albedo: Vec3,
+    pub albedo: Rgb,
 }
 
 impl Lambert {

@@ -10,13 +10,14 @@
 //! reciprocal.
 
 use super::coat::Coat;
-use super::film::Film;
-use super::metal_rough::View;
+use super::metal_rough::MetalRoughClosure;
 use super::microsurface::{Facets, Microsurface};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sheen::Sheen;
+use super::thin_film::ThinFilm;
 use super::through::DiffuseThrough;
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, MetalRough, ggx, mean};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, MetalRough, ggx};
+use crate::color::Rgb;
 use crate::math::Vec3;
 
 /// Every layer and base that a glTF material may have; absent ones have strength 0.
@@ -25,13 +26,13 @@ pub struct Layered {
     /// Diffuse base under its interface, and metal.
     pub opaque: MetalRough<Microsurface>,
     /// Factor on light that leaves diffusely on the other side, under the same interface.
-    pub through: Vec3,
+    pub through: Rgb,
     /// Light that passes the interface.
     pub glass: RoughDielectric,
     /// Share of `glass`; the opaque material and `through` have the rest.
     pub glass_share: f32,
     /// A film on the interface.
-    pub film: Film,
+    pub film: ThinFilm,
     /// Fibres on top.
     pub sheen: Sheen,
     /// The layer above all.
@@ -39,17 +40,17 @@ pub struct Layered {
 }
 
 /// The parts and their weights as one direction sees them. The value of the BSDF is the sum of each part's value times
-/// its weight; chances add up to 1.
-struct Seen {
+/// its weight; probabilities add up to 1.
+struct LayeredClosure {
     opaque: MetalRough<Microsurface>,
-    view: View,
+    opaque_closure: MetalRoughClosure,
     above: Vec3,
     glass: RoughDielectric,
     /// Index of refraction of the other side over this one.
     eta: f32,
     /// Coat, sheen, opaque, through, glass.
-    weights: [Vec3; PARTS],
-    chances: [f32; PARTS],
+    weights: [Rgb; PARTS],
+    probabilities: [f32; PARTS],
 }
 
 const PARTS: usize = 5;
@@ -59,21 +60,21 @@ impl Layered {
     #[inline]
     pub fn is_specular(&self) -> bool {
         let coat = self.coat.factor == 0.0 || self.coat.is_mirror();
-        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Vec3::ZERO);
+        let opaque = self.glass_share >= 1.0 || (self.opaque.is_specular() && self.through == Rgb::ZERO);
         let glass = self.glass_share <= 0.0 || self.glass.is_smooth();
-        coat && opaque && glass && self.sheen.color == Vec3::ZERO
+        coat && opaque && glass && self.sheen.color == Rgb::ZERO
     }
 
     /// A plain colour for the albedo output.
     #[inline]
-    pub fn albedo(&self) -> Vec3 {
-        let opaque = (self.opaque.albedo() + self.through).min(Vec3::ONE);
+    pub fn albedo(&self) -> Rgb {
+        let opaque = (self.opaque.albedo() + self.through).min(Rgb::ONE);
         opaque * (1.0 - self.glass_share) + self.glass.tint * self.glass_share
     }
 
     /// With the base colour multiplied.
     #[inline]
-    pub fn tinted(mut self, color: Vec3) -> Layered {
+    pub fn tinted(mut self, color: Rgb) -> Layered {
         self.opaque.diffuse *= color;
         self.opaque.metal_f0 *= color;
         self.glass.tint *= color;
@@ -81,7 +82,7 @@ impl Layered {
     }
 
     #[inline]
-    fn seen(&self, wo: Vec3) -> Seen {
+    fn closure(&self, wo: Vec3) -> LayeredClosure {
         let above = ggx::above(wo);
         let (mut opaque, mut glass) = (self.opaque, self.glass);
         if self.film.factor > 0.0 {
@@ -89,21 +90,21 @@ impl Layered {
             opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, above.z);
             glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
         }
-        let view = opaque.view(above);
+        let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
         let is_inside = wo.z < 0.0 && self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
-        let (mut coat, mut sheen, mut left) = (0.0, Vec3::ZERO, 1.0);
+        let (mut coat, mut sheen, mut left) = (0.0, Rgb::ZERO, 1.0);
         if !is_inside && self.coat.factor > 0.0 {
             coat = self.coat.albedo(wo);
             left -= coat;
         }
-        if !is_inside && self.sheen.color != Vec3::ZERO {
+        if !is_inside && self.sheen.color != Rgb::ZERO {
             let albedo = self.sheen.albedo(above.z);
             sheen = self.sheen.color * (left * albedo);
             left *= 1.0 - self.sheen.color.max_element() * albedo;
         }
         let of_opaque = left * (1.0 - self.glass_share);
-        let through = self.through * (view.rest * of_opaque);
+        let through = self.through * (opaque_closure.rest * of_opaque);
         // Where light is refracted as well, radiance inside is of the denser medium for all that arrives there.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let eta = if refracts { self.glass.eta(wo) } else { 1.0 };
@@ -111,26 +112,26 @@ impl Layered {
         let strength = self.coat.factor * f32::from(u8::from(!is_inside));
         let shares = [
             coat,
-            mean(sheen),
-            of_opaque * view.albedo,
-            mean(through),
+            sheen.mean(),
+            of_opaque * opaque_closure.albedo,
+            through.mean(),
             // Where all light is reflected there is no glass, and its index means nothing.
             if of_glass > 0.0 { of_glass * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
         let total: f32 = shares.iter().sum();
         let scale = if total > LEAST_ALBEDO { 1.0 / total } else { 0.0 };
-        Seen {
+        LayeredClosure {
             weights: [
-                Vec3::splat(strength),
+                Rgb::splat(strength),
                 sheen,
-                Vec3::splat(of_opaque),
+                Rgb::splat(of_opaque),
                 through / (eta * eta),
-                Vec3::splat(of_glass),
+                Rgb::splat(of_glass),
             ],
             eta,
-            chances: shares.map(|s| s * scale),
+            probabilities: shares.map(|s| s * scale),
             opaque,
-            view,
+            opaque_closure,
             above,
             glass,
         }
@@ -139,33 +140,33 @@ impl Layered {
     /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let seen = self.seen(wo);
+        let closure = self.closure(wo);
         let (mut part, mut rest) = (0, u[2]);
-        while part < PARTS - 1 && rest >= seen.chances[part] {
-            rest -= seen.chances[part];
+        while part < PARTS - 1 && rest >= closure.probabilities[part] {
+            rest -= closure.probabilities[part];
             part += 1;
         }
-        let chance = seen.chances[part];
-        // Rounding may lead to the last part, whatever its chance.
-        if chance <= LEAST_ALBEDO {
+        let probability = closure.probabilities[part];
+        // Rounding may lead to the last part, whatever its probability.
+        if probability <= LEAST_ALBEDO {
             return BsdfSample::ABSORBED;
         }
-        let u = [u[0], u[1], (rest / chance).min(1.0f32.next_down())];
+        let u = [u[0], u[1], (rest / probability).min(1.0f32.next_down())];
         let s = match part {
             0 => self.coat.sample(wo, u),
             1 => self.sheen.sample(wo, u),
-            2 => seen.view.sample(&seen.opaque.surface, wo, seen.above, u),
-            3 => BsdfSample { eta: seen.eta, ..DiffuseThrough.sample(wo, u) },
-            _ => seen.glass.sample(wo, u),
+            2 => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
+            3 => BsdfSample { eta: closure.eta, ..DiffuseThrough.sample(wo, u) },
+            _ => closure.glass.sample(wo, u),
         };
         if s.is_specular {
-            let weight = s.weight * seen.weights[part] / chance;
-            return BsdfSample { weight, pdf_solid_angle: s.pdf_solid_angle * chance, ..s };
+            let weight = s.weight * closure.weights[part] / probability;
+            return BsdfSample { weight, pdf_solid_angle: s.pdf_solid_angle * probability, ..s };
         }
         if s.pdf_solid_angle <= 0.0 {
             return BsdfSample::ABSORBED;
         }
-        let e = self.eval_seen(&seen, wo, s.wi);
+        let e = self.eval_closure(&closure, wo, s.wi);
         if e.pdf_solid_angle <= 0.0 {
             return BsdfSample::ABSORBED;
         }
@@ -175,17 +176,17 @@ impl Layered {
     /// See [`super::Bsdf::eval`].
     #[inline]
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
-        self.eval_seen(&self.seen(wo), wo, wi)
+        self.eval_closure(&self.closure(wo), wo, wi)
     }
 
     #[inline]
-    fn eval_seen(&self, seen: &Seen, wo: Vec3, wi: Vec3) -> BsdfEval {
+    fn eval_closure(&self, closure: &LayeredClosure, wo: Vec3, wi: Vec3) -> BsdfEval {
         let mut sum = BsdfEval::ZERO;
         let mut add = |part: usize, e: BsdfEval| {
-            sum.f_cos += seen.weights[part] * e.f_cos;
-            sum.pdf_solid_angle += seen.chances[part] * e.pdf_solid_angle;
+            sum.f_cos += closure.weights[part] * e.f_cos;
+            sum.pdf_solid_angle += closure.probabilities[part] * e.pdf_solid_angle;
         };
-        let has = |part: usize| seen.chances[part] > 0.0;
+        let has = |part: usize| closure.probabilities[part] > 0.0;
         if (wo.z < 0.0) == (wi.z < 0.0) {
             if has(0) {
                 add(0, self.coat.eval(wo, wi));
@@ -194,13 +195,20 @@ impl Layered {
                 add(1, self.sheen.eval(wo, wi));
             }
             if has(2) {
-                add(2, seen.view.eval(&seen.opaque.surface, seen.above, Vec3::new(wi.x, wi.y, wi.z.abs())));
+                add(
+                    2,
+                    closure.opaque_closure.eval(
+                        &closure.opaque.surface,
+                        closure.above,
+                        Vec3::new(wi.x, wi.y, wi.z.abs()),
+                    ),
+                );
             }
         } else if has(3) {
             add(3, DiffuseThrough.eval(wo, wi));
         }
         if has(4) {
-            add(4, seen.glass.eval(wo, wi));
+            add(4, closure.glass.eval(wo, wi));
         }
         sum
     }
@@ -216,7 +224,7 @@ impl<S: Facets> MetalRough<S> {
             metal_f0: self.metal_f0,
             metallic: self.metallic,
             surface,
-            microfacet: self.microfacet,
+            energy_compensation: self.energy_compensation,
         }
     }
 }

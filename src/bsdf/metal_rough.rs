@@ -2,10 +2,11 @@
 
 use super::albedo_table::DirectionalAlbedo;
 use super::microsurface::{Facets, Isotropic};
-use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx, mean};
+use super::{BsdfEval, BsdfSample, LEAST_ALBEDO, fresnel, ggx};
+use crate::color::Rgb;
 use crate::math::{Vec3, select};
 use crate::sampling::warp;
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 use std::f32::consts::FRAC_1_PI;
 
 /// The glTF metallic-roughness material (glTF 2.0, appendix B; KHR_materials_specular).
@@ -17,50 +18,50 @@ use std::f32::consts::FRAC_1_PI;
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough<S = Isotropic> {
     /// Diffuse colour: base colour (1 - metallic).
-    pub diffuse: Vec3,
+    pub diffuse: Rgb,
     /// Reflectance of the dielectric layer at normal incidence.
-    pub layer_f0: Vec3,
+    pub layer_f0: Rgb,
     /// The same at grazing incidence.
     pub layer_f90: f32,
     /// Reflectance of the metal at normal incidence; it rises to 1.
-    pub metal_f0: Vec3,
+    pub metal_f0: Rgb,
     /// Share of metal.
     pub metallic: f32,
     /// The facets of its surface.
     pub surface: S,
-    /// Single or multiple scattering.
-    pub microfacet: Microfacet,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
 }
 
 /// A [`MetalRough`] as one direction above it sees it.
 #[derive(Clone, Copy, Debug, Default)]
-pub struct View {
+pub struct MetalRoughClosure {
     /// Diffuse colour under what the layer leaves.
-    pub diffuse: Vec3,
+    pub diffuse: Rgb,
     /// What the dielectric layer leaves to what is below it.
     pub rest: f32,
     /// Reflectance of the microfacets at normal incidence, compensation included.
-    pub f0: Vec3,
+    pub f0: Rgb,
     /// The same at grazing incidence.
-    pub f90: Vec3,
+    pub f90: Rgb,
     /// Mean albedo.
     pub albedo: f32,
-    /// Chance of reflection by microfacets. Each chance is computed on its own, so that a tiny one does not round to 0.
-    pub p_specular: f32,
-    /// Chance of diffuse reflection.
-    pub p_diffuse: f32,
+    /// Probability of reflection by microfacets. Each probability is computed on its own, so that a tiny one does not round to 0.
+    pub probability_specular: f32,
+    /// Probability of diffuse reflection.
+    pub probability_diffuse: f32,
 }
 
 impl MetalRough {
     /// Reflects nothing.
     pub const BLACK: MetalRough = MetalRough {
-        diffuse: Vec3::ZERO,
-        layer_f0: Vec3::ZERO,
+        diffuse: Rgb::ZERO,
+        layer_f0: Rgb::ZERO,
         layer_f90: 0.0,
-        metal_f0: Vec3::ZERO,
+        metal_f0: Rgb::ZERO,
         metallic: 0.0,
         surface: Isotropic { alpha: 1.0 },
-        microfacet: Microfacet::Single,
+        energy_compensation: EnergyCompensation::Off,
     };
 }
 
@@ -68,33 +69,33 @@ impl<S: Facets> MetalRough<S> {
     /// Has it no lobe of finite width?
     #[inline(always)]
     pub fn is_specular(&self) -> bool {
-        self.surface.is_mirror() && self.diffuse == Vec3::ZERO
+        self.surface.is_mirror() && self.diffuse == Rgb::ZERO
     }
 
     /// Diffuse colour and reflection at normal incidence, clamped.
     #[inline(always)]
-    pub fn albedo(&self) -> Vec3 {
+    pub fn albedo(&self) -> Rgb {
         let reflected = self.layer_f0 * (1.0 - self.metallic) + self.metal_f0 * self.metallic;
-        (self.diffuse + reflected).min(Vec3::ONE)
+        (self.diffuse + reflected).min(Rgb::ONE)
     }
 
     /// What a direction above the surface sees.
     #[inline(always)]
-    pub fn view(&self, above: Vec3) -> View {
-        self.view_by(self.surface.directional_albedo(above), above)
+    pub fn closure(&self, above: Vec3) -> MetalRoughClosure {
+        self.closure_by(self.surface.directional_albedo(above), above)
     }
 
     /// The same, with the directional albedo of the facets.
     #[inline(always)]
-    pub fn view_by(&self, table: DirectionalAlbedo, above: Vec3) -> View {
+    pub fn closure_by(&self, table: DirectionalAlbedo, above: Vec3) -> MetalRoughClosure {
         // A mirror returns everything, its grazing share is Schlick's weight of the one cosine.
         let is_mirror = self.surface.is_mirror();
         let full = if is_mirror { 1.0 } else { table.full };
         let grazing = if is_mirror { fresnel::schlick_weight(above.z) } else { table.grazing };
         let table = DirectionalAlbedo { full, grazing };
-        let compensation = |f0| match self.microfacet {
-            Microfacet::Multi => table.compensation(f0),
-            Microfacet::Single => Vec3::ONE,
+        let compensation = |f0| match self.energy_compensation {
+            EnergyCompensation::On => table.compensation(f0),
+            EnergyCompensation::Off => Rgb::ONE,
         };
         let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
         let layer = (table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
@@ -104,17 +105,25 @@ impl<S: Facets> MetalRough<S> {
         let specular = f0 * (table.full - table.grazing) + f90 * table.grazing;
         let rest = if layer < 1.0 { 1.0 - layer } else { 0.0 };
         let diffuse = self.diffuse * rest;
-        let (s, d) = (mean(specular), mean(diffuse));
+        let (s, d) = (specular.mean(), diffuse.mean());
         let albedo = s + d;
         let whole = if albedo > LEAST_ALBEDO { albedo } else { 1.0 };
-        View { diffuse, rest, f0, f90, albedo, p_specular: s / whole, p_diffuse: d / whole }
+        MetalRoughClosure {
+            diffuse,
+            rest,
+            f0,
+            f90,
+            albedo,
+            probability_specular: s / whole,
+            probability_diffuse: d / whole,
+        }
     }
 
     /// See [`super::Bsdf::sample`].
     #[inline(always)]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
         let above = ggx::above(wo);
-        self.view(above).sample(&self.surface, wo, above, u)
+        self.closure(above).sample(&self.surface, wo, above, u)
     }
 
     /// See [`super::Bsdf::eval`].
@@ -124,29 +133,29 @@ impl<S: Facets> MetalRough<S> {
             return BsdfEval::ZERO;
         }
         let above = ggx::above(wo);
-        self.view(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
+        self.closure(above).eval(&self.surface, above, Vec3::new(wi.x, wi.y, wi.z.abs()))
     }
 }
 
 // Free of branches, as far as inputs decide: loops over many surfaces vectorise.
-impl View {
+impl MetalRoughClosure {
     /// See [`super::Bsdf::sample`]; `above` is `wo` on the upper side.
     #[inline(always)]
     pub fn sample(&self, surface: &impl Facets, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
-        let choose_specular = u[2] < self.p_specular;
+        let choose_specular = u[2] < self.probability_specular;
         let is_mirror = choose_specular & surface.is_mirror();
         let normal = surface.sample_visible_normal(above, [u[0], u[1]]);
         let reflected = normal * (2.0 * above.dot(normal)) - above;
         let diffuse = warp::cosine_hemisphere([u[0], u[1]]);
         let wi = select(choose_specular, reflected, diffuse);
         let value = self.eval(surface, above, wi);
-        let of_mirror = fresnel::schlick(self.f0, self.f90, above.z) / self.p_specular;
-        let weight = select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
-        let pdf = if is_mirror { self.p_specular } else { value.pdf_solid_angle };
+        let of_mirror = fresnel::schlick(self.f0, self.f90, above.z) / self.probability_specular;
+        let weight = Rgb::select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
+        let pdf = if is_mirror { self.probability_specular } else { value.pdf_solid_angle };
         let goes_on = (self.albedo > LEAST_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
         BsdfSample {
             wi: Vec3::new(wi.x, wi.y, wi.z.copysign(wo.z)),
-            weight: select(goes_on, weight, Vec3::ZERO),
+            weight: Rgb::select(goes_on, weight, Rgb::ZERO),
             pdf_solid_angle: if goes_on { pdf } else { 0.0 },
             eta: 1.0,
             is_specular: is_mirror,
@@ -161,12 +170,12 @@ impl View {
         let r = surface.reflection(wo, wi);
         let factor = fresnel::schlick(self.f0, self.f90, r.cos_half);
         let is_glossy = !surface.is_mirror();
-        let f_cos = self.diffuse * cosine + select(is_glossy, factor * r.f_cos, Vec3::ZERO);
-        let glossy_pdf = if is_glossy { self.p_specular * r.pdf_solid_angle } else { 0.0 };
+        let f_cos = self.diffuse * cosine + Rgb::select(is_glossy, factor * r.f_cos, Rgb::ZERO);
+        let glossy_pdf = if is_glossy { self.probability_specular * r.pdf_solid_angle } else { 0.0 };
         let is_above = wi.z > 0.0;
         BsdfEval {
-            f_cos: select(is_above, f_cos, Vec3::ZERO),
-            pdf_solid_angle: if is_above { self.p_diffuse * cosine + glossy_pdf } else { 0.0 },
+            f_cos: Rgb::select(is_above, f_cos, Rgb::ZERO),
+            pdf_solid_angle: if is_above { self.probability_diffuse * cosine + glossy_pdf } else { 0.0 },
         }
     }
 }

@@ -12,12 +12,10 @@ mod conductor;
 mod dielectric;
 pub mod dielectric_curve;
 pub mod dielectric_table;
-mod film;
 pub mod fresnel;
 pub mod ggx;
 mod lambert;
 mod layered;
-mod metal;
 mod metal_rough;
 mod microsurface;
 mod oren_nayar;
@@ -29,30 +27,33 @@ mod reference_walk;
 mod resolve;
 mod resolve_pbr;
 mod rough_dielectric;
+mod schlick_metal;
 mod sheen;
 #[allow(clippy::approx_constant, reason = "a number of the table happens to be near a sixth of pi")]
 mod sheen_data;
 mod solid_glass;
+mod thin_film;
 mod through;
 
 pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
 pub use conductor::Conductor;
 pub use dielectric::{Dielectric, ThinDielectric};
-pub use film::Film;
 pub use ggx::above;
 pub use lambert::Lambert;
 pub use layered::Layered;
-pub use metal::Metal;
-pub use metal_rough::{MetalRough, View};
+pub use metal_rough::{MetalRough, MetalRoughClosure};
 pub use microsurface::{Facets, Isotropic, Microsurface};
 pub use oren_nayar::OrenNayar;
 pub use phong::Phong;
 pub use resolve::{BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
 pub use rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
+pub use schlick_metal::SchlickMetal;
 pub use sheen::Sheen;
+pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
 
+use crate::color::Rgb;
 use crate::math::Vec3;
 
 /// A sampled direction.
@@ -61,8 +62,8 @@ pub struct BsdfSample {
     /// Where the light comes from.
     pub wi: Vec3,
     /// f |cos| / pdf; zero where the path ends.
-    pub weight: Vec3,
-    /// Density per solid angle; for specular samples the chance of having chosen this direction.
+    pub weight: Rgb,
+    /// Density per solid angle; for specular samples the probability of having chosen this direction.
     pub pdf_solid_angle: f32,
     /// Index of refraction on the side of `wi` over that on the side of `wo`; 1 unless refracted.
     pub eta: f32,
@@ -76,14 +77,14 @@ impl BsdfSample {
     /// The path ends.
     pub const ABSORBED: BsdfSample = BsdfSample {
         wi: Vec3::Z,
-        weight: Vec3::ZERO,
+        weight: Rgb::ZERO,
         pdf_solid_angle: 0.0,
         eta: 1.0,
         is_specular: false,
         is_transmission: false,
     };
 
-    /// A direction that was reflected by chance, weighted by value over density; the path ends where that is 0.
+    /// A sampled reflected direction, weighted by value over density; the path ends where that is 0.
     #[inline(always)]
     fn reflected(wi: Vec3, eval: BsdfEval) -> BsdfSample {
         let BsdfEval { f_cos, pdf_solid_angle } = eval;
@@ -93,13 +94,13 @@ impl BsdfSample {
         BsdfSample { wi, weight: f_cos / pdf_solid_angle, pdf_solid_angle, ..BsdfSample::ABSORBED }
     }
 
-    /// The mirror image of `wo`, chosen with a chance.
+    /// The mirror image of `wo`, chosen with a probability.
     #[inline(always)]
-    fn mirror(wo: Vec3, weight: Vec3, chance: f32) -> BsdfSample {
+    fn mirror(wo: Vec3, weight: Rgb, probability: f32) -> BsdfSample {
         BsdfSample {
             wi: Vec3::new(-wo.x, -wo.y, wo.z),
             weight,
-            pdf_solid_angle: chance,
+            pdf_solid_angle: probability,
             eta: 1.0,
             is_specular: true,
             is_transmission: false,
@@ -111,20 +112,14 @@ impl BsdfSample {
 #[derive(Clone, Copy, Debug)]
 pub struct BsdfEval {
     /// f times |cos| of `wi`; without specular lobes.
-    pub f_cos: Vec3,
+    pub f_cos: Rgb,
     /// Density per solid angle with which sampling finds `wi`.
     pub pdf_solid_angle: f32,
 }
 
 impl BsdfEval {
     /// No light that way.
-    pub const ZERO: BsdfEval = BsdfEval { f_cos: Vec3::ZERO, pdf_solid_angle: 0.0 };
-}
-
-/// The mean of a colour's channels, by which lobes are chosen.
-#[inline(always)]
-fn mean(v: Vec3) -> f32 {
-    (v.x + v.y + v.z) * (1.0 / 3.0)
+    pub const ZERO: BsdfEval = BsdfEval { f_cos: Rgb::ZERO, pdf_solid_angle: 0.0 };
 }
 
 /// Surfaces that return less light than this are black: nothing is divided by it.
@@ -147,10 +142,10 @@ pub enum Bsdf {
     OrenNayar(OrenNayar),
     /// The modified Phong model.
     Phong(Phong),
-    /// Metal of a colour.
+    /// A metal of a colour, with Schlick's Fresnel term.
+    SchlickMetal(SchlickMetal),
+    /// A metal of a complex index of refraction.
     Conductor(Conductor),
-    /// Metal of a complex index of refraction.
-    Metal(Metal),
     /// Smooth solid glass.
     Dielectric(Dielectric),
     /// A smooth thin sheet of glass.
@@ -173,8 +168,8 @@ impl Bsdf {
             Bsdf::Lambert(b) => b.sample(wo, u),
             Bsdf::OrenNayar(b) => b.sample(wo, u),
             Bsdf::Phong(b) => b.sample(wo, u),
+            Bsdf::SchlickMetal(b) => b.sample(wo, u),
             Bsdf::Conductor(b) => b.sample(wo, u),
-            Bsdf::Metal(b) => b.sample(wo, u),
             Bsdf::Dielectric(b) => b.sample(wo, u),
             Bsdf::ThinDielectric(b) => b.sample(wo, u),
             Bsdf::RoughDielectric(b) => b.sample(wo, u),
@@ -191,8 +186,8 @@ impl Bsdf {
             Bsdf::Lambert(b) => b.eval(wo, wi),
             Bsdf::OrenNayar(b) => b.eval(wo, wi),
             Bsdf::Phong(b) => b.eval(wo, wi),
+            Bsdf::SchlickMetal(b) => b.eval(wo, wi),
             Bsdf::Conductor(b) => b.eval(wo, wi),
-            Bsdf::Metal(b) => b.eval(wo, wi),
             Bsdf::RoughDielectric(b) => b.eval(wo, wi),
             Bsdf::MetalRough(b) => b.eval(wo, wi),
             Bsdf::Layered(b) => b.eval(wo, wi),
@@ -206,8 +201,8 @@ impl Bsdf {
         match self {
             Bsdf::Black | Bsdf::Dielectric(_) | Bsdf::ThinDielectric(_) => true,
             Bsdf::Lambert(_) | Bsdf::OrenNayar(_) | Bsdf::Phong(_) => false,
-            Bsdf::Conductor(b) => b.is_mirror(),
-            Bsdf::Metal(b) => b.surface.is_mirror(),
+            Bsdf::SchlickMetal(b) => b.is_mirror(),
+            Bsdf::Conductor(b) => b.surface.is_mirror(),
             Bsdf::RoughDielectric(b) => b.is_smooth(),
             Bsdf::MetalRough(b) => b.is_specular(),
             Bsdf::Layered(b) => b.is_specular(),
@@ -222,15 +217,15 @@ impl Bsdf {
 
     /// With its base colour multiplied (by the colour of vertices).
     #[inline]
-    pub fn tinted(self, color: Vec3) -> Bsdf {
+    pub fn tinted(self, color: Rgb) -> Bsdf {
         match self {
             Bsdf::Black => Bsdf::Black,
             Bsdf::Lambert(b) => Bsdf::Lambert(Lambert { albedo: b.albedo * color }),
             Bsdf::OrenNayar(b) => Bsdf::OrenNayar(OrenNayar { color: b.color * color, ..b }),
             Bsdf::Phong(b) => Bsdf::Phong(Phong { diffuse: b.diffuse * color, ..b }),
-            Bsdf::Conductor(b) => Bsdf::Conductor(Conductor { f0: b.f0 * color, ..b }),
+            Bsdf::SchlickMetal(b) => Bsdf::SchlickMetal(SchlickMetal { f0: b.f0 * color, ..b }),
             // The colour of a measured metal is its own.
-            Bsdf::Metal(b) => Bsdf::Metal(b),
+            Bsdf::Conductor(b) => Bsdf::Conductor(b),
             Bsdf::Dielectric(b) => Bsdf::Dielectric(Dielectric { tint: b.tint * color, ..b }),
             Bsdf::ThinDielectric(b) => Bsdf::ThinDielectric(ThinDielectric { tint: b.tint * color, ..b }),
             Bsdf::RoughDielectric(b) => Bsdf::RoughDielectric(RoughDielectric { tint: b.tint * color, ..b }),
@@ -257,14 +252,14 @@ impl Bsdf {
 
     /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
     #[inline]
-    pub fn albedo(&self) -> Vec3 {
+    pub fn albedo(&self) -> Rgb {
         match self {
-            Bsdf::Black => Vec3::ZERO,
+            Bsdf::Black => Rgb::ZERO,
             Bsdf::Lambert(b) => b.albedo,
             Bsdf::OrenNayar(b) => b.color,
             Bsdf::Phong(b) => b.diffuse + b.specular,
-            Bsdf::Conductor(b) => b.f0,
-            Bsdf::Metal(b) => b.reflectance(1.0),
+            Bsdf::SchlickMetal(b) => b.f0,
+            Bsdf::Conductor(b) => b.reflectance(1.0),
             Bsdf::Dielectric(b) => b.tint,
             Bsdf::ThinDielectric(b) => b.tint,
             Bsdf::RoughDielectric(b) => b.tint,

@@ -1,6 +1,7 @@
 //! Rough diffuse reflection that keeps its energy.
 
 use super::{BsdfEval, BsdfSample};
+use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
 use std::f32::consts::{FRAC_1_PI, PI};
@@ -11,7 +12,7 @@ use std::f32::consts::{FRAC_1_PI, PI};
 #[derive(Clone, Copy, Debug)]
 pub struct OrenNayar {
     /// Share of light reflected by each facet, 0..1.
-    pub color: Vec3,
+    pub color: Rgb,
     /// 0..1.
     pub roughness: f32,
 }
@@ -35,17 +36,17 @@ impl OrenNayar {
         (1.0 + self.roughness * g) * self.normalisation()
     }
 
-    /// Chance of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
+    /// Probability of sampling the hemisphere uniformly instead of by the cosine: what returns to a viewer at grazing
     /// incidence comes from grazing directions.
     #[inline(always)]
-    fn p_uniform(&self, zo: f32) -> f32 {
+    fn probability_uniform(&self, zo: f32) -> f32 {
         0.5 * self.roughness * (1.0 - zo) * (1.0 - zo)
     }
 
     /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let up = if u[2] < self.p_uniform(wo.z.abs()) {
+        let up = if u[2] < self.probability_uniform(wo.z.abs()) {
             let (s, c) = poly::sin_cos_turns(u[1]);
             let sine = (1.0 - u[0] * u[0]).max(0.0).sqrt();
             Vec3::new(sine * c, sine * s, u[0])
@@ -69,11 +70,11 @@ impl OrenNayar {
         let single = self.color * (self.normalisation() * (1.0 + self.roughness * s_over_t));
         let mean = self.normalisation() * (1.0 + C2 * self.roughness);
         let lost = |cosine| (1.0 - self.single_albedo(cosine)).max(0.0);
-        let between = self.color * self.color * mean / (Vec3::ONE - self.color * (1.0 - mean));
+        let between = self.color * self.color * mean / (Rgb::ONE - self.color * (1.0 - mean));
         let multiple = between * (lost(zo) * lost(zi) / (1.0 - mean).max(1e-7));
-        let p_uniform = self.p_uniform(zo);
+        let probability_uniform = self.probability_uniform(zo);
         let cosine = zi * FRAC_1_PI;
-        let pdf_solid_angle = p_uniform * (0.5 * FRAC_1_PI) + (1.0 - p_uniform) * cosine;
+        let pdf_solid_angle = probability_uniform * (0.5 * FRAC_1_PI) + (1.0 - probability_uniform) * cosine;
         BsdfEval { f_cos: (single + multiple) * cosine, pdf_solid_angle }
     }
 }

@@ -1,6 +1,7 @@
 //! The modified Phong model of older files.
 
-use super::{BsdfEval, BsdfSample, mean};
+use super::{BsdfEval, BsdfSample};
+use crate::color::Rgb;
 use crate::math::{Vec3, poly};
 use crate::sampling::warp;
 use std::f32::consts::{FRAC_1_PI, TAU};
@@ -23,9 +24,9 @@ use std::f32::consts::{FRAC_1_PI, TAU};
 #[derive(Clone, Copy, Debug)]
 pub struct Phong {
     /// Diffuse share kd.
-    pub diffuse: Vec3,
+    pub diffuse: Rgb,
     /// Specular share ks; kd + ks is at most 1.
-    pub specular: Vec3,
+    pub specular: Rgb,
     /// The exponent n, from 0.
     pub exponent: f32,
 }
@@ -38,21 +39,21 @@ fn power(x: f32, exponent: f32) -> f32 {
 
 impl Phong {
     /// Scales both shares down where they would reflect more light than arrives.
-    pub fn new(diffuse: Vec3, specular: Vec3, exponent: f32) -> Phong {
+    pub fn new(diffuse: Rgb, specular: Rgb, exponent: f32) -> Phong {
         let scale = 1.0 / (diffuse + specular).max_element().max(1.0);
         Phong { diffuse: diffuse * scale, specular: specular * scale, exponent }
     }
 
     #[inline(always)]
-    fn p_specular(&self) -> f32 {
-        let (s, d) = (mean(self.specular), mean(self.diffuse));
+    fn probability_specular(&self) -> f32 {
+        let (s, d) = (self.specular.mean(), self.diffuse.mean());
         s / if s + d > 0.0 { s + d } else { 1.0 }
     }
 
     /// See [`super::Bsdf::sample`].
     #[inline]
     pub fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
-        let wi = if u[2] < self.p_specular() {
+        let wi = if u[2] < self.probability_specular() {
             // cos = u^(1 / (n + 1)).
             let cosine = power(1.0 - u[0], 1.0 / (self.exponent + 1.0));
             let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
@@ -79,7 +80,7 @@ impl Phong {
         }
         let lobe = power((wo.z * wi.z - wo.x * wi.x - wo.y * wi.y).min(1.0), self.exponent);
         let cosine = wi.z.abs();
-        let p = self.p_specular();
+        let p = self.probability_specular();
         let f = self.diffuse * FRAC_1_PI + self.specular * (lobe * (self.exponent + 2.0) / TAU);
         BsdfEval {
             f_cos: f * cosine,

@@ -105,20 +105,21 @@ fn walks_are_reciprocal() {
 mod tests {
     use super::*;
     use crate::bsdf::{Bsdf, GlassReflectance, Microsurface, RoughDielectric, Walls};
+    use crate::color::Rgb;
     use crate::math::Vec3;
-    use crate::scene::Microfacet;
+    use crate::scene::EnergyCompensation;
     use std::f64::consts::PI;
 
     const SAMPLES: u32 = 20_000;
 
-    fn glass(alpha: [f64; 2], ior: f64, microfacet: Microfacet) -> Bsdf {
+    fn glass(alpha: [f64; 2], ior: f64, energy_compensation: EnergyCompensation) -> Bsdf {
         Bsdf::RoughDielectric(RoughDielectric {
             surface: Microsurface::new(alpha.map(|a| a as f32), [1.0, 0.0]),
             ior: ior as f32,
             walls: Walls::Solid,
-            tint: Vec3::ONE,
+            tint: Rgb::ONE,
             reflectance: GlassReflectance::Plain,
-            microfacet,
+            energy_compensation,
         })
     }
 
@@ -127,7 +128,7 @@ mod tests {
         let (mut same, mut all) = (0.0, 0.0);
         for _ in 0..SAMPLES {
             let s = bsdf.sample(wo.as_vec3(), [random.next(), random.next(), random.next()]);
-            let weight = f64::from(s.weight.x * s.eta * s.eta);
+            let weight = f64::from(s.weight.r * s.eta * s.eta);
             all += weight;
             same += if s.is_transmission { 0.0 } else { weight };
         }
@@ -149,7 +150,7 @@ mod tests {
                     let same =
                         (0..SAMPLES).filter(|_| interface.walk(wo, &mut random).0.z * cosine > 0.0).count();
                     let exact = same as f64 / f64::from(SAMPLES);
-                    let [multi, single] = [Microfacet::Multi, Microfacet::Single]
+                    let [multi, single] = [EnergyCompensation::On, EnergyCompensation::Off]
                         .map(|m| (reflected(&glass(alpha, ior, m), wo, &mut random) - exact).abs());
                     errors.push((multi, cosine, format!("alpha {alpha:?}, ior {ior}: {exact}")));
                     scaled.push(single);
@@ -177,7 +178,7 @@ mod tests {
         let mut ends = [1.0f64; 2];
         for alpha in [0.1, 0.3, 0.5, 1.0] {
             for ior in [1.33, 1.5, 2.0] {
-                let bsdf = glass([alpha; 2], ior, Microfacet::Multi);
+                let bsdf = glass([alpha; 2], ior, EnergyCompensation::On);
                 let outside = 1.0 / (1.0 + ior * ior);
                 let mut bands = [0.0f64; 20];
                 for _ in 0..n {
@@ -190,7 +191,7 @@ mod tests {
                     );
                     let s = bsdf.sample(wo, [random.next(), random.next(), random.next()]);
                     let band = ((s.wi.z.abs() * 10.0) as usize).min(9) + if s.wi.z > 0.0 { 0 } else { 10 };
-                    bands[band] += f64::from(s.weight.x * s.eta * s.eta) / f64::from(n);
+                    bands[band] += f64::from(s.weight.r * s.eta * s.eta) / f64::from(n);
                 }
                 for (i, found) in bands.into_iter().enumerate() {
                     let (band, side) = (i % 10, if i < 10 { outside } else { 1.0 - outside });
@@ -238,10 +239,10 @@ mod tests {
                 for offset in [0.2, 0.7, 0.95] {
                     let interface = Interface { alpha, ior };
                     let exact = seen_through_a_ball(offset, |wo| (interface.walk(wo, &mut random).0, 1.0));
-                    let bsdf = glass(alpha, ior, Microfacet::Multi);
+                    let bsdf = glass(alpha, ior, EnergyCompensation::On);
                     let found = seen_through_a_ball(offset, |wo| {
                         let s = bsdf.sample(wo.as_vec3(), [random.next(), random.next(), random.next()]);
-                        (s.wi.as_dvec3(), f64::from(s.weight.x * s.eta * s.eta))
+                        (s.wi.as_dvec3(), f64::from(s.weight.r * s.eta * s.eta))
                     });
                     let sum: f64 = exact.iter().zip(&found).map(|(a, b)| (a - b).abs()).sum();
                     differences.push((sum, format!("alpha {alpha:?}, ior {ior}, offset {offset}")));

@@ -2,11 +2,12 @@
 
 use super::resolve_pbr::{class_of_pbr, resolve_pbr};
 use super::{
-    Bsdf, Conductor, Dielectric, GlassReflectance, Lambert, Metal, Microsurface, OrenNayar, Phong,
-    RoughDielectric, Walls,
+    Bsdf, Conductor, Dielectric, GlassReflectance, Lambert, Microsurface, OrenNayar, Phong, RoughDielectric,
+    SchlickMetal, Walls,
 };
+use crate::color::Rgb;
 use crate::math::{Vec2, Vec3};
-use crate::scene::{ColorSlot, FloatSlot, Microfacet, Model};
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, Model};
 
 /// Which loop shades a material; known without its textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -19,10 +20,10 @@ pub enum BsdfClass {
     OrenNayar,
     /// [`Bsdf::Phong`].
     Phong,
+    /// [`Bsdf::SchlickMetal`].
+    SchlickMetal,
     /// [`Bsdf::Conductor`].
     Conductor,
-    /// [`Bsdf::Metal`].
-    Metal,
     /// [`Bsdf::Dielectric`].
     Dielectric,
     /// [`Bsdf::ThinDielectric`].
@@ -38,7 +39,7 @@ pub enum BsdfClass {
 /// Where the values of a material's slots come from at a hit.
 pub trait Slots {
     /// A colour.
-    fn color(&self, slot: &ColorSlot) -> Vec3;
+    fn color(&self, slot: &ColorSlot) -> Rgb;
     /// A number.
     fn number(&self, slot: &FloatSlot) -> f32;
 }
@@ -49,8 +50,8 @@ pub struct Factors;
 
 impl Slots for Factors {
     #[inline(always)]
-    fn color(&self, slot: &ColorSlot) -> Vec3 {
-        Vec3::from_array(slot.factor)
+    fn color(&self, slot: &ColorSlot) -> Rgb {
+        Rgb::from_array(slot.factor)
     }
 
     #[inline(always)]
@@ -89,8 +90,8 @@ pub fn class_of(model: &Model) -> BsdfClass {
         Model::OrenNayar { roughness, .. } if always(roughness, 0.0) => BsdfClass::Lambert,
         Model::OrenNayar { .. } => BsdfClass::OrenNayar,
         Model::Phong { .. } => BsdfClass::Phong,
-        Model::Metal { .. } => BsdfClass::Conductor,
-        Model::MeasuredMetal { .. } => BsdfClass::Metal,
+        Model::SchlickMetal { .. } => BsdfClass::SchlickMetal,
+        Model::Conductor { .. } => BsdfClass::Conductor,
         Model::Dielectric { .. } => BsdfClass::Dielectric,
         Model::Glass { is_thin: true, roughness, .. } if always(roughness, 0.0) => BsdfClass::ThinDielectric,
         Model::Glass { .. } => BsdfClass::RoughDielectric,
@@ -104,8 +105,13 @@ pub fn class_of(model: &Model) -> BsdfClass {
 /// Tint: KHR_materials_transmission multiplies transmitted light by the base colour at each crossing of the surface, so
 /// a closed solid shows its square; absorption inside a volume is the integrator's.
 #[inline]
-pub fn resolve(model: &Model, slots: &impl Slots, frame: &LocalFrame, microfacet: Microfacet) -> Bsdf {
-    let color = |slot| slots.color(slot).clamp(Vec3::ZERO, Vec3::ONE);
+pub fn resolve(
+    model: &Model,
+    slots: &impl Slots,
+    frame: &LocalFrame,
+    energy_compensation: EnergyCompensation,
+) -> Bsdf {
+    let color = |slot| slots.color(slot).clamp(Rgb::ZERO, Rgb::ONE);
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let alpha = |slot| {
         let roughness = number(slot);
@@ -123,14 +129,14 @@ pub fn resolve(model: &Model, slots: &impl Slots, frame: &LocalFrame, microfacet
         Model::Phong { diffuse, specular, exponent } => {
             Bsdf::Phong(Phong::new(color(diffuse), color(specular), *exponent))
         }
-        Model::Metal { color: f0, roughness } => {
-            Bsdf::Conductor(Conductor { f0: color(f0), alpha: alpha(roughness), microfacet })
+        Model::SchlickMetal { color: f0, roughness } => {
+            Bsdf::SchlickMetal(SchlickMetal { f0: color(f0), alpha: alpha(roughness), energy_compensation })
         }
-        Model::MeasuredMetal { eta, k, roughness } => Bsdf::Metal(Metal {
-            eta: Vec3::from_array(*eta),
-            k: Vec3::from_array(*k),
+        Model::Conductor { eta, k, roughness } => Bsdf::Conductor(Conductor {
+            eta: Rgb::from_array(*eta),
+            k: Rgb::from_array(*k),
             surface: Microsurface::isotropic(alpha(roughness)),
-            microfacet,
+            energy_compensation,
         }),
         Model::Dielectric { ior, tint, fresnel } => {
             Bsdf::Dielectric(Dielectric { ior: *ior, tint: color(tint), fresnel: *fresnel })
@@ -145,9 +151,9 @@ pub fn resolve(model: &Model, slots: &impl Slots, frame: &LocalFrame, microfacet
                 walls: if *is_thin { Walls::Thin } else { Walls::Solid },
                 tint: color(tint),
                 reflectance: GlassReflectance::Plain,
-                microfacet,
+                energy_compensation,
             })
         }
-        Model::Pbr(pbr) => resolve_pbr(pbr, slots, frame, microfacet),
+        Model::Pbr(pbr) => resolve_pbr(pbr, slots, frame, energy_compensation),
     }
 }

@@ -2,11 +2,12 @@
 
 use super::resolve::{BsdfClass, LocalFrame, Slots, always};
 use super::{
-    Bsdf, Coat, Conductor, Dielectric, Film, GlassReflectance, Isotropic, Lambert, Layered, MetalRough,
-    Microsurface, RoughDielectric, Sheen, ThinDielectric, Walls, fresnel,
+    Bsdf, Coat, Dielectric, GlassReflectance, Isotropic, Lambert, Layered, MetalRough, Microsurface,
+    RoughDielectric, SchlickMetal, Sheen, ThinDielectric, ThinFilm, Walls, fresnel,
 };
-use crate::math::{Vec2, Vec3, poly};
-use crate::scene::{ColorSlot, FloatSlot, FresnelModel, Microfacet, PbrMaterial};
+use crate::color::Rgb;
+use crate::math::{Vec2, poly};
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, FresnelModel, PbrMaterial};
 
 /// Can light pass the interface? An index of refraction of 0 means that all is reflected.
 fn transmits(pbr: &PbrMaterial) -> bool {
@@ -48,7 +49,7 @@ pub(super) fn class_of_pbr(pbr: &PbrMaterial) -> BsdfClass {
     }
     match (pbr.anisotropy.is_some(), always(&pbr.metallic, 1.0)) {
         (true, _) => BsdfClass::Layered,
-        (false, true) => BsdfClass::Conductor,
+        (false, true) => BsdfClass::SchlickMetal,
         (false, false) => BsdfClass::MetalRough,
     }
 }
@@ -59,15 +60,15 @@ pub(super) fn resolve_pbr(
     pbr: &PbrMaterial,
     slots: &impl Slots,
     frame: &LocalFrame,
-    microfacet: Microfacet,
+    energy_compensation: EnergyCompensation,
 ) -> Bsdf {
-    let base = slots.color(&pbr.base_color).clamp(Vec3::ZERO, Vec3::ONE);
+    let base = slots.color(&pbr.base_color).clamp(Rgb::ZERO, Rgb::ONE);
     match class_of_pbr(pbr) {
         BsdfClass::Black => Bsdf::Black,
         BsdfClass::Lambert => Bsdf::Lambert(Lambert { albedo: base }),
-        BsdfClass::Conductor => {
+        BsdfClass::SchlickMetal => {
             let roughness = slots.number(&pbr.roughness).clamp(0.0, 1.0);
-            Bsdf::Conductor(Conductor { f0: base, alpha: roughness * roughness, microfacet })
+            Bsdf::SchlickMetal(SchlickMetal { f0: base, alpha: roughness * roughness, energy_compensation })
         }
         BsdfClass::Dielectric => {
             Bsdf::Dielectric(Dielectric { ior: pbr.ior, tint: tint(pbr, base), fresnel: FresnelModel::Exact })
@@ -75,29 +76,34 @@ pub(super) fn resolve_pbr(
         BsdfClass::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { ior: pbr.ior, tint: base }),
         BsdfClass::RoughDielectric => {
             let surface = microsurface(pbr, slots, frame);
-            Bsdf::RoughDielectric(glass(pbr, base, surface, GlassReflectance::Plain, microfacet))
+            Bsdf::RoughDielectric(glass(pbr, base, surface, GlassReflectance::Plain, energy_compensation))
         }
-        BsdfClass::MetalRough => Bsdf::MetalRough(metal_rough(pbr, base, slots, microfacet)),
-        _ => Bsdf::Layered(layered(pbr, base, slots, frame, microfacet)),
+        BsdfClass::MetalRough => Bsdf::MetalRough(metal_rough(pbr, base, slots, energy_compensation)),
+        _ => Bsdf::Layered(layered(pbr, base, slots, frame, energy_compensation)),
     }
 }
 
 #[inline]
-fn metal_rough(pbr: &PbrMaterial, base: Vec3, slots: &impl Slots, microfacet: Microfacet) -> MetalRough {
+fn metal_rough(
+    pbr: &PbrMaterial,
+    base: Rgb,
+    slots: &impl Slots,
+    energy_compensation: EnergyCompensation,
+) -> MetalRough {
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let (metallic, specular) = (number(&pbr.metallic), number(&pbr.specular));
     let roughness = number(&pbr.roughness);
     // KHR_materials_ior: 0 means that all light is reflected. KHR_materials_specular: f0 is clamped before the factor.
     let normal = if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) };
-    let tint = slots.color(&pbr.specular_color).max(Vec3::ZERO);
+    let tint = slots.color(&pbr.specular_color).max(Rgb::ZERO);
     MetalRough {
         diffuse: base * (1.0 - metallic),
-        layer_f0: (tint * normal).min(Vec3::ONE) * specular,
+        layer_f0: (tint * normal).min(Rgb::ONE) * specular,
         layer_f90: specular,
         metal_f0: base,
         metallic,
         surface: Isotropic { alpha: roughness * roughness },
-        microfacet,
+        energy_compensation,
     }
 }
 
@@ -109,8 +115,8 @@ fn microsurface(pbr: &PbrMaterial, slots: &impl Slots, frame: &LocalFrame) -> Mi
     let (mut strength, mut direction) = (anisotropy.strength, Vec2::X);
     if let Some(id) = anisotropy.texture {
         let t = slots.color(&ColorSlot::texture(id));
-        direction = Vec2::new(2.0 * t.x - 1.0, 2.0 * t.y - 1.0).try_normalize().unwrap_or(Vec2::X);
-        strength *= t.z;
+        direction = Vec2::new(2.0 * t.r - 1.0, 2.0 * t.g - 1.0).try_normalize().unwrap_or(Vec2::X);
+        strength *= t.b;
     }
     let (sine, cosine) = poly::sin_cos(anisotropy.rotation_rad);
     let turned =
@@ -123,31 +129,31 @@ fn microsurface(pbr: &PbrMaterial, slots: &impl Slots, frame: &LocalFrame) -> Mi
 
 /// The factor on transmitted light at one crossing of the surface.
 #[inline(always)]
-fn tint(pbr: &PbrMaterial, base: Vec3) -> Vec3 {
-    if pbr.tints_once { Vec3::new(base.x.sqrt(), base.y.sqrt(), base.z.sqrt()) } else { base }
+fn tint(pbr: &PbrMaterial, base: Rgb) -> Rgb {
+    if pbr.tints_once { base.map(f32::sqrt) } else { base }
 }
 
 fn glass(
     pbr: &PbrMaterial,
-    base: Vec3,
+    base: Rgb,
     surface: Microsurface,
     reflectance: GlassReflectance,
-    microfacet: Microfacet,
+    energy_compensation: EnergyCompensation,
 ) -> RoughDielectric {
     let walls = if pbr.has_volume { Walls::Solid } else { Walls::Thin };
-    RoughDielectric { surface, ior: pbr.ior, walls, tint: tint(pbr, base), reflectance, microfacet }
+    RoughDielectric { surface, ior: pbr.ior, walls, tint: tint(pbr, base), reflectance, energy_compensation }
 }
 
 fn layered(
     pbr: &PbrMaterial,
-    base: Vec3,
+    base: Rgb,
     slots: &impl Slots,
     frame: &LocalFrame,
-    microfacet: Microfacet,
+    energy_compensation: EnergyCompensation,
 ) -> Layered {
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let surface = microsurface(pbr, slots, frame);
-    let mut opaque = metal_rough(pbr, base, slots, microfacet).on(surface);
+    let mut opaque = metal_rough(pbr, base, slots, energy_compensation).on(surface);
     let reflectance = match is_plain(pbr) {
         true => GlassReflectance::Plain,
         false => GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 },
@@ -159,23 +165,24 @@ fn layered(
     let rest = 1.0 / (1.0 - glass_share).max(f32::MIN_POSITIVE);
     let diffuse = (dielectric * (1.0 - transmission) * rest).min(1.0);
     opaque.metallic = (opaque.metallic * rest).min(1.0);
-    let (passing, color) = pbr.diffuse_transmission.as_ref().map_or((0.0, Vec3::ZERO), |d| {
-        (number(&d.factor), slots.color(&d.color).clamp(Vec3::ZERO, Vec3::ONE))
-    });
+    let (passing, color) = pbr
+        .diffuse_transmission
+        .as_ref()
+        .map_or((0.0, Rgb::ZERO), |d| (number(&d.factor), slots.color(&d.color).clamp(Rgb::ZERO, Rgb::ONE)));
     opaque.diffuse = base * (diffuse * (1.0 - passing));
     Layered {
         opaque,
         through: color * (diffuse * passing),
-        glass: glass(pbr, base, surface, reflectance, microfacet),
+        glass: glass(pbr, base, surface, reflectance, energy_compensation),
         glass_share,
-        film: pbr.iridescence.as_ref().map_or(Film::NONE, |i| {
+        film: pbr.iridescence.as_ref().map_or(ThinFilm::NONE, |i| {
             let blend = FloatSlot { factor: 1.0, texture: i.thickness_texture };
             let blend = slots.number(&blend).clamp(0.0, 1.0);
             let thickness_nm = i.thickness_min_nm + (i.thickness_max_nm - i.thickness_min_nm) * blend;
-            Film { factor: number(&i.factor), ior: i.ior.max(1.0), thickness_nm: thickness_nm.max(0.0) }
+            ThinFilm { factor: number(&i.factor), ior: i.ior.max(1.0), thickness_nm: thickness_nm.max(0.0) }
         }),
         sheen: pbr.sheen.as_ref().map_or(Sheen::NONE, |s| Sheen {
-            color: slots.color(&s.color).clamp(Vec3::ZERO, Vec3::ONE),
+            color: slots.color(&s.color).clamp(Rgb::ZERO, Rgb::ONE),
             roughness: number(&s.roughness),
         }),
         coat: pbr.clearcoat.as_ref().map_or(Coat::NONE, |c| {
@@ -184,7 +191,7 @@ fn layered(
                 factor: number(&c.factor),
                 alpha: roughness * roughness,
                 normal: frame.coat_normal,
-                microfacet,
+                energy_compensation,
             }
         }),
     }

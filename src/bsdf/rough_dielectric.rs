@@ -1,10 +1,11 @@
 //! Glass of any roughness, solid and as a thin sheet.
 
 use super::microsurface::{Facets, Microsurface};
-use super::solid_glass::SolidView;
-use super::{BsdfEval, BsdfSample, fresnel, ggx, mean};
+use super::solid_glass::SolidGlassClosure;
+use super::{BsdfEval, BsdfSample, fresnel, ggx};
+use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 
 /// Alpha times (ior - 1) below which refraction spreads light by less than single precision can tell from a single
 /// direction: the surface counts as smooth.
@@ -28,7 +29,7 @@ pub enum GlassReflectance {
     /// From `f0` at normal to `f90` at grazing incidence.
     Between {
         /// Reflectance at normal incidence.
-        f0: Vec3,
+        f0: Rgb,
         /// Reflectance at grazing incidence.
         f90: f32,
     },
@@ -40,9 +41,9 @@ pub enum GlassReflectance {
 /// A facet splits light by Fresnel's equations between a mirrored and a refracted direction. Other facets shadow both:
 /// reflection by the height-correlated Smith term as on metals, transmission by the separable one, which is nearer to the
 /// exact beta function of Heitz et al. 2016, "Multiple-Scattering Microfacet BSDFs with the Smith Model", eq. 20. With
-/// [`Microfacet::Single`] what is shadowed is lost.
+/// [`EnergyCompensation::Off`] what is shadowed is lost.
 ///
-/// With [`Microfacet::Multi`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
+/// With [`EnergyCompensation::On`] it is not. On walks among facets (the model of that paper) most of it ends in the denser
 /// medium, where total reflection holds it. So of what is shadowed on the rarer side a share stays there, and the rest joins
 /// what the same facet sends to the denser side, tinted by one crossing more; what is mirrored against the surface from
 /// within leaves through it in a share, and is turned back otherwise. Wherever it ends, it is turned away from the horizon,
@@ -67,22 +68,22 @@ pub struct RoughDielectric {
     /// Solid or thin.
     pub walls: Walls,
     /// Factor on transmitted light at each crossing.
-    pub tint: Vec3,
+    pub tint: Rgb,
     /// Reflectance.
     pub reflectance: GlassReflectance,
-    /// Single or multiple scattering.
-    pub microfacet: Microfacet,
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
 }
 
 /// A facet as seen under one angle.
 #[derive(Clone, Copy)]
 pub(super) struct Facet {
-    pub reflected: Vec3,
-    pub transmitted: Vec3,
-    /// Chance of sampling the reflection.
-    pub p_reflected: f32,
-    /// Chance of sampling the transmission; on its own, so that a tiny one does not round to 0.
-    pub p_transmitted: f32,
+    pub reflected: Rgb,
+    pub transmitted: Rgb,
+    /// Probability of sampling the reflection.
+    pub probability_reflected: f32,
+    /// Probability of sampling the transmission; on its own, so that a tiny one does not round to 0.
+    pub probability_transmitted: f32,
     pub cos_transmitted: f32,
 }
 
@@ -107,28 +108,29 @@ impl RoughDielectric {
         let interface = fresnel::exact(c, eta);
         let total = interface.cos_transmitted <= 0.0 && interface.reflectance > 0.0;
         let mut reflected = match self.reflectance {
-            GlassReflectance::Plain => Vec3::splat(interface.reflectance),
-            GlassReflectance::Between { .. } if total => Vec3::ONE,
+            GlassReflectance::Plain => Rgb::splat(interface.reflectance),
+            GlassReflectance::Between { .. } if total => Rgb::ONE,
             GlassReflectance::Between { f0, f90 } => {
                 let normal = fresnel::f0_from_eta(eta);
                 let rise = (interface.reflectance - normal) / (1.0 - normal).max(1e-6);
-                (f0 + (Vec3::splat(f90) - f0) * rise).clamp(Vec3::ZERO, Vec3::ONE)
+                (f0 + (Rgb::splat(f90) - f0) * rise).clamp(Rgb::ZERO, Rgb::ONE)
             }
         };
         if self.walls == Walls::Thin {
             // All reflections between the two faces: R + T^2 R / (1 - R^2).
-            reflected = reflected * 2.0 / (Vec3::ONE + reflected);
+            reflected = reflected * 2.0 / (Rgb::ONE + reflected);
         }
         let passes = if total { 0.0 } else { 1.0 - reflected.max_element() };
         let transmitted = self.tint * passes;
-        let (r, t) = (mean(reflected), mean(transmitted));
+        let (r, t) = (reflected.mean(), transmitted.mean());
         let sum = r + t;
-        let [p_reflected, p_transmitted] = [r, t].map(|x| x / if sum > 0.0 { sum } else { 1.0 });
+        let [probability_reflected, probability_transmitted] =
+            [r, t].map(|x| x / if sum > 0.0 { sum } else { 1.0 });
         Facet {
             reflected,
             transmitted,
-            p_reflected,
-            p_transmitted,
+            probability_reflected,
+            probability_transmitted,
             cos_transmitted: interface.cos_transmitted,
         }
     }
@@ -140,7 +142,7 @@ impl RoughDielectric {
         let eta = if is_inside && self.walls == Walls::Solid { 1.0 / self.ior } else { self.ior };
         let share = |c: f32| {
             let facet = self.facet(c.min(1.0), eta);
-            mean(facet.reflected) + mean(facet.transmitted)
+            facet.reflected.mean() + facet.transmitted.mean()
         };
         let estimate = 0.5 * (share(cosine) + share(cosine.max(0.5)));
         // From within, facets may reflect everything where their mean does not: they must not be starved.
@@ -157,8 +159,8 @@ impl RoughDielectric {
         let (above, eta) = (ggx::above(wo), self.eta(wo));
         let sampled = match self.walls {
             Walls::Solid => {
-                let view = SolidView::new(self, above, eta);
-                view.sample(u).map(|wi| (wi, view.eval(wi)))
+                let closure = SolidGlassClosure::new(self, above, eta);
+                closure.sample(u).map(|wi| (wi, closure.eval(wi)))
             }
             Walls::Thin => self.sample_thin(above, u).map(|wi| (wi, self.eval_thin(above, wi))),
         };
@@ -185,7 +187,7 @@ impl RoughDielectric {
         let normal = self.surface.sample_visible_normal(above, [u[0], u[1]]);
         let c = above.dot(normal).clamp(0.0, 1.0);
         let mirrored = normal * (2.0 * c) - above;
-        let is_transmission = u[2] >= self.facet(c, self.ior).p_reflected;
+        let is_transmission = u[2] >= self.facet(c, self.ior).probability_reflected;
         let side = if is_transmission { -1.0 } else { 1.0 };
         (mirrored.z > 0.0).then(|| Vec3::new(mirrored.x, mirrored.y, mirrored.z * side))
     }
@@ -196,11 +198,11 @@ impl RoughDielectric {
         let eta = self.eta(wo);
         // The cosine that the estimate of its albedo sees as well.
         let facet = self.facet(ggx::above(wo).z.min(1.0), eta);
-        let p = facet.p_reflected;
+        let p = facet.probability_reflected;
         if u < p {
             return BsdfSample::mirror(wo, facet.reflected / p, p);
         }
-        if p >= 1.0 || facet.transmitted == Vec3::ZERO {
+        if p >= 1.0 || facet.transmitted == Rgb::ZERO {
             return BsdfSample::ABSORBED;
         }
         let weight = facet.transmitted / (1.0 - p);
@@ -230,7 +232,7 @@ impl RoughDielectric {
         let above = ggx::above(wo);
         let wi = Vec3::new(wi.x, wi.y, if wo.z < 0.0 { -wi.z } else { wi.z });
         match self.walls {
-            Walls::Solid => SolidView::new(self, above, self.eta(wo)).eval(wi),
+            Walls::Solid => SolidGlassClosure::new(self, above, self.eta(wo)).eval(wi),
             Walls::Thin => self.eval_thin(above, wi),
         }
     }
@@ -240,14 +242,14 @@ impl RoughDielectric {
     fn eval_thin(&self, above: Vec3, wi: Vec3) -> BsdfEval {
         let r = self.surface.reflection(above, Vec3::new(wi.x, wi.y, wi.z.abs()));
         let facet = self.facet(r.cos_half.min(1.0), self.ior);
-        let (color, chance) = match wi.z < 0.0 {
-            true => (facet.transmitted, facet.p_transmitted),
-            false => (facet.reflected, facet.p_reflected),
+        let (color, probability) = match wi.z < 0.0 {
+            true => (facet.transmitted, facet.probability_transmitted),
+            false => (facet.reflected, facet.probability_reflected),
         };
-        let albedo = match self.microfacet {
-            Microfacet::Single => 1.0,
-            Microfacet::Multi => self.surface.directional_albedo(above).full,
+        let albedo = match self.energy_compensation {
+            EnergyCompensation::Off => 1.0,
+            EnergyCompensation::On => self.surface.directional_albedo(above).full,
         };
-        BsdfEval { f_cos: color * (r.f_cos / albedo), pdf_solid_angle: chance * r.pdf_solid_angle }
+        BsdfEval { f_cos: color * (r.f_cos / albedo), pdf_solid_angle: probability * r.pdf_solid_angle }
     }
 }

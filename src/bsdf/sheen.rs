@@ -2,6 +2,7 @@
 
 use super::sheen_data::SHEEN;
 use super::{BsdfEval, BsdfSample, ggx};
+use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::sampling::warp;
 use std::f32::consts::FRAC_1_PI;
@@ -23,7 +24,7 @@ pub const NODES: usize = 16;
 #[derive(Clone, Copy, Debug)]
 pub struct Sheen {
     /// Factor on the scattered light, 0..1; black for none.
-    pub color: Vec3,
+    pub color: Rgb,
     /// 0..1: the square root of the flakes' cross section along the fibre.
     pub roughness: f32,
 }
@@ -55,7 +56,7 @@ fn lookup(roughness: f32, cosine: f32) -> [f32; 3] {
 
 impl Sheen {
     /// No fibres.
-    pub const NONE: Sheen = Sheen { color: Vec3::ZERO, roughness: 0.0 };
+    pub const NONE: Sheen = Sheen { color: Rgb::ZERO, roughness: 0.0 };
 
     /// Share of light that white fibres return under a view cosine.
     #[inline(always)]
@@ -82,7 +83,7 @@ impl Sheen {
         let pdf_solid_angle = self.eval(wo, wi).pdf_solid_angle;
         BsdfSample {
             wi,
-            weight: Vec3::ONE,
+            weight: Rgb::ONE,
             pdf_solid_angle,
             eta: 1.0,
             is_specular: false,
@@ -103,7 +104,7 @@ impl Sheen {
         let length_squared = tx * tx + ty * ty + z * z;
         // Clamped cosine z / (pi l) times the Jacobian a^2 / l^3.
         let pdf_solid_angle = a * a * z * FRAC_1_PI / (length_squared * length_squared).max(1e-30);
-        BsdfEval { f_cos: Vec3::splat(pdf_solid_angle), pdf_solid_angle }
+        BsdfEval { f_cos: Rgb::splat(pdf_solid_angle), pdf_solid_angle }
     }
 }
 
@@ -214,7 +215,7 @@ mod tests {
         for (roughness, cosine) in [(0.4, 0.4f64), (0.8, 0.2), (1.0, 0.8)] {
             let (_, up) = simulate(cosine, roughness, 200_000, 20_000);
             let mean = up.iter().sum::<DVec3>() / up.len() as f64;
-            let sheen = Sheen { color: Vec3::ONE, roughness: roughness as f32 };
+            let sheen = Sheen { color: Rgb::ONE, roughness: roughness as f32 };
             let wo = Vec3::new((1.0 - cosine * cosine).sqrt() as f32, 0.0, cosine as f32);
             let mut random = Random::new(9);
             let n = 20_000;

@@ -3,11 +3,12 @@
 use super::microsurface::Microsurface;
 use super::rough_dielectric::RoughDielectric;
 use super::{BsdfEval, fresnel, ggx};
+use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 
 /// Facets of a solid as one direction sees them: how [`RoughDielectric`] scatters.
-pub struct SolidView<'a> {
+pub struct SolidGlassClosure<'a> {
     glass: &'a RoughDielectric,
     /// The direction, with z above 0, in the frame of the facets' axis.
     wo: Vec3,
@@ -85,26 +86,26 @@ impl Lift {
 /// Some of a facet's light.
 #[derive(Clone, Copy)]
 struct Light {
-    color: Vec3,
-    /// Chance of sampling it.
-    chance: f32,
+    color: Rgb,
+    /// Probability of sampling it.
+    probability: f32,
 }
 
 impl Light {
-    const NONE: Light = Light { color: Vec3::ZERO, chance: 0.0 };
+    const NONE: Light = Light { color: Rgb::ZERO, probability: 0.0 };
 
     #[inline(always)]
     fn plus(self, other: Light) -> Light {
-        Light { color: self.color + other.color, chance: self.chance + other.chance }
+        Light { color: self.color + other.color, probability: self.probability + other.probability }
     }
 
     #[inline(always)]
     fn times(self, factor: f32) -> Light {
-        Light { color: self.color * factor, chance: self.chance * factor }
+        Light { color: self.color * factor, probability: self.probability * factor }
     }
 
     #[inline(always)]
-    fn tinted(self, tint: Vec3) -> Light {
+    fn tinted(self, tint: Rgb) -> Light {
         Light { color: self.color * tint, ..self }
     }
 }
@@ -117,14 +118,14 @@ struct Part {
     lifted: Light,
 }
 
-impl SolidView<'_> {
+impl SolidGlassClosure<'_> {
     /// A direction with z above 0, in the surface's frame.
     #[inline(always)]
-    pub fn new(glass: &RoughDielectric, above: Vec3, eta: f32) -> SolidView<'_> {
+    pub fn new(glass: &RoughDielectric, above: Vec3, eta: f32) -> SolidGlassClosure<'_> {
         let wo = glass.surface.to_axis(above);
-        let shadowed =
-            (glass.microfacet == Microfacet::Multi).then(|| Shadowed::new(wo.z, eta, &glass.surface));
-        SolidView { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
+        let shadowed = (glass.energy_compensation == EnergyCompensation::On)
+            .then(|| Shadowed::new(wo.z, eta, &glass.surface));
+        SolidGlassClosure { glass, wo, root: glass.surface.smith_root(wo), eta, shadowed }
     }
 
     /// What a facet sends along its mirrored and its refracted direction. `known` are these directions where they are at
@@ -134,14 +135,17 @@ impl SolidView<'_> {
         let (wo, eta) = (self.wo, self.eta);
         let c = wo.dot(normal).clamp(0.0, 1.0);
         let facet = self.glass.facet(c, eta);
-        let part =
-            |direction, color, chance| Part { direction, open: Light { color, chance }, lifted: Light::NONE };
+        let part = |direction, color, probability| Part {
+            direction,
+            open: Light { color, probability },
+            lifted: Light::NONE,
+        };
         let mut mirrored =
-            part(known[0].unwrap_or(normal * (2.0 * c) - wo), facet.reflected, facet.p_reflected);
+            part(known[0].unwrap_or(normal * (2.0 * c) - wo), facet.reflected, facet.probability_reflected);
         let mut refracted = part(
             known[1].unwrap_or(normal * (c / eta - facet.cos_transmitted) - wo / eta),
             facet.transmitted,
-            facet.p_transmitted,
+            facet.probability_transmitted,
         );
         let open = [self.open_mirrored(mirrored.direction), self.open_refracted(refracted.direction)];
         match &self.shadowed {
@@ -207,19 +211,19 @@ impl SolidView<'_> {
         let [mirrored, refracted] = self.split(normal, [None; 2]);
         let mut rest = u[2];
         for (part, mirrors) in [(mirrored, true), (refracted, false)] {
-            if rest < part.open.chance {
+            if rest < part.open.probability {
                 let is_seen = (part.direction.z > 0.0) == mirrors;
                 return is_seen.then(|| surface.from_axis(part.direction.normalize()));
             }
-            rest -= part.open.chance;
-            if rest < part.lifted.chance {
+            rest -= part.open.probability;
+            if rest < part.lifted.probability {
                 let (shadowed, mut wi) = (self.shadowed?, part.direction.normalize());
-                if mirrors && wi.z <= 0.0 && rest >= part.lifted.chance * shadowed.passes {
+                if mirrors && wi.z <= 0.0 && rest >= part.lifted.probability * shadowed.passes {
                     wi.z = -wi.z;
                 }
                 return Some(surface.from_axis(self.lift(&shadowed, wi.z < 0.0).up(wi)));
             }
-            rest -= part.lifted.chance;
+            rest -= part.lifted.probability;
         }
         None
     }
@@ -245,7 +249,7 @@ impl SolidView<'_> {
         }
         // Radiance of the other medium.
         let scale = if crosses { 1.0 / (self.eta * self.eta) } else { 1.0 };
-        BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.chance }
+        BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.probability }
     }
 
     /// Open and lifted light that facets mirror along a direction, which may lead below the surface.

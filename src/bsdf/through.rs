@@ -1,6 +1,7 @@
 //! Light scattered diffusely through a surface (KHR_materials_diffuse_transmission).
 
 use super::{BsdfEval, BsdfSample};
+use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::sampling::warp;
 use std::f32::consts::FRAC_1_PI;
@@ -16,7 +17,7 @@ impl DiffuseThrough {
         let up = warp::cosine_hemisphere([u[0], u[1]]);
         BsdfSample {
             wi: Vec3::new(up.x, up.y, up.z.copysign(-wo.z)),
-            weight: Vec3::ONE,
+            weight: Rgb::ONE,
             pdf_solid_angle: up.z * FRAC_1_PI,
             eta: 1.0,
             is_specular: false,
@@ -29,6 +30,6 @@ impl DiffuseThrough {
     pub fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
         let crosses = (wo.z < 0.0) != (wi.z < 0.0);
         let pdf_solid_angle = if crosses { wi.z.abs() * FRAC_1_PI } else { 0.0 };
-        BsdfEval { f_cos: Vec3::splat(pdf_solid_angle), pdf_solid_angle }
+        BsdfEval { f_cos: Rgb::splat(pdf_solid_angle), pdf_solid_angle }
     }
 }

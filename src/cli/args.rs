@@ -84,7 +84,7 @@ pub(crate) enum FilterArg {
     BlackmanHarris,
 }
 
-/// Microfacet models.
+/// Single or multiple scattering between microfacets.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum MicrofacetArg {
     Multi,

@@ -4,6 +4,7 @@
 mod args;
 mod asset_args;
 mod compare;
+mod environment;
 mod excerpt;
 mod frames;
 mod help;
@@ -18,7 +19,6 @@ mod render;
 mod report;
 mod scene_path;
 mod settings;
-mod surroundings;
 
 use args::{Arguments, Command};
 use clap::Parser;

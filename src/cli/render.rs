@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::args::{RenderArgs, UpArg};
+use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::{Pictures, Targets};
 use super::process::{peak_memory, stop_flag};
@@ -9,7 +10,6 @@ use super::progress::Progress;
 use super::report::{self, Run, Said};
 use super::scene_path;
 use super::settings::{Settled, check_size, settle};
-use super::surroundings::Surroundings;
 use oscura::compile::{CompileOptions, CompileReport, CompiledScene, compile};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
@@ -30,9 +30,9 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         let targets = Targets::check(&args.output)?;
         let start = Instant::now();
         scene_path::check(&args.scene)?;
-        let surroundings = Surroundings::load(args)?;
+        let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load(&args.scene, &load_options(args))?;
-        return run_one(args, stop, &targets, &surroundings, &mut loaded, start, &mut Said::default());
+        return run_one(args, stop, &targets, &environment, &mut loaded, start, &mut Said::default());
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
@@ -41,7 +41,7 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
     let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
     let mut said = Said::default();
     scene_path::check(&args.scene)?;
-    let surroundings = Surroundings::load(args)?;
+    let environment = EnvironmentOverride::load(args)?;
     let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
     load_moments(&args.scene, &load_options(args), moments, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
@@ -49,7 +49,7 @@ fn run_all(args: &RenderArgs, stop: &AtomicBool) -> Result<Outcome> {
         if !args.quiet {
             eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
         }
-        outcome = run_one(args, stop, &targets, &surroundings, loaded, start, &mut said)?;
+        outcome = run_one(args, stop, &targets, &environment, loaded, start, &mut said)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -76,13 +76,13 @@ fn run_one(
     args: &RenderArgs,
     stop: &AtomicBool,
     targets: &Targets,
-    surroundings: &Surroundings,
+    environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
     said: &mut Said,
 ) -> Result<Outcome> {
     let Prepared { scene, settled, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), surroundings, loaded, start)?;
+        prepare(args, targets.has_exr(), environment, loaded, start)?;
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
@@ -148,17 +148,17 @@ struct Prepared {
 fn prepare(
     args: &RenderArgs,
     has_exr: bool,
-    surroundings: &Surroundings,
+    environment: &EnvironmentOverride,
     loaded: &mut Loaded,
     start: Instant,
 ) -> Result<Prepared> {
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
-    warnings.extend(surroundings.apply(args, &mut loaded.scene));
+    warnings.extend(environment.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
     let options = CompileOptions {
-        microfacet: settled.microfacet,
+        energy_compensation: settled.energy_compensation,
         camera: settled.camera,
         width: settled.render.width,
         height: settled.render.height,

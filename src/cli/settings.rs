@@ -3,9 +3,9 @@
 use super::args::{AovArg, FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
-use oscura::output::{PngOptions, View};
+use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::RenderOptions;
-use oscura::scene::{Filter, Microfacet, Scene};
+use oscura::scene::{EnergyCompensation, Filter, Scene};
 
 const DEFAULT_WIDTH: u32 = 1280;
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
@@ -17,7 +17,7 @@ const PIXEL_LIMIT: u64 = 1 << 28;
 /// Everything about a run that is decided before it starts.
 pub(crate) struct Settled {
     pub render: RenderOptions,
-    pub microfacet: Microfacet,
+    pub energy_compensation: EnergyCompensation,
     pub camera: Option<usize>,
     pub png: PngOptions,
 }
@@ -38,9 +38,9 @@ pub(crate) fn settle(
         FilterArg::Gaussian => Filter::Gaussian,
         FilterArg::BlackmanHarris => Filter::BlackmanHarris,
     });
-    let microfacet = args.microfacet.map(|m| match m {
-        MicrofacetArg::Multi => Microfacet::Multi,
-        MicrofacetArg::Single => Microfacet::Single,
+    let energy_compensation = args.microfacet.map(|m| match m {
+        MicrofacetArg::Multi => EnergyCompensation::On,
+        MicrofacetArg::Single => EnergyCompensation::Off,
     });
     let exposure = args.exposure.or(from_file.exposure).unwrap_or(0.0);
     for (option, is_given) in [("--aov", !args.aov.is_empty()), ("--float", args.float)] {
@@ -61,12 +61,12 @@ pub(crate) fn settle(
         time_limit: args.time_limit,
     };
     let view = match args.view {
-        ViewArg::Srgb => View::Srgb,
-        ViewArg::Filmic => View::Filmic,
+        ViewArg::Srgb => ViewTransform::Srgb,
+        ViewArg::Filmic => ViewTransform::Filmic,
     };
     Ok(Settled {
         render,
-        microfacet: microfacet.or(from_file.microfacet).unwrap_or_default(),
+        energy_compensation: energy_compensation.or(from_file.energy_compensation).unwrap_or_default(),
         camera,
         png: PngOptions { view, exposure, dither: args.dither },
     })

@@ -3,6 +3,7 @@
 use super::geometry::{Attributes, Geometries};
 use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel;
+use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, Radiance};
 use crate::math::{Mat3, Vec2, Vec3};
 
@@ -78,7 +79,7 @@ impl Emitters {
         prims: &[usize],
     ) {
         let Some(emission) = sampled_emission(material) else { return };
-        let factor = Vec3::from_array(emission.radiance.factor);
+        let factor = Rgb::from_array(emission.radiance.factor);
         let radiance = match (emission.radiance.texture, uv) {
             (Some(texture), Some(uv)) => Radiance::Flat { texture, factor, uv },
             _ => Radiance::Constant(factor),
@@ -94,7 +95,7 @@ impl Emitters {
         prim: usize,
     ) {
         let Some(emission) = sampled_emission(material) else { return };
-        let factor = Vec3::from_array(emission.radiance.factor);
+        let factor = Rgb::from_array(emission.radiance.factor);
         let radiance = match emission.radiance.texture {
             Some(texture) => Radiance::Sphere { texture, factor, object_from_world },
             None => Radiance::Constant(factor),

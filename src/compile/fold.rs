@@ -34,12 +34,10 @@ pub(super) fn fold_model(model: &Model, textures: &CompiledTextures) -> Model {
         Model::Phong { diffuse, specular, exponent } => {
             Model::Phong { diffuse: color(diffuse), specular: color(specular), exponent }
         }
-        Model::Metal { color: f0, roughness } => {
-            Model::Metal { color: color(f0), roughness: number(roughness) }
+        Model::SchlickMetal { color: f0, roughness } => {
+            Model::SchlickMetal { color: color(f0), roughness: number(roughness) }
         }
-        Model::MeasuredMetal { eta, k, roughness } => {
-            Model::MeasuredMetal { eta, k, roughness: number(roughness) }
-        }
+        Model::Conductor { eta, k, roughness } => Model::Conductor { eta, k, roughness: number(roughness) },
         Model::Dielectric { ior, tint, fresnel } => Model::Dielectric { ior, tint: color(tint), fresnel },
         Model::Glass { ior, tint, roughness, is_thin } => {
             Model::Glass { ior, tint: color(tint), roughness: number(roughness), is_thin }

@@ -53,7 +53,7 @@ pub struct Surface {
 
 /// What textures and normal maps need to know about a hit.
 #[derive(Clone, Copy, Debug)]
-pub struct Coordinates {
+pub struct SurfaceCoordinates {
     /// Two sets of texture coordinates.
     pub uv: [Vec2; 2],
     /// Linear RGBA vertex colour; white without one.
@@ -222,7 +222,7 @@ impl Geometries {
 
     /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
     /// so.
-    pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> Coordinates {
+    pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> SurfaceCoordinates {
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
         let geometry = placement.map_or(0, |p| p.geometry as usize);
         let (shapes, attributes) = (&self.shapes[geometry], &self.attributes[geometry]);
@@ -237,7 +237,7 @@ impl Geometries {
                 let uv = Vec2::new(hit.u, hit.v);
                 let tangent_frame = frame_of(q.edge_u, surface.ns, 1.0);
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
-                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
+                SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
             Primitive::Sphere(index, s) => {
                 let object_from_world =
@@ -249,7 +249,7 @@ impl Geometries {
                 let tangent_frame = frame_of(east, surface.ns, -1.0);
                 // At the equator: 2 pi r by pi r metres.
                 let uv_per_metre = [1.0 / (std::f32::consts::SQRT_2 * std::f32::consts::PI * s.radius); 2];
-                Coordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
+                SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
         }
     }
@@ -264,7 +264,7 @@ impl Attributes {
         surface: &Surface,
         linear: &Mat3,
         footprints: bool,
-    ) -> Coordinates {
+    ) -> SurfaceCoordinates {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
         let corner_uv =
             |set: usize| (!self.uv[set].is_empty()).then(|| vertices(&self.uv[set], t).map(Vec2::from_array));
@@ -300,7 +300,7 @@ impl Attributes {
                 )
             });
         let tangent_frame = from_vertices.or_else(|| first.and_then(|uv| uv_frame(corners, uv, surface.ns)));
-        Coordinates { uv: [mix(first), mix(second)], color, tangent_frame, uv_per_metre }
+        SurfaceCoordinates { uv: [mix(first), mix(second)], color, tangent_frame, uv_per_metre }
     }
 }
 

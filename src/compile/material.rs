@@ -4,9 +4,10 @@ use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
 use super::medium::Medium;
 use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Microfacet, Model, NormalMap, PbrMaterial,
+    AlphaMode, Clearcoat, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, PbrMaterial,
 };
 use crate::texture::{CompiledTextures, PointReader};
 
@@ -18,7 +19,7 @@ pub struct CompiledMaterial {
     /// The same BSDF everywhere.
     pub constant: Option<Bsdf>,
     /// Its albedo there; black otherwise.
-    pub albedo: Vec3,
+    pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
     /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
@@ -40,7 +41,7 @@ pub struct CompiledMaterial {
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
     model: Model,
-    microfacet: Microfacet,
+    energy_compensation: EnergyCompensation,
 }
 
 /// Emitted radiance.
@@ -61,13 +62,13 @@ pub struct Alpha {
 
 impl Slots for PointReader<'_> {
     #[inline]
-    fn color(&self, slot: &ColorSlot) -> Vec3 {
-        let factor = Vec3::from_array(slot.factor);
+    fn color(&self, slot: &ColorSlot) -> Rgb {
+        let factor = Rgb::from_array(slot.factor);
         match slot.texture {
             None => factor,
             Some(id) => {
                 let [r, g, b, _] = self.eval(id);
-                factor * Vec3::new(r, g, b)
+                factor * Rgb::new(r, g, b)
             }
         }
     }
@@ -82,7 +83,11 @@ impl Slots for PointReader<'_> {
 }
 
 impl CompiledMaterial {
-    pub(super) fn new(material: &Material, textures: &CompiledTextures, microfacet: Microfacet) -> Self {
+    pub(super) fn new(
+        material: &Material,
+        textures: &CompiledTextures,
+        energy_compensation: EnergyCompensation,
+    ) -> Self {
         let model = fold_model(&material.model, textures);
         let class = class_of(&model);
         let emission = material.emission.and_then(|e| {
@@ -106,11 +111,11 @@ impl CompiledMaterial {
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
         let constant =
-            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, microfacet));
+            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, energy_compensation));
         CompiledMaterial {
             class,
             constant,
-            albedo: constant.map_or(Vec3::ZERO, |b| b.albedo()),
+            albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
             is_two_sided: material.double_sided || is_transmissive(&folded.model),
             medium: Medium::of(&folded.model, class),
@@ -122,7 +127,7 @@ impl CompiledMaterial {
             uses_frame,
             coat_normal_map,
             model: folded.model,
-            microfacet,
+            energy_compensation,
         }
     }
 
@@ -143,11 +148,11 @@ impl CompiledMaterial {
 
     /// The BSDF at a point.
     #[inline]
-    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Vec3) -> Bsdf {
+    pub fn bsdf(&self, slots: &PointReader<'_>, frame: &LocalFrame, vertex_color: Rgb) -> Bsdf {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
-        let bsdf = resolve(&self.model, slots, frame, self.microfacet);
+        let bsdf = resolve(&self.model, slots, frame, self.energy_compensation);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 
@@ -223,7 +228,7 @@ impl Alpha {
         self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
     }
 
-    /// The chance that the surface is present at a point.
+    /// The probability that the surface is present at a point.
     #[inline]
     pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
         let alpha = slots.number(&self.slot) * vertex_alpha;

@@ -3,8 +3,9 @@
 use super::closed::{Outline, outline};
 use super::material::{CompiledMaterial, lets_light_in};
 use crate::bsdf::BsdfClass;
+use crate::color::Rgb;
 use crate::error::Warning;
-use crate::math::{Vec3, poly};
+use crate::math::poly;
 use crate::scene::{MaterialId, Model, PbrMaterial, Scene};
 
 /// The inside of a solid that light passes.
@@ -14,7 +15,7 @@ pub struct Medium {
     /// light or none, whatever is beside it.
     pub iors: Option<[f32; 3]>,
     /// Extinction coefficient by channel, per metre; `None` for clear media.
-    pub absorption: Option<Vec3>,
+    pub absorption: Option<Rgb>,
 }
 
 impl Medium {
@@ -46,14 +47,14 @@ impl Medium {
 
     /// What is left of light after a way through the medium, in metres.
     #[inline]
-    pub fn transmittance(&self, distance: f32) -> Vec3 {
-        let Some(absorption) = self.absorption else { return Vec3::ONE };
+    pub fn transmittance(&self, distance: f32) -> Rgb {
+        let Some(absorption) = self.absorption else { return Rgb::ONE };
         let optical = absorption * -distance;
-        Vec3::new(poly::exp(optical.x), poly::exp(optical.y), poly::exp(optical.z))
+        optical.map(poly::exp)
     }
 }
 
-/// Gathers the media of a scene's materials after that of the surroundings, and tells the materials their numbers.
+/// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
 ///
 /// Materials that nothing has get none. Neither do clear media of open surfaces: a pane that is a single sheet is meant as
 /// a window, and would fill the room behind it with glass.
@@ -98,7 +99,7 @@ fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
 }
 
 /// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
-fn absorption(pbr: &PbrMaterial) -> Option<Vec3> {
+fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
     let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
     if is_clear || pbr.attenuation_distance <= 0.0 {
         return None;
@@ -106,7 +107,7 @@ fn absorption(pbr: &PbrMaterial) -> Option<Vec3> {
     // Black would be infinite; f32's smallest normal number is black enough.
     let sigma =
         |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
-    Some(Vec3::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
+    Some(Rgb::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
 }
 
 /// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).

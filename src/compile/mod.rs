@@ -11,7 +11,7 @@ mod medium;
 mod tangents;
 
 pub use geometry::{
-    Coordinates, Corners, Geometries, Surface, TextureCorners, shading_normal, triangle_surface,
+    Corners, Geometries, Surface, SurfaceCoordinates, TextureCorners, shading_normal, triangle_surface,
 };
 pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
@@ -21,7 +21,7 @@ use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DMat4, Hit, Vec3};
-use crate::scene::{Microfacet, Scene};
+use crate::scene::{EnergyCompensation, Scene};
 use crate::texture::CompiledTextures;
 use bake::Baked;
 use emitters::Emitters;
@@ -34,7 +34,7 @@ const MAX_TRIANGLES: usize = 400_000_000;
 #[derive(Clone, Copy, Debug)]
 pub struct CompileOptions {
     /// Treatment of light that bounces between microfacets.
-    pub microfacet: Microfacet,
+    pub energy_compensation: EnergyCompensation,
     /// Which camera; the first by default.
     pub camera: Option<usize>,
     /// Picture width in pixels.
@@ -58,7 +58,7 @@ pub struct CompileReport {
     pub quads: u64,
     /// Spheres.
     pub spheres: u64,
-    /// Lights, the surroundings included.
+    /// Lights, the environment included.
     pub lights: u64,
     /// Memory of the accelerator.
     pub bytes: u64,
@@ -77,7 +77,7 @@ pub struct CompiledScene {
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
     /// Treatment of light that bounces between microfacets.
-    pub microfacet: Microfacet,
+    pub energy_compensation: EnergyCompensation,
     /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.
@@ -128,7 +128,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         ..CompileReport::default()
     };
     let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
-    let compiled = |m| CompiledMaterial::new(m, &textures, options.microfacet);
+    let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = medium::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
@@ -158,7 +158,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         camera,
         geometries,
         materials,
-        microfacet: options.microfacet,
+        energy_compensation: options.energy_compensation,
         media,
         textures,
         lights,

@@ -4,9 +4,10 @@ use super::environment::SampleEnvironment;
 use super::metal_rough;
 use super::normals::terminator;
 use super::surface::{Sorted, add};
-use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
+use super::wave::{Vertices, WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
 use super::{Integrator, Purpose};
 use crate::bsdf::Bsdf;
+use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, LightSample, Lights, Radiance, Receiver};
 use crate::math::{Frame, Ray, Vec3, offset_along, offset_ray_origin};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
@@ -41,7 +42,7 @@ impl Integrator<'_> {
     }
 
     /// The scene's light, if it has just one that is a rectangle of constant radiance.
-    fn only_rectangle(&self) -> Option<(&AreaLight, Edges, Vec3)> {
+    fn only_rectangle(&self) -> Option<(&AreaLight, Edges, Rgb)> {
         match self.scene.lights.area() {
             [light] if self.scene.lights.len() == 1 => match (light.shape, light.radiance) {
                 (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) => Some((light, edges, radiance)),
@@ -74,7 +75,11 @@ impl Integrator<'_> {
             if brightest > 0.0 {
                 let t_max = if v.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let (origin, direction) = (get(&v.origin, i), get(&v.direction, i));
-                w.shadow_rays.push(Ray { t_max, leaves: v.departures[i], ..Ray::new(origin, direction) });
+                w.shadow_rays.push(Ray {
+                    t_max,
+                    origin_primitive: v.departures[i],
+                    ..Ray::new(origin, direction)
+                });
                 w.shadow_vertices.push(i as u32);
             }
         }
@@ -89,7 +94,7 @@ impl Integrator<'_> {
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if !occluded {
                 let sample = w.wave.paths.sample[i as usize] as usize;
-                add(&mut w.radiance[sample], get(&w.wave.vertices.contribution, i as usize));
+                add(&mut w.radiance[sample], get_rgb(&w.wave.vertices.contribution, i as usize));
             }
         }
     }
@@ -99,7 +104,7 @@ impl Integrator<'_> {
 fn store(v: &mut Vertices, i: usize, sample: &LightSample, pdf_discrete: f32) {
     set(&mut v.wi, i, sample.wi);
     set(&mut v.target, i, sample.target);
-    set(&mut v.light, i, sample.radiance);
+    set_rgb(&mut v.light, i, sample.radiance);
     v.is_infinite[i] = f32::from(u8::from(sample.is_infinite));
     let pdf = sample.pdf_solid_angle * pdf_discrete;
     v.light_pdf[i] = if sample.is_delta { -pdf } else { pdf };
@@ -145,7 +150,7 @@ struct SampleRectangle<'a> {
     dimensions: &'a Dimensions,
     light: &'a AreaLight,
     edges: Edges,
-    radiance: Vec3,
+    radiance: Rgb,
 }
 
 impl Kernel for SampleRectangle<'_> {
@@ -168,7 +173,7 @@ impl Kernel for SampleRectangle<'_> {
             let pdf = if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 };
             set(&mut v.wi, i, to_light / if distance > 0.0 { distance } else { 1.0 });
             set(&mut v.target, i, offset_ray_origin(s.point, error, normal, -to_light));
-            set(&mut v.light, i, self.radiance);
+            set_rgb(&mut v.light, i, self.radiance);
             v.is_infinite[i] = 0.0;
             v.light_pdf[i] = pdf;
         }
@@ -196,8 +201,8 @@ impl<const SOFT: bool> Kernel for LambertDirect<'_, SOFT> {
             if SOFT {
                 factor *= terminator(ns, ng, wi);
             }
-            let f_cos = get(&v.albedo, i) * if is_lit { pdf * factor } else { 0.0 };
-            set(&mut v.contribution, i, get(&paths.throughput, i) * f_cos * get(&v.light, i));
+            let f_cos = get_rgb(&v.albedo, i) * if is_lit { pdf * factor } else { 0.0 };
+            set_rgb(&mut v.contribution, i, get_rgb(&paths.throughput, i) * f_cos * get_rgb(&v.light, i));
             let origin = offset_along(get(&v.p, i), ng, v.offset[i]);
             set(&mut v.origin, i, origin);
             let to_light = get(&v.target, i) - origin;
@@ -209,7 +214,7 @@ impl<const SOFT: bool> Kernel for LambertDirect<'_, SOFT> {
 /// What a light sample brings to a vertex with any BSDF.
 fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf, softens_terminator: bool) {
     let v = &mut wave.vertices;
-    set(&mut v.contribution, i, Vec3::ZERO);
+    set_rgb(&mut v.contribution, i, Rgb::ZERO);
     let (wi, wo, ng) = (get(&v.wi, i), get(&v.wo, i), get(&v.ng, i));
     let (side_o, side_i) = (wo.dot(ng), wi.dot(ng));
     // Most lobes that light sampling can reach reflect.
@@ -231,8 +236,8 @@ fn generic_direct(wave: &mut Wave, i: usize, bsdf: &Bsdf, softens_terminator: bo
         let side = if side_i < 0.0 { -1.0 } else { 1.0 };
         factor *= terminator(ns * side, ng * side, wi);
     }
-    let contribution = get(&wave.paths.throughput, i) * eval.f_cos * get(&v.light, i) * factor;
-    set(&mut v.contribution, i, contribution);
+    let contribution = get_rgb(&wave.paths.throughput, i) * eval.f_cos * get_rgb(&v.light, i) * factor;
+    set_rgb(&mut v.contribution, i, contribution);
     let origin = offset_along(get(&v.p, i), if side_i < 0.0 { -ng } else { ng }, v.offset[i]);
     set(&mut v.origin, i, origin);
     let to_light = get(&v.target, i) - origin;

@@ -1,8 +1,8 @@
-//! The surroundings: paths that leave the scene, and light samples where nothing else shines.
+//! The environment: paths that leave the scene, and light samples where nothing else shines.
 
 use super::Integrator;
 use super::surface::add;
-use super::wave::{Vertices, WAVE, Wave, Workspace, get, set};
+use super::wave::{Vertices, WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
 use crate::light::{EnvironmentLight, ImageMap, solid_angle_density};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
@@ -10,7 +10,7 @@ use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Adds what the paths see that left the scene, weighted against sampling the surroundings.
+    /// Adds what the paths see that left the scene, weighted against sampling the environment.
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let Some(environment) = self.scene.lights.environment() else { return };
         let count = w.escaped.len();
@@ -24,7 +24,7 @@ impl Integrator<'_> {
                 _ => 1.0,
             };
             let sum = &mut w.radiance[paths.sample[i] as usize];
-            add(sum, get(&paths.throughput, i) * get(&v.light, k) * weight);
+            add(sum, get_rgb(&paths.throughput, i) * get_rgb(&v.light, k) * weight);
             if bounce == 0 {
                 sum[3] = 1.0;
             }
@@ -52,7 +52,7 @@ fn look_up(
     }
     for (k, &i) in escaped.iter().enumerate() {
         let direction = rays[i as usize].direction;
-        set(&mut numbers.light, k, environment.radiance(direction));
+        set_rgb(&mut numbers.light, k, environment.radiance(direction));
         numbers.light_pdf[k] = environment.pdf_solid_angle(direction);
     }
 }
@@ -81,7 +81,7 @@ impl Kernel for LookUp<'_> {
         }
         for (k, &i) in self.escaped.iter().enumerate() {
             let uv = [v.target[0][k], v.target[1][k]];
-            set(&mut v.light, k, map.lookup(uv));
+            set_rgb(&mut v.light, k, map.lookup(uv));
             if self.pdfs[i as usize] > 0.0 {
                 v.light_pdf[k] = map.pdf_solid_angle(uv, get(&v.wi, k));
             }
@@ -126,7 +126,7 @@ impl Kernel for SampleEnvironment<'_> {
             v.light_pdf[at].copy_from_slice(&chosen.pdf_area);
         }
         for i in 0..count {
-            set(&mut v.light, i, map.lookup([v.target[0][i], v.target[1][i]]));
+            set_rgb(&mut v.light, i, map.lookup([v.target[0][i], v.target[1][i]]));
         }
         for i in 0..count {
             let direction = map.direction([v.target[0][i], v.target[1][i]]);

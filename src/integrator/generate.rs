@@ -1,10 +1,11 @@
 //! Paths start: camera rays.
 
-use super::wave::{Paths, Vertices, WAVE, Workspace, get, set};
+use super::wave::{Paths, Vertices, WAVE, Workspace, get, set, set_rgb};
 use super::{Block, Integrator, Purpose};
 use crate::camera::Camera;
+use crate::color::Rgb;
 use crate::film::FilterSampler;
-use crate::math::{Ray, Vec3};
+use crate::math::Ray;
 use crate::sampling::sampler::{Dimensions, SobolPoint, pixel_seed};
 use crate::simd::{Kernel, dispatch};
 
@@ -118,7 +119,7 @@ impl Kernel for StartPaths<'_> {
             let [film_x, film_y, lens_u, lens_v] = point.sample_4d(self.dimensions);
             (v.light[0][i], v.light[1][i]) = (film_x, film_y);
             (v.weights[0][i], v.weights[1][i]) = (lens_u, lens_v);
-            set(&mut paths.throughput, i, Vec3::ONE);
+            set_rgb(&mut paths.throughput, i, Rgb::ONE);
             paths.pdf[i] = 0.0;
             paths.eta_squared[i] = 1.0;
             (paths.seed[i], paths.shuffled[i]) = point.to_parts();

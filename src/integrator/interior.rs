@@ -8,8 +8,9 @@
 
 use super::Integrator;
 use super::surface::Sorted;
-use super::wave::{Paths, Wave, Workspace, get, set};
+use super::wave::{Paths, Wave, Workspace, get, get_rgb, set_rgb};
 use crate::bsdf::{Bsdf, Dielectric};
+use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, CompiledScene};
 use crate::math::{Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -26,7 +27,7 @@ const BITS: u32 = 16;
 impl Interior {
     const AIR: Interior = Interior(0);
 
-    /// The medium around; 0 is that of the surroundings.
+    /// The medium around; 0 is that of the environment.
     #[inline(always)]
     fn medium(self) -> u16 {
         self.0 as u16
@@ -113,7 +114,7 @@ pub(super) struct Boundary {
 }
 
 /// A surface that isn't there: within other solids of the same medium, or within one that displaces it.
-const HIDDEN: Bsdf = Bsdf::Dielectric(Dielectric { ior: 1.0, tint: Vec3::ONE, fresnel: FresnelModel::Exact });
+const HIDDEN: Bsdf = Bsdf::Dielectric(Dielectric { ior: 1.0, tint: Rgb::ONE, fresnel: FresnelModel::Exact });
 
 impl Integrator<'_> {
     /// Applies absorption to the ways to the hits. What ends nowhere in a solid was not closed, and absorbs nothing.
@@ -122,8 +123,8 @@ impl Integrator<'_> {
         for (i, hit) in w.hits.iter().enumerate() {
             let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
             if medium.absorption.is_some() && hit.is_hit() {
-                let throughput = get(&paths.throughput, i);
-                set(&mut paths.throughput, i, throughput * medium.transmittance(hit.t));
+                let throughput = get_rgb(&paths.throughput, i);
+                set_rgb(&mut paths.throughput, i, throughput * medium.transmittance(hit.t));
             }
         }
     }
@@ -141,9 +142,9 @@ impl Integrator<'_> {
             }
             let medium = &self.scene.media[usize::from(interior.medium())];
             if medium.absorption.is_some() && v.is_infinite[i] == 0.0 {
-                let contribution = get(&v.contribution, i);
+                let contribution = get_rgb(&v.contribution, i);
                 let left = medium.transmittance(get(&v.direction, i).length());
-                set(&mut v.contribution, i, contribution * left);
+                set_rgb(&mut v.contribution, i, contribution * left);
             }
         }
     }
@@ -154,8 +155,8 @@ impl Integrator<'_> {
             let medium = material.medium_index;
             paths.interior[i] = Interior::AIR.entered(medium);
             let left = self.scene.media[usize::from(medium)].transmittance(way);
-            let throughput = get(&paths.throughput, i);
-            set(&mut paths.throughput, i, throughput * left);
+            let throughput = get_rgb(&paths.throughput, i);
+            set_rgb(&mut paths.throughput, i, throughput * left);
         }
     }
 
@@ -189,7 +190,7 @@ impl Integrator<'_> {
         } else if outer == Interior::AIR && medium == own {
             return Boundary { bsdf, is_inverted: false, beyond };
         }
-        let channel = channel_of(get(&paths.throughput, i));
+        let channel = channel_of(get_rgb(&paths.throughput, i));
         let ior = inner_iors[channel] / outer_iors[channel];
         if ior >= 1.0 {
             return Boundary { bsdf: bsdf.with_ior(ior), is_inverted: false, beyond };
@@ -204,7 +205,7 @@ impl Integrator<'_> {
 
 /// The path goes on with one channel, chosen by its throughput.
 fn choose_channel(bounce: u32, i: usize, paths: &mut Paths) {
-    let throughput = get(&paths.throughput, i).to_array();
+    let throughput = get_rgb(&paths.throughput, i).to_array();
     let total: f32 = throughput.iter().sum();
     let salt = hash32(paths.seed[i] ^ hash32(paths.shuffled[i]).rotate_left(7) ^ (bounce << 20));
     let mut at = unit(hash32(salt)) * total;
@@ -214,13 +215,13 @@ fn choose_channel(bounce: u32, i: usize, paths: &mut Paths) {
         at -= throughput[channel];
         channel += 1;
     }
-    let mut single = Vec3::ZERO;
+    let mut single = [0.0; 3];
     single[channel] = total;
-    set(&mut paths.throughput, i, single);
+    set_rgb(&mut paths.throughput, i, Rgb::from_array(single));
 }
 
 /// The channel of a path that carries one; green, the middle of the spectrum, of others.
-fn channel_of(throughput: Vec3) -> usize {
+fn channel_of(throughput: Rgb) -> usize {
     match throughput.to_array().map(|c| c > 0.0) {
         [true, false, false] => 0,
         [false, false, true] => 2,

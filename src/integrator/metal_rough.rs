@@ -3,66 +3,66 @@
 use super::direct::light_factor;
 use super::normals::{scattering_normal, terminator};
 use super::scatter::survival;
-use super::wave::{MetalRoughs, WAVE, Wave, get, set};
-use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MetalRough, View, above};
+use super::wave::{MetalRoughs, WAVE, Wave, get, get_rgb, set, set_rgb};
+use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MetalRough, MetalRoughClosure, above};
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::scene::Microfacet;
+use crate::scene::EnergyCompensation;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
 /// Keeps the material of a vertex.
 #[inline(always)]
 pub(super) fn store(m: &mut MetalRoughs, k: usize, material: &MetalRough) {
-    set(&mut m.diffuse, k, material.diffuse);
-    set(&mut m.f0, k, material.layer_f0);
-    set(&mut m.f90, k, material.metal_f0);
-    m.p_specular[k] = material.layer_f90;
-    m.p_diffuse[k] = material.metallic;
+    set_rgb(&mut m.diffuse, k, material.diffuse);
+    set_rgb(&mut m.f0, k, material.layer_f0);
+    set_rgb(&mut m.f90, k, material.metal_f0);
+    m.probability_specular[k] = material.layer_f90;
+    m.probability_diffuse[k] = material.metallic;
     m.alpha[k] = material.surface.alpha;
 }
 
 #[inline(always)]
-fn material(m: &MetalRoughs, k: usize, microfacet: Microfacet) -> MetalRough {
+fn material(m: &MetalRoughs, k: usize, energy_compensation: EnergyCompensation) -> MetalRough {
     MetalRough {
-        diffuse: get(&m.diffuse, k),
-        layer_f0: get(&m.f0, k),
-        layer_f90: m.p_specular[k],
-        metal_f0: get(&m.f90, k),
-        metallic: m.p_diffuse[k],
+        diffuse: get_rgb(&m.diffuse, k),
+        layer_f0: get_rgb(&m.f0, k),
+        layer_f90: m.probability_specular[k],
+        metal_f0: get_rgb(&m.f90, k),
+        metallic: m.probability_diffuse[k],
         surface: Isotropic { alpha: m.alpha[k] },
-        microfacet,
+        energy_compensation,
     }
 }
 
 #[inline(always)]
-fn store_view(m: &mut MetalRoughs, k: usize, view: &View) {
-    set(&mut m.diffuse, k, view.diffuse);
-    set(&mut m.f0, k, view.f0);
-    set(&mut m.f90, k, view.f90);
-    m.p_specular[k] = view.p_specular;
-    m.p_diffuse[k] = view.p_diffuse;
+fn store_view(m: &mut MetalRoughs, k: usize, view: &MetalRoughClosure) {
+    set_rgb(&mut m.diffuse, k, view.diffuse);
+    set_rgb(&mut m.f0, k, view.f0);
+    set_rgb(&mut m.f90, k, view.f90);
+    m.probability_specular[k] = view.probability_specular;
+    m.probability_diffuse[k] = view.probability_diffuse;
     m.albedo[k] = view.albedo;
 }
 
 #[inline(always)]
-fn view(m: &MetalRoughs, k: usize) -> View {
-    View {
-        diffuse: get(&m.diffuse, k),
+fn view(m: &MetalRoughs, k: usize) -> MetalRoughClosure {
+    MetalRoughClosure {
+        diffuse: get_rgb(&m.diffuse, k),
         rest: 0.0,
-        f0: get(&m.f0, k),
-        f90: get(&m.f90, k),
+        f0: get_rgb(&m.f0, k),
+        f90: get_rgb(&m.f90, k),
         albedo: m.albedo[k],
-        p_specular: m.p_specular[k],
-        p_diffuse: m.p_diffuse[k],
+        probability_specular: m.probability_specular[k],
+        probability_diffuse: m.probability_diffuse[k],
     }
 }
 
 /// Makes normals usable for scattering, and materials what their viewers see of them.
-pub(super) fn see(wave: &mut Wave, range: Range<usize>, microfacet: Microfacet) {
-    match microfacet {
-        Microfacet::Multi => dispatch(See::<true> { wave, range }),
-        Microfacet::Single => dispatch(See::<false> { wave, range }),
+pub(super) fn see(wave: &mut Wave, range: Range<usize>, energy_compensation: EnergyCompensation) {
+    match energy_compensation {
+        EnergyCompensation::On => dispatch(See::<true> { wave, range }),
+        EnergyCompensation::Off => dispatch(See::<false> { wave, range }),
     }
 }
 
@@ -77,7 +77,7 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
     #[inline(always)]
     fn run(self) {
         let v = &mut self.wave.vertices;
-        let microfacet = if MULTI { Microfacet::Multi } else { Microfacet::Single };
+        let energy_compensation = if MULTI { EnergyCompensation::On } else { EnergyCompensation::Off };
         let range = self.range.start..self.range.end.min(WAVE);
         // The second loop looks up a table, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
@@ -93,7 +93,7 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
         }
         for i in range {
             let albedo = DirectionalAlbedo { full: v.weights[0][i], grazing: v.weights[1][i] };
-            let seen = material(&v.metal_rough, i, microfacet).view_by(albedo, get(&v.wi, i));
+            let seen = material(&v.metal_rough, i, energy_compensation).closure_by(albedo, get(&v.wi, i));
             store_view(&mut v.metal_rough, i, &seen);
         }
     }
@@ -130,8 +130,8 @@ impl<const SOFT: bool> Kernel for Direct<'_, SOFT> {
             }
             let is_lit = (wi.dot(ng) > 0.0) & (v.light_pdf[i] != 0.0);
             let factor = if is_lit { factor } else { 0.0 };
-            let light = get(&paths.throughput, i) * get(&v.light, i);
-            set(&mut v.contribution, i, eval.f_cos * light * factor);
+            let light = get_rgb(&paths.throughput, i) * get_rgb(&v.light, i);
+            set_rgb(&mut v.contribution, i, eval.f_cos * light * factor);
             let origin = offset_along(get(&v.p, i), ng, v.offset[i]);
             set(&mut v.origin, i, origin);
             let to_light = get(&v.target, i) - origin;
@@ -176,12 +176,12 @@ impl<const SOFT: bool> Kernel for Scatter<'_, SOFT> {
             let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
             let s = view(&v.metal_rough, i).sample(&surface, wo, wo, [a, b, lobe]);
             let wi = frame.to_world(s.wi);
-            let mut throughput = get(&paths.throughput, i) * s.weight;
+            let mut throughput = get_rgb(&paths.throughput, i) * s.weight;
             if SOFT {
                 throughput *= if s.is_specular { 1.0 } else { terminator(ns, ng, wi) };
             }
             let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, self.roulette);
-            set(&mut paths.throughput, i, throughput * scale);
+            set_rgb(&mut paths.throughput, i, throughput * scale);
             set(&mut v.origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.direction, i, wi);
             // A direction that shading normals lead below the surface carries nothing.

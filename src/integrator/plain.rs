@@ -2,7 +2,7 @@
 
 use super::Integrator;
 use super::surface::store;
-use super::wave::{Lanes3, WAVE, Wave, Workspace, get, set};
+use super::wave::{Lanes3, WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
 use crate::compile::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};
 
@@ -25,7 +25,7 @@ impl Integrator<'_> {
         (v.weights[0][k], v.weights[1][k]) = (hit.u, hit.v);
         v.one_sided[k] = f32::from(u8::from(!material.is_two_sided));
         set(&mut v.wo, k, -w.rays[i].direction);
-        set(&mut v.albedo, k, material.albedo);
+        set_rgb(&mut v.albedo, k, material.albedo);
         if bounce == 0 {
             w.radiance[w.arriving.sample[i] as usize][3] = 1.0;
         }
@@ -66,8 +66,8 @@ impl<const SMOOTH: bool> Kernel for PlainVertices<'_, SMOOTH> {
             let surface = Surface { ng: surface.ng * side, ns: ns * side, ..surface };
             store(v, i, &surface);
             let is_dark = is_back & (v.one_sided[i] > 0.0);
-            let albedo = get(&v.albedo, i) * if is_dark { 0.0 } else { 1.0 };
-            set(&mut v.albedo, i, albedo);
+            let albedo = get_rgb(&v.albedo, i) * if is_dark { 0.0 } else { 1.0 };
+            set_rgb(&mut v.albedo, i, albedo);
         }
     }
 }

@@ -3,9 +3,10 @@
 use super::metal_rough;
 use super::normals::terminator;
 use super::surface::Sorted;
-use super::wave::{WAVE, Wave, Workspace, get, set};
+use super::wave::{WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
 use super::{Integrator, Purpose};
 use crate::bsdf::Bsdf;
+use crate::color::Rgb;
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::sampling::warp;
@@ -50,7 +51,7 @@ impl Integrator<'_> {
                     widen(&mut w.arriving.cone_spread[k], v.next_pdf[i]);
                 }
                 let ray = Ray::new(get(&v.origin, i), get(&v.direction, i));
-                w.rays.push(Ray { leaves: v.departures[i], ..ray });
+                w.rays.push(Ray { origin_primitive: v.departures[i], ..ray });
             }
         }
     }
@@ -88,12 +89,12 @@ impl<const SOFT: bool> Kernel for LambertScatter<'_, SOFT> {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
             let local = warp::cosine_hemisphere([a, b]);
             let wi = Frame::from_normal(ns).to_world(local);
-            let mut throughput = get(&paths.throughput, i) * get(&v.albedo, i);
+            let mut throughput = get_rgb(&paths.throughput, i) * get_rgb(&v.albedo, i);
             if SOFT {
                 throughput *= terminator(ns, ng, wi);
             }
             let (survives, scale) = survival(throughput, paths.eta_squared[i], chance, self.roulette);
-            set(&mut paths.throughput, i, throughput * scale);
+            set_rgb(&mut paths.throughput, i, throughput * scale);
             set(&mut v.origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.direction, i, wi);
             let goes_on = survives & (wi.dot(ng) > 0.0);
@@ -106,8 +107,8 @@ impl<const SOFT: bool> Kernel for LambertScatter<'_, SOFT> {
 /// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
 /// don't.
 #[inline(always)]
-pub(super) fn survival(throughput: Vec3, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
-    let brightest = throughput.x.max(throughput.y).max(throughput.z);
+pub(super) fn survival(throughput: Rgb, eta_squared: f32, chance: f32, roulette: bool) -> (bool, f32) {
+    let brightest = throughput.r.max(throughput.g).max(throughput.b);
     let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
     let q = if q < 1.0 { q } else { 1.0 };
     ((chance < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
@@ -130,7 +131,7 @@ fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, how: &Scatter<'_>) {
     let s = bsdf.sample(frame.to_local(wo), [a, b, lobe]);
     let wi = frame.to_world(s.wi);
     let side = wi.dot(ng);
-    let mut throughput = get(&paths.throughput, i) * s.weight;
+    let mut throughput = get_rgb(&paths.throughput, i) * s.weight;
     if how.softens_terminator && !s.is_transmission && !s.is_specular {
         let flip = if side < 0.0 { -1.0 } else { 1.0 };
         throughput *= terminator(ns * flip, ng * flip, wi);
@@ -143,7 +144,7 @@ fn generic_scatter(wave: &mut Wave, i: usize, bsdf: &Bsdf, how: &Scatter<'_>) {
     // A direction that shading normals lead to the wrong side of the surface carries nothing.
     let crosses = side * wo.dot(ng) < 0.0;
     let goes_on = survives && s.pdf_solid_angle > 0.0 && crosses == s.is_transmission && side != 0.0;
-    set(&mut paths.throughput, i, throughput * scale);
+    set_rgb(&mut paths.throughput, i, throughput * scale);
     set(&mut v.origin, i, offset_along(get(&v.p, i), if side < 0.0 { -ng } else { ng }, v.offset[i]));
     set(&mut v.direction, i, wi);
     let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle };

@@ -4,9 +4,10 @@ use super::Integrator;
 use super::interior::Interior;
 use super::metal_rough;
 use super::normals::scattering_normal;
-use super::wave::{Paths, Vertices, Workspace, get, set};
+use super::wave::{Paths, Vertices, Workspace, get, get_rgb, set, set_rgb};
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
-use crate::compile::{CompiledMaterial, Coordinates, Surface};
+use crate::color::Rgb;
+use crate::compile::{CompiledMaterial, Surface, SurfaceCoordinates};
 use crate::film::AovSample;
 use crate::light::Receiver;
 use crate::math::{Frame, Hit, Vec3};
@@ -141,7 +142,7 @@ impl Integrator<'_> {
         }
         self.escape(bounce, w);
         self.look_at_textured(bounce, sorted.lambert..sorted.textured, w);
-        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.microfacet);
+        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.energy_compensation);
         self.make_plain(sorted.plain, &mut w.wave);
         sorted
     }
@@ -254,11 +255,11 @@ impl Integrator<'_> {
         } else {
             LocalFrame::STRAIGHT
         };
-        (material.bsdf(&slots, &frame, Vec3::from_slice(&at.color)), ns)
+        (material.bsdf(&slots, &frame, Rgb::from_slice(&at.color)), ns)
     }
 
     /// Texture lookups at a point that a path sees in a certain width.
-    pub(super) fn slots(&self, at: &Coordinates, surface: &Surface, width: f32) -> PointReader<'_> {
+    pub(super) fn slots(&self, at: &SurfaceCoordinates, surface: &Surface, width: f32) -> PointReader<'_> {
         let (world, normal) = (surface.p, surface.ng);
         let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
         PointReader::new(&self.scene.textures, point)
@@ -276,7 +277,7 @@ impl Integrator<'_> {
     ) {
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let radiance = match emission.radiance.texture {
-            None => Vec3::from_array(emission.radiance.factor),
+            None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
                 use crate::bsdf::Slots;
                 // A point: light sampling, which this is weighted against, sees points too.
@@ -292,10 +293,10 @@ impl Integrator<'_> {
             let light = &self.scene.lights.area()[index as usize];
             let p = w.rays[i].origin;
             let receiver = Receiver { p, normal: get(&paths.receiver_normal, i) };
-            let chance = self.scene.lights.pdf_discrete(&receiver, index);
-            weight = power_heuristic(paths.pdf[i], light.pdf_solid_angle(p, surface.p) * chance);
+            let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
+            weight = power_heuristic(paths.pdf[i], light.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
-        add(&mut w.radiance[paths.sample[i] as usize], get(&paths.throughput, i) * radiance * weight);
+        add(&mut w.radiance[paths.sample[i] as usize], get_rgb(&paths.throughput, i) * radiance * weight);
     }
 }
 
@@ -325,7 +326,7 @@ fn store_lambert(v: &mut Vertices, k: usize, vertex: Vertex) {
     surface.ng *= side;
     surface.ns *= side;
     store(v, k, &surface);
-    set(&mut v.albedo, k, if is_dark { Vec3::ZERO } else { bsdf.albedo() });
+    set_rgb(&mut v.albedo, k, if is_dark { Rgb::ZERO } else { bsdf.albedo() });
 }
 
 fn store_metal_rough(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
@@ -350,10 +351,10 @@ fn store_generic(v: &mut Vertices, k: usize, vertex: Vertex, wo: Vec3) {
 
 /// Adds light to a sample.
 #[inline(always)]
-pub(super) fn add(sum: &mut [f32; 4], light: Vec3) {
-    sum[0] += light.x;
-    sum[1] += light.y;
-    sum[2] += light.z;
+pub(super) fn add(sum: &mut [f32; 4], light: Rgb) {
+    sum[0] += light.r;
+    sum[1] += light.g;
+    sum[2] += light.b;
 }
 
 impl Paths {

@@ -3,8 +3,9 @@
 use super::Integrator;
 use super::metal_rough;
 use super::surface::store;
-use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, set};
+use super::wave::{Lanes3, TexturedLanes, Vertices, WAVE, Wave, Workspace, get, get_rgb, set, set_rgb};
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
+use crate::color::Rgb;
 use crate::compile::{Surface, shading_normal, triangle_surface};
 use crate::film::AovSample;
 use crate::math::{Vec2, Vec3, select};
@@ -55,7 +56,7 @@ impl Integrator<'_> {
         w.aovs[w.wave.paths.sample[k] as usize] = Some(AovSample {
             depth: self.scene.camera.depth(get(&v.p, k)),
             normal: get(&v.ns, k).to_array(),
-            albedo: get(&v.albedo, k).to_array(),
+            albedo: get_rgb(&v.albedo, k).to_array(),
         });
     }
 
@@ -75,12 +76,12 @@ impl Integrator<'_> {
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
         let is_back = ng.dot(get(&v.wo, k)) < 0.0;
-        let seen = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Vec3::ONE) {
+        let seen = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
             Bsdf::MetalRough(m) if material.is_two_sided || !is_back => m,
             _ => MetalRough::BLACK,
         };
         metal_rough::store(&mut v.metal_rough, k, &seen);
-        set(&mut v.albedo, k, seen.albedo());
+        set_rgb(&mut v.albedo, k, seen.albedo());
         if material.emission.is_some() {
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];

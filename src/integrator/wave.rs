@@ -4,8 +4,9 @@ use super::interior::Interior;
 use super::surface::Group;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
+use crate::color::Rgb;
 use crate::film::AovSample;
-use crate::math::{Departure, Hit, Ray, Vec3};
+use crate::math::{Hit, OriginPrimitive, Ray, Vec3};
 use bytemuck::Zeroable;
 
 /// Paths in flight. The arrays that a scene makes use of stay within a core's second-level cache, or nearly.
@@ -38,6 +39,20 @@ pub fn set(v: &mut Lanes3, i: usize, value: Vec3) {
     v[2][i] = value.z;
 }
 
+/// Element `i` as a colour.
+#[inline(always)]
+pub fn get_rgb(v: &Lanes3, i: usize) -> Rgb {
+    Rgb::new(v[0][i], v[1][i], v[2][i])
+}
+
+/// Sets element `i` to a colour.
+#[inline(always)]
+pub fn set_rgb(v: &mut Lanes3, i: usize, value: Rgb) {
+    v[0][i] = value.r;
+    v[1][i] = value.g;
+    v[2][i] = value.b;
+}
+
 /// State that a path carries from bounce to bounce.
 #[derive(Zeroable)]
 pub struct Paths {
@@ -64,7 +79,7 @@ pub struct Paths {
 }
 
 /// Opaque glTF materials at vertices ([`crate::bsdf::MetalRough`]), and what a direction sees of them
-/// ([`crate::bsdf::View`]) in the same places once that is computed.
+/// ([`crate::bsdf::MetalRoughClosure`]) in the same places once that is computed.
 #[derive(Zeroable)]
 pub struct MetalRoughs {
     /// Diffuse colour; then what is seen of it.
@@ -74,9 +89,9 @@ pub struct MetalRoughs {
     /// Reflectance of the metal at normal incidence; then that of the whole at grazing incidence.
     pub f90: Lanes3,
     /// Reflectance of the layer at grazing incidence; then the chance of reflection by microfacets.
-    pub p_specular: Lanes,
+    pub probability_specular: Lanes,
     /// Share of metal; then the chance of diffuse reflection.
-    pub p_diffuse: Lanes,
+    pub probability_diffuse: Lanes,
     /// Mean albedo.
     pub albedo: Lanes,
     /// GGX alpha.
@@ -116,7 +131,7 @@ pub struct Vertices {
     pub one_sided: Lanes,
     pub p: Lanes3,
     /// What a ray from here leaves.
-    pub departures: [Departure; LENGTH],
+    pub departures: [OriginPrimitive; LENGTH],
     /// Geometric normal; towards the viewer at Lambertian and opaque glTF vertices, on the front at others.
     pub ng: Lanes3,
     /// Shading normal, on the side of the geometric one.

@@ -1,7 +1,7 @@
 //! Surfaces that shine: rectangles, parallelograms, triangles and spheres.
 
 use super::{LightBounds, LightSample};
-use crate::color::luminance;
+use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, offset_ray_origin};
 use crate::sampling::{
     LightPoint, SphereSampler, SphericalParallelogram, SphericalRectangle, SphericalTriangle, warp,
@@ -43,13 +43,13 @@ pub struct Edges {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Radiance {
     /// The same everywhere.
-    Constant(Vec3),
+    Constant(Rgb),
     /// A texture times a factor, over a flat light.
     Flat {
         /// The texture.
         texture: TextureId,
         /// Multiplied with it.
-        factor: Vec3,
+        factor: Rgb,
         /// Both sets of texture coordinates at the corner and at the ends of the edges.
         uv: [[Vec2; 3]; 2],
     },
@@ -58,7 +58,7 @@ pub enum Radiance {
         /// The texture.
         texture: TextureId,
         /// Multiplied with it.
-        factor: Vec3,
+        factor: Rgb,
         /// Turns the sphere's texture coordinates.
         object_from_world: Mat3,
     },
@@ -144,9 +144,9 @@ impl AreaLight {
             AreaShape::Sphere { center, radius } => *center + warp::uniform_sphere([a, b]) * *radius,
         };
         match self.radiance {
-            Radiance::Constant(c) => luminance(c.to_array()),
+            Radiance::Constant(c) => c.luminance(),
             _ => {
-                let sum: f32 = points.map(|u| luminance(self.radiance_at(textures, at(u)).to_array())).sum();
+                let sum: f32 = points.map(|u| self.radiance_at(textures, at(u)).luminance()).sum();
                 sum / (GRID * GRID) as f32
             }
         }
@@ -154,7 +154,7 @@ impl AreaLight {
 
     /// Emitted radiance at a point of the light.
     #[inline]
-    pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Vec3 {
+    pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
         let (texture, factor, uv) = match &self.radiance {
             Radiance::Constant(c) => return *c,
             Radiance::Flat { texture, factor, uv } => {
@@ -171,7 +171,7 @@ impl AreaLight {
             *texture,
             &TexturePoint { uv, world: point, normal: self.normal_at(point), ..TexturePoint::default() },
         );
-        *factor * Vec3::new(r, g, b)
+        *factor * Rgb::new(r, g, b)
     }
 
     /// The front's unit normal at a point.

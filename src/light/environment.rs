@@ -1,6 +1,6 @@
 //! Light from infinitely far: constant, gradient or image.
 
-use crate::color::luminance;
+use crate::color::{Rgb, luminance};
 use crate::image::Image;
 use crate::math::{Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
@@ -17,12 +17,12 @@ pub struct EnvironmentSample {
     /// Towards the light, unit length.
     pub direction: Vec3,
     /// Its radiance.
-    pub radiance: Vec3,
+    pub radiance: Rgb,
     /// Density per solid angle; 0 (where rounding led just outside the density's support) counts as no contribution.
     pub pdf_solid_angle: f32,
 }
 
-/// The surroundings, ready for rendering.
+/// The environment, ready for rendering.
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
     kind: Kind,
@@ -30,11 +30,11 @@ pub struct EnvironmentLight {
 
 #[derive(Clone, Debug)]
 enum Kind {
-    Constant(Vec3),
+    Constant(Rgb),
     /// Radiance is `middle + slope * y`.
     Gradient {
-        middle: Vec3,
-        slope: Vec3,
+        middle: Rgb,
+        slope: Rgb,
     },
     Image(Box<ImageMap>),
 }
@@ -67,9 +67,9 @@ impl EnvironmentLight {
     ) -> Option<EnvironmentLight> {
         let kind = match *environment {
             Environment::Black => return None,
-            Environment::Constant(c) => Kind::Constant(Vec3::from_array(c)),
+            Environment::Constant(c) => Kind::Constant(Rgb::from_array(c)),
             Environment::Gradient { nadir, zenith } => {
-                let (nadir, zenith) = (Vec3::from_array(nadir), Vec3::from_array(zenith));
+                let (nadir, zenith) = (Rgb::from_array(nadir), Rgb::from_array(zenith));
                 Kind::Gradient { middle: (nadir + zenith) * 0.5, slope: (zenith - nadir) * 0.5 }
             }
             Environment::Image { image, strength, rotation_rad } => {
@@ -78,15 +78,15 @@ impl EnvironmentLight {
             }
         };
         match &kind {
-            Kind::Constant(c) if *c == Vec3::ZERO => None,
-            Kind::Gradient { middle, slope } if *middle == Vec3::ZERO && *slope == Vec3::ZERO => None,
+            Kind::Constant(c) if *c == Rgb::ZERO => None,
+            Kind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => None,
             _ => Some(EnvironmentLight { kind }),
         }
     }
 
     /// Radiance that arrives from a unit direction.
     #[inline]
-    pub fn radiance(&self, direction: Vec3) -> Vec3 {
+    pub fn radiance(&self, direction: Vec3) -> Rgb {
         match &self.kind {
             Kind::Constant(c) => *c,
             Kind::Gradient { middle, slope } => *middle + *slope * direction.y,
@@ -131,8 +131,8 @@ impl EnvironmentLight {
     /// Mean luminance over all directions; the power that reaches a scene is in proportion.
     pub fn mean_luminance(&self) -> f32 {
         match &self.kind {
-            Kind::Constant(c) => luminance(c.to_array()),
-            Kind::Gradient { middle, .. } => luminance(middle.to_array()),
+            Kind::Constant(c) => c.luminance(),
+            Kind::Gradient { middle, .. } => middle.luminance(),
             Kind::Image(map) => map.mean_luminance,
         }
     }
@@ -187,7 +187,7 @@ impl ImageMap {
     /// Map coordinates of a direction, both in 0..1.
     #[inline(always)]
     pub fn uv(&self, d: Vec3) -> [f32; 2] {
-        // Turning the surroundings counter-clockwise seen from above turns the direction clockwise.
+        // Turning the environment counter-clockwise seen from above turns the direction clockwise.
         let x = d.x * self.cosine - d.z * self.sine;
         let z = d.x * self.sine + d.z * self.cosine;
         let sine = (d.x * d.x + d.z * d.z).sqrt();
@@ -226,7 +226,7 @@ impl ImageMap {
 
     /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
     #[inline(always)]
-    pub fn lookup(&self, [u, v]: [f32; 2]) -> Vec3 {
+    pub fn lookup(&self, [u, v]: [f32; 2]) -> Rgb {
         let (width, height) = (self.width as u32, self.height as u32);
         let x = u * width as f32 - 0.5;
         let x = if x < 0.0 { x + width as f32 } else { x };
@@ -239,7 +239,8 @@ impl ImageMap {
         let texel = |i: u32, j: u32| texels.at(j * width + i);
         let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
         let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
-        (top + (bottom - top) * t).truncate()
+        let rgb = (top + (bottom - top) * t).truncate();
+        Rgb::from_array(rgb.to_array())
     }
 
     fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
@@ -335,8 +336,8 @@ mod tests {
             |u| Some(light.sample([u[0], u[1]]).direction),
             |d| light.pdf_solid_angle(d),
         );
-        assert!((light.radiance(Vec3::Y) - Vec3::new(0.5, 0.7, 1.0)).length() < 1e-6);
-        assert!((light.radiance(-Vec3::Y) - Vec3::ONE).length() < 1e-6);
+        assert!((light.radiance(Vec3::Y) - Rgb::new(0.5, 0.7, 1.0)).abs().max_element() < 1e-6);
+        assert!((light.radiance(-Vec3::Y) - Rgb::ONE).abs().max_element() < 1e-6);
         assert!(EnvironmentLight::new(&Environment::Black, &[], true).is_none());
         assert!(EnvironmentLight::new(&Environment::Constant([0.0; 3]), &[], true).is_none());
     }

@@ -1,4 +1,4 @@
-//! What shines: emitting surfaces, lights without a surface, the surroundings, and the choice among them.
+//! What shines: emitting surfaces, lights without a surface, the environment, and the choice among them.
 
 mod area;
 mod bounds;
@@ -14,6 +14,7 @@ pub use punctual::PunctualLight;
 pub use select::{Lights, Selected};
 pub use tree::{LightTree, Receiver};
 
+use crate::color::Rgb;
 use crate::math::Vec3;
 
 /// Light that may reach a reference point from one point or direction of a light.
@@ -28,7 +29,7 @@ pub struct LightSample {
     /// No other strategy finds this light: it has no size.
     pub is_delta: bool,
     /// Radiance towards the reference point; for delta lights the irradiance of a surface that faces the light.
-    pub radiance: Vec3,
+    pub radiance: Rgb,
     /// Density per solid angle at the reference point, given the light; 1 for delta lights, 0 for no contribution.
     pub pdf_solid_angle: f32,
 }
@@ -40,7 +41,7 @@ impl LightSample {
         target: Vec3::ZERO,
         is_infinite: false,
         is_delta: false,
-        radiance: Vec3::ZERO,
+        radiance: Rgb::ZERO,
         pdf_solid_angle: 0.0,
     };
 }

@@ -1,7 +1,7 @@
 //! Lights without a surface (KHR_lights_punctual).
 
 use super::{LightBounds, LightSample};
-use crate::color::luminance;
+use crate::color::Rgb;
 use crate::math::{Bounds3, DVec3, Vec3, poly};
 use crate::scene::{self, SpotFade};
 use std::f32::consts::PI;
@@ -9,7 +9,7 @@ use std::f32::consts::PI;
 /// A light without a surface, ready for rendering.
 #[derive(Clone, Copy, Debug)]
 pub struct PunctualLight {
-    intensity: Vec3,
+    intensity: Rgb,
     kind: Kind,
 }
 
@@ -56,7 +56,7 @@ impl PunctualLight {
                 Kind::Directional { to_light: -direction.normalize().as_vec3() }
             }
         };
-        PunctualLight { intensity: Vec3::from_array(light.intensity), kind }
+        PunctualLight { intensity: Rgb::from_array(light.intensity), kind }
     }
 
     /// Luminous power in relative units; a directional light's is what falls on a disk of the scene's radius.
@@ -67,7 +67,7 @@ impl PunctualLight {
             Kind::Spot { scale, offset, .. } => 2.0 * PI * (1.0 - (0.5 - offset) / scale).clamp(1e-4, 2.0),
             Kind::Directional { .. } => PI * scene_radius * scene_radius,
         };
-        luminance(self.intensity.to_array()) * solid_angle
+        self.intensity.luminance() * solid_angle
     }
 
     /// Where its light comes from and goes; `None` for one infinitely far away.
@@ -82,7 +82,7 @@ impl PunctualLight {
                 (position, axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
             }
         };
-        let weight = luminance(self.intensity.to_array());
+        let weight = self.intensity.luminance();
         Some(LightBounds { bounds: Bounds3::of([position]), weight, axis, normals_rad, emission_rad })
     }
 
@@ -143,7 +143,7 @@ mod tests {
         };
         let light =
             PunctualLight::new(&Light { name: String::new(), kind, intensity: [1.0; 3] }, DVec3::ZERO);
-        light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3()).radiance.x
+        light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3()).radiance.r
     }
 
     #[test]

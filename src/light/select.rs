@@ -6,7 +6,7 @@ use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
-/// All lights; their indices run through the area lights, the punctual ones, then the surroundings.
+/// All lights; their indices run through the area lights, the punctual ones, then the environment.
 ///
 /// First it is chosen by power between the lights at some place, all together, and each of those infinitely far away;
 /// among the former then by a [`LightTree`].
@@ -34,7 +34,7 @@ enum Entry {
 pub struct Selected {
     /// Its index.
     pub index: u32,
-    /// The chance of choosing it; 0 if none was found to choose.
+    /// The probability of choosing it; 0 if none was found to choose.
     pub pdf_discrete: f32,
 }
 
@@ -43,7 +43,7 @@ impl Selected {
 }
 
 impl Lights {
-    /// Prepares the choice. The power of surroundings and directional lights is what falls on a disk of `scene_radius`.
+    /// Prepares the choice. The power of environments and directional lights is what falls on a disk of `scene_radius`.
     pub fn new(
         area: Vec<AreaLight>,
         punctual: Vec<PunctualLight>,
@@ -89,7 +89,7 @@ impl Lights {
         self.entries.is_empty()
     }
 
-    /// How many there are, the surroundings included.
+    /// How many there are, the environment included.
     pub fn len(&self) -> usize {
         self.area.len() + self.punctual.len() + usize::from(self.environment.is_some())
     }
@@ -100,7 +100,7 @@ impl Lights {
         &self.area
     }
 
-    /// The surroundings.
+    /// The environment.
     #[inline(always)]
     pub fn environment(&self) -> Option<&EnvironmentLight> {
         self.environment.as_ref()
@@ -117,7 +117,7 @@ impl Lights {
         if self.len() == 1 {
             return Selected { index: 0, pdf_discrete: 1.0 };
         }
-        let (entry, chance, rest) = match &self.entries[..] {
+        let (entry, probability, rest) = match &self.entries[..] {
             [only] => (*only, 1.0, u[1]),
             entries => {
                 let chosen = self.table.sample(u[1]);
@@ -125,18 +125,18 @@ impl Lights {
             }
         };
         match entry {
-            Entry::Light(index) => Selected { index, pdf_discrete: chance },
+            Entry::Light(index) => Selected { index, pdf_discrete: probability },
             // The second number adds digits below the first one's 24.
             Entry::Tree => {
                 match self.tree.sample(receiver, f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24)) {
-                    Some((index, pdf)) => Selected { index, pdf_discrete: chance * pdf },
+                    Some((index, pdf)) => Selected { index, pdf_discrete: probability * pdf },
                     None => Selected::NONE,
                 }
             }
         }
     }
 
-    /// The chance of choosing an area light.
+    /// The probability of choosing an area light.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
         if self.len() == 1 {
@@ -145,7 +145,7 @@ impl Lights {
         self.table.pdf_discrete(0) * self.tree.pdf_discrete(receiver, index)
     }
 
-    /// The chance of choosing the surroundings.
+    /// The probability of choosing the environment.
     #[inline(always)]
     pub fn environment_pdf_discrete(&self) -> f32 {
         self.table.pdf_discrete(self.table.len() - 1)

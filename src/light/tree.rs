@@ -65,7 +65,7 @@ impl LightTree {
         tree
     }
 
-    /// Chooses a light by a number in 0..1: it and its chance. `None` if no light reaches the point. What is left of the
+    /// Chooses a light by a number in 0..1: it and its probability. `None` if no light reaches the point. What is left of the
     /// number after a step decides the next one, so it has more digits than other random numbers.
     #[inline(always)]
     pub fn sample(&self, receiver: &Receiver, u: f64) -> Option<(u32, f32)> {
@@ -97,7 +97,7 @@ impl LightTree {
         }
     }
 
-    /// The chance of choosing a light.
+    /// The probability of choosing a light.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, light: u32) -> f32 {
         let mut trail = self.trails[light as usize];
@@ -210,7 +210,7 @@ impl Node {
             let (cos_surface, _) = less(cos_receiver, sine(cos_receiver), cos_size, sin_size);
             let cos_surface = if any_side > cos_surface { any_side } else { cos_surface };
             let is_lit = (cos_light > self.cos_emission[i]) & (cos_surface > -1e-5);
-            // Where the cosines are all but 0 so is the light: a floor keeps the chance from vanishing first.
+            // Where the cosines are all but 0 so is the light: a floor keeps the probability from vanishing first.
             let cosines = floor(cos_light) * floor(cos_surface);
             let near = if safe > r2 { safe } else { r2 };
             *estimate = if is_lit { self.weight[i] * cosines / near } else { 0.0 };
@@ -365,14 +365,17 @@ mod tests {
             let lights = lamps(count, &mut random);
             let tree = LightTree::new(&lights);
             for receiver in receivers(&mut random) {
-                let chances: f64 =
+                let probabilities: f64 =
                     (0..count).map(|i| f64::from(tree.pdf_discrete(&receiver, i as u32))).sum();
                 // Less than 1 where bounds promised light that none of the lights in them gives.
-                assert!(chances < 1.0 + 1e-4 && (chances > 0.5 || count < 100), "{count}: {chances}");
+                assert!(
+                    probabilities < 1.0 + 1e-4 && (probabilities > 0.5 || count < 100),
+                    "{count}: {probabilities}"
+                );
                 for k in 0..100 {
                     let u = (f64::from(k) + f64::from(random.next())) / 100.0;
                     let Some((light, pdf)) = tree.sample(&receiver, u) else {
-                        assert!(chances < 1.0 - 1e-4);
+                        assert!(probabilities < 1.0 - 1e-4);
                         continue;
                     };
                     let again = tree.pdf_discrete(&receiver, light);

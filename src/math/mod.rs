@@ -10,7 +10,7 @@ pub use bounds::Bounds3;
 pub use frame::{Frame, orthonormal_basis};
 pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec3, Mat3, Vec2, Vec3, Vec4};
 pub use offset::{MACHINE_EPSILON, gamma, next_down, next_up, offset_along, offset_ray_origin};
-pub use ray::{Departure, Hit, NO_HIT, Ray};
+pub use ray::{Hit, NO_HIT, OriginPrimitive, Ray};
 
 /// One of two vectors, without a branch: loops that choose vectorise.
 #[inline(always)]

@@ -15,26 +15,26 @@ pub struct Ray {
     pub direction: Vec3,
     /// Hits at or after this parameter don't count; may be infinite.
     pub t_max: f32,
-    /// What the ray leaves.
-    pub leaves: Departure,
+    /// The primitive that it starts on.
+    pub origin_primitive: OriginPrimitive,
 }
 
 const _: () = assert!(size_of::<Ray>() == 40);
 
-/// What a ray leaves: a triangle or quad, which is flat, is not met by the ray that leaves it, and needs no test. (A sphere
-/// may be met.)
+/// The primitive that a ray starts on. A triangle or quad, which is flat, can't be hit by such a ray and needs no test. (A sphere
+/// can.)
 #[repr(C)]
 #[derive(Clone, Copy, Debug, Pod, Zeroable, PartialEq)]
-pub struct Departure {
+pub struct OriginPrimitive {
     /// Primitive id as in [`Hit`].
     pub prim: u32,
     /// Instance id as in [`Hit`].
     pub instance: u32,
 }
 
-impl Departure {
+impl OriginPrimitive {
     /// Nothing in particular.
-    pub const NONE: Departure = Departure { prim: NO_HIT, instance: 0 };
+    pub const NONE: OriginPrimitive = OriginPrimitive { prim: NO_HIT, instance: 0 };
 
     /// The primitive, where it belongs to an instance, else [`NO_HIT`].
     #[inline(always)]
@@ -43,10 +43,10 @@ impl Departure {
     }
 }
 
-impl From<&Hit> for Departure {
+impl From<&Hit> for OriginPrimitive {
     #[inline(always)]
-    fn from(hit: &Hit) -> Departure {
-        Departure { prim: hit.prim, instance: hit.instance }
+    fn from(hit: &Hit) -> OriginPrimitive {
+        OriginPrimitive { prim: hit.prim, instance: hit.instance }
     }
 }
 
@@ -54,7 +54,7 @@ impl Ray {
     /// A ray without an end.
     #[inline(always)]
     pub fn new(origin: Vec3, direction: Vec3) -> Ray {
-        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY, leaves: Departure::NONE }
+        Ray { origin, t_min: 0.0, direction, t_max: f32::INFINITY, origin_primitive: OriginPrimitive::NONE }
     }
 
     /// A ray that counts hits strictly before the point `origin + direction`.

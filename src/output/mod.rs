@@ -10,7 +10,7 @@ mod tone;
 pub use atomic::{check_target, is_same_target, write_atomically};
 pub use exr::{Metadata, encode_exr};
 pub use png::{PngOptions, encode_png, encode_png_rgb8};
-pub use tone::View;
+pub use tone::ViewTransform;
 
 use crate::error::{Error, Result, Warning};
 use crate::film::Film;

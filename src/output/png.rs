@@ -1,6 +1,6 @@
 //! PNG: 8 bits, display-referred, with straight alpha where the picture has holes.
 
-use super::{Encoded, View};
+use super::{Encoded, ViewTransform};
 use crate::film::Film;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};
@@ -9,7 +9,7 @@ use image::{ExtendedColorType, ImageEncoder};
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PngOptions {
     /// The view transform.
-    pub view: View,
+    pub view: ViewTransform,
     /// Stops: colours are multiplied by 2 to this power.
     pub exposure: f32,
     /// Hides the steps between 8-bit values with an 8x8 ordered pattern (Bayer 1973).

@@ -8,7 +8,7 @@
 use crate::math::{DVec3, Vec3};
 use std::f64::consts::{PI, TAU};
 
-/// Chance that one group of tests fails although all of its samplers are right.
+/// Probability that one group of tests fails although all of its samplers are right.
 pub const SIGNIFICANCE: f64 = 0.01;
 /// Pooled cells expect at least this many samples.
 pub const MIN_EXPECTED: f64 = 8.0;
@@ -23,7 +23,7 @@ const SPLIT: f64 = 0.381_966_011_250_105_15;
 /// What a passed test found.
 #[derive(Clone, Copy, Debug)]
 pub struct Chi2Report {
-    /// Chance of a statistic at least this large.
+    /// Probability of a statistic at least this large.
     pub p_value: f64,
     /// Degrees of freedom.
     pub degrees_of_freedom: usize,

@@ -3,11 +3,11 @@
 /// One entry of an [`AliasTable`].
 #[derive(Clone, Copy, Debug)]
 struct AliasEntry {
-    /// Chance to stay.
+    /// Probability to stay.
     threshold: f32,
     /// Where to go otherwise.
     alias: u32,
-    /// Chance of this index.
+    /// Probability of this index.
     pdf_discrete: f32,
 }
 
@@ -16,20 +16,20 @@ struct AliasEntry {
 pub struct DiscreteSample {
     /// The index.
     pub index: usize,
-    /// Its chance.
+    /// Its probability.
     pub pdf_discrete: f32,
     /// Uniform in [0, 1), independent of the index (with fewer bits than the number given).
     pub remapped: f32,
 }
 
-/// Indices with given chances in constant time (Walker 1974, set up as in Vose 1991).
+/// Indices with given probabilities in constant time (Walker 1974, set up as in Vose 1991).
 #[derive(Clone, Debug)]
 pub struct AliasTable {
     entries: Vec<AliasEntry>,
 }
 
 impl AliasTable {
-    /// From weights, at least one; negative and non-finite ones count as 0. All zero gives equal chances.
+    /// From weights, at least one; negative and non-finite ones count as 0. All zero gives equal probabilities.
     pub fn new(weights: &[f32]) -> AliasTable {
         let cleaned = cleaned(weights);
         let total: f64 = cleaned.iter().sum();
@@ -86,7 +86,7 @@ impl AliasTable {
         }
     }
 
-    /// Chance of an index.
+    /// Probability of an index.
     #[inline]
     pub fn pdf_discrete(&self, index: usize) -> f32 {
         self.entries[index].pdf_discrete

@@ -2,7 +2,7 @@
 
 use super::ImageId;
 
-/// The surroundings, infinitely far away.
+/// The environment, infinitely far away.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Environment {
     /// Nothing: black.
@@ -25,7 +25,7 @@ pub enum Environment {
         image: ImageId,
         /// Factor on its values.
         strength: f32,
-        /// Turns the surroundings about the y axis, counter-clockwise seen from above.
+        /// Turns the environment about the y axis, counter-clockwise seen from above.
         rotation_rad: f64,
     },
 }

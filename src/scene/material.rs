@@ -60,7 +60,7 @@ pub enum Model {
         albedo: ColorSlot,
     },
     /// A metal: GGX microfacets with Schlick's Fresnel term.
-    Metal {
+    SchlickMetal {
         /// Reflectance at normal incidence.
         color: ColorSlot,
         /// Perceptual roughness 0..1; the GGX alpha is its square. The thesis's fuzz maps to the roughness of
@@ -93,7 +93,7 @@ pub enum Model {
         exponent: f32,
     },
     /// A metal of a measured complex index of refraction.
-    MeasuredMetal {
+    Conductor {
         /// Real part by channel.
         eta: [f32; 3],
         /// Extinction coefficient by channel.

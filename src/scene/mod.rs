@@ -21,7 +21,7 @@ pub use material::{
     AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, FresnelModel,
     Iridescence, Material, Model, NormalMap, PbrMaterial, Sheen,
 };
-pub use settings::{Filter, Microfacet, Settings};
+pub use settings::{EnergyCompensation, Filter, Settings};
 pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;

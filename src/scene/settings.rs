@@ -12,15 +12,15 @@ pub enum Filter {
     BlackmanHarris,
 }
 
-/// Treatment of light that bounces more than once between microfacets.
+/// Compensation for the energy that single scattering between microfacets loses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Microfacet {
-    /// The energy that single scattering loses is given back: scaled up (Turquin 2019), in solid glass sent where walks among
-    /// facets lead (see [`crate::bsdf::RoughDielectric`]).
+pub enum EnergyCompensation {
+    /// The lost energy is given back: by a factor (Turquin 2019); in solid glass, sent where walks among facets lead
+    /// (see [`crate::bsdf::RoughDielectric`]).
     #[default]
-    Multi,
+    On,
     /// Single scattering only, for comparison with renderers that do so.
-    Single,
+    Off,
 }
 
 /// Rendering settings that a scene file may carry.
@@ -38,8 +38,8 @@ pub struct Settings {
     pub seed: Option<u32>,
     /// Reconstruction filter.
     pub filter: Option<Filter>,
-    /// Microfacet model.
-    pub microfacet: Option<Microfacet>,
+    /// Energy compensation of rough surfaces; `microfacet` in scene files.
+    pub energy_compensation: Option<EnergyCompensation>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
 }

@@ -96,11 +96,11 @@ impl super::Material {
         let (colors, floats) = match &self.model {
             Model::Black => (vec![], vec![]),
             Model::Lambert { albedo } => (vec![*albedo], vec![]),
-            Model::Metal { color, roughness } => (vec![*color], vec![*roughness]),
+            Model::SchlickMetal { color, roughness } => (vec![*color], vec![*roughness]),
             Model::Dielectric { tint, .. } => (vec![*tint], vec![]),
             Model::OrenNayar { color, roughness } => (vec![*color], vec![*roughness]),
             Model::Phong { diffuse, specular, .. } => (vec![*diffuse, *specular], vec![]),
-            Model::MeasuredMetal { roughness, .. } => (vec![], vec![*roughness]),
+            Model::Conductor { roughness, .. } => (vec![], vec![*roughness]),
             Model::Glass { tint, roughness, .. } => (vec![*tint], vec![*roughness]),
             Model::Pbr(p) => (p.color_slots().copied().collect(), p.float_slots().copied().collect()),
         };

@@ -66,19 +66,19 @@ impl UvMap {
 
 /// A compiled [`Mapping`].
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Coordinates {
+pub(super) enum TextureCoordinates {
     Uv(UvMap),
     World,
     /// With the reciprocal of the size.
     Triplanar(f32),
 }
 
-impl Coordinates {
-    pub fn new(mapping: &Mapping) -> Coordinates {
+impl TextureCoordinates {
+    pub fn new(mapping: &Mapping) -> TextureCoordinates {
         match mapping {
-            Mapping::Uv { set, transform } => Coordinates::Uv(UvMap::new(*set, transform)),
-            Mapping::World => Coordinates::World,
-            Mapping::Triplanar { size } => Coordinates::Triplanar(1.0 / size),
+            Mapping::Uv { set, transform } => TextureCoordinates::Uv(UvMap::new(*set, transform)),
+            Mapping::World => TextureCoordinates::World,
+            Mapping::Triplanar { size } => TextureCoordinates::Triplanar(1.0 / size),
         }
     }
 }

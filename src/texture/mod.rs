@@ -15,7 +15,7 @@ pub use reader::PointReader;
 use crate::image::Image;
 use crate::math::{Vec2, Vec3, poly};
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
-use coordinates::Coordinates;
+use coordinates::TextureCoordinates;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
 
@@ -37,14 +37,14 @@ enum Compiled {
     /// Images that share a grid find the same texels at the same coordinates.
     Image {
         lookup: ImageLookup,
-        coordinates: Coordinates,
+        coordinates: TextureCoordinates,
         grid: u32,
     },
     Checker {
         even: u32,
         odd: u32,
         inverse_size: f32,
-        coordinates: Coordinates,
+        coordinates: TextureCoordinates,
     },
     Normal,
     Noise {
@@ -137,14 +137,14 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
                     Some(same) => same.reread(*wrap_u, *wrap_v, *interpolation),
                     None => ImageLookup::new(pixels.clone(), *wrap_u, *wrap_v, *interpolation),
                 };
-                Compiled::Image { lookup, coordinates: Coordinates::new(mapping), grid: 0 }
+                Compiled::Image { lookup, coordinates: TextureCoordinates::new(mapping), grid: 0 }
             }
         },
         Texture::Checker { even, odd, cell_size, mapping } => Compiled::Checker {
             even: even.0,
             odd: odd.0,
             inverse_size: 1.0 / cell_size,
-            coordinates: Coordinates::new(mapping),
+            coordinates: TextureCoordinates::new(mapping),
         },
         Texture::Normal => Compiled::Normal,
         Texture::Noise { kind, frequency, octaves, low, high, seed } => {
@@ -168,7 +168,7 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
 fn number_grids(textures: &mut [Compiled]) {
     let mut known = HashMap::new();
     for (i, texture) in textures.iter_mut().enumerate() {
-        if let Compiled::Image { lookup, coordinates: Coordinates::Uv(map), grid } = texture {
+        if let Compiled::Image { lookup, coordinates: TextureCoordinates::Uv(map), grid } = texture {
             *grid = *known.entry((map.bits(), lookup.grid())).or_insert(i as u32);
         }
     }
@@ -193,15 +193,15 @@ fn fold_constant_checkers(textures: &mut [Compiled]) {
 }
 
 #[inline(always)]
-fn checker_is_odd(coordinates: &Coordinates, inverse_size: f32, point: &TexturePoint) -> bool {
+fn checker_is_odd(coordinates: &TextureCoordinates, inverse_size: f32, point: &TexturePoint) -> bool {
     // Far from the origin f32 has no odd numbers any more; the sum in f64 stays exact.
     let cell = |x: f32| f64::from((x * inverse_size).floor());
     let sum = match coordinates {
-        Coordinates::Uv(map) => {
+        TextureCoordinates::Uv(map) => {
             let uv = map.apply(point);
             cell(uv.x) + cell(uv.y)
         }
-        Coordinates::World | Coordinates::Triplanar(_) => {
+        TextureCoordinates::World | TextureCoordinates::Triplanar(_) => {
             cell(point.world.x) + cell(point.world.y) + cell(point.world.z)
         }
     };

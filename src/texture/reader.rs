@@ -1,6 +1,6 @@
 //! All textures at one point: what several of them share is computed once.
 
-use super::coordinates::{Coordinates, UvMap, triplanar};
+use super::coordinates::{TextureCoordinates, UvMap, triplanar};
 use super::image::{ImageLookup, Taps};
 use super::{Compiled, CompiledTextures, MAX_DEPTH, TexturePoint, checker_is_odd, noise_value};
 use crate::math::Vec2;
@@ -48,7 +48,7 @@ impl<'a> PointReader<'a> {
                     at = if is_odd { *odd } else { *even } as usize;
                 }
                 Some(Compiled::Constant(c)) => return *c,
-                Some(Compiled::Image { lookup, coordinates: Coordinates::Uv(map), grid }) => {
+                Some(Compiled::Image { lookup, coordinates: TextureCoordinates::Uv(map), grid }) => {
                     return self.image(lookup, map, *grid);
                 }
                 Some(Compiled::Image { lookup, coordinates, .. }) => {
@@ -91,11 +91,11 @@ impl<'a> PointReader<'a> {
 }
 
 /// An image whose coordinates come from the point's place in the world.
-fn projected(lookup: &ImageLookup, coordinates: &Coordinates, point: &TexturePoint) -> [f32; 4] {
+fn projected(lookup: &ImageLookup, coordinates: &TextureCoordinates, point: &TexturePoint) -> [f32; 4] {
     match coordinates {
-        Coordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),
-        Coordinates::World => lookup.eval(Vec2::new(point.world.x, point.world.z), point.width),
-        Coordinates::Triplanar(inverse_size) => {
+        TextureCoordinates::Uv(map) => lookup.eval(map.apply(point), map.footprint(point)),
+        TextureCoordinates::World => lookup.eval(Vec2::new(point.world.x, point.world.z), point.width),
+        TextureCoordinates::Triplanar(inverse_size) => {
             let mut sum = [0.0; 4];
             for (uv, weight) in triplanar(point, *inverse_size) {
                 if weight > 0.0 {

@@ -1,9 +1,9 @@
 //! Samples follow their densities, and weights are values over densities.
 
-use crate::lobes::{conductor, direction, finite, glass};
+use crate::lobes::{conductor, direction, finite, glass, length};
 use oscura::math::Vec3;
 use oscura::sampling::chi2::{Chi2, Random, Square};
-use oscura::scene::Microfacet;
+use oscura::scene::EnergyCompensation;
 
 /// Normal to grazing, above and below.
 const COSINES: [f32; 7] = [1.0, 0.8, 0.3, 0.05, 0.002, -0.6, -0.02];
@@ -38,7 +38,7 @@ fn samples_follow_the_density() {
 fn sharp_lobes_follow_the_density() {
     for cosine in [1.0f32, 0.4] {
         let wo = direction(cosine, -1.0);
-        let bsdf = conductor(0.003, Microfacet::Single);
+        let bsdf = conductor(0.003, EnergyCompensation::Off);
         let mirror = Vec3::new(-wo.x, -wo.y, wo.z);
         Chi2::new("sharp conductor", 2).assert_directions(
             &Square::cap(mirror, 5e-4),
@@ -53,7 +53,7 @@ fn sharp_lobes_follow_the_density() {
 fn nearly_invisible_glass_follows_the_density() {
     for cosine in COSINES {
         let wo = direction(cosine, 0.7);
-        let bsdf = glass(1.001, 0.9, false, [1.0; 3], Microfacet::Multi);
+        let bsdf = glass(1.001, 0.9, false, [1.0; 3], EnergyCompensation::On);
         // Facets that no longer face up end the lobe near its centre: not where the cells meet.
         let centre = -wo - Vec3::Z * 1e-3f32.copysign(cosine);
         Chi2::new(&format!("glass 1.001 from {cosine}"), COSINES.len()).assert_directions(
@@ -80,10 +80,7 @@ fn weights_are_value_over_density() {
             let e = bsdf.eval(wo, s.wi);
             assert!((e.pdf_solid_angle / s.pdf_solid_angle - 1.0).abs() < 2e-2, "{name} {wo} {s:?} {e:?}");
             let weight = e.f_cos / e.pdf_solid_angle;
-            assert!(
-                (weight - s.weight).length() <= 1e-3 * s.weight.length() + 1e-5,
-                "{name} {wo} {s:?} {e:?}"
-            );
+            assert!(length(weight - s.weight) <= 1e-3 * length(s.weight) + 1e-5, "{name} {wo} {s:?} {e:?}");
         }
     }
 }

@@ -1,14 +1,20 @@
 //! The BSDFs under test.
 
 use oscura::bsdf::{
-    Bsdf, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Metal, Microsurface, OrenNayar, Phong,
-    class_of, resolve,
+    Bsdf, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar, Phong,
+    SchlickMetal, class_of, resolve,
 };
+use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
 use oscura::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, Iridescence, Microfacet, Model,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, Model,
     PbrMaterial, Sheen,
 };
+
+/// Euclidean length, a measure of how different colours are.
+pub fn length(color: Rgb) -> f32 {
+    Vec3::from_array(color.to_array()).length()
+}
 
 /// A unit vector by its cosine with z and its azimuth.
 pub fn direction(cosine: f32, azimuth: f32) -> Vec3 {
@@ -17,17 +23,17 @@ pub fn direction(cosine: f32, azimuth: f32) -> Vec3 {
 }
 
 /// A metal.
-pub fn conductor(alpha: f32, microfacet: Microfacet) -> Bsdf {
-    Bsdf::Conductor(Conductor { f0: Vec3::new(0.9, 0.7, 0.4), alpha, microfacet })
+pub fn conductor(alpha: f32, energy_compensation: EnergyCompensation) -> Bsdf {
+    Bsdf::SchlickMetal(SchlickMetal { f0: Rgb::new(0.9, 0.7, 0.4), alpha, energy_compensation })
 }
 
 /// Gold of two roughnesses.
-pub fn gold(alpha: [f32; 2], microfacet: Microfacet) -> Bsdf {
-    Bsdf::Metal(Metal {
-        eta: Vec3::new(0.143, 0.375, 1.442),
-        k: Vec3::new(3.983, 2.386, 1.603),
+pub fn gold(alpha: [f32; 2], energy_compensation: EnergyCompensation) -> Bsdf {
+    Bsdf::Conductor(Conductor {
+        eta: Rgb::new(0.143, 0.375, 1.442),
+        k: Rgb::new(3.983, 2.386, 1.603),
         surface: Microsurface::new(alpha, [0.6, 0.8]),
-        microfacet,
+        energy_compensation,
     })
 }
 
@@ -47,7 +53,7 @@ pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
 pub fn resolved(p: PbrMaterial) -> Bsdf {
     let frame =
         LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
-    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, Microfacet::Multi)
+    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, EnergyCompensation::On)
 }
 
 /// Coloured glTF material of the four usual numbers.
@@ -61,9 +67,15 @@ pub fn basic(roughness: f32, metallic: f32, transmission: f32, has_volume: bool)
 }
 
 /// Glass.
-pub fn glass(ior: f32, roughness: f32, is_thin: bool, tint: [f32; 3], microfacet: Microfacet) -> Bsdf {
+pub fn glass(
+    ior: f32,
+    roughness: f32,
+    is_thin: bool,
+    tint: [f32; 3],
+    energy_compensation: EnergyCompensation,
+) -> Bsdf {
     let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
-    resolve(&model, &Factors, &LocalFrame::STRAIGHT, microfacet)
+    resolve(&model, &Factors, &LocalFrame::STRAIGHT, energy_compensation)
 }
 
 /// A clearcoat.
@@ -111,31 +123,34 @@ fn tilted(bsdf: Bsdf, normal: Vec3) -> Bsdf {
 pub fn finite() -> Vec<(String, Bsdf)> {
     let mut all: Vec<(String, Bsdf)> = Vec::new();
     let mut add = |name: &str, bsdf: Bsdf| all.push((name.to_string(), bsdf));
-    add("lambert", Bsdf::Lambert(Lambert { albedo: Vec3::splat(0.5) }));
+    add("lambert", Bsdf::Lambert(Lambert { albedo: Rgb::splat(0.5) }));
     for roughness in [0.3, 1.0] {
-        let color = Vec3::new(0.9, 0.5, 0.1);
+        let color = Rgb::new(0.9, 0.5, 0.1);
         add(&format!("oren-nayar {roughness}"), Bsdf::OrenNayar(OrenNayar { color, roughness }));
     }
     for exponent in [0.0, 5.0, 60.0] {
-        let phong = Phong::new(Vec3::new(0.3, 0.2, 0.1), Vec3::splat(0.5), exponent);
+        let phong = Phong::new(Rgb::new(0.3, 0.2, 0.1), Rgb::splat(0.5), exponent);
         add(&format!("phong {exponent}"), Bsdf::Phong(phong));
     }
     for alpha in [0.05, 0.15, 0.4, 1.0] {
-        add(&format!("conductor {alpha}"), conductor(alpha, Microfacet::Multi));
+        add(&format!("conductor {alpha}"), conductor(alpha, EnergyCompensation::On));
         add(&format!("pbr {alpha}"), basic(alpha.sqrt(), 0.3, 0.0, false));
     }
-    add("gold", gold([0.1, 0.5], Microfacet::Multi));
+    add("gold", gold([0.1, 0.5], EnergyCompensation::On));
     add("plastic", basic(0.5, 0.0, 0.0, false));
     add("coated diffuse", basic(0.0, 0.0, 0.0, false));
     for (ior, roughness) in
         [(1.5, 0.3), (1.5, 0.7), (1.1, 0.8), (1.2, 0.8), (1.01, 0.8), (2.4, 0.5), (1.33, 1.0)]
     {
-        add(&format!("glass {ior} {roughness}"), glass(ior, roughness, false, [1.0; 3], Microfacet::Multi));
+        add(
+            &format!("glass {ior} {roughness}"),
+            glass(ior, roughness, false, [1.0; 3], EnergyCompensation::On),
+        );
     }
-    add("tinted glass", glass(1.5, 0.5, false, [0.9, 0.3, 0.1], Microfacet::Single));
-    add("coloured glass", glass(1.5, 0.8, false, [0.9, 0.3, 0.0], Microfacet::Multi));
-    add("bubble", glass(1.5, 0.6, false, [1.0; 3], Microfacet::Multi).with_ior(0.6));
-    add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], Microfacet::Multi));
+    add("tinted glass", glass(1.5, 0.5, false, [0.9, 0.3, 0.1], EnergyCompensation::Off));
+    add("coloured glass", glass(1.5, 0.8, false, [0.9, 0.3, 0.0], EnergyCompensation::On));
+    add("bubble", glass(1.5, 0.6, false, [1.0; 3], EnergyCompensation::On).with_ior(0.6));
+    add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], EnergyCompensation::On));
     add("half transmissive", basic(0.6, 0.0, 0.5, true));
     add("mixed", basic(0.6, 0.4, 0.5, false));
     for (name, material) in layers() {

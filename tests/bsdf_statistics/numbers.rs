@@ -5,8 +5,8 @@ use oscura::bsdf::{Bsdf, Coat, Factors, LocalFrame, resolve};
 use oscura::math::{Vec2, Vec3};
 use oscura::sampling::chi2::Random;
 use oscura::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, FloatSlot, FresnelModel, Iridescence, Microfacet,
-    Model, PbrMaterial, Sheen,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, FresnelModel,
+    Iridescence, Model, PbrMaterial, Sheen,
 };
 
 /// In 0..1, often an end or just beside it, sometimes a denormal.
@@ -83,10 +83,10 @@ fn model(random: &mut Random) -> Model {
             let exponent = if random.next() < 0.2 { 1e6 } else { 200.0 * unit(random) };
             Model::Phong { diffuse: color(random), specular: color(random), exponent }
         }
-        3 => Model::Metal { color: color(random), roughness: slot(random) },
+        3 => Model::SchlickMetal { color: color(random), roughness: slot(random) },
         4 => {
             let component = |random: &mut Random| [0, 1, 2].map(|_| 10.0 * unit(random));
-            Model::MeasuredMetal { eta: component(random), k: component(random), roughness: slot(random) }
+            Model::Conductor { eta: component(random), k: component(random), roughness: slot(random) }
         }
         5 => Model::Dielectric {
             ior: ior(random).max(1.0),
@@ -104,11 +104,12 @@ fn model(random: &mut Random) -> Model {
 }
 
 fn bsdf(random: &mut Random) -> Bsdf {
-    let microfacet = if random.next() < 0.5 { Microfacet::Multi } else { Microfacet::Single };
+    let energy_compensation =
+        if random.next() < 0.5 { EnergyCompensation::On } else { EnergyCompensation::Off };
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let mut bsdf = resolve(&model(random), &Factors, &frame, microfacet);
+    let mut bsdf = resolve(&model(random), &Factors, &frame, energy_compensation);
     if random.next() < 0.1 {
         // Solids within denser ones.
         bsdf = bsdf.with_ior(1.0 / ior(random).max(1.0));

@@ -57,7 +57,7 @@ fn a_model_with_z_up_stands_upright() {
 }
 
 #[test]
-fn env_rotation_turns_the_surroundings() {
+fn env_rotation_turns_the_environment() {
     let folder = tempfile::tempdir().unwrap();
     // One bright column in 8: the camera looks at it or not.
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 8, 4, |x, _| {

@@ -5,7 +5,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded};
-use oscura::scene::Microfacet;
+use oscura::scene::EnergyCompensation;
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -173,7 +173,12 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
         json!({}),
         json!(true),
     ];
-    let options = CompileOptions { microfacet: Microfacet::default(), camera: None, width: 8, height: 8 };
+    let options = CompileOptions {
+        energy_compensation: EnergyCompensation::default(),
+        camera: None,
+        width: 8,
+        height: 8,
+    };
     let (mut tried, mut refused) = (0, 0);
     for place in &places {
         for value in &nonsense {

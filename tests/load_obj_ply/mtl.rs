@@ -103,7 +103,9 @@ fn classic_highlights() {
     let loaded = with_material("Kd 0.5 0.5 0.5\nKs 0.5 0.25 0.25\nillum 1\n");
     assert!(matches!(material(&loaded).model, Model::Lambert { .. }));
     let loaded = with_material("Kd 0 0 0\nKs 0.9 0.8 0.7\nNs 1000\nillum 3\n");
-    assert!(matches!(material(&loaded).model, Model::Metal { color, .. } if color.factor == [0.9, 0.8, 0.7]));
+    assert!(
+        matches!(material(&loaded).model, Model::SchlickMetal { color, .. } if color.factor == [0.9, 0.8, 0.7])
+    );
     let loaded = with_material("Ni 1.3\nTf 0.9 1 0.9\nillum 7\n");
     assert!(
         matches!(material(&loaded).model, Model::Dielectric { tint, .. } if tint.factor == [0.9, 1.0, 0.9])

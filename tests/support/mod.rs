@@ -7,7 +7,9 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{RenderOptions, render};
-use oscura::scene::{Camera, Filter, Material, MaterialId, Microfacet, Projection, Quad, Scene, Sphere};
+use oscura::scene::{
+    Camera, EnergyCompensation, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere,
+};
 use std::sync::atomic::AtomicBool;
 
 /// A pinhole camera.
@@ -42,7 +44,7 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 /// Compiles and renders.
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
     let compile_options = CompileOptions {
-        microfacet: Microfacet::Multi,
+        energy_compensation: EnergyCompensation::On,
         camera: None,
         width: options.width,
         height: options.height,

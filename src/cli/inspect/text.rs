@@ -5,7 +5,7 @@ use super::objects::tree;
 use super::words;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::{Scene, instance_extents, scene_extent};
+use oscura::scene::{EnergyCompensation, Scene, instance_extents, scene_extent};
 use std::path::Path;
 
 /// Everything, line by line.
@@ -105,7 +105,11 @@ fn settings(scene: &Scene) -> Vec<String> {
     let mut shown: Vec<String> =
         numbers.iter().filter_map(|(name, value)| Some(format!("{name} {}", (*value)?))).collect();
     shown.extend(s.filter.map(|f| format!("filter {f:?}")));
-    shown.extend(s.microfacet.map(|m| format!("microfacet {m:?}")));
+    let scattering = |e: EnergyCompensation| match e {
+        EnergyCompensation::On => "multi",
+        EnergyCompensation::Off => "single",
+    };
+    shown.extend(s.energy_compensation.map(|e| format!("microfacet {}", scattering(e))));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
     shown
 }

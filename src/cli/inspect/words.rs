@@ -30,7 +30,7 @@ pub fn model_name(model: &Model) -> &'static str {
         Model::Lambert { .. } => "lambert",
         Model::OrenNayar { .. } => "oren-nayar",
         Model::Phong { .. } => "phong",
-        Model::Metal { .. } | Model::MeasuredMetal { .. } => "metal",
+        Model::SchlickMetal { .. } | Model::Conductor { .. } => "metal",
         Model::Dielectric { .. } | Model::Glass { .. } => "dielectric",
         Model::Pbr(_) => "glTF",
     }
@@ -41,7 +41,7 @@ pub fn material(scene: &Scene, m: &Material) -> String {
     let mut parts = vec![match &m.model {
         Model::Black => "black".to_string(),
         Model::Lambert { albedo } => format!("lambert, colour {}", color(albedo)),
-        Model::Metal { color: c, roughness } => {
+        Model::SchlickMetal { color: c, roughness } => {
             format!("metal, colour {}, roughness {}", color(c), share(roughness))
         }
         Model::Dielectric { ior, tint, .. } => {
@@ -54,7 +54,7 @@ pub fn material(scene: &Scene, m: &Material) -> String {
             let exponent = number((*exponent).into());
             format!("phong, diffuse {}, specular {}, exponent {exponent}", color(diffuse), color(specular))
         }
-        Model::MeasuredMetal { eta, k, roughness } => {
+        Model::Conductor { eta, k, roughness } => {
             format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
         }
         Model::Glass { ior, tint, roughness, is_thin } => {

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 /// The bytes of a buffer view.
 #[derive(Clone, Copy)]
-pub(super) struct View<'d> {
+pub(super) struct BufferView<'d> {
     /// All its bytes.
     pub bytes: &'d [u8],
     /// From one element to the next, if the file says so.
@@ -20,7 +20,7 @@ pub(super) struct View<'d> {
 
 impl<'a> Document<'a> {
     /// The bytes of a buffer view, inside its buffer for certain; `from` points to what refers to it.
-    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Option<View<'_>> {
+    pub fn view(&self, index: usize, from: &str, report: &mut Report) -> Option<BufferView<'_>> {
         let view: buffer::View = self.entry("bufferViews", index, from, report)?;
         let at = pointer("bufferViews", index);
         let stride = view.byte_stride.map(|s| s.0);
@@ -38,11 +38,11 @@ impl<'a> Document<'a> {
                 report.problem(place, format!("holds {holds} bytes for a bufferView of {says}"));
                 return None;
             }
-            return Some(View { bytes, stride });
+            return Some(BufferView { bytes, stride });
         }
         let (offset, length) = (view.byte_offset.unwrap_or_default().0, view.byte_length.0);
         let bytes = self.range(view.buffer.value(), offset, length, &at, report)?;
-        Some(View { bytes, stride })
+        Some(BufferView { bytes, stride })
     }
 
     /// Bytes of a buffer; `at` points to what asks for them.

@@ -23,7 +23,7 @@ pub(crate) enum Use {
     Color,
     /// Numbers such as roughness or normals: linear, whatever their type.
     Data,
-    /// Surroundings: integers are sRGB-encoded, floats radiance; no texel may be negative.
+    /// Environment: integers are sRGB-encoded, floats radiance; no texel may be negative.
     Environment,
 }
 
@@ -94,7 +94,7 @@ pub(crate) fn decode(
     Ok(image)
 }
 
-/// Reads an image as the scene's surroundings: NaN, infinite and negative texels become 0, with a warning that counts
+/// Reads an image as the scene's environment: NaN, infinite and negative texels become 0, with a warning that counts
 /// them.
 ///
 /// # Errors

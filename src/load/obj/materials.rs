@@ -80,7 +80,7 @@ impl Conversion<'_, '_> {
         let no_diffuse = base_color.factor == [0.0; 3] && base_color.texture.is_none();
         if !is_pbr && no_diffuse && ks != [0.0; 3] {
             let color = self.color("ks", ks, false);
-            return Model::Metal { color, roughness: FloatSlot::constant(roughness) };
+            return Model::SchlickMetal { color, roughness: FloatSlot::constant(roughness) };
         }
         let brightest = ks.into_iter().fold(0.0, f32::max);
         let hue = if brightest > 0.0 { ks.map(|c| c / brightest) } else { [1.0; 3] };

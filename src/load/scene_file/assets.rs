@@ -164,13 +164,13 @@ impl crate::scene::Material {
         match &mut self.model {
             Model::Black => {}
             Model::Lambert { albedo } => colors.push(albedo),
-            Model::Metal { color, roughness } => {
+            Model::SchlickMetal { color, roughness } => {
                 colors.push(color);
                 floats.push(roughness);
             }
             Model::Dielectric { tint, .. } => colors.push(tint),
             Model::Phong { diffuse, specular, .. } => colors.extend([diffuse, specular]),
-            Model::MeasuredMetal { roughness, .. } => floats.push(roughness),
+            Model::Conductor { roughness, .. } => floats.push(roughness),
             Model::OrenNayar { color, roughness } | Model::Glass { tint: color, roughness, .. } => {
                 colors.push(color);
                 floats.push(roughness);

@@ -143,8 +143,8 @@ fn read<'a>(
             Material::new(
                 name,
                 match measured {
-                    Some(m) => Model::MeasuredMetal { eta: m.eta, k: m.k, roughness },
-                    None => Model::Metal { color, roughness },
+                    Some(m) => Model::Conductor { eta: m.eta, k: m.k, roughness },
+                    None => Model::SchlickMetal { color, roughness },
                 },
             )
         }

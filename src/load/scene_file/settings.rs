@@ -11,7 +11,7 @@
 //! | `exposure` | exposure of the PNG in stops | -100 to 100 |
 
 use super::fields::Fields;
-use crate::scene::{Filter, Microfacet, Settings};
+use crate::scene::{EnergyCompensation, Filter, Settings};
 
 pub(super) fn read(fields: &Fields) -> Settings {
     let filters =
@@ -23,8 +23,8 @@ pub(super) fn read(fields: &Fields) -> Settings {
         depth: fields.integer("depth", 0, u32::MAX),
         seed: fields.integer("seed", 0, u32::MAX),
         filter: fields.choice("filter", &filters),
-        microfacet: fields
-            .choice("microfacet", &[("multi", Microfacet::Multi), ("single", Microfacet::Single)]),
+        energy_compensation: fields
+            .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
         exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
     };
     fields.finish();

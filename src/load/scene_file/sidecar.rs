@@ -75,7 +75,7 @@ fn either(first: Settings, second: Settings) -> Settings {
         depth: first.depth.or(second.depth),
         seed: first.seed.or(second.seed),
         filter: first.filter.or(second.filter),
-        microfacet: first.microfacet.or(second.microfacet),
+        energy_compensation: first.energy_compensation.or(second.energy_compensation),
         exposure: first.exposure.or(second.exposure),
     }
 }

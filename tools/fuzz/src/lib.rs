@@ -2,7 +2,7 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
-use oscura::scene::Microfacet;
+use oscura::scene::EnergyCompensation;
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
@@ -39,7 +39,7 @@ fn load_and_compile(path: &Path) {
         Ok(loaded) => {
             assert_eq!(loaded.scene.validate(), [], "the scene is inconsistent");
             let options = CompileOptions {
-                microfacet: Microfacet::Multi,
+                energy_compensation: EnergyCompensation::On,
                 camera: None,
                 width: 16,
                 height: 16,

@@ -4,7 +4,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::error::{Error, Result};
 use oscura::film::{AovSet, Film};
 use oscura::load::{LoadOptions, load};
-use oscura::output::{Format, Metadata, OutputOptions, PngOptions, View, encode, write_atomically};
+use oscura::output::{Format, Metadata, OutputOptions, PngOptions, ViewTransform, encode, write_atomically};
 use oscura::render::{RenderOptions, in_pool, render};
 use oscura::scene::Scene;
 use std::path::Path;
@@ -55,7 +55,7 @@ impl Shot {
         let mut loaded = load(path, &LoadOptions::default())?;
         let options = options(&loaded.scene, quality, path)?;
         let compile_options = CompileOptions {
-            microfacet: loaded.scene.settings.microfacet.unwrap_or_default(),
+            energy_compensation: loaded.scene.settings.energy_compensation.unwrap_or_default(),
             camera: None,
             width: options.width,
             height: options.height,
@@ -112,7 +112,7 @@ impl Shot {
 
 /// An 8-bit sRGB value.
 pub fn srgb_byte(linear: f32) -> u8 {
-    (View::Srgb.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8
+    (ViewTransform::Srgb.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
 fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions> {

@@ -8,7 +8,7 @@ use oscura::image::Image;
 use oscura::load::load;
 use oscura::metrics::z_test;
 use oscura::render::{RenderOptions, render};
-use oscura::scene::{Filter, Microfacet};
+use oscura::scene::{EnergyCompensation, Filter};
 use serde_json::{Value, json};
 use std::sync::atomic::AtomicBool;
 
@@ -132,7 +132,12 @@ fn scene(scale: f64, far: f64) -> CompiledScene {
     let path = folder.path().join("box.gltf");
     std::fs::write(&path, asset.to_string()).expect("the temporary folder takes a file");
     let loaded = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
-    let options = CompileOptions { microfacet: Microfacet::Multi, camera: None, width: SIZE, height: SIZE };
+    let options = CompileOptions {
+        energy_compensation: EnergyCompensation::On,
+        camera: None,
+        width: SIZE,
+        height: SIZE,
+    };
     let (compiled, report) = compile(&loaded.scene, &options).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "scale {scale:e}, moved by {far:e}: {:?}", report.warnings);
     compiled

@@ -7,21 +7,21 @@ use oscura::load::image::load_environment;
 use oscura::scene::{Environment, ImageId, Scene};
 
 /// What `--env` brings, read once for all pictures of a sequence.
-pub(crate) struct Surroundings {
+pub(crate) struct EnvironmentOverride {
     image: Option<Image>,
     warnings: Vec<Warning>,
 }
 
-impl Surroundings {
+impl EnvironmentOverride {
     /// Reads the picture that the arguments name, if any.
     ///
     /// # Errors
     /// An input error if it can't be read.
-    pub fn load(args: &RenderArgs) -> Result<Surroundings> {
+    pub fn load(args: &RenderArgs) -> Result<EnvironmentOverride> {
         let mut warnings = Vec::new();
         let path = args.env.as_ref().filter(|path| !path.as_os_str().is_empty());
         let image = path.map(|path| load_environment(path, &mut warnings)).transpose()?;
-        Ok(Surroundings { image, warnings })
+        Ok(EnvironmentOverride { image, warnings })
     }
 
     /// Replaces or adjusts a scene's environment; gives all warnings about it.

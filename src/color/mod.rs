@@ -1,5 +1,9 @@
 //! Linear RGB, luminance and the sRGB transfer function.
 
+mod rgb;
+
+pub use rgb::Rgb;
+
 /// Relative luminance of a linear Rec. 709 colour (ITU-R BT.709-6, Y row of the RGB to XYZ matrix).
 #[inline(always)]
 pub fn luminance(rgb: [f32; 3]) -> f32 {

@@ -1,7 +1,8 @@
 //! Interference in a thin film (KHR_materials_iridescence).
 
 use super::fresnel;
-use crate::math::{Vec3, poly};
+use crate::color::Rgb;
+use crate::math::poly;
 use std::f32::consts::{PI, TAU};
 
 /// A film on the interface (Belcour, Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying
@@ -12,7 +13,7 @@ use std::f32::consts::{PI, TAU};
 /// the same for smooth surfaces, and for rough ones the energy stays exactly known. With the film the surface is not
 /// reciprocal.
 #[derive(Clone, Copy, Debug)]
-pub struct Film {
+pub struct ThinFilm {
     /// Its strength 0..1; 0 for none.
     pub factor: f32,
     /// Its index of refraction, at least 1.
@@ -21,24 +22,24 @@ pub struct Film {
     pub thickness_nm: f32,
 }
 
-impl Film {
+impl ThinFilm {
     /// No film.
-    pub const NONE: Film = Film { factor: 0.0, ior: 1.3, thickness_nm: 0.0 };
+    pub const NONE: ThinFilm = ThinFilm { factor: 0.0, ior: 1.3, thickness_nm: 0.0 };
 
     /// The reflectance at normal incidence that stands for `f0` under the film, seen under a cosine.
     #[inline]
-    pub fn f0(&self, f0: Vec3, f90: f32, cosine: f32) -> Vec3 {
+    pub fn f0(&self, f0: Rgb, f90: f32, cosine: f32) -> Rgb {
         let seen = self.reflectance(f0, cosine);
         let weight = fresnel::schlick_weight(cosine);
         let below = (1.0 - weight).max(1e-3);
-        let equivalent = ((seen - Vec3::splat(f90 * weight)) / below).clamp(Vec3::ZERO, Vec3::ONE);
+        let equivalent = ((seen - Rgb::splat(f90 * weight)) / below).clamp(Rgb::ZERO, Rgb::ONE);
         f0 + (equivalent - f0) * self.factor
     }
 
     /// Reflectance of the film over an interface of reflectance `base_f0`, in linear Rec.709 (Belcour, Barla 2017, eq. 2
     /// and 9, unpolarised). The lower interface follows Schlick's formula as in the extension.
     #[inline]
-    pub fn reflectance(&self, base_f0: Vec3, cosine: f32) -> Vec3 {
+    pub fn reflectance(&self, base_f0: Rgb, cosine: f32) -> Rgb {
         // Thinner than 0.03 nm there is no film.
         let presence = (self.thickness_nm / 0.03).clamp(0.0, 1.0);
         let ior = 1.0 + (self.ior - 1.0) * presence * presence * (3.0 - 2.0 * presence);
@@ -64,7 +65,7 @@ impl Film {
             }
             sum[c] = value;
         }
-        Vec3::from_array(sum).clamp(Vec3::ZERO, Vec3::ONE)
+        Rgb::from_array(sum).clamp(Rgb::ZERO, Rgb::ONE)
     }
 
     /// Reflectance and phase of the lower interface.
@@ -115,13 +116,13 @@ mod tests {
 
     #[test]
     fn no_film_changes_nothing() {
-        let film = Film { factor: 1.0, ior: 1.8, thickness_nm: 0.0 };
+        let film = ThinFilm { factor: 1.0, ior: 1.8, thickness_nm: 0.0 };
         for f0 in [0.02, 0.04, 0.3, 0.9] {
             for cosine in [1.0, 0.7, 0.3] {
-                let seen = film.reflectance(Vec3::splat(f0), cosine);
+                let seen = film.reflectance(Rgb::splat(f0), cosine);
                 let plain = scalar_schlick(f0, cosine);
                 assert!(
-                    (seen - Vec3::splat(plain)).abs().max_element() < 2e-3,
+                    (seen - Rgb::splat(plain)).abs().max_element() < 2e-3,
                     "{f0} {cosine}: {seen} {plain}"
                 );
             }
@@ -131,8 +132,8 @@ mod tests {
     /// Far beyond the coherence length only the incoherent sum is left.
     #[test]
     fn thick_films_have_no_colour() {
-        let film = Film { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0 };
-        let r = film.reflectance(Vec3::splat(0.2), 0.8);
+        let film = ThinFilm { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0 };
+        let r = film.reflectance(Rgb::splat(0.2), 0.8);
         assert!(r.max_element() - r.min_element() < 1e-4, "{r}");
     }
 
@@ -169,8 +170,8 @@ mod tests {
                 }
             }
             let exact = RGB_FROM_XYZ.map(|row| (0..3).map(|i| f64::from(row[i]) * sums[i]).sum::<f64>());
-            let film = Film { factor: 1.0, ior: film_ior as f32, thickness_nm: thickness as f32 };
-            let found = film.reflectance(Vec3::splat(base as f32), 1.0).to_array();
+            let film = ThinFilm { factor: 1.0, ior: film_ior as f32, thickness_nm: thickness as f32 };
+            let found = film.reflectance(Rgb::splat(base as f32), 1.0).to_array();
             for c in 0..3 {
                 let error = (f64::from(found[c]) - exact[c].clamp(0.0, 1.0)).abs();
                 assert!(error < 0.02, "{film_ior} {thickness}: {found:?} {exact:?}");
