@@ -1,15 +1,54 @@
 //! The exact Fresnel curve of a dielectric, as the weight of what it reflects at grazing incidence.
 
+use super::fresnel;
+use crate::color::Rgb;
+use crate::scene::FresnelModel;
+
+/// Fresnel term of a dielectric layer: the weight by which its reflectance goes from F0 to F90.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum LayerFresnel {
+    /// Schlick's (1 - cos)^5.
+    Schlick,
+    /// The curve of its index of refraction.
+    Exact(DielectricCurve),
+}
+
+impl LayerFresnel {
+    /// That of a model for a layer of an index of refraction (see [`DielectricCurve::of_ior`]).
+    #[inline(always)]
+    pub fn new(model: FresnelModel, ior: f32) -> LayerFresnel {
+        match model {
+            FresnelModel::Schlick => LayerFresnel::Schlick,
+            FresnelModel::Exact => LayerFresnel::Exact(DielectricCurve::of_ior(ior)),
+        }
+    }
+
+    /// From 0 at normal to 1 at grazing incidence.
+    #[inline(always)]
+    pub fn weight(self, cosine: f32) -> f32 {
+        match self {
+            LayerFresnel::Schlick => fresnel::schlick_weight(cosine),
+            LayerFresnel::Exact(curve) => curve.weight(cosine),
+        }
+    }
+
+    /// Reflectance between that at normal and that at grazing incidence.
+    #[inline(always)]
+    pub fn reflectance(self, f0: Rgb, f90: Rgb, cosine: f32) -> Rgb {
+        f0 + (f90 - f0) * self.weight(cosine)
+    }
+}
+
 /// How the reflectance of a dielectric rises from normal to grazing incidence, seen from outside: with F the Fresnel
 /// reflectance of unpolarised light, the weight (F(cos) - F(1)) / (1 - F(1)), which takes the place of Schlick's
 /// (1 - cos)^5 between an F0 and an F90 of any value.
 ///
 /// F rises all the way as long as F(1) is at most 1/3, up to an index of 2 + sqrt(3) = 3.73. Beyond, it falls before it
 /// rises, and remapped to a small F0 would become negative: denser materials have the curve of that index.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DielectricCurve {
     /// (n - 1) / (n + 1): the amplitude reflected at normal incidence, 0 to [`LARGEST_AMPLITUDE`].
-    pub(super) amplitude: f32,
+    pub amplitude: f32,
 }
 
 /// That of an index of 2 + sqrt(3): 1 / sqrt(3).

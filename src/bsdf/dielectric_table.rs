@@ -112,7 +112,8 @@ mod tests {
         let cosine = (x * r / (1.0 + r - x)).powi(2).min(1.0);
         let lights: Vec<(f64, f64)> = reflections(direction(cosine), [r * r; 2], 0.5, POINTS).collect();
         let total: f64 = lights.iter().map(|(_, light)| light).sum();
-        let mean = |f: &dyn Fn(f64) -> f64| lights.iter().map(|(c, light)| light * f(*c)).sum::<f64>() / total;
+        let mean =
+            |f: &dyn Fn(f64) -> f64| lights.iter().map(|(c, light)| light * f(*c)).sum::<f64>() / total;
         let scaled = |c: f64| c * (1.0 + r) / (c + r);
         std::array::from_fn(|index| {
             // The least one stands for indices that hardly differ from 1.

@@ -61,12 +61,7 @@ pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [
 }
 
 /// What facets reflect once with a reflectance of 1: cosines under which they are seen, and shares of the light.
-pub fn reflections(
-    wo: DVec3,
-    alpha: [f64; 2],
-    turn: f64,
-    points: usize,
-) -> impl Iterator<Item = (f64, f64)> {
+pub fn reflections(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> impl Iterator<Item = (f64, f64)> {
     let root_o = smith_root(wo, alpha);
     visible_normals(wo, alpha, turn, points).filter_map(move |(normal, weight)| {
         let c = wo.dot(normal).clamp(0.0, 1.0);

@@ -7,7 +7,7 @@ use super::{
 };
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3};
-use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, Model};
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, FresnelModel, Model};
 
 /// Which loop shades a material; known without its textures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -42,6 +42,15 @@ pub trait Slots {
     fn color(&self, slot: &ColorSlot) -> Rgb;
     /// A number.
     fn number(&self, slot: &FloatSlot) -> f32;
+}
+
+/// Choices among models of scattering that are the same for all materials of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadingModel {
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: FresnelModel,
 }
 
 /// The constant factors alone, as if every texture were white.
@@ -105,18 +114,14 @@ pub fn class_of(model: &Model) -> BsdfClass {
 /// Tint: KHR_materials_transmission multiplies transmitted light by the base colour at each crossing of the surface, so
 /// a closed solid shows its square; absorption inside a volume is the integrator's.
 #[inline]
-pub fn resolve(
-    model: &Model,
-    slots: &impl Slots,
-    frame: &LocalFrame,
-    energy_compensation: EnergyCompensation,
-) -> Bsdf {
+pub fn resolve(model: &Model, slots: &impl Slots, frame: &LocalFrame, shading: ShadingModel) -> Bsdf {
     let color = |slot| slots.color(slot).clamp(Rgb::ZERO, Rgb::ONE);
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let alpha = |slot| {
         let roughness = number(slot);
         roughness * roughness
     };
+    let energy_compensation = shading.energy_compensation;
     match model {
         Model::Black => Bsdf::Black,
         Model::Lambert { albedo } => Bsdf::Lambert(Lambert { albedo: color(albedo) }),
@@ -154,6 +159,6 @@ pub fn resolve(
                 energy_compensation,
             })
         }
-        Model::Pbr(pbr) => resolve_pbr(pbr, slots, frame, energy_compensation),
+        Model::Pbr(pbr) => resolve_pbr(pbr, slots, frame, shading),
     }
 }

@@ -1,9 +1,9 @@
 //! From the glTF material to the simplest BSDF that is equivalent to it.
 
-use super::resolve::{BsdfClass, LocalFrame, Slots, always};
+use super::resolve::{BsdfClass, LocalFrame, ShadingModel, Slots, always};
 use super::{
-    Bsdf, Coat, Dielectric, GlassReflectance, Isotropic, Lambert, Layered, MetalRough, Microsurface,
-    RoughDielectric, SchlickMetal, Sheen, ThinDielectric, ThinFilm, Walls, fresnel,
+    Bsdf, Coat, Dielectric, GlassReflectance, Isotropic, Lambert, LayerFresnel, Layered, MetalRough,
+    Microsurface, RoughDielectric, SchlickMetal, Sheen, ThinDielectric, ThinFilm, Walls, fresnel,
 };
 use crate::color::Rgb;
 use crate::math::{Vec2, poly};
@@ -60,7 +60,7 @@ pub(super) fn resolve_pbr(
     pbr: &PbrMaterial,
     slots: &impl Slots,
     frame: &LocalFrame,
-    energy_compensation: EnergyCompensation,
+    shading: ShadingModel,
 ) -> Bsdf {
     let base = slots.color(&pbr.base_color).clamp(Rgb::ZERO, Rgb::ONE);
     match class_of_pbr(pbr) {
@@ -68,7 +68,11 @@ pub(super) fn resolve_pbr(
         BsdfClass::Lambert => Bsdf::Lambert(Lambert { albedo: base }),
         BsdfClass::SchlickMetal => {
             let roughness = slots.number(&pbr.roughness).clamp(0.0, 1.0);
-            Bsdf::SchlickMetal(SchlickMetal { f0: base, alpha: roughness * roughness, energy_compensation })
+            Bsdf::SchlickMetal(SchlickMetal {
+                f0: base,
+                alpha: roughness * roughness,
+                energy_compensation: shading.energy_compensation,
+            })
         }
         BsdfClass::Dielectric => {
             Bsdf::Dielectric(Dielectric { ior: pbr.ior, tint: tint(pbr, base), fresnel: FresnelModel::Exact })
@@ -76,20 +80,21 @@ pub(super) fn resolve_pbr(
         BsdfClass::ThinDielectric => Bsdf::ThinDielectric(ThinDielectric { ior: pbr.ior, tint: base }),
         BsdfClass::RoughDielectric => {
             let surface = microsurface(pbr, slots, frame);
-            Bsdf::RoughDielectric(glass(pbr, base, surface, GlassReflectance::Plain, energy_compensation))
+            Bsdf::RoughDielectric(glass(
+                pbr,
+                base,
+                surface,
+                GlassReflectance::Plain,
+                shading.energy_compensation,
+            ))
         }
-        BsdfClass::MetalRough => Bsdf::MetalRough(metal_rough(pbr, base, slots, energy_compensation)),
-        _ => Bsdf::Layered(layered(pbr, base, slots, frame, energy_compensation)),
+        BsdfClass::MetalRough => Bsdf::MetalRough(metal_rough(pbr, base, slots, shading)),
+        _ => Bsdf::Layered(layered(pbr, base, slots, frame, shading)),
     }
 }
 
 #[inline]
-fn metal_rough(
-    pbr: &PbrMaterial,
-    base: Rgb,
-    slots: &impl Slots,
-    energy_compensation: EnergyCompensation,
-) -> MetalRough {
+fn metal_rough(pbr: &PbrMaterial, base: Rgb, slots: &impl Slots, shading: ShadingModel) -> MetalRough {
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let (metallic, specular) = (number(&pbr.metallic), number(&pbr.specular));
     let roughness = number(&pbr.roughness);
@@ -100,10 +105,11 @@ fn metal_rough(
         diffuse: base * (1.0 - metallic),
         layer_f0: (tint * normal).min(Rgb::ONE) * specular,
         layer_f90: specular,
+        layer_fresnel: LayerFresnel::new(shading.fresnel, pbr.ior),
         metal_f0: base,
         metallic,
         surface: Isotropic { alpha: roughness * roughness },
-        energy_compensation,
+        energy_compensation: shading.energy_compensation,
     }
 }
 
@@ -149,11 +155,11 @@ fn layered(
     base: Rgb,
     slots: &impl Slots,
     frame: &LocalFrame,
-    energy_compensation: EnergyCompensation,
+    shading: ShadingModel,
 ) -> Layered {
     let number = |slot| slots.number(slot).clamp(0.0, 1.0);
     let surface = microsurface(pbr, slots, frame);
-    let mut opaque = metal_rough(pbr, base, slots, energy_compensation).on(surface);
+    let mut opaque = metal_rough(pbr, base, slots, shading).on(surface);
     let reflectance = match is_plain(pbr) {
         true => GlassReflectance::Plain,
         false => GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 },
@@ -173,7 +179,7 @@ fn layered(
     Layered {
         opaque,
         through: color * (diffuse * passing),
-        glass: glass(pbr, base, surface, reflectance, energy_compensation),
+        glass: glass(pbr, base, surface, reflectance, shading.energy_compensation),
         glass_share,
         film: pbr.iridescence.as_ref().map_or(ThinFilm::NONE, |i| {
             let blend = FloatSlot { factor: 1.0, texture: i.thickness_texture };
@@ -191,7 +197,8 @@ fn layered(
                 factor: number(&c.factor),
                 alpha: roughness * roughness,
                 normal: frame.coat_normal,
-                energy_compensation,
+                fresnel: Coat::fresnel(shading.fresnel),
+                energy_compensation: shading.energy_compensation,
             }
         }),
     }

@@ -159,6 +159,7 @@ fn prepare(
 
     let options = CompileOptions {
         energy_compensation: settled.energy_compensation,
+        fresnel: settled.fresnel,
         camera: settled.camera,
         width: settled.render.width,
         height: settled.render.height,

@@ -3,12 +3,10 @@
 use super::fold::{fold_color, fold_float, fold_model};
 use super::geometry::Surface;
 use super::medium::Medium;
-use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, Slots, class_of, resolve};
+use crate::bsdf::{Bsdf, BsdfClass, Factors, LocalFrame, ShadingModel, Slots, class_of, resolve};
 use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
-use crate::scene::{
-    AlphaMode, Clearcoat, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, PbrMaterial,
-};
+use crate::scene::{AlphaMode, Clearcoat, ColorSlot, FloatSlot, Material, Model, NormalMap, PbrMaterial};
 use crate::texture::{CompiledTextures, PointReader};
 
 /// A material as the integrator sees it.
@@ -41,7 +39,7 @@ pub struct CompiledMaterial {
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
     model: Model,
-    energy_compensation: EnergyCompensation,
+    shading: ShadingModel,
 }
 
 /// Emitted radiance.
@@ -83,11 +81,7 @@ impl Slots for PointReader<'_> {
 }
 
 impl CompiledMaterial {
-    pub(super) fn new(
-        material: &Material,
-        textures: &CompiledTextures,
-        energy_compensation: EnergyCompensation,
-    ) -> Self {
+    pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
         let class = class_of(&model);
         let emission = material.emission.and_then(|e| {
@@ -110,8 +104,7 @@ impl CompiledMaterial {
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
-        let constant =
-            is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, energy_compensation));
+        let constant = is_constant.then(|| resolve(&folded.model, &Factors, &LocalFrame::STRAIGHT, shading));
         CompiledMaterial {
             class,
             constant,
@@ -127,7 +120,7 @@ impl CompiledMaterial {
             uses_frame,
             coat_normal_map,
             model: folded.model,
-            energy_compensation,
+            shading,
         }
     }
 
@@ -152,7 +145,7 @@ impl CompiledMaterial {
         if let Some(bsdf) = self.constant {
             return bsdf;
         }
-        let bsdf = resolve(&self.model, slots, frame, self.energy_compensation);
+        let bsdf = resolve(&self.model, slots, frame, self.shading);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
     }
 

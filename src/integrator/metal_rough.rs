@@ -4,10 +4,13 @@ use super::direct::light_factor;
 use super::normals::{scattering_normal, terminator};
 use super::scatter::survival;
 use super::wave::{MetalRoughs, WAVE, Wave, get, get_rgb, set, set_rgb};
-use crate::bsdf::{DirectionalAlbedo, Facets, Isotropic, MetalRough, MetalRoughClosure, above};
+use crate::bsdf::{
+    DielectricCurve, DirectionalAlbedo, Facets, Isotropic, LayerFresnel, MetalRough, MetalRoughClosure,
+    ShadingModel, above, mean_cosine,
+};
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::scene::EnergyCompensation;
+use crate::scene::{EnergyCompensation, FresnelModel};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -16,22 +19,30 @@ use std::ops::Range;
 pub(super) fn store(m: &mut MetalRoughs, k: usize, material: &MetalRough) {
     set_rgb(&mut m.diffuse, k, material.diffuse);
     set_rgb(&mut m.f0, k, material.layer_f0);
-    set_rgb(&mut m.f90, k, material.metal_f0);
+    set_rgb(&mut m.schlick_rise, k, material.metal_f0);
     m.probability_specular[k] = material.layer_f90;
     m.probability_diffuse[k] = material.metallic;
     m.alpha[k] = material.surface.alpha;
+    m.curve[k] = match material.layer_fresnel {
+        LayerFresnel::Schlick => 0.0,
+        LayerFresnel::Exact(curve) => curve.amplitude,
+    };
 }
 
 #[inline(always)]
-fn material(m: &MetalRoughs, k: usize, energy_compensation: EnergyCompensation) -> MetalRough {
+fn material(m: &MetalRoughs, k: usize, shading: ShadingModel) -> MetalRough {
     MetalRough {
+        layer_fresnel: match shading.fresnel {
+            FresnelModel::Schlick => LayerFresnel::Schlick,
+            FresnelModel::Exact => LayerFresnel::Exact(DielectricCurve { amplitude: m.curve[k] }),
+        },
         diffuse: get_rgb(&m.diffuse, k),
         layer_f0: get_rgb(&m.f0, k),
         layer_f90: m.probability_specular[k],
-        metal_f0: get_rgb(&m.f90, k),
+        metal_f0: get_rgb(&m.schlick_rise, k),
         metallic: m.probability_diffuse[k],
         surface: Isotropic { alpha: m.alpha[k] },
-        energy_compensation,
+        energy_compensation: shading.energy_compensation,
     }
 }
 
@@ -39,7 +50,8 @@ fn material(m: &MetalRoughs, k: usize, energy_compensation: EnergyCompensation) 
 fn store_view(m: &mut MetalRoughs, k: usize, view: &MetalRoughClosure) {
     set_rgb(&mut m.diffuse, k, view.diffuse);
     set_rgb(&mut m.f0, k, view.f0);
-    set_rgb(&mut m.f90, k, view.f90);
+    set_rgb(&mut m.schlick_rise, k, view.schlick_rise);
+    set_rgb(&mut m.exact_rise, k, view.exact_rise);
     m.probability_specular[k] = view.probability_specular;
     m.probability_diffuse[k] = view.probability_diffuse;
     m.albedo[k] = view.albedo;
@@ -51,7 +63,9 @@ fn view(m: &MetalRoughs, k: usize) -> MetalRoughClosure {
         diffuse: get_rgb(&m.diffuse, k),
         rest: 0.0,
         f0: get_rgb(&m.f0, k),
-        f90: get_rgb(&m.f90, k),
+        schlick_rise: get_rgb(&m.schlick_rise, k),
+        exact_rise: get_rgb(&m.exact_rise, k),
+        curve: DielectricCurve { amplitude: m.curve[k] },
         albedo: m.albedo[k],
         probability_specular: m.probability_specular[k],
         probability_diffuse: m.probability_diffuse[k],
@@ -59,27 +73,32 @@ fn view(m: &MetalRoughs, k: usize) -> MetalRoughClosure {
 }
 
 /// Makes normals usable for scattering, and materials what their viewers see of them.
-pub(super) fn see(wave: &mut Wave, range: Range<usize>, energy_compensation: EnergyCompensation) {
-    match energy_compensation {
-        EnergyCompensation::On => dispatch(See::<true> { wave, range }),
-        EnergyCompensation::Off => dispatch(See::<false> { wave, range }),
+pub(super) fn see(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
+    match (shading.energy_compensation, shading.fresnel) {
+        (EnergyCompensation::On, FresnelModel::Exact) => dispatch(See::<true, true> { wave, range }),
+        (EnergyCompensation::On, FresnelModel::Schlick) => dispatch(See::<true, false> { wave, range }),
+        (EnergyCompensation::Off, FresnelModel::Exact) => dispatch(See::<false, true> { wave, range }),
+        (EnergyCompensation::Off, FresnelModel::Schlick) => dispatch(See::<false, false> { wave, range }),
     }
 }
 
-struct See<'a, const MULTI: bool> {
+struct See<'a, const MULTI: bool, const EXACT: bool> {
     wave: &'a mut Wave,
     range: Range<usize>,
 }
 
-impl<const MULTI: bool> Kernel for See<'_, MULTI> {
+impl<const MULTI: bool, const EXACT: bool> Kernel for See<'_, MULTI, EXACT> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let v = &mut self.wave.vertices;
-        let energy_compensation = if MULTI { EnergyCompensation::On } else { EnergyCompensation::Off };
+        let shading = ShadingModel {
+            energy_compensation: if MULTI { EnergyCompensation::On } else { EnergyCompensation::Off },
+            fresnel: if EXACT { FresnelModel::Exact } else { FresnelModel::Schlick },
+        };
         let range = self.range.start..self.range.end.min(WAVE);
-        // The second loop looks up a table, and has nothing else in it because that does not vectorise.
+        // The second loop looks up tables, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let ns = scattering_normal(ns, get(&v.ng, i), wo);
@@ -90,10 +109,19 @@ impl<const MULTI: bool> Kernel for See<'_, MULTI> {
             let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
             let albedo = surface.directional_albedo(get(&v.wi, i));
             (v.weights[0][i], v.weights[1][i]) = (albedo.full, albedo.grazing);
+            if EXACT {
+                let curve = DielectricCurve { amplitude: v.metal_rough.curve[i] };
+                v.metal_rough.albedo[i] = mean_cosine(v.wi[2][i], surface.alpha, curve);
+            }
         }
         for i in range {
             let albedo = DirectionalAlbedo { full: v.weights[0][i], grazing: v.weights[1][i] };
-            let seen = material(&v.metal_rough, i, energy_compensation).closure_by(albedo, get(&v.wi, i));
+            let material = material(&v.metal_rough, i, shading);
+            let layer_grazing = match material.layer_fresnel {
+                LayerFresnel::Schlick => albedo.grazing,
+                LayerFresnel::Exact(curve) => albedo.full * curve.weight(v.metal_rough.albedo[i]),
+            };
+            let seen = material.closure_by(albedo, layer_grazing, get(&v.wi, i));
             store_view(&mut v.metal_rough, i, &seen);
         }
     }

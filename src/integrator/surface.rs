@@ -142,7 +142,7 @@ impl Integrator<'_> {
         }
         self.escape(bounce, w);
         self.look_at_textured(bounce, sorted.lambert..sorted.textured, w);
-        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.energy_compensation);
+        metal_rough::see(&mut w.wave, sorted.lambert..sorted.metal_rough, self.scene.shading);
         self.make_plain(sorted.plain, &mut w.wave);
         sorted
     }

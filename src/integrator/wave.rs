@@ -86,8 +86,12 @@ pub struct MetalRoughs {
     pub diffuse: Lanes3,
     /// Reflectance of the dielectric layer at normal incidence; then that of the whole.
     pub f0: Lanes3,
-    /// Reflectance of the metal at normal incidence; then that of the whole at grazing incidence.
-    pub f90: Lanes3,
+    /// Reflectance of the metal at normal incidence; then what that of the whole rises by with Schlick's weight.
+    pub schlick_rise: Lanes3,
+    /// What it rises by with the weight of the layer's curve.
+    pub exact_rise: Lanes3,
+    /// The layer's curve: its amplitude.
+    pub curve: Lanes,
     /// Reflectance of the layer at grazing incidence; then the chance of reflection by microfacets.
     pub probability_specular: Lanes,
     /// Share of metal; then the chance of diffuse reflection.

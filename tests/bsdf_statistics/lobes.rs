@@ -51,9 +51,14 @@ pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
 
 /// The BSDF of a glTF material, with tangents askew.
 pub fn resolved(p: PbrMaterial) -> Bsdf {
+    resolved_with(p, ShadingModel::default())
+}
+
+/// The same with other models.
+pub fn resolved_with(p: PbrMaterial, shading: ShadingModel) -> Bsdf {
     let frame =
         LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
-    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, EnergyCompensation::On)
+    resolve(&Model::Pbr(Box::new(p)), &Factors, &frame, shading)
 }
 
 /// Coloured glTF material of the four usual numbers.
@@ -75,7 +80,12 @@ pub fn glass(
     energy_compensation: EnergyCompensation,
 ) -> Bsdf {
     let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
-    resolve(&model, &Factors, &LocalFrame::STRAIGHT, energy_compensation)
+    resolve(
+        &model,
+        &Factors,
+        &LocalFrame::STRAIGHT,
+        ShadingModel { energy_compensation, ..ShadingModel::default() },
+    )
 }
 
 /// A clearcoat.

@@ -1,7 +1,7 @@
 //! Random materials, directions and numbers, extremes included, give numbers.
 
 use crate::lobes::{direction, number};
-use oscura::bsdf::{Bsdf, Coat, Factors, LocalFrame, resolve};
+use oscura::bsdf::{Bsdf, Coat, Factors, LocalFrame, ShadingModel, resolve};
 use oscura::math::{Vec2, Vec3};
 use oscura::sampling::chi2::Random;
 use oscura::scene::{
@@ -106,10 +106,11 @@ fn model(random: &mut Random) -> Model {
 fn bsdf(random: &mut Random) -> Bsdf {
     let energy_compensation =
         if random.next() < 0.5 { EnergyCompensation::On } else { EnergyCompensation::Off };
+    let fresnel = if random.next() < 0.75 { FresnelModel::Exact } else { FresnelModel::Schlick };
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let mut bsdf = resolve(&model(random), &Factors, &frame, energy_compensation);
+    let mut bsdf = resolve(&model(random), &Factors, &frame, ShadingModel { energy_compensation, fresnel });
     if random.next() < 0.1 {
         // Solids within denser ones.
         bsdf = bsdf.with_ior(1.0 / ior(random).max(1.0));

@@ -8,7 +8,7 @@ use oscura::film::{AovSet, Film};
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{RenderOptions, render};
 use oscura::scene::{
-    Camera, EnergyCompensation, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere,
+    Camera, EnergyCompensation, Filter, FresnelModel, Material, MaterialId, Projection, Quad, Scene, Sphere,
 };
 use std::sync::atomic::AtomicBool;
 
@@ -45,6 +45,7 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
     let compile_options = CompileOptions {
         energy_compensation: EnergyCompensation::On,
+        fresnel: FresnelModel::Exact,
         camera: None,
         width: options.width,
         height: options.height,
