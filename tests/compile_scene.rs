@@ -5,14 +5,19 @@ mod support;
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{
-    AlphaMode, Emission, EnergyCompensation, Environment, FloatSlot, Instance, Material, MaterialId, Mesh,
-    MeshId, MeshPart, Model, PbrMaterial, Scene,
+    AlphaMode, Emission, EnergyCompensation, Environment, FloatSlot, FresnelModel, Instance, Material,
+    MaterialId, Mesh, MeshId, MeshPart, Model, PbrMaterial, Scene,
 };
 use support::{assert_radiance, camera, material, mean, measure, options, picture, quad};
 
 fn report(scene: &Scene) -> CompileReport {
-    let options =
-        CompileOptions { energy_compensation: EnergyCompensation::On, camera: None, width: 16, height: 16 };
+    let options = CompileOptions {
+        energy_compensation: EnergyCompensation::On,
+        fresnel: FresnelModel::Exact,
+        camera: None,
+        width: 16,
+        height: 16,
+    };
     compile(scene, &options).expect("compiles").1
 }
 

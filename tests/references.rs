@@ -10,7 +10,7 @@ use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
 use oscura::render::Renderer;
-use oscura::scene::EnergyCompensation;
+use oscura::scene::{EnergyCompensation, FresnelModel};
 use std::path::{Path, PathBuf};
 use support::{options, picture};
 
@@ -90,6 +90,7 @@ fn export(path: &Path) -> Image {
         load(path, &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"));
     let compile_options = CompileOptions {
         energy_compensation: EnergyCompensation::Off,
+        fresnel: FresnelModel::Exact,
         camera: None,
         width: SIZE,
         height: SIZE,

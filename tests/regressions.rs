@@ -3,7 +3,7 @@
 use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::error::Result;
 use oscura::load::{LoadOptions, load};
-use oscura::scene::EnergyCompensation;
+use oscura::scene::{EnergyCompensation, FresnelModel};
 use std::fmt::Write;
 use std::path::Path;
 
@@ -12,8 +12,13 @@ fn check(path: &Path) -> Result<CompileReport> {
     let options = LoadOptions { point_radius: Some(0.01), ..LoadOptions::default() };
     let loaded = load(path, &options)?;
     assert_eq!(loaded.scene.validate(), [], "{}", path.display());
-    let options =
-        CompileOptions { energy_compensation: EnergyCompensation::On, camera: None, width: 16, height: 16 };
+    let options = CompileOptions {
+        energy_compensation: EnergyCompensation::On,
+        fresnel: FresnelModel::Exact,
+        camera: None,
+        width: 16,
+        height: 16,
+    };
     compile(&loaded.scene, &options).map(|(_, report)| report)
 }
 

@@ -3,7 +3,7 @@
 use super::Lobe;
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3};
-use crate::scene::{ColorSlot, FloatSlot};
+use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, FresnelModel};
 
 /// The parameters of one BSDF: constants, and textures with factors.
 pub trait MaterialProgram {
@@ -39,6 +39,15 @@ pub trait Slots {
         let roughness = self.share(slot);
         roughness * roughness
     }
+}
+
+/// Choices among models of scattering that are the same for all materials of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadingModel {
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: FresnelModel,
 }
 
 /// The constant factors alone, as if every texture were white.

@@ -176,6 +176,7 @@ fn prepare(
 
     let options = CompileOptions {
         energy_compensation: settled.energy_compensation,
+        fresnel: settled.fresnel,
         camera: settled.camera,
         width: settled.render.width,
         height: settled.render.height,

@@ -18,11 +18,12 @@ pub use material::{Alpha, CompiledEmission, CompiledMaterial};
 pub use medium::Medium;
 
 use crate::accel::{Accel, BuildOptions, BuildStats};
+use crate::bsdf::ShadingModel;
 use crate::camera::Camera;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DMat4, DVec3, Hit, Vec3};
-use crate::scene::{EnergyCompensation, Scene};
+use crate::scene::{EnergyCompensation, FresnelModel, Scene};
 use crate::texture::CompiledTextures;
 use bake::Baked;
 use emitters::Emitters;
@@ -36,6 +37,8 @@ const MAX_TRIANGLES: usize = 400_000_000;
 pub struct CompileOptions {
     /// Treatment of light that bounces between microfacets.
     pub energy_compensation: EnergyCompensation,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: FresnelModel,
     /// Which camera; the first by default.
     pub camera: Option<usize>,
     /// Picture width in pixels.
@@ -79,8 +82,8 @@ pub struct CompiledScene {
     pub geometries: Geometries,
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
-    /// Treatment of light that bounces between microfacets.
-    pub energy_compensation: EnergyCompensation,
+    /// Models that all materials share.
+    pub shading: ShadingModel,
     /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.
@@ -131,7 +134,9 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         ..CompileReport::default()
     };
     let textures = CompiledTextures::new(&scene.textures, &scene.images, origin.as_vec3());
-    let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
+    let CompileOptions { energy_compensation, fresnel, .. } = *options;
+    let shading = ShadingModel { energy_compensation, fresnel };
+    let compiled = |m| CompiledMaterial::new(m, &textures, shading);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = media::number(scene, &mut materials, &mut report.warnings);
     let Baked { geometries, instances } =
@@ -162,7 +167,7 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
         camera,
         geometries,
         materials,
-        energy_compensation: options.energy_compensation,
+        shading,
         media,
         textures,
         lights,

@@ -1,5 +1,7 @@
 //! What a scene may say about rendering; `None` leaves it to the defaults.
 
+use super::model::FresnelModel;
+
 /// Reconstruction filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
@@ -40,6 +42,8 @@ pub struct Settings {
     pub filter: Option<Filter>,
     /// Energy compensation of rough surfaces; `microfacet` in scene files.
     pub energy_compensation: Option<EnergyCompensation>,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: Option<FresnelModel>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
 }

@@ -5,7 +5,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::error::Error;
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded};
-use oscura::scene::EnergyCompensation;
+use oscura::scene::{EnergyCompensation, FresnelModel};
 use serde_json::{Value, json};
 use std::path::Path;
 
@@ -175,6 +175,7 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
     ];
     let options = CompileOptions {
         energy_compensation: EnergyCompensation::default(),
+        fresnel: FresnelModel::Exact,
         camera: None,
         width: 8,
         height: 8,

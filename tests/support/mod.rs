@@ -8,7 +8,7 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Renderer};
 use oscura::scene::{
-    Camera, EnergyCompensation, Filter, Material, MaterialId, Projection, Quad, Scene, Sphere,
+    Camera, EnergyCompensation, Filter, FresnelModel, Material, MaterialId, Projection, Quad, Scene, Sphere,
 };
 
 /// A pinhole camera.
@@ -39,6 +39,7 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
 pub fn renderer(scene: &Scene, options: &RenderOptions) -> Renderer {
     let compile_options = CompileOptions {
         energy_compensation: EnergyCompensation::On,
+        fresnel: FresnelModel::Exact,
         camera: None,
         width: options.width,
         height: options.height,

@@ -53,6 +53,7 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
     let options = CompileOptions {
         energy_compensation: scene.settings.energy_compensation.unwrap_or_default(),
+        fresnel: scene.settings.fresnel.unwrap_or_default(),
         camera: None,
         width: setup.width,
         height,

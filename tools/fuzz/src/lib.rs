@@ -2,7 +2,7 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
-use oscura::scene::EnergyCompensation;
+use oscura::scene::{EnergyCompensation, FresnelModel};
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
@@ -40,6 +40,7 @@ fn load_and_compile(path: &Path) {
             assert_eq!(loaded.scene.validate(), [], "the scene is inconsistent");
             let options = CompileOptions {
                 energy_compensation: EnergyCompensation::On,
+                fresnel: FresnelModel::Exact,
                 camera: None,
                 width: 16,
                 height: 16,

@@ -55,6 +55,7 @@ impl Shot {
         let options = options(&loaded.scene, quality, path)?;
         let compile_options = CompileOptions {
             energy_compensation: loaded.scene.settings.energy_compensation.unwrap_or_default(),
+            fresnel: loaded.scene.settings.fresnel.unwrap_or_default(),
             camera: None,
             width: options.width,
             height: options.height,

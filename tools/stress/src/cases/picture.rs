@@ -8,7 +8,7 @@ use oscura::image::Image;
 use oscura::load::load;
 use oscura::metrics::z_test;
 use oscura::render::{RenderOptions, Renderer};
-use oscura::scene::{EnergyCompensation, Filter};
+use oscura::scene::{EnergyCompensation, Filter, FresnelModel};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -134,6 +134,7 @@ fn scene(scale: f64, far: f64) -> Arc<CompiledScene> {
     let loaded = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}"));
     let options = CompileOptions {
         energy_compensation: EnergyCompensation::On,
+        fresnel: FresnelModel::Exact,
         camera: None,
         width: SIZE,
         height: SIZE,
