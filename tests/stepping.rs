@@ -115,7 +115,7 @@ fn events_count_up_to_all_paths() {
 fn renderers_share_a_scene() {
     let options = options(24, 8, 8);
     let compile_options = oscura::compile::CompileOptions {
-        microfacet: Default::default(),
+        energy_compensation: Default::default(),
         camera: None,
         width: options.width,
         height: options.height,
