@@ -116,6 +116,7 @@ fn renderers_share_a_scene() {
     let options = options(24, 8, 8);
     let compile_options = oscura::compile::CompileOptions {
         energy_compensation: Default::default(),
+        fresnel: Default::default(),
         camera: None,
         width: options.width,
         height: options.height,
