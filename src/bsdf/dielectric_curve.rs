@@ -151,7 +151,7 @@ mod tests {
         let exact = 0.5 * (s * s + p * p);
         let found = f64::from(DielectricCurve::of_ior(1.5).reflectance(0.5));
         assert!((found - exact).abs() < 1e-7 && (exact - 0.0892).abs() < 1e-4, "{found} {exact}");
-        let schlick = crate::bsdf::fresnel::schlick_weight(0.5) * 0.96 + 0.04;
+        let schlick = fresnel::schlick_weight(0.5) * 0.96 + 0.04;
         assert!((schlick - 0.07).abs() < 1e-6);
     }
 }

@@ -2,7 +2,7 @@
 
 use oscura::bsdf::{
     Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar,
-    Phong, SchlickMetal,
+    Phong, SchlickMetal, ShadingModel,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
