@@ -1,6 +1,8 @@
 //! Directional albedo of facets with two roughnesses: that of one roughness, corrected by a table.
 
 use super::albedo_table::{DirectionalAlbedo, LEAST_ROUGHNESS};
+use super::dielectric_curve::DielectricCurve;
+use super::dielectric_table::mean_cosine;
 use super::ggx::MIN_ALPHA;
 use crate::math::Vec3;
 
@@ -78,27 +80,66 @@ fn cosine_axis(cosine: f32, equivalent: f32) -> f32 {
     0.7 * root * (1.0 + roughness) / (root + roughness) + 0.3 * cosine
 }
 
+/// A direction above facets of two roughnesses, and the facets of one that look alike.
+struct Seen {
+    cosine: f32,
+    /// Alpha of the facets that look alike.
+    equivalent: f32,
+    /// How far the larger alpha is from the smaller one, 0 to 1.
+    spread: f32,
+    /// The table's numbers there.
+    lost: f32,
+    grazing: f32,
+}
+
+impl Seen {
+    /// For facets with alphas along x and y.
+    #[inline(always)]
+    fn new(wo: Vec3, alpha: [f32; 2]) -> Seen {
+        let (along, across, x, y) = match alpha[0] >= alpha[1] {
+            true => (alpha[0], alpha[1], wo.x, wo.y),
+            false => (alpha[1], alpha[0], wo.y, wo.x),
+        };
+        let [large, small] = [along, across].map(|a| a.clamp(MIN_ALPHA, 1.0).sqrt());
+        let tangent = x * x + y * y;
+        let squared = if tangent > 1e-12 { x * x / tangent } else { 0.5 };
+        let cosine = wo.z.clamp(0.0, 1.0);
+        let equivalent = equivalent_alpha(cosine, squared, [along, across]);
+        let seen =
+            (equivalent_alpha(0.0, squared, [along, across]).sqrt() - small) / (large - small).max(1e-6);
+        let spread = (large - small) / (largest(small) - small).max(1e-6);
+        let [lost, grazing] = interpolate([small_axis(small), spread, seen, cosine_axis(cosine, equivalent)]);
+        Seen { cosine, equivalent, spread, lost, grazing }
+    }
+
+    /// Light of a Fresnel term's rise, by that of the facets that look alike. In doubt too much, so that less is left to
+    /// what is below.
+    #[inline(always)]
+    fn rise(&self, isotropic: f32) -> f32 {
+        (isotropic + FLOOR) * self.grazing - FLOOR + 0.002 * self.spread
+    }
+}
+
 /// The albedo of facets with alphas along x and y under a direction.
 #[inline]
 pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
-    let (along, across, x, y) = match alpha[0] >= alpha[1] {
-        true => (alpha[0], alpha[1], wo.x, wo.y),
-        false => (alpha[1], alpha[0], wo.y, wo.x),
-    };
-    let [large, small] = [along, across].map(|a| a.clamp(MIN_ALPHA, 1.0).sqrt());
-    let tangent = x * x + y * y;
-    let squared = if tangent > 1e-12 { x * x / tangent } else { 0.5 };
-    let cosine = wo.z.clamp(0.0, 1.0);
-    let equivalent = equivalent_alpha(cosine, squared, [along, across]);
-    let seen = (equivalent_alpha(0.0, squared, [along, across]).sqrt() - small) / (large - small).max(1e-6);
-    let spread = (large - small) / (largest(small) - small).max(1e-6);
-    let [lost, grazing] = interpolate([small_axis(small), spread, seen, cosine_axis(cosine, equivalent)]);
-    let isotropic = DirectionalAlbedo::at(cosine, equivalent);
-    let lost = (1.0 - isotropic.full + FLOOR) * lost - FLOOR;
-    let grazing = (isotropic.grazing + FLOOR) * grazing - FLOOR;
+    let seen = Seen::new(wo, alpha);
+    let isotropic = DirectionalAlbedo::at(seen.cosine, seen.equivalent);
+    let lost = (1.0 - isotropic.full + FLOOR) * seen.lost - FLOOR;
     // In doubt too much by the larger errors between nodes, so that compensation adds no light.
-    let full = (1.0 - lost + spread * (0.002 + 0.001 * (lost - cosine))).clamp(1e-3, 1.0);
-    DirectionalAlbedo { full, grazing: (grazing + 0.002 * spread).clamp(0.0, full) }
+    let full = (1.0 - lost + seen.spread * (0.002 + 0.001 * (lost - seen.cosine))).clamp(1e-3, 1.0);
+    DirectionalAlbedo { full, grazing: seen.rise(isotropic.grazing).clamp(0.0, full) }
+}
+
+/// The part of it that the curve of a dielectric weighs. It stands to that of isotropic facets as the parts by Schlick's
+/// weight do, which are much alike: for alphas of 0.001 to 1 and indices of 1.02 to 3.5 the exact part is up to 0.0026
+/// larger than what that gives, and in one of a hundred places more than 0.0036 smaller.
+#[inline]
+pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: DielectricCurve) -> f32 {
+    let seen = Seen::new(wo, alpha);
+    let full = DirectionalAlbedo::at(seen.cosine, seen.equivalent).full;
+    let isotropic = full * curve.weight(mean_cosine(seen.cosine, seen.equivalent, curve));
+    seen.rise(isotropic).clamp(0.0, 1.0)
 }
 
 /// The table's numbers at a place, coordinates from 0 to 1, interpolated linearly on all axes.

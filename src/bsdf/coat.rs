@@ -1,13 +1,18 @@
 //! A clear dielectric layer on top of everything else (KHR_materials_clearcoat).
 
 use super::albedo_table::DirectionalAlbedo;
-use super::schlick_metal::SchlickMetal;
-use super::{BsdfEval, BsdfSample, Lobe, fresnel};
+use super::dielectric_curve::LayerFresnel;
+use super::facet_reflection::FacetReflection;
+use super::microsurface::{Facets, Isotropic};
+use super::{BsdfEval, BsdfSample};
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
-use crate::scene::EnergyCompensation;
+use crate::scene::{EnergyCompensation, FresnelModel};
 
-/// Reflectance at normal incidence: an index of refraction of 1.5, as the extension fixes it.
+/// Index of refraction, as the extension fixes it.
+const IOR: f32 = 1.5;
+
+/// Reflectance of that index at normal incidence.
 const F0: Rgb = Rgb::splat(0.04);
 
 /// The reflection of the layer, with a normal of its own. What it lets pass is one minus its directional albedo.
@@ -19,19 +24,34 @@ pub struct Coat {
     pub alpha: f32,
     /// Its unit normal in the frame of the BSDF, z above 0.
     pub normal: Vec3,
+    /// How its reflectance rises from 0.04 to 1; see [`Coat::fresnel`].
+    pub fresnel: LayerFresnel,
     /// Whether the energy that single scattering loses is given back.
     pub energy_compensation: EnergyCompensation,
 }
 
 impl Coat {
     /// No layer.
-    pub const NONE: Coat =
-        Coat { factor: 0.0, alpha: 0.0, normal: Vec3::Z, energy_compensation: EnergyCompensation::On };
+    pub const NONE: Coat = Coat {
+        factor: 0.0,
+        alpha: 0.0,
+        normal: Vec3::Z,
+        fresnel: LayerFresnel::Schlick,
+        energy_compensation: EnergyCompensation::On,
+    };
+
+    /// The Fresnel term of a model for the index of the layer.
+    #[inline(always)]
+    pub fn fresnel(model: FresnelModel) -> LayerFresnel {
+        LayerFresnel::new(model, IOR)
+    }
 
     /// The reflecting lobe of a layer of full strength, in its own frame.
     #[inline(always)]
-    fn lobe(&self) -> SchlickMetal {
-        SchlickMetal { f0: F0, alpha: self.alpha, energy_compensation: self.energy_compensation }
+    fn lobe(&self) -> FacetReflection<impl Fn(f32) -> Rgb> {
+        let Coat { alpha, fresnel, energy_compensation, .. } = *self;
+        let reflectance = move |cosine| fresnel.reflectance(F0, Rgb::ONE, cosine);
+        FacetReflection { alpha, f0: F0, reflectance, energy_compensation }
     }
 
     /// Is its reflection a single direction?
@@ -45,14 +65,21 @@ impl Coat {
     pub fn albedo(&self, wo: Vec3) -> f32 {
         let cosine = wo.dot(self.normal).abs().clamp(super::ggx::MIN_COS, 1.0);
         let full = if self.is_mirror() {
-            fresnel::schlick(F0, Rgb::ONE, cosine).r
+            self.fresnel.reflectance(F0, Rgb::ONE, cosine).r
         } else {
             let table = DirectionalAlbedo::at(cosine, self.alpha);
             let gain = match self.energy_compensation {
                 EnergyCompensation::On => table.compensation(F0).r,
                 EnergyCompensation::Off => 1.0,
             };
-            table.reflectance(F0, 1.0).r * gain
+            let grazing = match self.fresnel {
+                LayerFresnel::Schlick => table.grazing,
+                LayerFresnel::Exact(curve) => {
+                    let surface = Isotropic { alpha: self.alpha };
+                    surface.dielectric_grazing(Vec3::new(0.0, 0.0, cosine), table, curve)
+                }
+            };
+            DirectionalAlbedo { full: table.full, grazing }.reflectance(F0, 1.0).r * gain
         };
         (self.factor * full).min(1.0)
     }

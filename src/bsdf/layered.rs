@@ -10,6 +10,7 @@
 //! reciprocal.
 
 use super::coat::Coat;
+use super::dielectric_curve::LayerFresnel;
 use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Microsurface};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
@@ -62,8 +63,8 @@ impl Layered {
         let above = ggx::above(wo);
         let (mut opaque, mut glass) = (self.opaque, self.glass);
         if self.film.factor > 0.0 {
-            opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, above.z);
-            opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, above.z);
+            opaque.layer_f0 = self.film.f0(opaque.layer_f0, opaque.layer_f90, opaque.layer_fresnel, above.z);
+            opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
             glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
         }
         let opaque_closure = opaque.closure(above);
@@ -230,6 +231,7 @@ impl<S: Facets> MetalRough<S> {
             diffuse: self.diffuse,
             layer_f0: self.layer_f0,
             layer_f90: self.layer_f90,
+            layer_fresnel: self.layer_fresnel,
             metal_f0: self.metal_f0,
             metallic: self.metallic,
             surface,

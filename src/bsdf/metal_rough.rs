@@ -1,6 +1,7 @@
 //! The opaque glTF 2.0 material: a GGX layer over a diffuse base, mixed with metal.
 
 use super::albedo_table::DirectionalAlbedo;
+use super::dielectric_curve::{DielectricCurve, LayerFresnel};
 use super::microsurface::{Facets, Isotropic};
 use super::sample::LEAST_ALBEDO;
 use super::{BsdfEval, BsdfSample, Lobe, fresnel, ggx};
@@ -12,10 +13,11 @@ use std::f32::consts::FRAC_1_PI;
 
 /// The glTF metallic-roughness material (glTF 2.0, appendix B; KHR_materials_specular).
 ///
-/// Dielectric and metal share their microfacets, so both reflections are one lobe with f0 and f90 mixed by the
-/// metalness, each part with its own compensation (Turquin 2019, eq. 16). Deviation from the appendix: the base gets what
-/// the dielectric layer's directional albedo leaves rather than 1 - F(v.h), which can exceed the light that arrives
-/// (albedo scaling, as the appendix allows).
+/// Dielectric and metal share their microfacets, so both reflections are one lobe, mixed by the metalness, each part with
+/// its own compensation (Turquin 2019, eq. 16). Deviations from the appendix: the dielectric layer goes from f0 to f90 as
+/// the Fresnel curve of its index does (see [`LayerFresnel`]), not by Schlick's approximation of it; and the base gets what
+/// the layer's directional albedo leaves rather than 1 - F(v.h), which can exceed the light that arrives (albedo scaling,
+/// as the appendix allows).
 #[derive(Clone, Copy, Debug)]
 pub struct MetalRough<S = Isotropic> {
     /// Diffuse colour: base colour (1 - metallic).
@@ -24,7 +26,9 @@ pub struct MetalRough<S = Isotropic> {
     pub layer_f0: Rgb,
     /// The same at grazing incidence.
     pub layer_f90: f32,
-    /// Reflectance of the metal at normal incidence; it rises to 1.
+    /// How it goes from one to the other.
+    pub layer_fresnel: LayerFresnel,
+    /// Reflectance of the metal at normal incidence; it rises to 1 by Schlick's weight.
     pub metal_f0: Rgb,
     /// Share of metal.
     pub metallic: f32,
@@ -43,8 +47,12 @@ pub struct MetalRoughClosure {
     pub rest: f32,
     /// Reflectance of the microfacets at normal incidence, compensation included.
     pub f0: Rgb,
-    /// The same at grazing incidence.
-    pub f90: Rgb,
+    /// What that rises by to grazing incidence, with Schlick's weight.
+    pub schlick_rise: Rgb,
+    /// What it rises by with the weight of `curve`.
+    pub exact_rise: Rgb,
+    /// The curve of the dielectric layer.
+    pub curve: DielectricCurve,
     /// Mean albedo.
     pub albedo: f32,
     /// Probability of reflection by microfacets. Each probability is computed on its own, so that a tiny one does not round to 0.
@@ -59,6 +67,7 @@ impl MetalRough {
         diffuse: Rgb::ZERO,
         layer_f0: Rgb::ZERO,
         layer_f90: 0.0,
+        layer_fresnel: LayerFresnel::Schlick,
         metal_f0: Rgb::ZERO,
         metallic: 0.0,
         surface: Isotropic { alpha: 1.0 },
@@ -70,28 +79,47 @@ impl<S: Facets> MetalRough<S> {
     /// What a direction above the surface sees.
     #[inline(always)]
     pub fn closure(&self, above: Vec3) -> MetalRoughClosure {
-        self.closure_by(self.surface.directional_albedo(above), above)
+        let table = self.surface.directional_albedo(above);
+        let layer_grazing = match self.layer_fresnel {
+            LayerFresnel::Schlick => table.grazing,
+            LayerFresnel::Exact(curve) => self.surface.dielectric_grazing(above, table, curve),
+        };
+        self.closure_by(table, layer_grazing, above)
     }
 
-    /// The same, with the directional albedo of the facets.
+    /// The same, with the directional albedo of the facets and the part of it that the layer's Fresnel term weighs.
     #[inline(always)]
-    pub fn closure_by(&self, table: DirectionalAlbedo, above: Vec3) -> MetalRoughClosure {
-        // A mirror returns everything, its grazing share is Schlick's weight of the one cosine.
+    pub fn closure_by(&self, table: DirectionalAlbedo, layer_grazing: f32, above: Vec3) -> MetalRoughClosure {
+        // A mirror returns everything, its grazing share is the weight of the one cosine.
         let is_mirror = self.surface.is_mirror();
         let full = if is_mirror { 1.0 } else { table.full };
         let grazing = if is_mirror { fresnel::schlick_weight(above.z) } else { table.grazing };
+        let layer_grazing = if is_mirror { self.layer_fresnel.weight(above.z) } else { layer_grazing };
         let table = DirectionalAlbedo { full, grazing };
+        let layer_table = DirectionalAlbedo { full, grazing: layer_grazing };
         let compensation = |f0| match self.energy_compensation {
             EnergyCompensation::On => table.compensation(f0),
             EnergyCompensation::Off => Rgb::ONE,
         };
         let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
-        let layer = (table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
+        let layer = (layer_table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
+        let rest = if layer < 1.0 { 1.0 - layer } else { 0.0 };
         let (of_layer, of_metal) = (of_layer * (1.0 - self.metallic), of_metal * self.metallic);
         let f0 = self.layer_f0 * of_layer + self.metal_f0 * of_metal;
-        let f90 = of_layer * self.layer_f90 + of_metal;
-        let specular = f0 * (table.full - table.grazing) + f90 * table.grazing;
-        let rest = if layer < 1.0 { 1.0 - layer } else { 0.0 };
+        let (schlick_rise, exact_rise, curve, specular);
+        match self.layer_fresnel {
+            LayerFresnel::Schlick => {
+                let f90 = of_layer * self.layer_f90 + of_metal;
+                (schlick_rise, exact_rise, curve) = (f90 - f0, Rgb::ZERO, DielectricCurve::default());
+                specular = f0 * (full - grazing) + f90 * grazing;
+            }
+            LayerFresnel::Exact(exact) => {
+                schlick_rise = of_metal * (Rgb::ONE - self.metal_f0);
+                exact_rise = of_layer * (Rgb::splat(self.layer_f90) - self.layer_f0);
+                curve = exact;
+                specular = f0 * full + schlick_rise * grazing + exact_rise * layer_grazing;
+            }
+        }
         let diffuse = self.diffuse * rest;
         let (s, d) = (specular.mean(), diffuse.mean());
         let albedo = s + d;
@@ -100,7 +128,9 @@ impl<S: Facets> MetalRough<S> {
             diffuse,
             rest,
             f0,
-            f90,
+            schlick_rise,
+            exact_rise,
+            curve,
             albedo,
             probability_specular: s / whole,
             probability_diffuse: d / whole,
@@ -143,6 +173,13 @@ impl<S: Facets> Lobe for MetalRough<S> {
 
 // Free of branches, as far as inputs decide: loops over many surfaces vectorise.
 impl MetalRoughClosure {
+    /// Reflectance of facets under a cosine, compensation included.
+    #[inline(always)]
+    fn reflectance(&self, cosine: f32) -> Rgb {
+        let by_schlick = self.f0 + self.schlick_rise * fresnel::schlick_weight(cosine);
+        by_schlick + self.exact_rise * self.curve.weight(cosine)
+    }
+
     /// See [`super::Bsdf::sample`]; `above` is `wo` on the upper side.
     #[inline(always)]
     pub fn sample(&self, surface: &impl Facets, wo: Vec3, above: Vec3, u: [f32; 3]) -> BsdfSample {
@@ -153,7 +190,7 @@ impl MetalRoughClosure {
         let diffuse = warp::cosine_hemisphere([u[0], u[1]]);
         let wi = select(choose_specular, reflected, diffuse);
         let value = self.eval(surface, above, wi);
-        let of_mirror = fresnel::schlick(self.f0, self.f90, above.z) / self.probability_specular;
+        let of_mirror = self.reflectance(above.z) / self.probability_specular;
         let weight = Rgb::select(is_mirror, of_mirror, value.f_cos / value.pdf_solid_angle);
         let pdf = if is_mirror { self.probability_specular } else { value.pdf_solid_angle };
         let goes_on = (self.albedo > LEAST_ALBEDO) & (wi.z > 0.0) & (pdf > 0.0);
@@ -172,7 +209,7 @@ impl MetalRoughClosure {
     pub fn eval(&self, surface: &impl Facets, wo: Vec3, wi: Vec3) -> BsdfEval {
         let cosine = wi.z * FRAC_1_PI;
         let r = surface.reflection(wo, wi);
-        let factor = fresnel::schlick(self.f0, self.f90, r.cos_half);
+        let factor = self.reflectance(r.cos_half);
         let is_glossy = !surface.is_mirror();
         let f_cos = self.diffuse * cosine + Rgb::select(is_glossy, factor * r.f_cos, Rgb::ZERO);
         let glossy_pdf = if is_glossy { self.probability_specular * r.pdf_solid_angle } else { 0.0 };

@@ -2,7 +2,9 @@
 //! the Masking-Shadowing Function in Microfacet-Based BRDFs", section 5.4), and the trait that lobes see surfaces through.
 
 use super::albedo_table::DirectionalAlbedo;
-use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo};
+use super::anisotropic_table::{LARGEST_ROOT_RATIO, anisotropic_albedo, anisotropic_dielectric_grazing};
+use super::dielectric_curve::DielectricCurve;
+use super::dielectric_table::mean_cosine;
 use super::ggx::{self, MIN_ALPHA, Reflection};
 use super::program::{LocalFrame, Slots};
 use crate::math::{Vec2, Vec3, poly};
@@ -15,6 +17,8 @@ pub trait Facets: Copy {
     fn is_mirror(&self) -> bool;
     /// What single scattering returns from a direction, with a reflectance of 1.
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo;
+    /// The part of it that the curve of a dielectric weighs, beside that by Schlick's weight in the albedo.
+    fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32;
     /// A visible normal.
     fn sample_visible_normal(&self, wo: Vec3, u: [f32; 2]) -> Vec3;
     /// What a pair of directions reflects.
@@ -37,6 +41,11 @@ impl Facets for Isotropic {
     #[inline(always)]
     fn directional_albedo(&self, wo: Vec3) -> DirectionalAlbedo {
         DirectionalAlbedo::at(wo.z, self.alpha)
+    }
+
+    #[inline(always)]
+    fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32 {
+        albedo.full * curve.weight(mean_cosine(wo.z, self.alpha, curve))
     }
 
     #[inline(always)]
@@ -134,6 +143,14 @@ impl Facets for Microsurface {
         match self.isotropic_alpha() {
             Some(alpha) => DirectionalAlbedo::at(wo.z, alpha),
             None => anisotropic_albedo(self.to_axis(wo), self.alpha),
+        }
+    }
+
+    #[inline(always)]
+    fn dielectric_grazing(&self, wo: Vec3, albedo: DirectionalAlbedo, curve: DielectricCurve) -> f32 {
+        match self.isotropic_alpha() {
+            Some(alpha) => Isotropic { alpha }.dielectric_grazing(wo, albedo, curve),
+            None => anisotropic_dielectric_grazing(self.to_axis(wo), self.alpha, curve).min(albedo.full),
         }
     }
 

@@ -10,7 +10,10 @@ pub mod anisotropic_table;
 mod coat;
 mod conductor;
 mod dielectric;
+pub mod dielectric_curve;
+pub mod dielectric_table;
 mod dispatch;
+mod facet_reflection;
 pub mod fresnel;
 pub mod ggx;
 mod lambert;
@@ -39,6 +42,8 @@ mod through;
 
 pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
+pub use dielectric_curve::{DielectricCurve, LayerFresnel};
+pub use dielectric_table::mean_cosine;
 pub use ggx::above;
 pub use lobe::{Lobe, Transmissive};
 pub use metal_rough::MetalRoughClosure;
@@ -47,6 +52,7 @@ pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
 pub use rough_dielectric::{GlassReflectance, Walls};
 pub use sample::{BsdfEval, BsdfSample};
 pub use sheen::Sheen;
+pub use crate::scene::ShadingModel;
 pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
 
@@ -86,7 +92,8 @@ dispatch::bsdfs! {
 
 impl BsdfProgram {
     /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
-    pub fn of(model: &Model, energy_compensation: EnergyCompensation) -> BsdfProgram {
+    pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
+        let energy_compensation = shading.energy_compensation;
         match model {
             Model::Black => BsdfProgram::Black,
             Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
@@ -124,12 +131,13 @@ impl BsdfProgram {
                 energy_compensation,
             }
             .into(),
-            Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, energy_compensation),
+            Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, shading),
         }
     }
 
-    fn of_pbr(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
-        let layered = || LayeredProgram::new(pbr, energy_compensation).into();
+    fn of_pbr(pbr: &PbrMaterial, shading: ShadingModel) -> BsdfProgram {
+        let energy_compensation = shading.energy_compensation;
+        let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);
         if program_pbr::is_layered(pbr) {
             return layered();
@@ -149,7 +157,7 @@ impl BsdfProgram {
                 let (color, roughness) = (pbr.base_color, pbr.roughness);
                 SchlickMetalProgram { color, roughness, energy_compensation }.into()
             }
-            (false, false) => MetalRoughProgram::new(pbr, energy_compensation).into(),
+            (false, false) => MetalRoughProgram::new(pbr, shading).into(),
         }
     }
 

@@ -1,10 +1,11 @@
 //! Programs of the glTF material, and what tells which one is the simplest that is equivalent to it.
 
 use super::dielectric::tint_of_crossing;
+use super::dielectric_curve::LayerFresnel;
 use super::layered::Layered;
 use super::metal_rough::MetalRough;
 use super::microsurface::{Isotropic, MicrosurfaceProgram};
-use super::program::{LocalFrame, MaterialProgram, Slots, always};
+use super::program::{LocalFrame, MaterialProgram, ShadingModel, Slots, always};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::{Coat, Sheen, ThinFilm, fresnel};
 use crate::color::Rgb;
@@ -50,11 +51,12 @@ pub struct MetalRoughProgram {
     specular_color: ColorSlot,
     /// Reflectance of the dielectric layer at normal incidence, as its index of refraction gives it.
     normal: f32,
+    layer_fresnel: LayerFresnel,
     energy_compensation: EnergyCompensation,
 }
 
 impl MetalRoughProgram {
-    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> MetalRoughProgram {
+    pub(super) fn new(pbr: &PbrMaterial, shading: ShadingModel) -> MetalRoughProgram {
         MetalRoughProgram {
             base_color: pbr.base_color,
             metallic: pbr.metallic,
@@ -63,7 +65,8 @@ impl MetalRoughProgram {
             specular_color: pbr.specular_color,
             // KHR_materials_ior: 0 means that all light is reflected.
             normal: if pbr.ior == 0.0 { 1.0 } else { fresnel::f0_from_eta(pbr.ior) },
-            energy_compensation,
+            layer_fresnel: LayerFresnel::new(shading.fresnel, pbr.ior),
+            energy_compensation: shading.energy_compensation,
         }
     }
 }
@@ -82,6 +85,7 @@ impl MaterialProgram for MetalRoughProgram {
             // KHR_materials_specular: f0 is clamped before the factor.
             layer_f0: (tint * self.normal).min(Rgb::ONE) * specular,
             layer_f90: specular,
+            layer_fresnel: self.layer_fresnel,
             metal_f0: base,
             metallic,
             surface: Isotropic { alpha },
@@ -102,6 +106,7 @@ pub struct LayeredProgram {
     tints_once: bool,
     /// The glass reflects what its index of refraction says.
     is_plain: bool,
+    coat_fresnel: LayerFresnel,
     clearcoat: Option<Clearcoat>,
     sheen: Option<crate::scene::Sheen>,
     iridescence: Option<Iridescence>,
@@ -109,15 +114,16 @@ pub struct LayeredProgram {
 }
 
 impl LayeredProgram {
-    pub(super) fn new(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> LayeredProgram {
+    pub(super) fn new(pbr: &PbrMaterial, shading: ShadingModel) -> LayeredProgram {
         LayeredProgram {
-            opaque: MetalRoughProgram::new(pbr, energy_compensation),
+            opaque: MetalRoughProgram::new(pbr, shading),
             facets: facets(pbr),
             transmission: transmits(pbr).then_some(pbr.transmission),
             ior: pbr.ior,
             walls: walls(pbr),
             tints_once: pbr.tints_once,
             is_plain: is_plain(pbr),
+            coat_fresnel: Coat::fresnel(shading.fresnel),
             clearcoat: pbr.clearcoat,
             sheen: pbr.sheen,
             iridescence: pbr.iridescence,
@@ -167,6 +173,7 @@ impl MaterialProgram for LayeredProgram {
                 factor: slots.share(&c.factor),
                 alpha: slots.alpha(&c.roughness),
                 normal: frame.coat_normal,
+                fresnel: self.coat_fresnel,
                 energy_compensation,
             }),
         }

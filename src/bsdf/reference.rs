@@ -42,7 +42,7 @@ fn smith_root(v: DVec3, [ax, ay]: [f64; 2]) -> f64 {
 }
 
 /// A direction of this cosine (at least 1e-6) in the plane of x and z.
-fn direction(cosine: f64) -> DVec3 {
+pub fn direction(cosine: f64) -> DVec3 {
     let cosine = cosine.max(1e-6);
     DVec3::new((1.0 - cosine * cosine).max(0.0).sqrt(), 0.0, cosine)
 }
@@ -56,18 +56,18 @@ pub fn reflected(cosine: f64, alpha: f64, points: usize) -> [f64; 2] {
 /// The same for a direction and facets of two roughnesses; `turn` is half of the circle where the direction is in the plane
 /// of x and z and the roughnesses are the same, otherwise all of it.
 pub fn reflected_from(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> [f64; 2] {
+    reflections(wo, alpha, turn, points)
+        .fold([0.0; 2], |[full, grazing], (c, light)| [full + light, grazing + light * (1.0 - c).powi(5)])
+}
+
+/// What facets reflect once with a reflectance of 1: cosines under which they are seen, and shares of the light.
+pub fn reflections(wo: DVec3, alpha: [f64; 2], turn: f64, points: usize) -> impl Iterator<Item = (f64, f64)> {
     let root_o = smith_root(wo, alpha);
-    let mut sums = [0.0; 2];
-    for (normal, weight) in visible_normals(wo, alpha, turn, points) {
+    visible_normals(wo, alpha, turn, points).filter_map(move |(normal, weight)| {
         let c = wo.dot(normal).clamp(0.0, 1.0);
         let wi = normal * (2.0 * c) - wo;
-        if wi.z > 0.0 {
-            let w = weight * masked_reflection(wo, wi, root_o, alpha);
-            sums[0] += w;
-            sums[1] += w * (1.0 - c).powi(5);
-        }
-    }
-    sums
+        (wi.z > 0.0).then(|| (c, weight * masked_reflection(wo, wi, root_o, alpha)))
+    })
 }
 
 /// G2 / G1(wo), height-correlated (Heitz 2014, eq. 99).

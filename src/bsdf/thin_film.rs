@@ -1,5 +1,6 @@
 //! Interference in a thin film (KHR_materials_iridescence).
 
+use super::dielectric_curve::LayerFresnel;
 use super::fresnel;
 use crate::color::Rgb;
 use crate::math::poly;
@@ -8,10 +9,10 @@ use std::f32::consts::{PI, TAU};
 /// A film on the interface (Belcour, Barla 2017, "A Practical Extension to Microfacet Theory for the Modeling of Varying
 /// Iridescence").
 ///
-/// The reflectance under the angle of view is turned into the reflectance at normal incidence with which
-/// Schlick's formula gives the same at that angle, as the extension suggests for rasterisers. Microfacets then see Schlick's formula:
-/// the same for smooth surfaces, and for rough ones the energy stays exactly known. With the film the surface is not
-/// reciprocal.
+/// The reflectance under the angle of view is turned into the reflectance at normal incidence with which the Fresnel term
+/// of what is below gives the same at that angle, as the extension suggests for rasterisers (with Schlick's formula).
+/// Microfacets then see that Fresnel term: the same for smooth surfaces, and for rough ones the energy stays exactly known.
+/// With the film the surface is not reciprocal.
 #[derive(Clone, Copy, Debug)]
 pub struct ThinFilm {
     /// Its strength 0..1; 0 for none.
@@ -28,18 +29,19 @@ impl ThinFilm {
 
     /// The reflectance at normal incidence that stands for `f0` under the film, seen under a cosine.
     #[inline]
-    pub fn f0(&self, f0: Rgb, f90: f32, cosine: f32) -> Rgb {
-        let seen = self.reflectance(f0, cosine);
-        let weight = fresnel::schlick_weight(cosine);
-        let below = (1.0 - weight).max(1e-3);
-        let equivalent = ((seen - Rgb::splat(f90 * weight)) / below).clamp(Rgb::ZERO, Rgb::ONE);
+    pub fn f0(&self, f0: Rgb, f90: f32, below: LayerFresnel, cosine: f32) -> Rgb {
+        let seen = self.reflectance(f0, below, cosine);
+        let weight = below.weight(cosine);
+        let rest = (1.0 - weight).max(1e-3);
+        let equivalent = ((seen - Rgb::splat(f90 * weight)) / rest).clamp(Rgb::ZERO, Rgb::ONE);
         f0 + (equivalent - f0) * self.factor
     }
 
     /// Reflectance of the film over an interface of reflectance `base_f0`, in linear Rec.709 (Belcour, Barla 2017, eq. 2
-    /// and 9, unpolarised). The lower interface follows Schlick's formula as in the extension.
+    /// and 9, unpolarised). The lower interface follows Schlick's formula as in the extension, or
+    /// that of a dielectric Fresnel's equations.
     #[inline]
-    pub fn reflectance(&self, base_f0: Rgb, cosine: f32) -> Rgb {
+    pub fn reflectance(&self, base_f0: Rgb, below: LayerFresnel, cosine: f32) -> Rgb {
         // Thinner than 0.03 nm there is no film.
         let presence = (self.thickness_nm / 0.03).clamp(0.0, 1.0);
         let ior = 1.0 + (self.ior - 1.0) * presence * presence * (3.0 - 2.0 * presence);
@@ -47,7 +49,7 @@ impl ThinFilm {
         let cos_inside = (1.0 - sin_squared).max(0.0).sqrt();
         let r12 = fresnel::exact(cosine, ior).reflectance;
         let t121 = 1.0 - r12;
-        let r23 = base_f0.to_array().map(|f0| Self::lower_reflectance(f0, ior, cos_inside));
+        let r23 = base_f0.to_array().map(|f0| Self::lower_reflectance(f0, below, ior, cos_inside));
         let path_nm = 2.0 * ior * self.thickness_nm * cos_inside;
         let mut sum = [0.0; 3];
         for (c, (r, phase)) in r23.into_iter().enumerate() {
@@ -70,10 +72,14 @@ impl ThinFilm {
 
     /// Reflectance and phase of the lower interface.
     #[inline]
-    fn lower_reflectance(f0: f32, film_ior: f32, cosine: f32) -> (f32, f32) {
+    fn lower_reflectance(f0: f32, below: LayerFresnel, film_ior: f32, cosine: f32) -> (f32, f32) {
         let root = f0.clamp(0.0, 0.9999).sqrt();
         let base_ior = (1.0 + root) / (1.0 - root);
-        let r = scalar_schlick(fresnel::f0_from_eta(base_ior / film_ior), cosine);
+        let eta = base_ior / film_ior;
+        let r = match below {
+            LayerFresnel::Schlick => scalar_schlick(fresnel::f0_from_eta(eta), cosine),
+            LayerFresnel::Exact(_) => fresnel::exact(cosine, eta).reflectance,
+        };
         (r, if base_ior < film_ior { PI } else { 0.0 })
     }
 }
@@ -113,18 +119,22 @@ const RGB_FROM_XYZ: [[f32; 3]; 3] = [
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::FresnelModel;
 
     #[test]
     fn no_film_changes_nothing() {
         let film = ThinFilm { factor: 1.0, ior: 1.8, thickness_nm: 0.0 };
-        for f0 in [0.02, 0.04, 0.3, 0.9] {
+        for f0 in [0.02f32, 0.04, 0.3, 0.9] {
             for cosine in [1.0, 0.7, 0.3] {
-                let seen = film.reflectance(Rgb::splat(f0), cosine);
-                let plain = scalar_schlick(f0, cosine);
-                assert!(
-                    (seen - Rgb::splat(plain)).abs().max_element() < 2e-3,
-                    "{f0} {cosine}: {seen} {plain}"
-                );
+                let ior = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
+                for (below, plain) in [
+                    (LayerFresnel::Schlick, scalar_schlick(f0, cosine)),
+                    (LayerFresnel::new(FresnelModel::Exact, ior), fresnel::exact(cosine, ior).reflectance),
+                ] {
+                    let seen = film.reflectance(Rgb::splat(f0), below, cosine);
+                    let difference = (seen - Rgb::splat(plain)).abs().max_element();
+                    assert!(difference < 2e-3, "{f0} {cosine} {below:?}: {seen} {plain}");
+                }
             }
         }
     }
@@ -133,7 +143,7 @@ mod tests {
     #[test]
     fn thick_films_have_no_colour() {
         let film = ThinFilm { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0 };
-        let r = film.reflectance(Rgb::splat(0.2), 0.8);
+        let r = film.reflectance(Rgb::splat(0.2), LayerFresnel::Schlick, 0.8);
         assert!(r.max_element() - r.min_element() < 1e-4, "{r}");
     }
 
@@ -171,7 +181,7 @@ mod tests {
             }
             let exact = RGB_FROM_XYZ.map(|row| (0..3).map(|i| f64::from(row[i]) * sums[i]).sum::<f64>());
             let film = ThinFilm { factor: 1.0, ior: film_ior as f32, thickness_nm: thickness as f32 };
-            let found = film.reflectance(Rgb::splat(base as f32), 1.0).to_array();
+            let found = film.reflectance(Rgb::splat(base as f32), LayerFresnel::Schlick, 1.0).to_array();
             for c in 0..3 {
                 let error = (f64::from(found[c]) - exact[c].clamp(0.0, 1.0)).abs();
                 assert!(error < 0.02, "{film_ior} {thickness}: {found:?} {exact:?}");

@@ -92,6 +92,15 @@ pub(crate) enum MicrofacetArg {
     Single,
 }
 
+/// Fresnel terms.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum FresnelArg {
+    /// The curve of the index of refraction.
+    Exact,
+    /// Schlick's approximation of it, as the glTF specification suggests.
+    Schlick,
+}
+
 /// What to do about self-shadowing on shapes with shading normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TerminatorArg {
@@ -186,6 +195,9 @@ pub(crate) struct RenderArgs {
     /// Microfacet model [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
+    /// How dielectric layers of glTF materials reflect more towards grazing incidence [default: exact].
+    #[arg(long)]
+    pub fresnel: Option<FresnelArg>,
     /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
     #[arg(long, default_value = "soft")]
     pub terminator: TerminatorArg,

@@ -12,6 +12,7 @@ use super::scene_path;
 use super::settings::{Settled, check_size, settle};
 use oscura::compile::{CompileReport, CompiledScene, Compiler, View, choose_camera};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::scene::ShadingModel;
 use oscura::film::Film;
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
 use oscura::render::{CancelHandle, PassOutcome, Renderer, Statistics, in_pool};
@@ -186,8 +187,8 @@ fn prepare(
 
     let camera = choose_camera(&loaded.scene, settled.camera)?;
     let size = (settled.render.width, settled.render.height);
-    let (scene, view, mut build) =
-        compiler.compile(&loaded.scene, settled.energy_compensation, camera, size)?;
+    let shading = ShadingModel { energy_compensation: settled.energy_compensation, fresnel: settled.fresnel };
+    let (scene, view, mut build) = compiler.compile(&loaded.scene, shading, camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);

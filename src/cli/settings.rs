@@ -1,11 +1,11 @@
 //! From arguments, scene file and defaults to settled options.
 
-use super::args::{FilterArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
+use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::RenderOptions;
-use oscura::scene::{EnergyCompensation, Filter, Scene};
+use oscura::scene::{EnergyCompensation, Filter, FresnelModel, Scene};
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
 /// Most pixels of a picture; a film takes 36 bytes for each.
@@ -15,6 +15,7 @@ const PIXEL_LIMIT: u64 = 1 << 28;
 pub(crate) struct Settled {
     pub render: RenderOptions,
     pub energy_compensation: EnergyCompensation,
+    pub fresnel: FresnelModel,
     pub camera: Option<usize>,
     pub png: PngOptions,
 }
@@ -38,6 +39,10 @@ pub(crate) fn settle(
     let energy_compensation = args.microfacet.map(|m| match m {
         MicrofacetArg::Multi => EnergyCompensation::On,
         MicrofacetArg::Single => EnergyCompensation::Off,
+    });
+    let fresnel = args.fresnel.map(|f| match f {
+        FresnelArg::Exact => FresnelModel::Exact,
+        FresnelArg::Schlick => FresnelModel::Schlick,
     });
     let exposure = args.exposure.or(from_file.exposure).unwrap_or(0.0);
     for (option, is_given) in [("--aov", !args.aov.is_empty()), ("--float", args.float)] {
@@ -63,6 +68,7 @@ pub(crate) fn settle(
     Ok(Settled {
         render,
         energy_compensation: energy_compensation.or(from_file.energy_compensation).unwrap_or_default(),
+        fresnel: fresnel.or(from_file.fresnel).unwrap_or_default(),
         camera,
         png: PngOptions { view, exposure, dither: args.dither },
     })

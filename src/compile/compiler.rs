@@ -4,8 +4,9 @@ use super::reuse::Sources;
 use super::run::compile_after;
 use super::scene::{CompileOptions, CompileReport, CompiledScene};
 use super::view::View;
+use crate::bsdf::ShadingModel;
 use crate::error::Result;
-use crate::scene::{Camera, EnergyCompensation, Scene};
+use crate::scene::{Camera, Scene};
 use std::sync::Arc;
 
 /// Compiles scenes for views of them, the moments of a sequence one after another. What does not change is compiled once: textures, the environment,
@@ -36,7 +37,7 @@ impl Compiler {
     pub fn compile(
         &mut self,
         scene: &Scene,
-        energy_compensation: EnergyCompensation,
+        shading: ShadingModel,
         camera: &Camera,
         (width, height): (u32, u32),
     ) -> Result<(Arc<CompiledScene>, View, CompileReport)> {
@@ -47,7 +48,7 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let options = CompileOptions { energy_compensation, anchor };
+        let options = CompileOptions { shading, anchor };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;

@@ -2,11 +2,11 @@
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::medium::{Medium, lets_light_in};
-use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, Slots};
+use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, EnergyCompensation, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
+    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -82,13 +82,9 @@ impl Slots for PointReader<'_> {
 }
 
 impl CompiledMaterial {
-    pub(super) fn new(
-        material: &Material,
-        textures: &CompiledTextures,
-        energy_compensation: EnergyCompensation,
-    ) -> Self {
+    pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
-        let program = BsdfProgram::of(&model, energy_compensation);
+        let program = BsdfProgram::of(&model, shading);
         let class = program.class();
         let emission = material.emission.and_then(|e| {
             let radiance = fold_color(e.radiance, textures);

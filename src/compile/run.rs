@@ -42,7 +42,7 @@ pub(super) fn compile_after(
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
-    let compiled = |m| CompiledMaterial::new(m, &textures, options.energy_compensation);
+    let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = media::number(scene, &mut materials, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
@@ -67,7 +67,7 @@ pub(super) fn compile_after(
         accel,
         geometries,
         materials,
-        energy_compensation: options.energy_compensation,
+        shading: options.shading,
         media,
         textures,
         lights,

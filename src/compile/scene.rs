@@ -7,18 +7,19 @@ use super::medium::Medium;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
 use crate::accel::Accel;
+use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{EnergyCompensation, Scene};
+use crate::scene::Scene;
 use crate::shape::Analytic;
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct CompileOptions {
-    /// Treatment of light that bounces between microfacets.
-    pub energy_compensation: EnergyCompensation,
+    /// Models that all materials share.
+    pub shading: ShadingModel,
     /// The point of the scene's world that becomes the compiled scene's origin, metres. Single precision is finest
     /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
     /// origin.
@@ -56,8 +57,8 @@ pub struct CompiledScene {
     pub geometries: Geometries,
     /// Materials.
     pub materials: Vec<CompiledMaterial>,
-    /// Treatment of light that bounces between microfacets.
-    pub energy_compensation: EnergyCompensation,
+    /// Models that all materials share.
+    pub shading: ShadingModel,
     /// What solids are filled with, by the number that their materials give; the first is what surrounds the scene.
     pub media: Vec<Medium>,
     /// Texture lookups.

@@ -5,11 +5,12 @@ use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::scattering_normal;
 use super::wave::{MetalRoughClosures, MetalRoughMaterials, Vertices, Wave};
 use crate::bsdf::{
-    BsdfEval, BsdfSample, DirectionalAlbedo, Facets, Isotropic, MetalRough, MetalRoughClosure, above,
+    BsdfEval, BsdfSample, DielectricCurve, DirectionalAlbedo, Facets, Isotropic, LayerFresnel, MetalRough,
+    MetalRoughClosure, ShadingModel, above, mean_cosine,
 };
 use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
-use crate::scene::EnergyCompensation;
+use crate::scene::{EnergyCompensation, FresnelModel};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -22,18 +23,26 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
     set_rgb(&mut m.metal_f0, k, material.metal_f0);
     m.metallic[k] = material.metallic;
     m.alpha[k] = material.surface.alpha;
+    m.curve[k] = match material.layer_fresnel {
+        LayerFresnel::Schlick => 0.0,
+        LayerFresnel::Exact(curve) => curve.amplitude,
+    };
 }
 
 #[inline(always)]
-fn load_material(m: &MetalRoughMaterials, k: usize, energy_compensation: EnergyCompensation) -> MetalRough {
+fn load_material(m: &MetalRoughMaterials, k: usize, shading: ShadingModel) -> MetalRough {
     MetalRough {
         diffuse: get_rgb(&m.diffuse, k),
         layer_f0: get_rgb(&m.layer_f0, k),
         layer_f90: m.layer_f90[k],
+        layer_fresnel: match shading.fresnel {
+            FresnelModel::Schlick => LayerFresnel::Schlick,
+            FresnelModel::Exact => LayerFresnel::Exact(DielectricCurve { amplitude: m.curve[k] }),
+        },
         metal_f0: get_rgb(&m.metal_f0, k),
         metallic: m.metallic[k],
         surface: Isotropic { alpha: m.alpha[k] },
-        energy_compensation,
+        energy_compensation: shading.energy_compensation,
     }
 }
 
@@ -41,19 +50,22 @@ fn load_material(m: &MetalRoughMaterials, k: usize, energy_compensation: EnergyC
 fn store_closure(m: &mut MetalRoughClosures, k: usize, closure: &MetalRoughClosure) {
     set_rgb(&mut m.diffuse, k, closure.diffuse);
     set_rgb(&mut m.f0, k, closure.f0);
-    set_rgb(&mut m.f90, k, closure.f90);
+    set_rgb(&mut m.schlick_rise, k, closure.schlick_rise);
+    set_rgb(&mut m.exact_rise, k, closure.exact_rise);
     m.probability_specular[k] = closure.probability_specular;
     m.probability_diffuse[k] = closure.probability_diffuse;
     m.albedo[k] = closure.albedo;
 }
 
 #[inline(always)]
-fn load_closure(m: &MetalRoughClosures, k: usize) -> MetalRoughClosure {
+fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosure {
     MetalRoughClosure {
         diffuse: get_rgb(&m.diffuse, k),
         rest: 0.0,
         f0: get_rgb(&m.f0, k),
-        f90: get_rgb(&m.f90, k),
+        schlick_rise: get_rgb(&m.schlick_rise, k),
+        exact_rise: get_rgb(&m.exact_rise, k),
+        curve: DielectricCurve { amplitude: curve },
         albedo: m.albedo[k],
         probability_specular: m.probability_specular[k],
         probability_diffuse: m.probability_diffuse[k],
@@ -61,28 +73,33 @@ fn load_closure(m: &MetalRoughClosures, k: usize) -> MetalRoughClosure {
 }
 
 /// Makes normals usable for scattering, and closures of materials and viewers.
-pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, energy_compensation: EnergyCompensation) {
-    match energy_compensation {
-        EnergyCompensation::On => dispatch(Prepare::<true> { wave, range }),
-        EnergyCompensation::Off => dispatch(Prepare::<false> { wave, range }),
+pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
+    match (shading.energy_compensation, shading.fresnel) {
+        (EnergyCompensation::On, FresnelModel::Exact) => dispatch(Prepare::<true, true> { wave, range }),
+        (EnergyCompensation::On, FresnelModel::Schlick) => dispatch(Prepare::<true, false> { wave, range }),
+        (EnergyCompensation::Off, FresnelModel::Exact) => dispatch(Prepare::<false, true> { wave, range }),
+        (EnergyCompensation::Off, FresnelModel::Schlick) => dispatch(Prepare::<false, false> { wave, range }),
     }
 }
 
-struct Prepare<'a, const COMPENSATES: bool> {
+struct Prepare<'a, const COMPENSATES: bool, const EXACT: bool> {
     wave: &'a mut Wave,
     range: Range<usize>,
 }
 
-impl<const COMPENSATES: bool> Kernel for Prepare<'_, COMPENSATES> {
+impl<const COMPENSATES: bool, const EXACT: bool> Kernel for Prepare<'_, COMPENSATES, EXACT> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
         let Wave { vertices: v, scratch, .. } = self.wave;
-        let [x, y, z, full, grazing, ..] = scratch;
-        let energy_compensation = if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off };
+        let [x, y, z, full, grazing, mean_cosines, ..] = scratch;
+        let shading = ShadingModel {
+            energy_compensation: if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off },
+            fresnel: if EXACT { FresnelModel::Exact } else { FresnelModel::Schlick },
+        };
         let range = self.range.start..self.range.end.min(WAVE);
-        // The second loop looks up a table, and has nothing else in it because that does not vectorise.
+        // The second loop looks up tables, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
             let ns = scattering_normal(ns, get(&v.ng, i), wo);
@@ -93,11 +110,20 @@ impl<const COMPENSATES: bool> Kernel for Prepare<'_, COMPENSATES> {
             let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
             let albedo = surface.directional_albedo(Vec3::new(x[i], y[i], z[i]));
             (full[i], grazing[i]) = (albedo.full, albedo.grazing);
+            if EXACT {
+                let curve = DielectricCurve { amplitude: v.metal_rough.curve[i] };
+                mean_cosines[i] = mean_cosine(z[i], surface.alpha, curve);
+            }
         }
         for i in range {
             let albedo = DirectionalAlbedo { full: full[i], grazing: grazing[i] };
             let wo = Vec3::new(x[i], y[i], z[i]);
-            let closure = load_material(&v.metal_rough, i, energy_compensation).closure_by(albedo, wo);
+            let material = load_material(&v.metal_rough, i, shading);
+            let layer_grazing = match material.layer_fresnel {
+                LayerFresnel::Schlick => albedo.grazing,
+                LayerFresnel::Exact(curve) => albedo.full * curve.weight(mean_cosines[i]),
+            };
+            let closure = material.closure_by(albedo, layer_grazing, wo);
             store_closure(&mut v.metal_rough_closures, i, &closure);
         }
     }
@@ -124,7 +150,12 @@ impl VertexClass for MetalRoughClass {
         let frame = Frame::from_normal(get(&v.ns, i));
         let wo = above(frame.to_local(get(&v.wo, i)));
         let surface = Isotropic { alpha: v.metal_rough.alpha[i] };
-        MetalRoughVertex { lobes: load_closure(&v.metal_rough_closures, i), surface, frame, wo }
+        MetalRoughVertex {
+            lobes: load_closure(&v.metal_rough_closures, v.metal_rough.curve[i], i),
+            surface,
+            frame,
+            wo,
+        }
     }
 }
 

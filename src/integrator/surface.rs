@@ -56,7 +56,7 @@ impl Integrator<'_> {
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
-        closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.energy_compensation);
+        closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
         sorted
     }
 

@@ -8,14 +8,14 @@ use super::light_samples::{EnvironmentSampler, RectangleSampler, SampleLight, Ve
 use super::normals::scattering_normal;
 use super::scatter::{How, Scatter};
 use super::wave::Wave;
-use crate::bsdf::{Bsdf, Isotropic, Lambert, MetalRough};
+use crate::bsdf::{Bsdf, Isotropic, Lambert, LayerFresnel, MetalRough, ShadingModel};
 use crate::color::Rgb;
 use crate::image::Image;
 use crate::light::{AreaLight, AreaShape, Edges, EnvironmentLight, LightSample, Lights, Radiance};
 use crate::math::Vec3;
 use crate::sampling::chi2::Random;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::scene::{EnergyCompensation, Environment, ImageId};
+use crate::scene::{EnergyCompensation, Environment, FresnelModel, ImageId};
 use crate::simd::{Kernel, dispatch};
 use crate::texture::CompiledTextures;
 
@@ -134,7 +134,9 @@ fn lambertian_loops_do_as_the_general_ones() {
 
 #[test]
 fn gltf_loops_do_as_the_general_ones() {
-    for energy_compensation in [EnergyCompensation::On, EnergyCompensation::Off] {
+    let fresnels = [FresnelModel::Exact, FresnelModel::Schlick];
+    let pairs = [EnergyCompensation::On, EnergyCompensation::Off].map(|e| fresnels.map(|f| (e, f)));
+    for (energy_compensation, fresnel) in pairs.into_iter().flatten() {
         let mut random = Random::new(5);
         let mut wave = random_wave(&mut random);
         let mut bsdfs = Vec::new();
@@ -144,6 +146,7 @@ fn gltf_loops_do_as_the_general_ones() {
                 diffuse: color(&mut random),
                 layer_f0: 0.1 * color(&mut random),
                 layer_f90: random.next(),
+                layer_fresnel: LayerFresnel::new(fresnel, 1.1 + random.next()),
                 metal_f0: color(&mut random),
                 metallic: random.next(),
                 surface: Isotropic { alpha: if i % 7 == 0 { 0.0 } else { 0.05 + 0.95 * alpha } },
@@ -152,7 +155,7 @@ fn gltf_loops_do_as_the_general_ones() {
             store_material(&mut wave.vertices.metal_rough, i, &material);
             bsdfs.push(Bsdf::MetalRough(material));
         }
-        closure_metal_rough::prepare(&mut wave, 0..COUNT, energy_compensation);
+        closure_metal_rough::prepare(&mut wave, 0..COUNT, ShadingModel { energy_compensation, fresnel });
         compare(wave, MetalRoughClass, &bsdfs);
     }
 }

@@ -113,6 +113,8 @@ pub struct MetalRoughMaterials {
     pub metal_f0: RgbLanes,
     /// Share of metal.
     pub metallic: Lanes,
+    /// Amplitude of the layer's Fresnel curve; where that is exact.
+    pub curve: Lanes,
     /// GGX alpha.
     pub alpha: Lanes,
 }
@@ -124,8 +126,10 @@ pub struct MetalRoughClosures {
     pub diffuse: RgbLanes,
     /// Reflectance of the facets at normal incidence.
     pub f0: RgbLanes,
-    /// The same at grazing incidence.
-    pub f90: RgbLanes,
+    /// What it rises by to grazing incidence with Schlick's weight.
+    pub schlick_rise: RgbLanes,
+    /// What it rises by with the weight of the layer's curve.
+    pub exact_rise: RgbLanes,
     /// Mean albedo.
     pub albedo: Lanes,
     /// Probability of sampling the facets.

@@ -23,7 +23,7 @@ pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Emission, Material};
 pub use model::{FresnelModel, Model, Transmission};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
-pub use settings::{EnergyCompensation, Filter, Settings};
+pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 

@@ -4,13 +4,13 @@
 use super::pbr::PbrMaterial;
 use super::slot::{ColorSlot, FloatSlot, Parameter, ParameterMut, Parameters};
 
-/// Which Fresnel term a plain dielectric uses.
+/// Which Fresnel term a dielectric uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FresnelModel {
     /// The Fresnel equations.
     #[default]
     Exact,
-    /// Schlick's approximation, as in the thesis.
+    /// Schlick's approximation, as in the thesis and in the glTF specification.
     Schlick,
 }
 

@@ -1,5 +1,7 @@
 //! What a scene may say about rendering; `None` leaves it to the defaults.
 
+use super::model::FresnelModel;
+
 /// Reconstruction filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Filter {
@@ -23,6 +25,15 @@ pub enum EnergyCompensation {
     Off,
 }
 
+/// Choices among models of scattering that are the same for all materials of a picture.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct ShadingModel {
+    /// Whether the energy that single scattering loses is given back.
+    pub energy_compensation: EnergyCompensation,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: FresnelModel,
+}
+
 /// Rendering settings that a scene file may carry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
@@ -40,6 +51,18 @@ pub struct Settings {
     pub filter: Option<Filter>,
     /// Energy compensation of rough surfaces; `microfacet` in scene files.
     pub energy_compensation: Option<EnergyCompensation>,
+    /// Fresnel term of the dielectric layers of glTF materials.
+    pub fresnel: Option<FresnelModel>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
+}
+
+impl Settings {
+    /// The models of scattering, the default ones where nothing is said.
+    pub fn shading(&self) -> ShadingModel {
+        ShadingModel {
+            energy_compensation: self.energy_compensation.unwrap_or_default(),
+            fresnel: self.fresnel.unwrap_or_default(),
+        }
+    }
 }

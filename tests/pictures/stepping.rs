@@ -1,6 +1,7 @@
 //! A renderer that takes one pass at a time: its film is a picture after each, and stopping leaves one.
 
 use crate::support::{camera, material, options, picture, quad, renderer};
+use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::DVec3;
 use oscura::render::{CancelHandle, Event, PassOutcome, Renderer};
@@ -112,16 +113,12 @@ fn events_count_up_to_all_paths() {
 #[test]
 fn renderers_share_a_scene() {
     let options = options(24, 8, 8);
-    let compile_options = oscura::compile::CompileOptions {
-        microfacet: Default::default(),
-        camera: None,
-        width: options.width,
-        height: options.height,
-    };
-    let (compiled, _) = oscura::compile::compile(&cornell(), &compile_options).expect("the scene compiles");
+    let scene = cornell();
+    let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
+    let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
     let compiled = Arc::new(compiled);
     let shot = |seed| {
-        let mut renderer = Renderer::new(compiled.clone(), options.seed(seed)).expect("the film fits");
+        let mut renderer = Renderer::new(compiled.clone(), view, options.seed(seed)).expect("the film fits");
         renderer.run();
         renderer.into_film()
     };

@@ -5,7 +5,7 @@ use super::objects::tree;
 use super::words;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::{EnergyCompensation, Scene, ShapeKind, instance_extents, scene_extent};
+use oscura::scene::{EnergyCompensation, FresnelModel, Scene, ShapeKind, instance_extents, scene_extent};
 use std::path::Path;
 
 /// Everything, line by line.
@@ -116,6 +116,11 @@ fn settings(scene: &Scene) -> Vec<String> {
         EnergyCompensation::Off => "single",
     };
     shown.extend(s.energy_compensation.map(|e| format!("microfacet {}", scattering(e))));
+    let fresnel = |f: FresnelModel| match f {
+        FresnelModel::Exact => "exact",
+        FresnelModel::Schlick => "schlick",
+    };
+    shown.extend(s.fresnel.map(|f| format!("fresnel {}", fresnel(f))));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
     shown
 }

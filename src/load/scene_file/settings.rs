@@ -8,10 +8,11 @@
 //! | `seed` | seed of all randomness | |
 //! | `filter` | `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering | |
+//! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
 //! | `exposure` | exposure of the PNG in stops | -100 to 100 |
 
 use super::fields::Fields;
-use crate::scene::{EnergyCompensation, Filter, Settings};
+use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
 
 pub(super) fn read(fields: &Fields) -> Settings {
     let filters =
@@ -25,6 +26,8 @@ pub(super) fn read(fields: &Fields) -> Settings {
         filter: fields.choice("filter", &filters),
         energy_compensation: fields
             .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
+        fresnel: fields
+            .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
         exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
     };
     fields.finish();

@@ -78,6 +78,7 @@ fn either(first: Settings, second: Settings) -> Settings {
         seed: first.seed.or(second.seed),
         filter: first.filter.or(second.filter),
         energy_compensation: first.energy_compensation.or(second.energy_compensation),
+        fresnel: first.fresnel.or(second.fresnel),
         exposure: first.exposure.or(second.exposure),
     }
 }

@@ -2,7 +2,7 @@
 
 use oscura::bsdf::{
     Bsdf, BsdfProgram, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar,
-    Phong, SchlickMetal,
+    Phong, SchlickMetal, ShadingModel,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
@@ -51,9 +51,14 @@ pub fn pbr(change: impl FnOnce(&mut PbrMaterial)) -> PbrMaterial {
 
 /// The BSDF of a glTF material, with tangents askew.
 pub fn resolved(p: PbrMaterial) -> Bsdf {
+    resolved_with(p, ShadingModel::default())
+}
+
+/// The same with other models.
+pub fn resolved_with(p: PbrMaterial, shading: ShadingModel) -> Bsdf {
     let frame =
         LocalFrame { tangent: Vec2::new(0.8, 0.6), bitangent: Vec2::new(-0.6, 0.8), ..LocalFrame::STRAIGHT };
-    BsdfProgram::of(&Model::Pbr(Box::new(p)), EnergyCompensation::On).evaluate(&Factors, &frame)
+    BsdfProgram::of(&Model::Pbr(Box::new(p)), shading).evaluate(&Factors, &frame)
 }
 
 /// Coloured glTF material of the four usual numbers.
@@ -75,7 +80,8 @@ pub fn glass(
     energy_compensation: EnergyCompensation,
 ) -> Bsdf {
     let model = Model::Glass { ior, tint: ColorSlot::constant(tint), roughness: number(roughness), is_thin };
-    BsdfProgram::of(&model, energy_compensation).evaluate(&Factors, &LocalFrame::STRAIGHT)
+    let shading = ShadingModel { energy_compensation, ..ShadingModel::default() };
+    BsdfProgram::of(&model, shading).evaluate(&Factors, &LocalFrame::STRAIGHT)
 }
 
 /// A clearcoat.
@@ -237,7 +243,7 @@ fn layers_need_their_class() {
     use oscura::bsdf::BsdfClass;
     for (name, material) in layers() {
         let model = Model::Pbr(Box::new(material.clone()));
-        let class = BsdfProgram::of(&model, EnergyCompensation::On).class();
+        let class = BsdfProgram::of(&model, ShadingModel::default()).class();
         let expected = match name {
             "anisotropic glass" | "anisotropic glass of high index" => BsdfClass::RoughDielectric,
             _ => BsdfClass::Layered,

@@ -106,10 +106,12 @@ fn model(random: &mut Random) -> Model {
 fn bsdf(random: &mut Random) -> Bsdf {
     let energy_compensation =
         if random.next() < 0.5 { EnergyCompensation::On } else { EnergyCompensation::Off };
+    let fresnel = if random.next() < 0.75 { FresnelModel::Exact } else { FresnelModel::Schlick };
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let mut bsdf = BsdfProgram::of(&model(random), energy_compensation).evaluate(&Factors, &frame);
+    let shading = ShadingModel { energy_compensation, fresnel };
+    let mut bsdf = BsdfProgram::of(&model(random), shading).evaluate(&Factors, &frame);
     if random.next() < 0.1 {
         // Solids within denser ones.
         bsdf = bsdf.with_ior(1.0 / ior(random).max(1.0));

@@ -52,7 +52,7 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     };
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
     let options = CompileOptions {
-        energy_compensation: scene.settings.energy_compensation.unwrap_or_default(),
+        shading: scene.settings.shading(),
         ..CompileOptions::default()
     };
     let (compiled, _) = compile(&scene, &options)?;

@@ -54,7 +54,7 @@ impl Shot {
         let mut loaded = load(path, &LoadOptions::default())?;
         let options = options(&loaded.scene, quality, path)?;
         let compile_options = CompileOptions {
-            energy_compensation: loaded.scene.settings.energy_compensation.unwrap_or_default(),
+            shading: loaded.scene.settings.shading(),
             ..CompileOptions::default()
         };
         let (compiled, report) = compile(&loaded.scene, &compile_options)?;
