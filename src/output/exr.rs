@@ -145,6 +145,8 @@ fn text(s: &str) -> Text {
 
 /// `YYYY:MM:DD hh:mm:ss` in UTC, the form of the capDate attribute. `None` outside the years 1970 to 9999.
 fn exr_date(time: SystemTime) -> Option<String> {
+    // Earlier times make the crate panic, later ones fail.
+    time.duration_since(SystemTime::UNIX_EPOCH).ok()?;
     let mut date = String::new();
     // 2024-02-29T23:59:59Z
     write!(date, "{}", humantime::format_rfc3339_seconds(time)).ok()?;
