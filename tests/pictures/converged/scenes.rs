@@ -20,12 +20,12 @@ pub const SCENES: &[Converged] = &[
         arguments: &["assets/cornell-box.gltf", "--depth", "100"],
         part_samples: 2048,
     },
-    Converged { name: "glass-metal", arguments: &["scenes/cornell-spheres.toml"], part_samples: 4096 },
+    Converged { name: "glass-metal", arguments: &["scenes/cornell-spheres.toml"], part_samples: 1024 },
     Converged {
         name: "environment",
         arguments: &["scenes/sky.toml", "--env", "scenes/textures/world-map.png"],
         part_samples: 1024,
     },
     Converged { name: "textures", arguments: &["scenes/triplanar.toml"], part_samples: 1024 },
-    Converged { name: "many-lights", arguments: &["scenes/many-lights.toml"], part_samples: 2048 },
+    Converged { name: "many-lights", arguments: &["scenes/many-lights.toml"], part_samples: 512 },
 ];
