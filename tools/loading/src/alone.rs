@@ -1,7 +1,7 @@
 //! The parsers without any checks or conversions, used as their documentation shows.
 
 use ply_rs::parser::{Parser, Reader};
-use ply_rs::ply::{Property, PropertyAccess};
+use ply_rs::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -17,17 +17,18 @@ impl PropertyAccess for Vertex {
         Vertex::default()
     }
 
-    fn set_property(&mut self, name: String, value: Property) {
-        let Property::Float(v) = value else { return };
-        match name.as_str() {
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let Property::Float(v) = value else { return PropertyAccessResult::Ignored };
+        match name {
             "x" => self.position[0] = v,
             "y" => self.position[1] = v,
             "z" => self.position[2] = v,
             "nx" => self.normal[0] = v,
             "ny" => self.normal[1] = v,
             "nz" => self.normal[2] = v,
-            _ => {}
+            _ => return PropertyAccessResult::Ignored,
         }
+        PropertyAccessResult::Set
     }
 }
 
@@ -41,10 +42,10 @@ impl PropertyAccess for Face {
         Face::default()
     }
 
-    fn set_property(&mut self, _: String, value: Property) {
-        if let Property::ListInt(v) = value {
-            self.corners = v;
-        }
+    fn set_property(&mut self, _: &str, value: Property) -> PropertyAccessResult {
+        let Property::ListInt(v) = value else { return PropertyAccessResult::Ignored };
+        self.corners = v;
+        PropertyAccessResult::Set
     }
 }
 
