@@ -75,7 +75,7 @@ pub fn ply(path: &Path) -> Result<u64, String> {
 
 /// Reads an OBJ file by `tobj` with its options for graphics cards; gives the bytes that the result takes.
 pub fn obj(path: &Path) -> Result<u64, String> {
-    let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
+    let mut reader = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
     let options = tobj::GPU_LOAD_OPTIONS;
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Err(tobj::LoadError::OpenFileFailed))
         .map_err(|e| e.to_string())?;
