@@ -3,6 +3,7 @@
 mod gltf;
 mod images;
 mod obj_ply;
+mod oracles;
 mod regressions;
 mod scene_file;
 mod scene_reference;

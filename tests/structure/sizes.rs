@@ -17,11 +17,10 @@ fn functions(source: &Source) -> Vec<(String, usize, usize)> {
     let mut list = Vec::new();
     for (at, word) in words.iter().enumerate() {
         // Not the type 'fn(...)'.
-        if word.text == "fn" && words.get(at + 1).is_some_and(Word::is_name) {
-            if let Some(body) = body(&words[at..]) {
-                let lines: BTreeSet<usize> = words[at..at + body].iter().map(|w| w.line).collect();
-                list.push((words[at + 1].text.clone(), word.line, lines.len()));
-            }
+        let is_function = word.text == "fn" && words.get(at + 1).is_some_and(Word::is_name);
+        if let Some(body) = is_function.then(|| body(&words[at..])).flatten() {
+            let lines: BTreeSet<usize> = words[at..at + body].iter().map(|w| w.line).collect();
+            list.push((words[at + 1].text.clone(), word.line, lines.len()));
         }
     }
     list

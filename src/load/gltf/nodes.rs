@@ -105,18 +105,9 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
         let Ok(raw) = doc.raw("nodes", step.node, &step.from, report) else { continue };
         reached[step.node] = true;
         let at = pointer("nodes", step.node);
-        match raw.pointer("/extensions/KHR_node_visibility/visible") {
-            Some(Value::Bool(false)) => {
-                hidden += 1;
-                continue;
-            }
-            Some(Value::Bool(true)) | None => {}
-            Some(_) => {
-                report.problem(
-                    format!("{at}/extensions/KHR_node_visibility/visible"),
-                    "is neither true nor false",
-                );
-            }
+        if is_hidden(raw, &at, report) {
+            hidden += 1;
+            continue;
         }
         let parent = step.parent.map(|p| hierarchy.nodes[p].world_from_node).or(above).unwrap_or_default();
         let Ok(local) = transform::local(raw, pose.node(step.node), &at, report) else { continue };
@@ -149,6 +140,16 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
         report.warn("", format!("{hidden} nodes with their children are invisible (KHR_node_visibility)"));
     }
     hierarchy
+}
+
+/// Does KHR_node_visibility hide the node, and with it its children?
+fn is_hidden(node: &Value, at: &str, report: &mut Report) -> bool {
+    let key = "/extensions/KHR_node_visibility/visible";
+    let visible = node.pointer(key);
+    if visible.is_some_and(|v| !v.is_boolean()) {
+        report.problem(format!("{at}{key}"), "is neither true nor false");
+    }
+    visible == Some(&Value::Bool(false))
 }
 
 /// The light that a node holds.

@@ -5,12 +5,14 @@
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
-use super::build::MaterialName;
 use super::lines::{Clean, Words, decoded, float};
 use crate::error::Problem;
 use crate::load::digits::integer;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
+
+/// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
+pub(super) type MaterialName = Option<u32>;
 
 /// How many problems are worth listing.
 const LISTED: usize = 10;

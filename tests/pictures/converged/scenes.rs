@@ -13,19 +13,21 @@ pub struct Converged {
 /// What all of them are rendered with: 64 x 64 pixels that share no samples, as 32-bit numbers.
 pub const COMMON: &[&str] = &["--width", "64", "--height", "64", "--filter", "box", "--float", "--quiet"];
 
-/// Diffuse light to many bounces, caustics of glass and metal, an image as the surroundings, textures, hundreds of lights.
+/// Diffuse light to many bounces, glass, rough metal between lamps, an image as the environment, textures, hundreds of lights.
+/// No strong caustics: their noise, rare and bright, tells nothing at this size.
 pub const SCENES: &[Converged] = &[
     Converged {
         name: "cornell",
         arguments: &["assets/cornell-box.gltf", "--depth", "100"],
         part_samples: 2048,
     },
-    Converged { name: "glass-metal", arguments: &["scenes/cornell-spheres.toml"], part_samples: 4096 },
+    Converged { name: "glass", arguments: &["scenes/thesis/glass.toml"], part_samples: 256 },
+    Converged { name: "metal", arguments: &["scenes/thesis/fuzzy-metal-lights.toml"], part_samples: 256 },
     Converged {
         name: "environment",
         arguments: &["scenes/sky.toml", "--env", "scenes/textures/world-map.png"],
         part_samples: 1024,
     },
     Converged { name: "textures", arguments: &["scenes/triplanar.toml"], part_samples: 1024 },
-    Converged { name: "many-lights", arguments: &["scenes/many-lights.toml"], part_samples: 2048 },
+    Converged { name: "many-lights", arguments: &["scenes/many-lights.toml"], part_samples: 512 },
 ];

@@ -1,7 +1,7 @@
 //! The parsers without any checks or conversions, used as their documentation shows.
 
 use ply_rs::parser::{Parser, Reader};
-use ply_rs::ply::{Property, PropertyAccess};
+use ply_rs::ply::{Property, PropertyAccess, PropertyAccessResult};
 use std::fs::File;
 use std::io::BufReader;
 use std::path::Path;
@@ -17,17 +17,18 @@ impl PropertyAccess for Vertex {
         Vertex::default()
     }
 
-    fn set_property(&mut self, name: String, value: Property) {
-        let Property::Float(v) = value else { return };
-        match name.as_str() {
+    fn set_property(&mut self, name: &str, value: Property) -> PropertyAccessResult {
+        let Property::Float(v) = value else { return PropertyAccessResult::Ignored };
+        match name {
             "x" => self.position[0] = v,
             "y" => self.position[1] = v,
             "z" => self.position[2] = v,
             "nx" => self.normal[0] = v,
             "ny" => self.normal[1] = v,
             "nz" => self.normal[2] = v,
-            _ => {}
+            _ => return PropertyAccessResult::Ignored,
         }
+        PropertyAccessResult::Set
     }
 }
 
@@ -41,10 +42,10 @@ impl PropertyAccess for Face {
         Face::default()
     }
 
-    fn set_property(&mut self, _: String, value: Property) {
-        if let Property::ListInt(v) = value {
-            self.corners = v;
-        }
+    fn set_property(&mut self, _: &str, value: Property) -> PropertyAccessResult {
+        let Property::ListInt(v) = value else { return PropertyAccessResult::Ignored };
+        self.corners = v;
+        PropertyAccessResult::Set
     }
 }
 
@@ -74,7 +75,7 @@ pub fn ply(path: &Path) -> Result<u64, String> {
 
 /// Reads an OBJ file by `tobj` with its options for graphics cards; gives the bytes that the result takes.
 pub fn obj(path: &Path) -> Result<u64, String> {
-    let mut reader = Reader::new(BufReader::new(File::open(path).map_err(|e| e.to_string())?));
+    let mut reader = BufReader::new(File::open(path).map_err(|e| e.to_string())?);
     let options = tobj::GPU_LOAD_OPTIONS;
     let (models, _) = tobj::load_obj_buf(&mut reader, &options, |_| Err(tobj::LoadError::OpenFileFailed))
         .map_err(|e| e.to_string())?;
