@@ -12,6 +12,11 @@ const COMPARISONS: u64 = 1 << 27;
 /// only reflex corners can lie in an ear, so the cost is O(n r) for r of these where ears are found at once, and bounded
 /// always. Where rounding or self-intersection leaves no ear, or the bound is reached, the rest becomes a fan. Fewer than
 /// three corners give nothing.
+///
+/// Tried: the crate `earcut` 0.4, which takes seconds for 16,000 corners that cross one another at random and grows with
+/// more than the square of their number, without a bound, and gives fewer triangles than the polygon has (9,333 of
+/// 15,998). The tessellator of `lyon` would add corners
+/// where edges cross, which have no texture coordinates.
 pub(super) fn triangulate(corners: &[[f32; 3]]) -> Vec<[usize; 3]> {
     match corners.len() {
         0..=2 => return Vec::new(),

@@ -1,105 +1,16 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
-//! joined where a `\` says that a line goes on; and a reader that hands what is made of them to `tobj`.
+//! joined where a `\` says that a line goes on; and what is made of them, for `tobj` to read.
 
 use crate::load::guard;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Error, Read, Result, Seek};
 
-/// Bytes that are read at a time.
+/// Bytes that are read at a time, so that the whole file is never in memory.
 const CHUNK: usize = 1 << 18;
-
-/// The lines of a file, read one after another so that the whole is never in memory.
-pub(super) struct Lines<R> {
-    inner: BufReader<R>,
-    /// What was read up to a line feed; a carriage return may end lines inside it.
-    raw: Vec<u8>,
-    /// Where the next line begins in `raw`.
-    at: usize,
-    /// A line that goes on in the next, so far.
-    joined: Vec<u8>,
-    /// Lines taken so far.
-    number: usize,
-}
-
-impl<R: Read + Seek> Lines<R> {
-    /// Starts at the beginning of a file.
-    pub fn new(inner: R) -> Lines<R> {
-        let inner = BufReader::with_capacity(CHUNK, inner);
-        Lines { inner, raw: Vec::new(), at: 0, joined: Vec::new(), number: 0 }
-    }
-
-    /// Starts again.
-    fn rewind(&mut self) -> Result<()> {
-        self.inner.rewind()?;
-        (self.at, self.number) = (self.raw.len(), 0);
-        Ok(())
-    }
-
-    /// The next line without its end, and the number of its first line in the file, from 1.
-    ///
-    /// # Errors
-    /// Those of reading.
-    pub fn next(&mut self) -> Result<Option<(usize, &[u8])>> {
-        self.joined.clear();
-        let mut first = 0;
-        while let Some((from, to)) = self.physical()? {
-            self.number += 1;
-            if first == 0 {
-                first = self.number;
-            }
-            let line = self.raw[from..to].trim_ascii_end();
-            let is_comment = self.joined.is_empty() && line.trim_ascii_start().starts_with(b"#");
-            match line.strip_suffix(b"\\") {
-                // Paths in comments end in backslashes, too.
-                Some(start) if !is_comment => {
-                    self.joined.extend_from_slice(start);
-                    self.joined.push(b' ');
-                }
-                _ if self.joined.is_empty() => return Ok(Some((first, self.raw[from..to].trim_ascii_end()))),
-                _ => {
-                    self.joined.extend_from_slice(line);
-                    return Ok(Some((first, &self.joined)));
-                }
-            }
-        }
-        Ok((first > 0).then_some((first, self.joined.as_slice())))
-    }
-
-    /// The range of the next line of the file in `raw`; `None` at the file's end.
-    fn physical(&mut self) -> Result<Option<(usize, usize)>> {
-        if self.at == self.raw.len() {
-            self.raw.clear();
-            self.at = 0;
-            if self.inner.read_until(b'\n', &mut self.raw)? == 0 {
-                return Ok(None);
-            }
-            if self.number == 0 && self.raw.starts_with(b"\xef\xbb\xbf") {
-                self.at = 3;
-            }
-        }
-        let from = self.at;
-        let rest = &self.raw[from..];
-        let end = rest.strip_suffix(b"\n").unwrap_or(rest);
-        let end = end.strip_suffix(b"\r").unwrap_or(end);
-        // `contains` is fast where there is none, which is nearly always.
-        let inner_end = end.contains(&b'\r').then(|| end.iter().position(|&b| b == b'\r')).flatten();
-        let to = match inner_end {
-            Some(length) => {
-                self.at = from + length + 1;
-                from + length
-            }
-            None => {
-                self.at = self.raw.len();
-                from + end.len()
-            }
-        };
-        Ok(Some((from, to)))
-    }
-}
 
 /// Says what `tobj` gets to see of a line.
 pub(super) trait Clean {
-    /// Appends to `out` what the line with this number becomes: nothing, or lines of its own.
+    /// Appends to `out` what the line with this number (that of its first, where lines are joined; from 1) becomes.
     fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>);
 
     /// The file has ended: should it be read once more?
@@ -110,32 +21,78 @@ pub(super) trait Clean {
 
 /// A file as its cleaner leaves it.
 pub(super) struct Cleaned<R, C> {
-    lines: Lines<R>,
-    /// The cleaner, with all that it noted.
-    pub cleaner: C,
+    file: BufReader<R>,
+    cleaner: C,
     /// Why reading failed, which `tobj` doesn't tell.
-    pub error: Option<Error>,
+    error: Option<Error>,
+    /// Lines taken so far.
+    number: usize,
+    /// A line that goes on in the next, so far, and the number of its first.
+    joined: (usize, Vec<u8>),
     out: Vec<u8>,
     at: usize,
 }
 
 impl<R: Read + Seek, C: Clean> Cleaned<R, C> {
-    /// Starts at the beginning of a file.
-    pub fn new(file: R, cleaner: C) -> Cleaned<R, C> {
-        Cleaned { lines: Lines::new(file), cleaner, error: None, out: Vec::new(), at: 0 }
+    fn new(file: R, cleaner: C) -> Cleaned<R, C> {
+        let (file, joined) = (BufReader::with_capacity(CHUNK, file), (0, Vec::new()));
+        Cleaned { file, cleaner, error: None, number: 0, joined, out: Vec::new(), at: 0 }
     }
 
     fn refill(&mut self) -> Result<()> {
         self.out.clear();
         self.at = 0;
+        let mut raw = Vec::new();
         while self.out.len() < CHUNK {
-            match self.lines.next()? {
-                Some((number, text)) => self.cleaner.line(number, text, &mut self.out),
-                None if self.cleaner.again() => self.lines.rewind()?,
-                None => break,
+            raw.clear();
+            if self.file.read_until(b'\n', &mut raw)? == 0 {
+                self.end_joined();
+                if !self.cleaner.again() {
+                    break;
+                }
+                self.file.rewind()?;
+                self.number = 0;
+                continue;
+            }
+            let text = raw.strip_suffix(b"\n").unwrap_or(&raw);
+            let text = text.strip_suffix(b"\r").unwrap_or(text);
+            let is_first = self.number == 0;
+            let text = text.strip_prefix(b"\xef\xbb\xbf").filter(|_| is_first).unwrap_or(text);
+            // `contains` is fast where there is none, which is nearly always.
+            if text.contains(&b'\r') {
+                text.split(|&b| b == b'\r').for_each(|line| self.line(line));
+            } else {
+                self.line(text);
             }
         }
         Ok(())
+    }
+
+    fn line(&mut self, text: &[u8]) {
+        self.number += 1;
+        let text = text.trim_ascii_end();
+        let (first, joined) = &mut self.joined;
+        if joined.is_empty() {
+            *first = self.number;
+        }
+        // Paths in comments end in backslashes, too.
+        let is_comment = joined.is_empty() && text.trim_ascii_start().starts_with(b"#");
+        match text.strip_suffix(b"\\") {
+            Some(start) if !is_comment => joined.extend(start.iter().chain(b" ")),
+            _ if joined.is_empty() => self.cleaner.line(self.number, text, &mut self.out),
+            _ => {
+                joined.extend(text);
+                self.end_joined();
+            }
+        }
+    }
+
+    fn end_joined(&mut self) {
+        let (first, joined) = &mut self.joined;
+        if !joined.is_empty() {
+            self.cleaner.line(*first, joined, &mut self.out);
+            joined.clear();
+        }
     }
 }
 
@@ -247,47 +204,36 @@ mod tests {
         }
     }
 
-    /// Repeats every line with its number, and the whole file once.
-    #[derive(Default)]
-    struct Twice(bool);
+    /// Repeats every line in brackets with its number; the whole file once more if so wanted.
+    struct Echo(bool);
 
-    impl Clean for Twice {
+    impl Clean for Echo {
         fn line(&mut self, number: usize, text: &[u8], out: &mut Vec<u8>) {
-            out.extend([format!("{number} ").as_bytes(), text, b"\n"].concat());
+            out.extend(format!("{number}[{}]", decoded(text)).bytes());
         }
 
         fn again(&mut self) -> bool {
-            !std::mem::replace(&mut self.0, true)
+            std::mem::take(&mut self.0)
         }
     }
 
-    #[test]
-    fn a_cleaner_may_see_the_file_twice() {
+    fn echo(bytes: &[u8], again: bool) -> String {
         let mut text = String::new();
-        let mut cleaned = Cleaned::new(Drops(Cursor::new(b"\xef\xbb\xbfa\rb\nc")), Twice::default());
+        let mut cleaned = Cleaned::new(Drops(Cursor::new(bytes)), Echo(again));
         cleaned.read_to_string(&mut text).expect("it can be read");
-        assert_eq!(text, "1 a\n2 b\n3 c\n".repeat(2));
-    }
-
-    fn all(bytes: &[u8]) -> Vec<(usize, String)> {
-        let (mut lines, mut out) = (Lines::new(Drops(Cursor::new(bytes))), Vec::new());
-        while let Some((number, line)) = lines.next().expect("it can be read") {
-            out.push((number, decoded(line)));
-        }
-        out
+        text
     }
 
     #[test]
     fn lines_end_in_every_way_and_go_on_behind_a_backslash() {
         let text = b"\xef\xbb\xbfa\nb \\\r\n c\\\n\nd\r\ne\rf\r\r# C:\\x\\\ng \\";
-        let numbered: Vec<(usize, String)> = all(text);
-        let expected =
-            [(1, "a"), (2, "b   c "), (5, "d"), (6, "e"), (7, "f"), (8, ""), (9, "# C:\\x\\"), (10, "g  ")];
-        assert_eq!(numbered.len(), expected.len(), "{numbered:?}");
-        for ((line, text), (expected_line, expected_text)) in numbered.iter().zip(expected) {
-            assert_eq!((*line, text.as_str()), (expected_line, expected_text));
-        }
-        assert!(all(b"").is_empty());
+        assert_eq!(echo(text, false), "1[a]2[b   c ]5[d]6[e]7[f]8[]9[# C:\\x\\]10[g  ]");
+        assert_eq!(echo(b"", false), "");
+    }
+
+    #[test]
+    fn a_cleaner_may_see_the_file_twice() {
+        assert_eq!(echo(b"\xef\xbb\xbfa\rb\nc\\", true), "1[a]2[b]3[c ]".repeat(2));
     }
 
     #[test]

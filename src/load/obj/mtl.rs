@@ -75,48 +75,13 @@ pub(super) struct Map {
     pub channel: Option<u8>,
 }
 
-/// What a statement says.
-#[derive(Clone, Copy, PartialEq)]
-enum Kind {
-    Color,
-    Number,
-    Map,
-}
-
-/// Keywords in small letters, how they are spelt for `tobj`, and what stands behind them.
-const STATEMENTS: [(&str, &str, Kind); 32] = [
-    ("kd", "Kd", Kind::Color),
-    ("ks", "Ks", Kind::Color),
-    ("ke", "Ke", Kind::Color),
-    ("tf", "Tf", Kind::Color),
-    ("ns", "Ns", Kind::Number),
-    ("ni", "Ni", Kind::Number),
-    ("d", "d", Kind::Number),
-    ("tr", "Tr", Kind::Number),
-    ("illum", "illum", Kind::Number),
-    ("pr", "Pr", Kind::Number),
-    ("pm", "Pm", Kind::Number),
-    ("ps", "Ps", Kind::Number),
-    ("pc", "Pc", Kind::Number),
-    ("pcr", "Pcr", Kind::Number),
-    ("aniso", "aniso", Kind::Number),
-    ("anisor", "anisor", Kind::Number),
-    ("map_kd", "map_Kd", Kind::Map),
-    ("map_ks", "map_Ks", Kind::Map),
-    ("map_ke", "map_Ke", Kind::Map),
-    ("map_d", "map_d", Kind::Map),
-    ("map_bump", "bump", Kind::Map),
-    ("bump", "bump", Kind::Map),
-    ("norm", "norm", Kind::Map),
-    ("map_pr", "map_Pr", Kind::Map),
-    ("map_pm", "map_Pm", Kind::Map),
-    ("map_ps", "map_Ps", Kind::Map),
-    ("map_tr", "map_Tr", Kind::Map),
-    ("map_ns", "map_Ns", Kind::Map),
-    ("disp", "disp", Kind::Map),
-    ("decal", "decal", Kind::Map),
-    ("refl", "refl", Kind::Map),
-    ("map_rma", "map_RMA", Kind::Map),
+/// Keywords of colours, of numbers and of textures as they are spelt for `tobj`; files use any capitals.
+const COLORS: [&str; 4] = ["Kd", "Ks", "Ke", "Tf"];
+const NUMBERS: [&str; 12] =
+    ["Ns", "Ni", "d", "Tr", "illum", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso", "anisor"];
+const MAPS: [&str; 15] = [
+    "map_Kd", "map_Ks", "map_Ke", "map_d", "bump", "norm", "map_Pr", "map_Pm", "map_Ps", "map_Tr", "map_Ns",
+    "disp", "decal", "refl", "map_RMA",
 ];
 
 /// The materials of a library; adds to the warnings what was ignored.
@@ -160,7 +125,7 @@ impl Clean for Library {
             return;
         };
         match clean(&keyword, words, line, &mut self.maps) {
-            Ok(Statement { text, ignored }) => {
+            Ok((text, ignored)) => {
                 out.extend(text.as_bytes());
                 if !ignored.is_empty() {
                     let message = format!("material '{name}': '{keyword}': {} ignored", ignored.join(", "));
@@ -172,56 +137,43 @@ impl Clean for Library {
     }
 }
 
-/// A statement as `tobj` gets it.
-#[derive(Default)]
-struct Statement {
-    text: String,
-    /// Options that mean nothing here.
-    ignored: Vec<String>,
-}
-
-/// Checks a statement; the error says why it is ignored.
+/// A statement as `tobj` gets it, and its options that mean nothing here; the error says why it is ignored.
 fn clean(
     keyword: &str,
     words: Words,
     line: usize,
     maps: &mut Vec<&'static str>,
-) -> Result<Statement, String> {
-    let Some(&(_, name, kind)) = STATEMENTS.iter().find(|s| s.0 == keyword) else {
-        return match keyword {
-            // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
-            "ka" | "map_ka" | "sharpness" | "map_aat" => Ok(Statement::default()),
-            _ => Err(format!("'{keyword}' is not supported, ignored")),
-        };
-    };
+) -> Result<(String, Vec<String>), String> {
+    let keyword = if keyword == "map_bump" { "bump" } else { keyword };
+    let spelt = |list: &[&'static str]| list.iter().copied().find(|k| k.eq_ignore_ascii_case(keyword));
     let broken = || format!("'{keyword}' without its numbers is ignored");
-    let mut ignored = Vec::new();
-    let text = match kind {
-        Kind::Color => {
-            let [r, g, b] = rgb(words).ok_or_else(broken)?;
-            format!("{name} {r} {g} {b}\n")
-        }
-        Kind::Number => {
-            // `d -halo 0.5` has an option before its number.
-            let value = words.filter_map(float).last().ok_or_else(broken)?;
-            // Models of illumination are whole numbers in a byte.
-            let value = if name == "illum" { value.clamp(0.0, 255.0).floor() } else { value };
-            format!("{name} {value}\n")
-        }
+    if let Some(name) = spelt(&COLORS) {
+        let [r, g, b] = rgb(words).ok_or_else(broken)?;
+        return Ok((format!("{name} {r} {g} {b}\n"), Vec::new()));
+    }
+    if let Some(name) = spelt(&NUMBERS) {
+        // `d -halo 0.5` has an option before its number.
+        let value = words.filter_map(float).filter(|v| !v.is_nan()).last().ok_or_else(broken)?;
+        // Models of illumination are whole numbers in a byte.
+        let value = if name == "illum" { value.clamp(0.0, 255.0).floor() } else { value };
+        return Ok((format!("{name} {value}\n"), Vec::new()));
+    }
+    match (spelt(&MAPS), keyword) {
         // Of `map_Bump` and `bump` the first counts.
-        Kind::Map if maps.contains(&name) => String::new(),
-        Kind::Map => {
+        (Some(name), _) if maps.contains(&name) => Ok(Default::default()),
+        (Some(name), _) => {
             let text = decoded(words.rest());
-            let (map, without_meaning) = map(&text, line);
+            let (map, ignored) = map(&text, line);
             if map.file.is_empty() {
                 return Err(format!("'{keyword}' without a file name is ignored"));
             }
             maps.push(name);
-            ignored = without_meaning;
-            format!("{name} {line} {text}\n")
+            Ok((format!("{name} {line} {text}\n"), ignored))
         }
-    };
-    Ok(Statement { text, ignored })
+        // Ambient light and antialiasing mean nothing to a path tracer, sharpness nothing without `refl`.
+        (None, "ka" | "map_ka" | "sharpness" | "map_aat") => Ok(Default::default()),
+        (None, _) => Err(format!("'{keyword}' is not supported, ignored")),
+    }
 }
 
 /// Three numbers, or one for grey.
@@ -351,7 +303,7 @@ mod tests {
     #[test]
     fn odd_statements_cost_no_more_than_themselves() {
         let text =
-            b"newmtl\nKd\nKd 1 2\nKs nan inf -1\nillum -3.5\nillum 1e9\nillum x\nNi \xff\nmap_d \xe9.png\n\
+            b"newmtl\nKd\nKd 1 2\nKs nan inf -1\nillum -3.5\nillum 1e9\nillum nan\nNi \xff\nmap_d \xe9.png\n\
                      newmtl a\nnewmtl a\nd 0.5\n \xa0\xc2 1\nPr\nmap_Kd -s\nKd 3";
         let (materials, warned) = library(text);
         let names: Vec<&str> = materials.iter().map(|m| m.name.as_str()).collect();

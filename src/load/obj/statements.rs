@@ -120,12 +120,13 @@ impl Statements {
         out.extend(name.as_bytes());
         let (mut sound, mut color) = (0, [0.0; 3]);
         for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
-            let Some(value) = float(word) else { break };
-            if i < most {
+            if i < most && is_number(word) {
                 out.push(b' ');
                 out.extend(word);
-            } else {
+            } else if let Some(value) = float(word).filter(|_| i >= most) {
                 color[i - most] = value;
+            } else {
+                break;
             }
             sound += 1;
         }
@@ -248,6 +249,11 @@ impl Statements {
     /// is returned is not plain.
     #[inline]
     fn corner(&mut self, line: usize, word: &[u8], is_plain: &mut bool) -> Result<Corner, String> {
+        if let Some(corner) = plain_corner(word)
+            && (0..3).all(|kind| corner[kind] as usize <= self.totals[kind])
+        {
+            return Ok(corner);
+        }
         let broken = || format!("'{}' is no corner of a face", decoded(&word[..word.len().min(40)]));
         let mut corner = [0; 3];
         for (kind, digits) in word.split(|&b| b == b'/').enumerate() {
@@ -337,6 +343,28 @@ impl Statements {
         let ignored = self.ignored.iter();
         ignored.map(|(what, (line, count))| (*line, format!("{count} {what}: left out"))).collect()
     }
+}
+
+/// Is a word a number? Plain decimals are told without being converted, which `tobj` does once more.
+fn is_number(word: &[u8]) -> bool {
+    let digits = word.strip_prefix(b"-").unwrap_or(word);
+    let dots = digits.iter().filter(|&&b| b == b'.').count();
+    let is_decimal = digits.iter().all(|b| b.is_ascii_digit() || *b == b'.');
+    is_decimal && dots < 2 && dots < digits.len() || float(word).is_some()
+}
+
+/// The indices of a corner without signs and zeros, which is what nearly all are.
+fn plain_corner(word: &[u8]) -> Option<Corner> {
+    let (mut corner, mut kind) = ([0u32; 3], 0);
+    for &b in word {
+        match b {
+            b'/' if kind < 2 && corner[0] > 0 => kind += 1,
+            b'1'..=b'9' => corner[kind] = corner[kind].checked_mul(10)?.checked_add(u32::from(b - b'0'))?,
+            b'0' if corner[kind] > 0 => corner[kind] = corner[kind].checked_mul(10)?,
+            _ => return None,
+        }
+    }
+    (corner[0] > 0).then_some(corner)
 }
 
 /// ` v`, ` v/t`, ` v//n` or ` v/t/n`.

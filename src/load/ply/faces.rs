@@ -23,6 +23,8 @@ pub(super) struct Faces {
     /// Faces that stand before the vertices in the file.
     waiting: Vec<(Kind, usize, Vec<i64>)>,
     vertices_known: bool,
+    /// Faces of fewer than three corners.
+    pub short: usize,
 }
 
 impl Faces {
@@ -43,6 +45,7 @@ impl Faces {
         }
         match indices.iter().find(|&&v| !(inside(v) || kind == Kind::Strip && v == -1)) {
             Some(&v) => self.complain(kind, i, v, count),
+            None if indices.len() < 3 => self.short += 1,
             None if kind == Kind::Polygon => add_polygon(mesh, indices),
             None => add_strip(mesh, indices),
         }

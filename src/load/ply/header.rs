@@ -31,7 +31,14 @@ pub(super) struct VertexLayout {
     pub normal: bool,
     pub uv: bool,
     pub color: bool,
+    /// Attributes of which a part is missing, so that the rest means nothing.
+    pub incomplete: Vec<&'static str>,
 }
+
+/// Names of texture coordinates and of colours.
+const UVS: [[&str; 2]; 4] = [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]];
+const COLORS: [[&str; 3]; 3] =
+    [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 impl<'a> Source<'a> {
     /// Checks and reads the header.
@@ -57,20 +64,17 @@ impl<'a> Source<'a> {
         let has =
             |name: &str| self.header.elements.get("vertex").is_some_and(|v| v.properties.contains_key(name));
         let all = |names: &[&str]| names.iter().all(|name| has(name));
-        VertexLayout {
-            position: all(&["x", "y", "z"]),
-            normal: all(&["nx", "ny", "nz"]),
-            uv: [["s", "t"], ["u", "v"], ["texture_u", "texture_v"], ["texture_s", "texture_t"]]
-                .iter()
-                .any(|names| all(names)),
-            color: [
-                ["red", "green", "blue"],
-                ["r", "g", "b"],
-                ["diffuse_red", "diffuse_green", "diffuse_blue"],
-            ]
-            .iter()
-            .any(|names| all(names)),
-        }
+        let any = |names: &[&str]| names.iter().any(|name| has(name));
+        let normals = ["nx", "ny", "nz"];
+        let (position, normal) = (all(&["x", "y", "z"]), all(&normals));
+        let (uv, color) = (UVS.iter().any(|names| all(names)), COLORS.iter().any(|names| all(names)));
+        let parts = [
+            (normal, any(&normals), "normals"),
+            (uv, any(UVS.as_flattened()), "texture coordinates"),
+            (color, any(COLORS.as_flattened()), "colours"),
+        ];
+        let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
+        VertexLayout { position, normal, uv, color, incomplete }
     }
 
     /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.

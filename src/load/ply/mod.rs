@@ -3,7 +3,8 @@
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
-//! (`vertex_index` or `vertex_indices`) and `tristrips`. Everything else is skipped. Vertices without faces are a point
+//! (`vertex_index` or `vertex_indices`) and `tristrips`. Other properties are skipped, and other elements with a
+//! warning. Vertices without faces are a point
 //! cloud, which becomes spheres if the caller gives their radius.
 
 mod ascii;
@@ -27,15 +28,16 @@ use std::path::Path;
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let mesh = parse(path, &bytes)?;
+    let (mesh, left_out) = parse(path, &bytes)?;
     drop(bytes);
     let mut loaded = finish(path, mesh, options)?;
+    loaded.warnings.extend(left_out.into_iter().map(|m| Warning::new(path, "", format!("{m}: left out"))));
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(loaded)
 }
 
-/// Reads the content of a PLY file; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
+/// Reads the content of a PLY file, and what it leaves out; `path` is for messages.
+fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
@@ -45,6 +47,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let mut uv: Vec<[f32; 2]> = Vec::new();
     let mut faces = Faces::default();
+    let incomplete = defined.incomplete.iter();
+    let mut left_out: Vec<String> =
+        incomplete.map(|what| format!("{what} of which a property is missing")).collect();
     for (name, definition) in source.elements() {
         match name.as_str() {
             "vertex" => {
@@ -75,17 +80,26 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<Mesh> {
                     .read(&definition, |i, face: &Face| faces.add(&mut mesh, kind, i, &face.indices))
                     .map_err(fail)?;
             }
-            _ => source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?,
+            _ => {
+                source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
+                if definition.count > 0 {
+                    left_out
+                        .push(format!("{} of the element '{name}', which is no surface", definition.count));
+                }
+            }
         }
     }
     if defined.uv {
         mesh.uv_sets = vec![uv];
     }
+    if faces.short > 0 {
+        left_out.push(format!("{} faces of fewer than three corners", faces.short));
+    }
     let problems = faces.problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok(mesh)
+    Ok((mesh, left_out))
 }
 
 fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> {

@@ -134,6 +134,30 @@ fn a_truncated_container_is_refused() {
     }
 }
 
+/// Chunks that nobody knows are skipped (glTF 2.0, section 4.4), also where the binary chunk may stand.
+#[test]
+fn unknown_chunks_are_skipped() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.glb");
+    let embedded = triangle_in_a_uri();
+    let mut bytes = glb(&embedded, b"ACMEACME");
+    let kind = bytes.len() - 8 - 4;
+    bytes[kind..kind + 4].copy_from_slice(b"ACME");
+    std::fs::write(&path, &bytes).expect("written");
+    let loaded = open(&path).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
+    bytes[16..20].copy_from_slice(b"ACME");
+    std::fs::write(&path, &bytes).expect("written");
+    let message = open(&path).expect_err("no JSON").to_string();
+    assert!(message.contains("'ACME', not JSON"), "{message}");
+}
+
+/// The triangle with its bytes in the document.
+fn triangle_in_a_uri() -> Value {
+    let escaped: String = triangle_bytes().iter().map(|b| format!("%{b:02x}")).collect();
+    triangle_with(|a| a["buffers"][0]["uri"] = json!(format!("data:,{escaped}")))
+}
+
 /// Each value of a document with all features replaced by nonsense, and each removed: whatever comes of it, no panic,
 /// neither here nor when what loads is compiled.
 #[test]
@@ -153,8 +177,18 @@ fn nonsense_in_motion_never_panics() {
     nonsense_everywhere(&reed, |asset| load_by(asset, &[], &options));
 }
 
+/// What a scene shows, without colours and names.
+fn shown(loaded: &Loaded) -> (usize, usize, usize, usize, String) {
+    let scene = &loaded.scene;
+    let triangles = scene.instances.iter().map(|i| scene.meshes[i.mesh.index()].triangles.len()).sum();
+    let corners = scene.instances.iter().flat_map(|i| scene.meshes[i.mesh.index()].positions.iter());
+    let places: Vec<_> = scene.instances.iter().map(|i| i.world_from_object).collect();
+    let geometry = format!("{places:?} {:?}", corners.collect::<Vec<_>>());
+    (triangles, scene.lights.len(), scene.cameras.len(), scene.images.len(), geometry)
+}
+
 fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Error>) {
-    load(asset).unwrap_or_else(|e| panic!("{e}"));
+    let original = load(asset).unwrap_or_else(|e| panic!("{e}"));
     let mut places = Vec::new();
     pointers(asset, String::new(), &mut places);
     let nonsense = [
@@ -180,7 +214,13 @@ fn nonsense_everywhere(asset: &Value, load: impl Fn(&Value) -> Result<Loaded, Er
             *broken.pointer_mut(place).expect("the place exists") = value.clone();
             tried += 1;
             match load(&broken) {
-                Ok(loaded) => drop(compile(&loaded.scene, &options)),
+                Ok(loaded) => {
+                    // Nothing takes a word for a number, a list or an object: whatever is lost by one must be said.
+                    let is_same = !value.is_string() || shown(&loaded) == shown(&original);
+                    let says_more = loaded.warnings.iter().any(|w| !original.warnings.contains(w));
+                    assert!(is_same || says_more, "{value} at {place} changes the scene in silence");
+                    drop(compile(&loaded.scene, &options));
+                }
                 Err(error) => refused += usize::from(!error.problems.is_empty()),
             }
         }

@@ -101,6 +101,16 @@ fn broken_animations_are_named_only_when_they_play() {
         (|a| a["accessors"][3]["count"] = json!(1), &["2 keys", "3 numbers"]),
         (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("CUBICSPLINE"), &["2 keys"]),
         (|a| a["animations"][0]["samplers"][0]["interpolation"] = json!("NONE"), &["CUBICSPLINE"]),
+        // What it can't do without.
+        (|a| without(&mut a["animations"][0], "channels"), &["/animations/0/channels: is missing"]),
+        (|a| without(&mut a["animations"][0], "samplers"), &["/channels/0/sampler", "does not exist"]),
+        (
+            |a| without(&mut a["animations"][0]["channels"][0], "sampler"),
+            &["/channels/0/sampler: is missing"],
+        ),
+        (|a| without(&mut a["animations"][0]["channels"][0], "target"), &["/channels/0/target: is missing"]),
+        (|a| without(&mut a["animations"][0]["samplers"][0], "input"), &["/samplers/0/input: is missing"]),
+        (|a| without(&mut a["animations"][0]["samplers"][0], "output"), &["/samplers/0/output: is missing"]),
     ];
     for (change, words) in cases {
         let (mut asset, numbers) = moving();
@@ -111,6 +121,19 @@ fn broken_animations_are_named_only_when_they_play() {
             assert!(message.contains(word), "'{word}' is not in: {message}");
         }
     }
+}
+
+fn without(object: &mut Value, key: &str) {
+    object.as_object_mut().and_then(|o| o.remove(key)).expect("it was there");
+}
+
+#[test]
+fn what_stands_still_is_counted() {
+    let (mut asset, numbers) = moving();
+    without(&mut asset["animations"][0]["channels"][0]["target"], "node");
+    let loaded = at(&asset, &numbers, Some(1.0)).unwrap_or_else(|e| panic!("{e}"));
+    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(said.iter().any(|w| w.contains("1 channels move no node")), "{said:?}");
 }
 
 /// Two targets move the first corner; weights come from the mesh, the node and an animation, in rising order.

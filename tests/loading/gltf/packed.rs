@@ -76,6 +76,13 @@ fn damaged_meshopt_views_are_named() {
         (|p| p["mode"] = json!("NONE"), "/mode"),
         (|p| p["filter"] = json!("OCTAHEDRAL"), "don't fit"),
         (|p| p["filter"] = json!("ACME"), "ACME"),
+        // What it can't do without, missing or no number.
+        (|p| drop(p.as_object_mut().expect("an object").remove("buffer")), "/buffer: is missing"),
+        (|p| drop(p.as_object_mut().expect("an object").remove("byteLength")), "/byteLength: is missing"),
+        (|p| drop(p.as_object_mut().expect("an object").remove("byteStride")), "/byteStride: is missing"),
+        (|p| drop(p.as_object_mut().expect("an object").remove("count")), "/count: is missing"),
+        (|p| p["count"] = json!("many"), "/count: is not an index"),
+        (|p| p["byteOffset"] = json!(-4), "/byteOffset: is not an index"),
     ];
     for (change, word) in cases {
         let mut asset = asset.clone();

@@ -159,6 +159,64 @@ fn what_is_left_out_is_counted_with_its_place() {
     assert!(error.to_string().contains("has no faces, but 1 statements"), "{error}");
 }
 
+/// What `tobj` divides by, takes from another corner, or keeps for the whole object.
+#[test]
+fn what_tobj_would_misread_is_read_as_the_format_means_it() {
+    let points = "v 0 0 0 2\nv 4 0 0 2\nv 0 4 0 2\nv 4 4 0 2\nvt 0.5 0.5\nvt 1\nvn 0 0 1\nvn 0 0 -1\n";
+    let mesh =
+        &obj_scene(format!("{points}f 1/1/1 2/2/1 3/1/1\nf 2//2 4//2 3//2\nf 2/1 4/1 3/1\n")).meshes[0];
+    assert!(mesh.positions.contains(&[4.0, 4.0, 0.0]), "{:?}", mesh.positions);
+    let corner = |t: usize, k: usize| mesh.triangles[t][k] as usize;
+    let (uv, normal) = (|t, k| mesh.uv_sets[0][corner(t, k)], |t, k| mesh.normals[corner(t, k)][2]);
+    assert_eq!((uv(0, 0), uv(0, 1), uv(1, 0), uv(2, 0)), ([0.5; 2], [1.0, 1.0], [0.0, 1.0], [0.5; 2]));
+    assert_eq!((normal(0, 0), normal(1, 0), normal(2, 0)), (1.0, -1.0, 1.0));
+    // Corners of one face that refer to different things are against the format.
+    let text = format!("{points}f 1/1/1 2//1 3/1/1\n");
+    let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
+    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(said.iter().any(|w| w.contains("1 texture coordinates of faces that lack them")), "{said:?}");
+    assert!(loaded.scene.meshes[0].uv_sets.is_empty() && loaded.scene.meshes[0].normals.len() == 3);
+    for (broken, line) in [("vt x\n", 1), ("vt 0 x\n", 1), ("v 1 2\n", 1), ("vn 0 0\n", 1)] {
+        let error = load_files(&[("a.obj", format!("{broken}{points}f 1 2 3\n").as_bytes())]);
+        assert_eq!(error.expect_err(broken).problems[0].place, format!("line {line}"));
+    }
+    for face in ["f 1 2 3/", "f +1 02 003", "f 1// 2// 3//", "f -4 -3 -2", "f 1 2 3 3", "f 1 1 2 3 1 # 4"] {
+        let mesh = &obj_scene(format!("{points}{face}\n")).meshes[0];
+        assert_eq!((mesh.positions.len(), mesh.triangles.len()), (3, 1), "{face}");
+    }
+    for face in [
+        "f 1/1/1/1 2 3",
+        "f 1 /2 3",
+        "f 1 2 99999999999",
+        "f 1 2 9999999999999999999",
+        "f 1 2 -9223372036854775808",
+    ] {
+        let error = load_files(&[("a.obj", format!("{points}{face}\n").as_bytes())]);
+        assert_eq!(error.expect_err(face).problems[0].place, "line 9");
+    }
+}
+
+/// More faces than `tobj` is given at a time, which begin anew in the middle of a material and of a smoothing group.
+#[test]
+fn many_faces_are_one_mesh() {
+    use std::fmt::Write;
+    let rows = 200;
+    let mut text = String::from("s 1\nusemtl a\n");
+    for i in 0..rows * rows {
+        writeln!(text, "v {} {} 0", i % rows, i / rows).expect("written");
+    }
+    let mut faces = 0;
+    for i in (0..rows * (rows - 1)).filter(|i| i % rows < rows - 1) {
+        writeln!(text, "f {} {} {} {}", i + 1, i + 2, i + rows + 2, i + rows + 1).expect("written");
+        faces += 1;
+    }
+    let scene = obj_scene(&text);
+    let mesh = &scene.meshes[0];
+    assert_eq!((scene.meshes.len(), mesh.parts.len(), mesh.triangles.len()), (1, 1, 2 * faces));
+    assert!(mesh.normals.iter().all(|n| *n == [0.0, 0.0, 1.0]) && mesh.normals.len() == mesh.positions.len());
+    assert!((area(mesh) - faces as f32).abs() < 0.5);
+}
+
 #[test]
 fn colours_of_some_vertices_leave_the_others_white() {
     let scene = obj_scene("v 0 0 0\nv 1 0 0 0 0 0\nv 0 1 0\nv 1 1 0 1.0\nf 1 2 3\nf 2 4 3\n");

@@ -43,6 +43,26 @@ fn ply_ascii_strips_and_errors() {
 }
 
 #[test]
+fn what_is_left_out_of_ply_is_said() {
+    let text = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+                property float nx\nproperty uchar red\nproperty uchar green\nproperty float s\n\
+                element face 3\nproperty list uchar int vertex_indices\nelement edge 2\nproperty int vertex1\n\
+                end_header\n0 0 0 1 9 9 0\n1 0 0 1 9 9 0\n0 1 0 1 9 9 0\n3 0 1 2\n2 0 1\n0\n0\n1\n";
+    let loaded = load_ply(text.as_bytes()).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!(loaded.scene.meshes[0].triangles.len(), 1);
+    let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+    for part in [
+        "normals of which",
+        "texture coordinates of which",
+        "colours of which",
+        "2 faces of fewer",
+        "2 of the element 'edge'",
+    ] {
+        assert!(said.iter().any(|w| w.starts_with(part) && w.ends_with("left out")), "{part}: {said:?}");
+    }
+}
+
+#[test]
 fn ply_names_types_and_strange_text() {
     let head = "ply\rformat ascii 1.0\rcomment caf\u{e9}\r";
     let latin1 = |text: String| -> Vec<u8> { text.chars().map(|c| c as u8).collect() };
