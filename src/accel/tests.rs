@@ -1,5 +1,6 @@
 //! Against brute force, on all CPU levels, and on what breaks structures.
 
+use super::slot::ShallowSlot;
 use super::*;
 use crate::math::{DAffine3, Hit, NO_HIT, OriginPrimitive, Ray, Vec3};
 use crate::shape::{Analytic, Quad, Sphere};

@@ -40,6 +40,7 @@ mod solid_glass;
 mod thin_film;
 mod through;
 
+pub use crate::scene::ShadingModel;
 pub use albedo_table::DirectionalAlbedo;
 pub use coat::Coat;
 pub use dielectric_curve::{DielectricCurve, LayerFresnel};
@@ -52,7 +53,6 @@ pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
 pub use rough_dielectric::{GlassReflectance, Walls};
 pub use sample::{BsdfEval, BsdfSample};
 pub use sheen::Sheen;
-pub use crate::scene::ShadingModel;
 pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
 

@@ -3,7 +3,7 @@
 use super::Lobe;
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3};
-use crate::scene::{ColorSlot, EnergyCompensation, FloatSlot, FresnelModel};
+use crate::scene::{ColorSlot, FloatSlot};
 
 /// The parameters of one BSDF: constants, and textures with factors.
 pub trait MaterialProgram {

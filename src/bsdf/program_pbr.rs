@@ -5,12 +5,13 @@ use super::dielectric_curve::LayerFresnel;
 use super::layered::Layered;
 use super::metal_rough::MetalRough;
 use super::microsurface::{Isotropic, MicrosurfaceProgram};
-use super::program::{LocalFrame, MaterialProgram, ShadingModel, Slots, always};
+use super::program::{LocalFrame, MaterialProgram, Slots, always};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::{Coat, Sheen, ThinFilm, fresnel};
 use crate::color::Rgb;
 use crate::scene::{
     Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, PbrMaterial,
+    ShadingModel,
 };
 
 /// Can light pass the interface? An index of refraction of 0 means that all is reflected.

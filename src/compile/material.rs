@@ -5,9 +5,7 @@ use super::medium::{Medium, lets_light_in};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
 use crate::math::{Frame, Mat3, Vec3};
-use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, Parameters, Transmission,
-};
+use crate::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, Parameters, Transmission};
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 

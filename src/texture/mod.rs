@@ -207,6 +207,7 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::math::Vec2;
     use crate::scene::Mapping;
 
     fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {

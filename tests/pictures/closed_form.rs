@@ -1,7 +1,6 @@
 //! Light transport against answers that are known in closed form.
 
 use crate::support::{assert_radiance, camera, disk, material, options, quad, sphere};
-use crate::support::{assert_radiance, camera, material, options, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,

@@ -319,7 +319,7 @@ fn a_new_view_shows_what_a_new_scene_would() {
     let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
     let grey = material(&mut scene, Material::lambert("grey", [0.6; 3]));
     quad(&mut scene, [-9.0, -1.0, 9.0], [18.0, 0.0, 0.0], [0.0, 0.0, -18.0], grey);
-    support::sphere(&mut scene, [0.0; 3], 1.0, grey);
+    crate::support::sphere(&mut scene, [0.0; 3], 1.0, grey);
     let at = |x: f64| camera(DVec3::new(x, 0.5, 5.0), DVec3::ZERO, DVec3::Y, 40.0);
     scene.cameras.extend([at(0.0), at(3.0)]);
     let options = options(24, 64, 8);
@@ -329,7 +329,7 @@ fn a_new_view_shows_what_a_new_scene_would() {
             compile(&scene, &CompileOptions { anchor, ..CompileOptions::default() }).expect("compiles");
         let view = View::new(&compiled, &scene.cameras[camera], 24, 24);
         assert!(!view.needs_new_anchor(&compiled));
-        support::shot(&compiled, &view, &options)
+        crate::support::shot(&Arc::new(compiled), &view, &options)
     };
     let (own, others) = (shot(1, 1), shot(0, 1));
     let differing = |a: &Film, b: &Film| {
@@ -347,7 +347,7 @@ fn cameras_far_from_the_anchor_need_a_new_one() {
     let mut scene = Scene::default();
     let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
     for x in [0.0, 1e4] {
-        support::sphere(&mut scene, [x, 0.0, 0.0], 1.0, grey);
+        crate::support::sphere(&mut scene, [x, 0.0, 0.0], 1.0, grey);
     }
     let near = |x: f64, distance: f64| {
         let eye = DVec3::new(x, 0.0, 1.0 + distance);
@@ -361,10 +361,10 @@ fn cameras_far_from_the_anchor_need_a_new_one() {
     assert!(needs(near(1e4, 3.0)) && !needs(near(1e4, 100.0)));
     let mut compiler = Compiler::sequence();
     for (camera, anchor) in [(near(0.0, 3.0), 0.0), (near(1e4, 3.0), 1e4)] {
-        let energy = Default::default();
-        let (compiled, view, _) = compiler.compile(&scene, energy, &camera, (64, 64)).expect("compiles");
+        let shading = Default::default();
+        let (compiled, view, _) = compiler.compile(&scene, shading, &camera, (64, 64)).expect("compiles");
         assert_eq!(compiled.anchor.x, anchor);
-        assert!(!view.needs_new_anchor(compiled));
+        assert!(!view.needs_new_anchor(&compiled));
     }
 }
 
@@ -402,8 +402,10 @@ fn moments_of_a_sequence_keep_what_stands_still() {
         assert!(Arc::ptr_eq(kept, &compiled.geometries.world), "the world is built once");
         assert_eq!(compiled.geometries.placements.len(), 2);
         // As a single picture shows it: rounding sends few of the paths elsewhere.
-        let (a, b) =
-            (support::shot(compiled, &view, &options(32, 16, 4)), picture(&scene, &options(32, 16, 4)));
+        let (a, b) = (
+            crate::support::shot(&compiled, &view, &options(32, 16, 4)),
+            picture(&scene, &options(32, 16, 4)),
+        );
         let pixels = (0..32).flat_map(|y| (0..32).map(move |x| (x, y)));
         let far = |&(x, y): &(u32, u32)| (a.mean_rgba(x, y)[0] - b.mean_rgba(x, y)[0]).abs() > 1e-3;
         let elsewhere = pixels.filter(far).count();
@@ -431,7 +433,7 @@ fn moments_of_small_scenes_are_single_pictures() {
             compiler.compile(&scene, Default::default(), &camera, (16, 16)).expect("compiles");
         assert!(compiled.geometries.placements.is_empty());
         let (a, b) =
-            (support::shot(compiled, &view, &options(16, 4, 4)), picture(&scene, &options(16, 4, 4)));
+            (crate::support::shot(&compiled, &view, &options(16, 4, 4)), picture(&scene, &options(16, 4, 4)));
         for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
             assert_eq!(a.mean_rgba(x, y), b.mean_rgba(x, y));
         }
@@ -451,8 +453,8 @@ fn hits_know_their_objects() {
         names.push((3.0 * i as f32 + 0.1, format!("square {i}"), mesh));
     }
     quad(&mut scene, [12.0, -0.5, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], red);
-    support::sphere(&mut scene, [15.0, 0.0, 0.0], 0.5, grey);
-    support::disk(&mut scene, [18.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.5, red);
+    crate::support::sphere(&mut scene, [15.0, 0.0, 0.0], 0.5, grey);
+    crate::support::disk(&mut scene, [18.0, 0.0, 0.0], [0.0, 0.0, 1.0], 0.5, red);
     names.extend([(12.5, "quad".into(), 1), (15.1, "sphere".into(), 0), (18.1, "disk".into(), 1)]);
     let anchor = Some(DVec3::ZERO);
     let (compiled, _) = compile(&scene, &CompileOptions { anchor, ..Default::default() }).expect("compiles");

@@ -1,5 +1,7 @@
 //! The same pixels whatever the number of threads; other pixels from another seed.
 
+use crate::support::sheet::{self, Variant};
+use crate::support::{material, options, picture, quad, sphere};
 use oscura::film::{Aov, AovSet, Film, Values};
 use oscura::image::Image;
 use oscura::render::in_pool;

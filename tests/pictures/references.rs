@@ -1,8 +1,8 @@
 //! Pictures of the whole program against converged references that another renderer made.
 
 use crate::support::{options, picture};
-use oscura::compile::{CompileOptions, View, compile};
 use oscura::bsdf::ShadingModel;
+use oscura::compile::{CompileOptions, View, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::gltf::{Glass, GltfOptions};
@@ -10,7 +10,7 @@ use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
 use oscura::render::Renderer;
-use oscura::scene::{EnergyCompensation, FresnelModel};
+use oscura::scene::EnergyCompensation;
 use std::path::{Path, PathBuf};
 
 /// Edge of the pictures rendered here, pixels.
@@ -87,11 +87,10 @@ fn export(path: &Path) -> Image {
     let gltf = GltfOptions { glass: Glass::Solid, ..GltfOptions::default() };
     let loaded =
         load(path, &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"));
-    let compile_options =
-        CompileOptions {
-            shading: ShadingModel { energy_compensation: EnergyCompensation::Off, ..ShadingModel::default() },
-            ..CompileOptions::default()
-        };
+    let compile_options = CompileOptions {
+        shading: ShadingModel { energy_compensation: EnergyCompensation::Off, ..ShadingModel::default() },
+        ..CompileOptions::default()
+    };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = options(SIZE, 256, 64).soft_terminator(false);
     let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);

@@ -1,6 +1,8 @@
 //! Textured vertices are made in vectorised loops, except where vertices have colours: both ways give the same picture,
 //! and the same AOVs.
 
+use crate::support::sheet::{Variant, scene};
+use crate::support::{options, picture};
 use oscura::film::{Aov, Film, Values};
 use oscura::scene::Interpolation;
 

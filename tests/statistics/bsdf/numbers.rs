@@ -1,7 +1,7 @@
 //! Random materials, directions and numbers, extremes included, give numbers.
 
 use super::lobes::{direction, number};
-use oscura::bsdf::{Bsdf, BsdfProgram, Coat, Factors, LocalFrame};
+use oscura::bsdf::{Bsdf, BsdfProgram, Coat, Factors, LocalFrame, ShadingModel};
 use oscura::math::{Vec2, Vec3};
 use oscura::sampling::chi2::Random;
 use oscura::scene::{

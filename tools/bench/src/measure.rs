@@ -51,10 +51,7 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
         _ => scene.cameras.first().and_then(|c| c.aspect_ratio).unwrap_or(16.0 / 9.0),
     };
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
-    let options = CompileOptions {
-        shading: scene.settings.shading(),
-        ..CompileOptions::default()
-    };
+    let options = CompileOptions { shading: scene.settings.shading(), ..CompileOptions::default() };
     let (compiled, _) = compile(&scene, &options)?;
     let view = View::new(&compiled, choose_camera(&scene, None)?, setup.width, height);
     let compiled = Arc::new(compiled);

@@ -53,10 +53,8 @@ impl Shot {
         let start = Instant::now();
         let mut loaded = load(path, &LoadOptions::default())?;
         let options = options(&loaded.scene, quality, path)?;
-        let compile_options = CompileOptions {
-            shading: loaded.scene.settings.shading(),
-            ..CompileOptions::default()
-        };
+        let compile_options =
+            CompileOptions { shading: loaded.scene.settings.shading(), ..CompileOptions::default() };
         let (compiled, report) = compile(&loaded.scene, &compile_options)?;
         loaded.warnings.extend(report.warnings);
         if let Some(warning) = loaded.warnings.first() {
