@@ -1,7 +1,7 @@
 //! From the models that `tobj` returns to meshes: polygons become triangles, models of one object one mesh, and vertices
 //! without a normal of the file get that of their face or of their smoothing group.
 
-use super::statements::{Piece, Statements};
+use super::statements::{MaterialName, Piece, Statements};
 use crate::color::linear_from_srgb;
 use crate::load::polygon::triangulate;
 use crate::math::DVec3;
@@ -9,9 +9,6 @@ use crate::scene::Mesh;
 use std::collections::HashMap;
 use std::iter::Peekable;
 use std::slice::Iter;
-
-/// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
-pub(super) type MaterialName = Option<u32>;
 
 /// Consecutive triangles of one material.
 #[derive(Clone, Copy)]

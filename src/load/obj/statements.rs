@@ -5,7 +5,6 @@
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
-use super::build::MaterialName;
 use super::lines::{Clean, Words, decoded, float};
 use crate::error::Problem;
 use crate::load::digits::integer;
@@ -17,6 +16,9 @@ const LISTED: usize = 10;
 
 /// Faces after which `tobj` is made to convert what it holds of them, about 100 bytes each.
 const PIECE: usize = 1 << 15;
+
+/// Number of a material's name among those that the file uses; `None` before the first `usemtl`.
+pub(super) type MaterialName = Option<u32>;
 
 /// Indices of a corner's position, texture coordinates and normal, from 1; 0 for none.
 type Corner = [u32; 3];
