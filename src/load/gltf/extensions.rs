@@ -86,6 +86,18 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
     }
 }
 
+/// Notes a problem where the extensions of an object, or one that is read, are none: what they say would be lost.
+pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
+    let Some(extensions) = object.get("extensions") else { return };
+    let Some(all) = extensions.as_object() else {
+        report.problem(format!("{at}/extensions"), "is not an object");
+        return;
+    };
+    for (name, _) in all.iter().filter(|(name, e)| READ.contains(&name.as_str()) && !e.is_object()) {
+        report.problem(format!("{at}/extensions/{name}"), "is not an object");
+    }
+}
+
 /// Warns of each extension that is in use and not read, with the number of places.
 pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();

@@ -2,10 +2,10 @@
 
 use super::animation::{NodePose, Pose};
 use super::document::{Document, index_of, list_of_indices, name_of, names_of, pointer, required};
-use super::instancing;
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
 use super::transform::{self, Family};
+use super::{extensions, instancing};
 use crate::error::Problem;
 use crate::math::DAffine3;
 use serde_json::Value;
@@ -105,6 +105,7 @@ pub(super) fn walk(doc: &Document, pose: &Pose, family: &Family, report: &mut Re
         let Ok(raw) = doc.raw("nodes", step.node, &step.from, report) else { continue };
         reached[step.node] = true;
         let at = pointer("nodes", step.node);
+        extensions::check_shape(raw, &at, report);
         if is_hidden(raw, &at, report) {
             hidden += 1;
             continue;

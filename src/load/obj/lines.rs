@@ -3,10 +3,15 @@
 
 use crate::load::guard;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Error, Read, Result, Seek};
+use std::io::{BufRead, BufReader, Read, Result, Seek};
+use std::panic::resume_unwind;
+use std::sync::mpsc::{Receiver, sync_channel};
 
 /// Bytes that are read at a time, so that the whole file is never in memory.
 const CHUNK: usize = 1 << 18;
+
+/// Pieces that the cleaner may be ahead of `tobj`.
+const AHEAD: usize = 4;
 
 /// Says what `tobj` gets to see of a line.
 pub(super) trait Clean {
@@ -19,36 +24,36 @@ pub(super) trait Clean {
     }
 }
 
-/// A file as its cleaner leaves it.
-pub(super) struct Cleaned<R, C> {
+/// Hands the lines of a file to a cleaner.
+struct Cleaning<R, C> {
     file: BufReader<R>,
     cleaner: C,
-    /// Why reading failed, which `tobj` doesn't tell.
-    error: Option<Error>,
     /// Lines taken so far.
     number: usize,
     /// A line that goes on in the next, so far, and the number of its first.
     joined: (usize, Vec<u8>),
     out: Vec<u8>,
-    at: usize,
 }
 
-impl<R: Read + Seek, C: Clean> Cleaned<R, C> {
-    fn new(file: R, cleaner: C) -> Cleaned<R, C> {
+impl<R: Read + Seek, C: Clean> Cleaning<R, C> {
+    fn new(file: R, cleaner: C) -> Cleaning<R, C> {
         let (file, joined) = (BufReader::with_capacity(CHUNK, file), (0, Vec::new()));
-        Cleaned { file, cleaner, error: None, number: 0, joined, out: Vec::new(), at: 0 }
+        Cleaning { file, cleaner, number: 0, joined, out: Vec::new() }
     }
 
-    fn refill(&mut self) -> Result<()> {
-        self.out.clear();
-        self.at = 0;
+    /// Gives what becomes of the file piece by piece.
+    fn run(&mut self, mut give: impl FnMut(Vec<u8>)) -> Result<()> {
         let mut raw = Vec::new();
-        while self.out.len() < CHUNK {
+        loop {
+            if self.out.len() >= CHUNK {
+                give(std::mem::take(&mut self.out));
+            }
             raw.clear();
             if self.file.read_until(b'\n', &mut raw)? == 0 {
                 self.end_joined();
                 if !self.cleaner.again() {
-                    break;
+                    give(std::mem::take(&mut self.out));
+                    return Ok(());
                 }
                 self.file.rewind()?;
                 self.number = 0;
@@ -65,7 +70,6 @@ impl<R: Read + Seek, C: Clean> Cleaned<R, C> {
                 self.line(text);
             }
         }
-        Ok(())
     }
 
     fn line(&mut self, text: &[u8]) {
@@ -96,16 +100,21 @@ impl<R: Read + Seek, C: Clean> Cleaned<R, C> {
     }
 }
 
-impl<R: Read + Seek, C: Clean> BufRead for Cleaned<R, C> {
+/// Pieces of a file from another thread.
+pub(super) struct Pieces {
+    pieces: Receiver<Vec<u8>>,
+    piece: Vec<u8>,
+    at: usize,
+}
+
+impl BufRead for Pieces {
     fn fill_buf(&mut self) -> Result<&[u8]> {
-        if self.at == self.out.len()
-            && let Err(error) = self.refill()
-        {
-            let kind = error.kind();
-            self.error = Some(error);
-            return Err(kind.into());
+        while self.at == self.piece.len() {
+            // The other end is gone when all has been read.
+            let Ok(piece) = self.pieces.recv() else { break };
+            (self.piece, self.at) = (piece, 0);
         }
-        Ok(&self.out[self.at..])
+        Ok(&self.piece[self.at..])
     }
 
     fn consume(&mut self, count: usize) {
@@ -113,7 +122,7 @@ impl<R: Read + Seek, C: Clean> BufRead for Cleaned<R, C> {
     }
 }
 
-impl<R: Read + Seek, C: Clean> Read for Cleaned<R, C> {
+impl Read for Pieces {
     fn read(&mut self, out: &mut [u8]) -> Result<usize> {
         let count = self.fill_buf()?.read(out)?;
         self.consume(count);
@@ -124,21 +133,30 @@ impl<R: Read + Seek, C: Clean> Read for Cleaned<R, C> {
 /// What `tobj` gives.
 type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 
-/// What `tobj` makes of a file behind a cleaner, and the cleaner with its notes.
+/// What `tobj` makes of a file behind a cleaner, which works ahead in a thread of its own; and the cleaner with its notes.
 ///
 /// # Errors
 /// Says in words why the file can't be read.
-pub(super) fn by_tobj<C: Clean, T>(
+pub(super) fn by_tobj<C: Clean + Send, T>(
     file: File,
     cleaner: C,
-    parse: impl FnOnce(&mut Cleaned<File, C>) -> Parsed<T>,
+    parse: impl FnOnce(&mut Pieces) -> Parsed<T>,
 ) -> std::result::Result<(Parsed<T>, C), String> {
-    let mut reader = Cleaned::new(file, cleaner);
-    let parsed = guard::catch(|| parse(&mut reader))?;
-    match reader.error {
-        Some(e) => Err(format!("can't be read: {e}")),
-        None => Ok((parsed, reader.cleaner)),
-    }
+    let (sender, pieces) = sync_channel(AHEAD);
+    let mut cleaning = Cleaning::new(file, cleaner);
+    let (parsed, read) = std::thread::scope(|scope| {
+        let cleaning = &mut cleaning;
+        let read = scope.spawn(move || {
+            cleaning.run(|piece| {
+                // Should `tobj` give up, the cleaner goes on: it knows all that is wrong.
+                let _ = sender.send(piece);
+            })
+        });
+        let parsed = guard::catch(|| parse(&mut Pieces { pieces, piece: Vec::new(), at: 0 }));
+        (parsed, read.join().unwrap_or_else(|panic| resume_unwind(panic)))
+    });
+    read.map_err(|e| format!("can't be read: {e}"))?;
+    Ok((parsed?, cleaning.cleaner))
 }
 
 /// Text of a name: UTF-8, else Latin-1.
@@ -218,10 +236,10 @@ mod tests {
     }
 
     fn echo(bytes: &[u8], again: bool) -> String {
-        let mut text = String::new();
-        let mut cleaned = Cleaned::new(Drops(Cursor::new(bytes)), Echo(again));
-        cleaned.read_to_string(&mut text).expect("it can be read");
-        text
+        let mut text = Vec::new();
+        let mut cleaning = Cleaning::new(Drops(Cursor::new(bytes)), Echo(again));
+        cleaning.run(|piece| text.extend(piece)).expect("it can be read");
+        decoded(&text)
     }
 
     #[test]
