@@ -2,7 +2,7 @@
 
 use oscura::bsdf::{
     Bsdf, Coat, Conductor, Factors, Lambert, Layered, LocalFrame, Microsurface, OrenNayar, Phong,
-    SchlickMetal, class_of, resolve,
+    SchlickMetal, ShadingModel, class_of, resolve,
 };
 use oscura::color::Rgb;
 use oscura::math::{Vec2, Vec3};
