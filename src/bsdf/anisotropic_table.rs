@@ -112,11 +112,11 @@ impl Seen {
         Seen { cosine, equivalent, spread, lost, grazing }
     }
 
-    /// Light of a Fresnel term's rise, by that of the facets that look alike. In doubt too much, so that less is left to
-    /// what is below.
+    /// Light of a Fresnel term's rise, by that of the facets that look alike. More by the larger errors, so that not too
+    /// much is left to what is below.
     #[inline(always)]
-    fn rise(&self, isotropic: f32) -> f32 {
-        (isotropic + FLOOR) * self.grazing - FLOOR + 0.002 * self.spread
+    fn rise(&self, isotropic: f32, error: f32) -> f32 {
+        (isotropic + FLOOR) * self.grazing - FLOOR + error * self.spread
     }
 }
 
@@ -128,7 +128,7 @@ pub fn anisotropic_albedo(wo: Vec3, alpha: [f32; 2]) -> DirectionalAlbedo {
     let lost = (1.0 - isotropic.full + FLOOR) * seen.lost - FLOOR;
     // In doubt too much by the larger errors between nodes, so that compensation adds no light.
     let full = (1.0 - lost + seen.spread * (0.002 + 0.001 * (lost - seen.cosine))).clamp(1e-3, 1.0);
-    DirectionalAlbedo { full, grazing: seen.rise(isotropic.grazing).clamp(0.0, full) }
+    DirectionalAlbedo { full, grazing: seen.rise(isotropic.grazing, 0.002).clamp(0.0, full) }
 }
 
 /// The part of it that the curve of a dielectric weighs. It stands to that of isotropic facets as the parts by Schlick's
@@ -139,7 +139,9 @@ pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: Dielectr
     let seen = Seen::new(wo, alpha);
     let full = DirectionalAlbedo::at(seen.cosine, seen.equivalent).full;
     let isotropic = full * curve.weight(mean_cosine(seen.cosine, seen.equivalent, curve));
-    seen.rise(isotropic).clamp(0.0, 1.0)
+    // Smaller for indices near 1.
+    let error = 0.001 + 0.005 * curve.amplitude.min(0.2);
+    seen.rise(isotropic, error).clamp(0.0, 1.0)
 }
 
 /// The table's numbers at a place, coordinates from 0 to 1, interpolated linearly on all axes.

@@ -60,11 +60,14 @@ impl Coat {
         self.lobe().is_mirror()
     }
 
-    /// Share of light from a direction that the layer reflects, its strength included.
+    /// Share of light from a direction that the layer reflects, and share that it takes from what is below, its strength
+    /// included. Without compensation it takes more: light that facets mirror into each other is lost (as in
+    /// [`super::MetalRough`]).
     #[inline(always)]
-    pub fn albedo(&self, wo: Vec3) -> f32 {
+    pub fn shares(&self, wo: Vec3) -> [f32; 2] {
         let cosine = wo.dot(self.normal).abs().clamp(super::ggx::MIN_COS, 1.0);
-        let full = if self.is_mirror() {
+        let mut loss = 1.0;
+        let albedo = if self.is_mirror() {
             self.fresnel.reflectance(F0, Rgb::ONE, cosine).r
         } else {
             let table = DirectionalAlbedo::at(cosine, self.alpha);
@@ -72,6 +75,11 @@ impl Coat {
                 EnergyCompensation::On => table.compensation(F0).r,
                 EnergyCompensation::Off => 1.0,
             };
+            if matches!(self.fresnel, LayerFresnel::Exact(_))
+                && self.energy_compensation == EnergyCompensation::Off
+            {
+                loss = table.full;
+            }
             let grazing = match self.fresnel {
                 LayerFresnel::Schlick => table.grazing,
                 LayerFresnel::Exact(curve) => {
@@ -81,7 +89,7 @@ impl Coat {
             };
             DirectionalAlbedo { full: table.full, grazing }.reflectance(F0, 1.0).r * gain
         };
-        (self.factor * full).min(1.0)
+        [albedo, albedo / loss].map(|share| (self.factor * share).min(1.0))
     }
 
     /// See [`super::Bsdf::sample`], for a layer of full strength. Reflections to below the base's surface are lost.

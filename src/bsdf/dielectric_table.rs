@@ -47,8 +47,8 @@ fn scaled(cosine: f32, roughness: f32) -> f32 {
 }
 
 /// The mean cosine of facets of an alpha, seen under a view cosine, for the curve of a dielectric. The share of light that
-/// follows from it is wrong by less than 0.002 (0.02 for indices below 1.01 and view cosines below 0.01), by 0.0004 on
-/// average.
+/// follows from it is at most 0.0006 too small and 0.003 too large (0.005 and 0.02 for indices below 1.05 under view cosines
+/// below 0.01), and wrong by 0.0004 in the quadratic mean.
 #[inline(always)]
 pub fn mean_cosine(cos_o: f32, alpha: f32, curve: DielectricCurve) -> f32 {
     let cosine = cos_o.clamp(0.0, 1.0);
@@ -193,9 +193,9 @@ mod tests {
             let found = DirectionalAlbedo::at(cosine, r * r).full * curve.weight(mean);
             let error = f64::from(found) - exact;
             squares += error * error;
-            lists[usize::from(ior < 1.01 && cosine < 0.01)].push((error, r, cosine, ior));
+            lists[usize::from(ior < 1.05 && cosine < 0.01)].push((error, r, cosine, ior));
         }
-        for (list, [least, largest]) in lists.iter_mut().zip([[-1.2e-3, 2e-3], [-5e-3, 0.02]]) {
+        for (list, [least, largest]) in lists.iter_mut().zip([[-6e-4, 3e-3], [-5e-3, 0.02]]) {
             list.sort_by(|a, b| a.0.total_cmp(&b.0));
             let [first, last] = [list[0], list[list.len() - 1]];
             println!("{} places: {first:?} to {last:?}", list.len());

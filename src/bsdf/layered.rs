@@ -72,8 +72,9 @@ impl Layered {
         let is_inside = wo.z < 0.0 && self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let (mut coat, mut sheen, mut left) = (0.0, Rgb::ZERO, 1.0);
         if !is_inside && self.coat.factor > 0.0 {
-            coat = self.coat.albedo(wo);
-            left -= coat;
+            let taken;
+            [coat, taken] = self.coat.shares(wo);
+            left -= taken;
         }
         if !is_inside && self.sheen.color != Rgb::ZERO {
             let albedo = self.sheen.albedo(above.z);

@@ -103,7 +103,14 @@ impl<S: Facets> MetalRough<S> {
         };
         let (of_layer, of_metal) = (compensation(self.layer_f0), compensation(self.metal_f0));
         let layer = (layer_table.reflectance(self.layer_f0, self.layer_f90) * of_layer).max_element();
-        let rest = if layer < 1.0 { 1.0 - layer } else { 0.0 };
+        // Without compensation, what facets mirror into each other is lost, rather than left to the base. (With Schlick's
+        // weight the base has it: pictures made so stay what they are.)
+        let loses = matches!(
+            (self.energy_compensation, self.layer_fresnel),
+            (EnergyCompensation::Off, LayerFresnel::Exact(_))
+        );
+        let taken = if loses { layer / full } else { layer };
+        let rest = if taken < 1.0 { 1.0 - taken } else { 0.0 };
         let (of_layer, of_metal) = (of_layer * (1.0 - self.metallic), of_metal * self.metallic);
         let f0 = self.layer_f0 * of_layer + self.metal_f0 * of_metal;
         let (schlick_rise, exact_rise, curve, specular);

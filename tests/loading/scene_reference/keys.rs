@@ -78,6 +78,7 @@ const TABLES: &[Table] = &[
             ("seed", "5", "6"),
             ("filter", "\"box\"", "\"gaussian\""),
             ("microfacet", "\"single\"", "\"multi\""),
+            ("fresnel", "\"schlick\"", "\"exact\""),
             ("exposure", "-1.5", "2"),
         ],
     ),

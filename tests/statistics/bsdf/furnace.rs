@@ -10,7 +10,7 @@ use oscura::sampling::chi2::Random;
 use oscura::scene::{EnergyCompensation, FresnelModel};
 
 /// Mean weight: the share of light returned.
-fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Rgb {
+pub fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Rgb {
     let mut sum = [0.0f64; 3];
     for i in 0..n {
         // A lattice of rank 1 in three dimensions (Roberts 2018).
@@ -120,7 +120,7 @@ fn assert_white(name: &str, bsdf: &Bsdf) {
     assert_white_at(&COSINES, 40_000, name, bsdf);
 }
 
-fn assert_white_at(cosines: &[f32], samples: u32, name: &str, bsdf: &Bsdf) {
+pub fn assert_white_at(cosines: &[f32], samples: u32, name: &str, bsdf: &Bsdf) {
     for &cosine in cosines {
         let a = albedo(bsdf, direction(cosine, 0.6), samples);
         assert!((a.r - 1.0).abs() < 5e-3, "{name}, cos {cosine}: {a}");

@@ -2,6 +2,7 @@
 //! takes both ways alike where promised, nothing is NaN.
 
 mod chi_square;
+mod dielectric_layers;
 mod furnace;
 mod lobes;
 mod numbers;
