@@ -184,7 +184,7 @@ impl Statements {
     fn face(&mut self, line: usize, mut words: Words, out: &mut Vec<u8>) {
         self.face.clear();
         let (text, mut is_plain) = (words.0, true);
-        while let Some(word) = words.next() {
+        for word in words.by_ref() {
             match self.corner(line, word, &mut is_plain) {
                 Ok(corner) => self.face.push(corner),
                 Err(message) => return self.problem(line, message),
