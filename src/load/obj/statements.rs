@@ -130,8 +130,8 @@ impl Statements {
             }
             sound += 1;
         }
-        let given = words.take(most).count();
-        if sound < least || sound < given || self.totals[0] >= u32::MAX as usize - 1 {
+        let is_broken = sound < least || sound < most && words.take(most).count() > sound;
+        if is_broken || self.totals[0] >= u32::MAX as usize - 1 {
             out.truncate(start);
             self.broken.insert(line);
             return self.problem(
