@@ -37,9 +37,12 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     Ok(Parts { json, binary })
 }
 
-/// The JSON chunk and the binary chunk of a GLB (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it
-/// demands; so is one of unknown type in the second's place, which the crate refuses.
-fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<(Cow<'a, [u8]>, Option<Cow<'a, [u8]>>)> {
+/// The JSON chunk and the binary chunk.
+type Chunks<'a> = (Cow<'a, [u8]>, Option<Cow<'a, [u8]>>);
+
+/// Takes a GLB apart (glTF 2.0, section 4.4). Chunks behind these two are skipped, as it demands; so is one of unknown type
+/// in the second's place, which the crate refuses.
+fn chunks<'a>(path: &Path, bytes: &'a [u8]) -> Result<Chunks<'a>> {
     let fail = |message: String| Error::input(path, format!("is a broken GLB: {message}"));
     // The crate subtracts its header's length from this without a look, and reads on behind the file's end by it.
     let length = bytes.get(8..HEADER).and_then(|b| b.try_into().ok()).map(u32::from_le_bytes);

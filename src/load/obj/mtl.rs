@@ -90,7 +90,7 @@ const MAPS: [&str; 15] = [
 /// Says why the file can't be read.
 pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>, String> {
     let file = File::open(path).map_err(|e| format!("can't be read: {e}"))?;
-    let (parsed, library) = by_tobj(file, Library::default(), |reader| tobj::load_mtl_buf(reader))?;
+    let (parsed, library) = by_tobj(file, Library::default(), tobj::load_mtl_buf)?;
     let (materials, _) = parsed.map_err(|e| format!("can't be understood: {e}"))?;
     let ignored = library.ignored.into_iter();
     warnings.extend(ignored.map(|(line, message)| Warning::new(path, format!("line {line}"), message)));

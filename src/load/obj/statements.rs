@@ -130,8 +130,8 @@ impl Statements {
             }
             sound += 1;
         }
-        let given = words.take(most).count();
-        if sound < least || sound < given || self.totals[0] >= u32::MAX as usize - 1 {
+        let is_broken = sound < least || sound < most && words.take(most).count() > sound;
+        if is_broken || self.totals[0] >= u32::MAX as usize - 1 {
             out.truncate(start);
             self.broken.insert(line);
             return self.problem(
@@ -184,7 +184,7 @@ impl Statements {
     fn face(&mut self, line: usize, mut words: Words, out: &mut Vec<u8>) {
         self.face.clear();
         let (text, mut is_plain) = (words.0, true);
-        while let Some(word) = words.next() {
+        for word in words.by_ref() {
             match self.corner(line, word, &mut is_plain) {
                 Ok(corner) => self.face.push(corner),
                 Err(message) => return self.problem(line, message),
