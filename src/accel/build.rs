@@ -80,7 +80,7 @@ fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOpt
     }
     let mut builder = Builder::new(input, options, lines);
     builder.stats = mark.stats;
-    parts.trees.resize(input.geometries.len(), None);
+    parts.trees.resize(input.geometries.len().max(1), None);
     builder.parts = parts;
     builder.finish(reuse, begin)
 }
@@ -95,7 +95,7 @@ impl<'a> Builder<'a> {
             max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
             lines,
             stats: BuildStats::default(),
-            parts: Parts { trees: vec![None; input.geometries.len()], ..Parts::default() },
+            parts: Parts { trees: vec![None; input.geometries.len().max(1)], ..Parts::default() },
         }
     }
 
@@ -175,7 +175,8 @@ impl<'a> Builder<'a> {
         stats.bytes = (lines.len() * size_of::<Line>()) as u64;
         stats.build_s = begin.elapsed().as_secs_f64();
         let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
-        Accel { lines, root, reach, stack_size: stack_size(depth), expected, stats, parts }
+        let bounds = top.map_or(world.bounds, |top| top.bounds);
+        Accel { lines, root, bounds, reach, stack_size: stack_size(depth), expected, stats, parts }
     }
 
     /// Builds the tree of a geometry, together with some instances.

@@ -17,7 +17,7 @@ impl Accel {
     /// box around a nearer instance: never more than the true distance, but for rounding. Infinite where there is nothing.
     pub fn distance(&self, p: Vec3) -> f32 {
         let mut nearest = f32::INFINITY;
-        let mut stack: Vec<Waiting> = vec![(self.root, 0.0)];
+        let mut stack: Vec<Waiting> = vec![(self.root, box_distance(self.bounds.min, self.bounds.max, p))];
         while let Some((reference, bound)) = stack.pop() {
             if bound >= nearest || reference == DONE {
                 continue;
@@ -60,13 +60,18 @@ impl Accel {
     }
 }
 
+/// The distance of a point from a box, 0 inside.
+fn box_distance(min: Vec3, max: Vec3, p: Vec3) -> f32 {
+    (min - p).max(p - max).max(Vec3::ZERO).length()
+}
+
 /// Pushes the children that may hold something nearer, the nearest of them last.
 fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Waiting>) {
     let start = stack.len();
     for lane in (0..8).filter(|lane| node.child[*lane] != DONE) {
         let at = |plane: usize| node.planes[plane][lane];
         let (min, max) = (Vec3::new(at(0), at(2), at(4)), Vec3::new(at(1), at(3), at(5)));
-        let bound = (min - p).max(p - max).max(Vec3::ZERO).length();
+        let bound = box_distance(min, max, p);
         if bound < nearest {
             stack.push((node.child[lane], bound));
         }

@@ -3,7 +3,7 @@
 use super::parts::{BuildStats, Parts, Tree};
 use super::slot::ShallowSlot;
 use super::stream::{Any, Closest, Occluded, Output, Stream, Workspace};
-use crate::math::{Hit, Ray};
+use crate::math::{Bounds3, Hit, Ray};
 use crate::simd::{Level, Line, best_level, dispatch_wide_at};
 use std::cell::RefCell;
 
@@ -11,6 +11,8 @@ use std::cell::RefCell;
 pub struct Accel {
     pub(super) lines: Vec<Line>,
     pub(super) root: u32,
+    /// Box around everything.
+    pub(super) bounds: Bounds3,
     pub(super) reach: f32,
     pub(super) stack_size: usize,
     pub(super) expected: Vec<Tree>,

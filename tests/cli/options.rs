@@ -196,7 +196,7 @@ fn aovs_come_as_help_lists_them() {
     let folder = tempfile::tempdir().unwrap();
     let help = stdout(&oscura(folder.path(), &["help", "render"]));
     let channels = |aov: &str| -> Vec<String> {
-        render(folder.path(), "a.exr", &["--quiet", "--spp", "2", "--aov", aov]);
+        render(folder.path(), "a.exr", &["--quiet", "--aov", aov]);
         let meta =
             exr::meta::MetaData::read_from_file(folder.path().join("a.exr"), false).expect("a picture");
         let list = &meta.headers[0].channels.list;
