@@ -47,7 +47,7 @@ impl LayerFresnel {
 /// rises, and remapped to a small F0 would become negative: denser materials have the curve of that index.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DielectricCurve {
-    /// (n - 1) / (n + 1): the amplitude reflected at normal incidence, 0 to [`LARGEST_AMPLITUDE`].
+    /// (n - 1) / (n + 1): the amplitude reflected at normal incidence, 0 to 1 / sqrt(3).
     pub amplitude: f32,
 }
 

@@ -39,6 +39,7 @@ macro_rules! bsdfs {
 
         /// A material's scattering once it is compiled: the parameters of one BSDF, constants or textures with factors.
         #[derive(Clone, Copy, Debug)]
+        #[allow(clippy::large_enum_variant, reason = "there is one a material")]
         pub enum BsdfProgram {
             /// [`Bsdf::Black`].
             Black,

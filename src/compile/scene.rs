@@ -47,7 +47,7 @@ pub struct CompileReport {
     pub bytes: u64,
 }
 
-/// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`].
+/// A scene ready to render. Immutable; rendering it can't fail. It knows no camera: see [`View`](super::View).
 pub struct CompiledScene {
     /// The point of the scene's world that is the origin of all coordinates here, metres.
     pub anchor: DVec3,

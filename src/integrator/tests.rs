@@ -193,7 +193,7 @@ fn many_samples_of_a_rectangle_are_as_single_ones() {
     let radiance = Radiance::Constant(Rgb::new(3.0, 2.0, 1.0));
     let light = AreaLight::new(AreaShape::Rectangle(edges), true, radiance);
     let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
-    let lights = Lights::new(vec![light.clone()], Vec::new(), None, &textures, 5.0);
+    let lights = Lights::new(vec![light], Vec::new(), None, &textures, 5.0);
     let sampler = RectangleSampler::of(&lights).expect("one rectangle");
     compare_samples(sampler, |p, u| light.sample(&textures, p, u));
 }

@@ -93,7 +93,7 @@ impl Shape for Sphere {
         }
     }
 
-    /// Once around the y axis of object space, see [`sphere_coordinates`].
+    /// Once around the y axis of object space, as textures wrap spheres.
     #[inline]
     fn texture_coordinates(&self, _: Vec3, normal: Vec3, object_from_world: &Mat3) -> Vec2 {
         sphere_coordinates(*object_from_world * normal)
