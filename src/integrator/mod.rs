@@ -22,6 +22,7 @@ mod generate;
 mod group;
 mod interior;
 mod lanes;
+mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
@@ -41,7 +42,7 @@ use crate::film::{AovSet, FilterSampler};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
-use light_samples::has_vector_sampler;
+use light_samplers::has_vector_sampler;
 use wave::PathParts;
 
 /// Options that concern paths.

@@ -1,7 +1,7 @@
 //! OpenEXR: one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; the film's further channels
 //! stand in the same part, under the names and in the types that the film gives them.
 
-use super::Encoded;
+use super::encoded::Encoded;
 use super::exr_header::sort_attributes;
 use crate::error::Warning;
 use crate::film::{Film, PixelType, Plane, Values};

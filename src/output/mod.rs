@@ -2,17 +2,19 @@
 //! temporary file beside the target and renamed, so that a half-written picture never has the target's name.
 
 mod atomic;
+mod encoded;
 mod exr;
 mod exr_header;
 mod png;
 mod tone;
 
 pub use atomic::{check_target, is_same_target, write_atomically};
+pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr};
 pub use png::{PngOptions, encode_png, encode_png_rgb8};
 pub use tone::ViewTransform;
 
-use crate::error::{Error, Result, Warning};
+use crate::error::{Error, Result};
 use crate::film::Film;
 use std::path::Path;
 
@@ -53,15 +55,6 @@ pub struct OutputOptions {
     pub png: PngOptions,
     /// What goes into the EXR's header.
     pub metadata: Metadata,
-}
-
-/// A picture as the bytes of its file, and what was lost on the way.
-#[derive(Clone, Debug)]
-pub struct Encoded {
-    /// The whole file.
-    pub bytes: Vec<u8>,
-    /// Values that the format can't hold.
-    pub warnings: Vec<Warning>,
 }
 
 /// Encodes a film for a format.

@@ -1,6 +1,7 @@
 //! PNG: 8 bits, display-referred, with straight alpha where the picture has holes.
 
-use super::{Encoded, ViewTransform};
+use super::encoded::Encoded;
+use super::tone::ViewTransform;
 use crate::film::Film;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
 use image::{ExtendedColorType, ImageEncoder};

@@ -45,10 +45,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
         return Err(fail(Problem::new("header", "has no element 'vertex' with properties x, y and z")));
     }
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
-    let mut uv: Vec<[f32; 2]> = Vec::new();
-    let mut faces = Faces::default();
+    let (mut uv, mut faces) = (Vec::new(), Faces::default());
     let incomplete = defined.incomplete.iter();
-    let mut left_out: Vec<String> =
+    let mut left_out: Vec<_> =
         incomplete.map(|what| format!("{what} of which a property is missing")).collect();
     for (name, definition) in source.elements() {
         match name.as_str() {
@@ -83,8 +82,8 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
             _ => {
                 source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
                 if definition.count > 0 {
-                    left_out
-                        .push(format!("{} of the element '{name}', which is no surface", definition.count));
+                    let count = definition.count;
+                    left_out.push(format!("{count} of the element '{name}', which is no surface"));
                 }
             }
         }

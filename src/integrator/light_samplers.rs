@@ -1,0 +1,137 @@
+//! Lights that are sampled at many vertices at a time.
+
+use super::lanes::{Lanes, WAVE};
+use crate::color::Rgb;
+use crate::light::{
+    AreaLight, AreaShape, Edges, EnvironmentLight, ImageMap, Lights, Radiance, solid_angle_density,
+};
+use crate::math::{Vec3, offset_ray_origin};
+use crate::shape::SphericalRectangle;
+
+/// Has the scene a single light that is sampled without a choice?
+pub(super) fn has_vector_sampler(lights: &Lights) -> bool {
+    RectangleSampler::of(lights).is_some() || EnvironmentSampler::of(lights).is_some()
+}
+
+/// A direction towards a light.
+pub(super) struct LightDirection {
+    /// Unit length.
+    pub wi: Vec3,
+    /// Where a shadow ray ends; of no use for lights infinitely far away.
+    pub target: Vec3,
+    /// Density per solid angle; 0 where the light can't be reached.
+    pub pdf_solid_angle: f32,
+}
+
+/// A light that is sampled at many vertices at a time. The steps are loops of one kind each: together they would not
+/// vectorise.
+pub(super) trait VectorSampler {
+    /// It is infinitely far away.
+    const IS_INFINITE: bool;
+
+    /// Turns the first `count` pairs of uniform numbers into coordinates of points on the light, with densities in those
+    /// coordinates.
+    fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize);
+
+    /// Its radiance at a point.
+    fn radiance(&self, uv: [f32; 2]) -> Rgb;
+
+    /// The direction from `p` to a point chosen with a density.
+    fn direction(&self, p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection;
+}
+
+/// A rectangle of constant radiance, by solid angle.
+pub(super) struct RectangleSampler<'a> {
+    light: &'a AreaLight,
+    edges: Edges,
+    radiance: Rgb,
+}
+
+impl<'a> RectangleSampler<'a> {
+    /// The scene's light, if it has just one that is such a rectangle.
+    pub fn of(lights: &'a Lights) -> Option<Self> {
+        match lights.area() {
+            [light] if lights.len() == 1 => match (light.shape, light.radiance) {
+                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) => {
+                    Some(RectangleSampler { light, edges, radiance })
+                }
+                _ => None,
+            },
+            _ => None,
+        }
+    }
+}
+
+impl VectorSampler for RectangleSampler<'_> {
+    const IS_INFINITE: bool = false;
+
+    #[inline(always)]
+    fn choose(&self, _u: &mut Lanes, _v: &mut Lanes, _pdf: &mut Lanes, _count: usize) {}
+
+    #[inline(always)]
+    fn radiance(&self, _uv: [f32; 2]) -> Rgb {
+        self.radiance
+    }
+
+    #[inline(always)]
+    fn direction(&self, p: Vec3, uv: [f32; 2], _pdf: f32) -> LightDirection {
+        let Edges { corner, edge_u, edge_v } = self.edges;
+        let (normal, error) = (self.light.normal, self.light.point_error());
+        let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample(uv);
+        let to_light = s.point - p;
+        let distance = to_light.length();
+        let is_lit = (self.light.two_sided | (to_light.dot(normal) < 0.0)) & !self.light.is_level_with(p);
+        LightDirection {
+            wi: to_light / if distance > 0.0 { distance } else { 1.0 },
+            target: offset_ray_origin(s.point, error, normal, -to_light),
+            pdf_solid_angle: if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 },
+        }
+    }
+}
+
+/// A picture around the scene.
+pub(super) struct EnvironmentSampler<'a> {
+    map: &'a ImageMap,
+}
+
+impl<'a> EnvironmentSampler<'a> {
+    /// The scene's light, if it is a picture around it and nothing else.
+    pub fn of(lights: &'a Lights) -> Option<Self> {
+        let environment = lights.environment().filter(|_| lights.len() == 1);
+        environment.and_then(EnvironmentLight::image_map).map(|map| EnvironmentSampler { map })
+    }
+}
+
+/// Points of an environment that are chosen together; what is beyond the last vertex counts for nothing.
+const TOGETHER: usize = 16;
+
+const _: () = assert!(WAVE.is_multiple_of(TOGETHER));
+
+impl VectorSampler for EnvironmentSampler<'_> {
+    const IS_INFINITE: bool = true;
+
+    #[inline(always)]
+    fn choose(&self, u: &mut Lanes, v: &mut Lanes, pdf: &mut Lanes, count: usize) {
+        for first in (0..count).step_by(TOGETHER) {
+            let at = first..first + TOGETHER;
+            let mut uniform = [[0.0; TOGETHER]; 2];
+            uniform[0].copy_from_slice(&u[at.clone()]);
+            uniform[1].copy_from_slice(&v[at.clone()]);
+            let chosen = self.map.sample_many_uv(uniform);
+            u[at.clone()].copy_from_slice(&chosen.u);
+            v[at.clone()].copy_from_slice(&chosen.v);
+            pdf[at].copy_from_slice(&chosen.pdf_area);
+        }
+    }
+
+    #[inline(always)]
+    fn radiance(&self, uv: [f32; 2]) -> Rgb {
+        self.map.lookup(uv)
+    }
+
+    #[inline(always)]
+    fn direction(&self, _p: Vec3, uv: [f32; 2], pdf: f32) -> LightDirection {
+        let wi = self.map.direction(uv);
+        LightDirection { wi, target: Vec3::ZERO, pdf_solid_angle: pdf * solid_angle_density(wi) }
+    }
+}
