@@ -140,7 +140,7 @@ pub fn anisotropic_dielectric_grazing(wo: Vec3, alpha: [f32; 2], curve: Dielectr
     let full = DirectionalAlbedo::at(seen.cosine, seen.equivalent).full;
     let isotropic = full * curve.weight(mean_cosine(seen.cosine, seen.equivalent, curve));
     // Smaller for indices near 1.
-    let error = 0.001 + 0.005 * curve.amplitude.min(0.2);
+    let error = 0.001 + 0.005 * curve.amplitude;
     seen.rise(isotropic, error).clamp(0.0, 1.0)
 }
 

@@ -72,12 +72,9 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
             }
             "face" | "tristrips" => {
                 let kind = if name == "face" { Kind::Polygon } else { Kind::Strip };
-                if kind == Kind::Polygon {
-                    mesh.triangles.reserve_exact(definition.count);
-                }
-                source
-                    .read(&definition, |i, face: &Face| faces.add(&mut mesh, kind, i, &face.indices))
-                    .map_err(fail)?;
+                mesh.triangles.reserve_exact(if kind == Kind::Polygon { definition.count } else { 0 });
+                let add = |i, face: &Face| faces.add(&mut mesh, kind, i, &face.indices);
+                source.read(&definition, add).map_err(fail)?;
             }
             _ => {
                 source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
