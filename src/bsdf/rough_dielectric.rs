@@ -145,8 +145,8 @@ impl RoughDielectric {
             facet.reflected.mean() + facet.transmitted.mean()
         };
         let estimate = 0.5 * (share(cosine) + share(cosine.max(0.5)));
-        // From within, facets may reflect everything where their mean does not: they must not be starved.
-        let least = if is_inside && !self.is_smooth() { 0.01 } else { 0.0 };
+        // From the denser side, facets may reflect everything where their mean does not: they must not be starved.
+        let least = if eta < 1.0 && !self.is_smooth() { 0.01 } else { 0.0 };
         if estimate > least { estimate } else { least }
     }
 }
