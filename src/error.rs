@@ -63,7 +63,7 @@ impl fmt::Display for Problem {
 }
 
 /// Why something could not be done: the file and all the problems found in it.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct Error {
     /// What the error is about.
     pub kind: ErrorKind,
@@ -136,6 +136,13 @@ impl fmt::Display for Error {
             write!(f, "{problem}")?;
         }
         Ok(())
+    }
+}
+
+/// As for users, so that a `main` that returns it says what is wrong.
+impl fmt::Debug for Error {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        fmt::Display::fmt(self, f)
     }
 }
 

@@ -1,27 +1,46 @@
-//! # oscura
-//!
 //! An offline renderer: glTF, OBJ, PLY and analytic shapes in, high dynamic range EXR and PNG out, by unbiased
 //! path tracing on the CPU.
 //!
-//! ```text
-//! files -> load -> scene -> compile -> integrator -> film -> output -> files
-//!          (I/O)   (plain    (BVH, lights, (radiance   (pixels,   (EXR, PNG)
-//!                   data)     textures)     per path)   AOVs)
+//! ```no_run
+//! use oscura::Renderer;
+//! let scene = oscura::load("assets/cornell-box.gltf")?;
+//! Renderer::new(scene).samples(64).render()?.save("cornell.exr")?;
+//! # Ok::<(), oscura::Error>(())
 //! ```
+//!
+//! | to | use |
+//! |---|---|
+//! | load a scene | [`load()`], [`load::load`] with options |
+//! | build one in code, or change it | [`scene::Scene`] |
+//! | render | [`Renderer`]; pass by pass by [`Renderer::start`] |
+//! | get at pixels and passes | [`Picture::film`], [`film::Film`] |
+//! | write EXR and PNG | [`Picture::save`], [`Picture::save_with`] |
+//! | understand what went wrong | [`Error`], [`Picture::warnings`] |
+//!
+//! `examples/` has a program for each.
 //!
 //! ## Conventions
 //! - Metres, seconds, radians (names end in `_rad` where degrees could be meant; scene files use degrees).
 //! - Right-handed, y up; cameras look down -z, as in glTF.
 //! - Colours are linear Rec. 709 and scene-referred; emission is radiance.
-//! - `wo` points to the viewer, `wi` to where the light comes from; both leave the surface. `f_cos` includes |cos|.
-//! - A pdf names its measure (`pdf_solid_angle`, `pdf_area`, `pdf_discrete`), a transform its spaces
-//!   (`world_from_object`).
-//! - Transforms compose in f64; [`compile`] moves the origin near the camera, so that f32 geometry keeps its
-//!   precision wherever in the world the scene stands.
-//! - Randomness is a pure function of (pixel, sample, dimension, seed). The same command gives the same pixels at any
+//! - Randomness is a pure function of (pixel, sample, dimension, seed). The same call gives the same pixels at any
 //!   number of threads and on every CPU level.
+//! - Vectors and transforms are those of [`glam`].
 //!
-//! Modules are ranked; each imports lower ranks only (`tests/structure/layering.rs` holds the table).
+//! What this page does not show is public for the project's own tests and tools, and changes with any version.
+
+// For those who work on it:
+//
+//     files -> load -> scene -> compile -> integrator -> film -> output -> files
+//              (I/O)   (plain    (BVH, lights, (radiance   (pixels,   (EXR, PNG)
+//                       data)     textures)     per path)   AOVs)
+//
+// - `wo` points to the viewer, `wi` to where the light comes from; both leave the surface. `f_cos` includes |cos|.
+// - A pdf names its measure (`pdf_solid_angle`, `pdf_area`, `pdf_discrete`), a transform its spaces
+//   (`world_from_object`).
+// - Transforms compose in f64; `compile` moves the origin near the camera, so that f32 geometry keeps its precision
+//   wherever in the world the scene stands.
+// - Modules are ranked; each imports lower ranks only (`tests/structure/layering.rs` holds the table).
 
 #![deny(unsafe_code)]
 
@@ -30,34 +49,51 @@
 #[doc = include_str!("../README.md")]
 struct Readme;
 
-pub mod color;
 pub mod error;
-pub mod math;
-pub mod simd;
-
+pub mod film;
 pub mod image;
-pub mod metrics;
-pub mod sampling;
-
+pub mod load;
+pub mod output;
+pub mod render;
 pub mod scene;
 
-pub mod camera;
+pub use error::{Error, Result};
+pub use glam;
+pub use render::{Picture, Renderer};
 
-pub mod load;
+use std::path::Path;
 
-pub mod bsdf;
-pub mod shape;
-pub mod texture;
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; [`load::load`] takes options.
+///
+/// # Errors
+/// An input error with all problems of the file.
+pub fn load(path: impl AsRef<Path>) -> Result<load::Loaded> {
+    load::load(path, &load::LoadOptions::default())
+}
 
-pub mod light;
-
+#[doc(hidden)]
 pub mod accel;
-
+#[doc(hidden)]
+pub mod bsdf;
+#[doc(hidden)]
+pub mod camera;
+#[doc(hidden)]
+pub mod color;
+#[doc(hidden)]
 pub mod compile;
-pub mod film;
-
+#[doc(hidden)]
 pub mod integrator;
-
-pub mod render;
-
-pub mod output;
+#[doc(hidden)]
+pub mod light;
+#[doc(hidden)]
+pub mod math;
+#[doc(hidden)]
+pub mod metrics;
+#[doc(hidden)]
+pub mod sampling;
+#[doc(hidden)]
+pub mod shape;
+#[doc(hidden)]
+pub mod simd;
+#[doc(hidden)]
+pub mod texture;

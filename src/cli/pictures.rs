@@ -1,16 +1,12 @@
 //! The pictures that a run writes: where they go, what their headers say.
 
 use super::args::RenderArgs;
-use super::settings::Settled;
-use oscura::compile::View;
 use oscura::error::{Error, Result, Warning};
-use oscura::film::Film;
 use oscura::output::{
-    Format, Metadata, OutputOptions, check_target, encode, is_same_target, write_atomically,
+    Format, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
 };
-use oscura::render::Statistics;
+use oscura::render::Picture;
 use std::path::{Path, PathBuf};
-use std::time::SystemTime;
 
 /// Files to write, checked before any work.
 pub(crate) struct Targets(Vec<(PathBuf, Format)>);
@@ -56,22 +52,22 @@ impl<'a> Pictures<'a> {
     pub fn encode(
         args: &RenderArgs,
         targets: &'a Targets,
-        film: &Film,
-        settled: &Settled,
-        view: &View,
-        statistics: &Statistics,
+        picture: &Picture,
+        png: PngOptions,
         earlier: &[Warning],
     ) -> Result<Pictures<'a>> {
-        let mut warnings = film_warnings(film, statistics);
+        let mut warnings = picture.warnings().to_vec();
         let shown = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
-        let options = OutputOptions {
-            float: args.float,
-            png: settled.png,
-            metadata: metadata(args, settled, view, statistics, shown),
-        };
+        let mut metadata = picture.output_options().metadata.clone();
+        metadata.owner.clone_from(&args.owner);
+        metadata.warnings = shown;
+        if args.reproducible {
+            (metadata.render_s, metadata.captured) = (None, None);
+        }
+        let options = OutputOptions { float: args.float, png, metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.0 {
-            let mut encoded = encode(film, *format, &options, path)?;
+            let mut encoded = encode(picture.film(), *format, &options, path)?;
             for warning in encoded.warnings.drain(..) {
                 warnings.push(Warning { file: Some(path.clone()), ..warning });
             }
@@ -83,46 +79,5 @@ impl<'a> Pictures<'a> {
     /// Writes them.
     pub fn write(&self) -> Result<()> {
         self.files.iter().try_for_each(|(path, bytes)| write_atomically(path, bytes))
-    }
-}
-
-/// What is wrong with a film.
-fn film_warnings(film: &Film, statistics: &Statistics) -> Vec<Warning> {
-    let mut warnings = Vec::new();
-    let mut warn = |count: u64, message: String| {
-        if count > 0 {
-            warnings.push(Warning::general(message));
-        }
-    };
-    let invalid = statistics.invalid_samples;
-    warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
-    let unsampled = film.unsampled_pixels();
-    let all = u64::from(film.width()) * u64::from(film.height());
-    warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
-    warnings
-}
-
-fn metadata(
-    args: &RenderArgs,
-    settled: &Settled,
-    view: &View,
-    statistics: &Statistics,
-    warnings: Vec<String>,
-) -> Metadata {
-    let timed = !args.reproducible;
-    let stopped_by = match statistics {
-        Statistics { interrupted: true, .. } => Some("signal"),
-        Statistics { timed_out: true, .. } => Some("time limit"),
-        _ => None,
-    };
-    Metadata {
-        samples: statistics.samples_per_pixel,
-        seed: settled.render.seed,
-        owner: args.owner.clone(),
-        render_s: timed.then_some(statistics.render_s),
-        captured: timed.then(SystemTime::now),
-        world_to_camera: Some(view.camera_from_world),
-        stopped_by: stopped_by.map(str::to_string),
-        warnings,
     }
 }

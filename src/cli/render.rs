@@ -9,13 +9,12 @@ use super::process::{cancel_by_signals, peak_memory};
 use super::progress::Progress;
 use super::report::{self, Run, Said};
 use super::scene_path;
-use super::settings::{Settled, check_size, settle};
-use oscura::compile::{CompileReport, CompiledScene, Compiler, View, choose_camera};
+use super::settings::{choices, png, without_exr};
+use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::film::Film;
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
-use oscura::render::{CancelHandle, PassOutcome, Renderer, Statistics, in_pool};
-use oscura::scene::ShadingModel;
+use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled, in_pool};
+use oscura::scene::Camera;
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -27,7 +26,7 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
 
 /// Renders one picture, or each of a sequence.
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
-    check_size(args)?;
+    choices(args).check_size()?;
     let Some(frames) = args.frames else {
         let targets = Targets::check(&args.output)?;
         let start = Instant::now();
@@ -90,7 +89,7 @@ fn run_one(
     start: Instant,
     Kept { said, compiler }: &mut Kept,
 ) -> Result<Outcome> {
-    let Prepared { scene, view, settled, build, load_s, notes, mut warnings, left_out } =
+    let Prepared { scene, camera, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
@@ -102,15 +101,15 @@ fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let (film, statistics) = take_picture(args, cancel, scene, view, &settled)?;
+    let picture = take_picture(args, cancel, scene, &camera, &settled)?;
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, targets, &film, &settled, &view, &statistics, &warnings)?;
+    let pictures = Pictures::encode(args, targets, &picture, png(args, settled.exposure), &warnings)?;
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
     // Who stops a run wants what is there.
-    if !statistics.interrupted {
+    if !picture.statistics().interrupted {
         refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
     }
     pictures.write()?;
@@ -120,11 +119,11 @@ fn run_one(
     let run = Run {
         load_s,
         write_s,
-        width: settled.render.width,
-        height: settled.render.height,
-        seed: settled.render.seed,
+        width: settled.options.width,
+        height: settled.options.height,
+        seed: settled.options.seed,
         compiled: build,
-        statistics,
+        statistics: *picture.statistics(),
         peak_memory: peak_memory(),
         outputs: targets.names(),
         notes,
@@ -145,24 +144,23 @@ fn take_picture(
     args: &RenderArgs,
     cancel: &CancelHandle,
     scene: Arc<CompiledScene>,
-    view: View,
+    camera: &Camera,
     settled: &Settled,
-) -> Result<(Film, Statistics)> {
+) -> Result<Picture> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
-    let mut renderer = Renderer::new(scene, view, settled.render)?
+    let mut rendering = Rendering::new(scene, camera, settled.options)?
         .with_cancel_handle(cancel.clone())
         .on_event(move |event| shown.show(&event));
-    while renderer.next_pass() == PassOutcome::Progressed {}
+    while rendering.next_pass() == PassOutcome::Progressed {}
     progress.finish();
-    let statistics = renderer.statistics();
-    Ok((renderer.into_film(), statistics))
+    Ok(rendering.into_picture())
 }
 
 /// All that rendering needs.
 struct Prepared {
     scene: Arc<CompiledScene>,
-    view: View,
+    camera: Camera,
     settled: Settled,
     build: CompileReport,
     load_s: f64,
@@ -181,18 +179,21 @@ fn prepare(
     compiler: &mut Compiler,
 ) -> Result<Prepared> {
     let mut warnings = std::mem::take(&mut loaded.warnings);
-    let settled = settle(args, &loaded.scene, has_exr, &mut warnings)?;
+    let mut choices = choices(args);
+    if !has_exr {
+        choices = without_exr(args, choices, &mut warnings);
+    }
+    let settled = choices.settle(&loaded.scene)?;
     warnings.extend(environment.apply(args, &mut loaded.scene));
     let load_s = start.elapsed().as_secs_f64();
 
-    let camera = choose_camera(&loaded.scene, settled.camera)?;
-    let size = (settled.render.width, settled.render.height);
-    let shading = ShadingModel { energy_compensation: settled.energy_compensation, fresnel: settled.fresnel };
-    let (scene, view, mut build) = compiler.compile(&loaded.scene, shading, camera, size)?;
+    let camera = settled.camera(&loaded.scene)?.clone();
+    let size = (settled.options.width, settled.options.height);
+    let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, view, settled, build, load_s, notes, warnings, left_out })
+    Ok(Prepared { scene, camera, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

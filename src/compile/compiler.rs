@@ -9,10 +9,10 @@ use crate::error::Result;
 use crate::scene::{Camera, Scene};
 use std::sync::Arc;
 
-/// Compiles scenes for views of them, the moments of a sequence one after another. What does not change is compiled once: textures, the environment,
-/// and in scenes of many triangles the world that stands still and the meshes that move in it as they are. Only what moves is
-/// placed anew then, and meshes that change their shape are built. (Where something moves, pictures of such scenes may
-/// differ from single ones by rounding: a single picture has all in one world.)
+/// Compiles scenes, the moments of a sequence one after another. What does not change is compiled once: textures, the
+/// environment, and in scenes of many triangles the world that stands still and the meshes that move in it as they are.
+/// Only what moves is placed anew then, and meshes that change their shape are built. (Where something moves, pictures of
+/// such scenes may differ from single ones by rounding: a single picture has all in one world.)
 pub struct Compiler {
     is_sequence: bool,
     latest: Option<Arc<CompiledScene>>,
@@ -29,8 +29,8 @@ impl Compiler {
         Compiler { is_sequence: true, latest: None }
     }
 
-    /// Compiles a moment and the view of a camera on a picture of `width` x `height` pixels. The anchor stays where it was
-    /// as long as single precision suffices for the camera.
+    /// Compiles a moment for a camera's picture of `width` x `height` pixels. The anchor stays where it was as long as
+    /// single precision suffices for that.
     ///
     /// # Errors
     /// As for [`super::compile`].
@@ -40,7 +40,7 @@ impl Compiler {
         shading: ShadingModel,
         camera: &Camera,
         (width, height): (u32, u32),
-    ) -> Result<(Arc<CompiledScene>, View, CompileReport)> {
+    ) -> Result<(Arc<CompiledScene>, CompileReport)> {
         let suits = |s: &&Arc<CompiledScene>| {
             let keeps = s.sources.as_ref().is_some_and(Sources::keep_geometry);
             keeps && !View::new(s, camera, width, height).needs_new_anchor(s)
@@ -52,11 +52,10 @@ impl Compiler {
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;
-        let view = View::new(&compiled, camera, width, height);
         let compiled = Arc::new(compiled);
         if self.is_sequence {
             self.latest = Some(compiled.clone());
         }
-        Ok((compiled, view, report))
+        Ok((compiled, report))
     }
 }

@@ -171,7 +171,7 @@ table! {
         reduction: Reduction::Mean,
     }
     Material {
-        about: "Number of the material that the first sample with a surface met, from 1; 0 where there is none",
+        about: "Number of the material that the first sample with a surface hit, from 1; 0 where there is none",
         option: "material",
         names: &["material.id"],
         pixel_type: PixelType::Uint,

@@ -28,7 +28,7 @@ pub struct LoadOptions {
 /// A scene and what happened on the way to it.
 #[derive(Debug, Default)]
 pub struct Loaded {
-    /// The scene, validated.
+    /// The scene; loaders have validated it.
     pub scene: Scene,
     /// What was ignored, approximated or repaired.
     pub warnings: Vec<Warning>,
@@ -39,4 +39,11 @@ pub struct Loaded {
     /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
     /// put lights, as exporters leave such nodes in the place of what glTF can't carry.
     pub empties: Vec<(String, DAffine3)>,
+}
+
+impl From<Scene> for Loaded {
+    /// A scene that was built in code.
+    fn from(scene: Scene) -> Loaded {
+        Loaded { scene, ..Loaded::default() }
+    }
 }

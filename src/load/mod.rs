@@ -27,7 +27,8 @@ use std::path::Path;
 ///
 /// # Errors
 /// An input error with all problems of the file.
-pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
+    let path = path.as_ref();
     let extension = extension(path);
     let mut loaded = match extension.as_str() {
         "gltf" | "glb" => gltf::load(path, options)?,
@@ -66,11 +67,12 @@ pub fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 /// # Errors
 /// As for [`load`], and those of `each`.
 pub fn load_moments(
-    path: &Path,
+    path: impl AsRef<Path>,
     options: &LoadOptions,
     moments: impl IntoIterator<Item = f64>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
+    let path = path.as_ref();
     let mut moments = moments.into_iter().map(Some);
     if matches!(extension(path).as_str(), "gltf" | "glb") {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
@@ -106,8 +108,8 @@ fn stand_upright(scene: &mut Scene) {
 const EXTENSIONS: [&str; 5] = ["gltf", "glb", "obj", "ply", "toml"];
 
 /// Does its name say that a file is a scene?
-pub fn is_named_as_scene(path: &Path) -> bool {
-    EXTENSIONS.contains(&extension(path).as_str())
+pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
+    EXTENSIONS.contains(&extension(path.as_ref()).as_str())
 }
 
 /// The way to a scene from a file of another program, by its ending.

@@ -11,7 +11,8 @@ use tempfile::NamedTempFile;
 ///
 /// # Errors
 /// An output error with the reason.
-pub fn check_target(path: &Path) -> Result<()> {
+pub fn check_target(path: impl AsRef<Path>) -> Result<()> {
+    let path = path.as_ref();
     if path.is_dir() {
         return Err(Error::output(path, "is a folder, not a file").with_help("give a file name in it"));
     }
@@ -34,7 +35,8 @@ pub fn is_same_target(a: &Path, b: &Path) -> bool {
 ///
 /// # Errors
 /// An output error with the reason; the temporary file is gone then and an older file of that name unharmed.
-pub fn write_atomically(path: &Path, bytes: &[u8]) -> Result<()> {
+pub fn write_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
+    let path = path.as_ref();
     let mut temporary = create(path)?;
     let written = temporary.as_file_mut().write_all(bytes).and_then(|()| temporary.as_file().sync_all());
     written.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;

@@ -32,7 +32,8 @@ impl Format {
     ///
     /// # Errors
     /// A usage error if the extension is unknown or missing.
-    pub fn of(path: &Path) -> Result<Format> {
+    pub fn of(path: impl AsRef<Path>) -> Result<Format> {
+        let path = path.as_ref();
         let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
         match extension.as_str() {
             "exr" => Ok(Format::Exr),
@@ -61,10 +62,15 @@ pub struct OutputOptions {
 ///
 /// # Errors
 /// An output error, naming `path`, if the encoder refuses.
-pub fn encode(film: &Film, format: Format, options: &OutputOptions, path: &Path) -> Result<Encoded> {
+pub fn encode(
+    film: &Film,
+    format: Format,
+    options: &OutputOptions,
+    path: impl AsRef<Path>,
+) -> Result<Encoded> {
     let encoded = match format {
         Format::Exr => encode_exr(film, options.float, &options.metadata),
         Format::Png => encode_png(film, &options.png),
     };
-    encoded.map_err(|message| Error::output(path, message))
+    encoded.map_err(|message| Error::output(path.as_ref(), message))
 }

@@ -1,4 +1,4 @@
-//! Rendering: passes over tiles on the threads of the current rayon pool, progress, stopping.
+//! Rendering: from a scene to a picture, at once or pass by pass; progress, stopping.
 //!
 //! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order and merge each into
 //! the film when it is done; tiles share no pixels and passes follow each other, so every pixel's sum has one order at
@@ -7,13 +7,21 @@
 mod cancel;
 mod clock;
 mod options;
+mod picture;
 mod pool;
 mod progress;
 mod renderer;
+mod rendering;
 mod schedule;
+mod settle;
+mod statistics;
 
 pub use cancel::CancelHandle;
 pub use options::RenderOptions;
+pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;
-pub use renderer::{PassOutcome, Renderer, Statistics};
+pub use renderer::Renderer;
+pub use rendering::Rendering;
+pub use settle::{Choices, Settled};
+pub use statistics::{PassOutcome, Statistics};

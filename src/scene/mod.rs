@@ -1,7 +1,22 @@
-//! What the user described, as plain data: no behaviour, no files. Loaders fill it, `compile` reads it.
+//! What the user described, as plain data: no behaviour, no files. Loaders fill it, the renderer reads it.
+//!
+//! Everything is public: load a scene and change it, or build one in code.
+//!
+//! ```
+//! use oscura::scene::{Camera, Environment, Material, Scene, Shape};
+//! let mut scene = Scene::default();
+//! let clay = scene.add_material(Material::lambert("clay", [0.6, 0.3, 0.2]));
+//! scene.shapes.push(Shape::sphere([0.0, 1.0, 0.0], 1.0, clay));
+//! scene.environment = Environment::Constant([1.0; 3]);
+//! scene.cameras.push(Camera::look_at([0.0, 2.0, 6.0], [0.0, 1.0, 0.0], 30.0));
+//! let picture = oscura::Renderer::new(scene).size(16, 16).samples(4).render()?;
+//! assert!(picture.film().mean_rgba(8, 8)[0] > picture.film().mean_rgba(8, 8)[2]);
+//! # Ok::<(), oscura::Error>(())
+//! ```
 
 mod bounds;
 mod camera;
+mod construct;
 mod environment;
 mod geometry;
 mod ids;

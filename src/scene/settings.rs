@@ -58,6 +58,22 @@ pub struct Settings {
 }
 
 impl Settings {
+    /// These where they say something, else `other`.
+    #[must_use]
+    pub fn or(&self, other: &Settings) -> Settings {
+        Settings {
+            width: self.width.or(other.width),
+            height: self.height.or(other.height),
+            samples: self.samples.or(other.samples),
+            depth: self.depth.or(other.depth),
+            seed: self.seed.or(other.seed),
+            filter: self.filter.or(other.filter),
+            energy_compensation: self.energy_compensation.or(other.energy_compensation),
+            fresnel: self.fresnel.or(other.fresnel),
+            exposure: self.exposure.or(other.exposure),
+        }
+    }
+
     /// The models of scattering, the default ones where nothing is said.
     pub fn shading(&self) -> ShadingModel {
         ShadingModel {

@@ -2,6 +2,7 @@
 
 mod comparing;
 mod errors;
+mod examples;
 mod inspect;
 mod limits;
 mod options;

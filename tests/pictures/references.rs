@@ -2,14 +2,14 @@
 
 use crate::support::{options, picture};
 use oscura::bsdf::ShadingModel;
-use oscura::compile::{CompileOptions, View, compile};
+use oscura::compile::{CompileOptions, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::gltf::{Glass, GltfOptions};
 use oscura::load::image::load_linear_rgb;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::z_test;
-use oscura::render::Renderer;
+use oscura::render::Rendering;
 use oscura::scene::EnergyCompensation;
 use std::path::{Path, PathBuf};
 
@@ -93,10 +93,9 @@ fn export(path: &Path) -> Image {
     };
     let (compiled, _) = compile(&loaded.scene, &compile_options).expect("the scene compiles");
     let options = options(SIZE, 256, 64).soft_terminator(false);
-    let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
-    let mut renderer = Renderer::new(compiled, view, options).expect("the film fits");
-    renderer.run();
-    to_image(renderer.film())
+    let mut rendering = Rendering::new(compiled, &loaded.scene.cameras[0], options).expect("the film fits");
+    rendering.run();
+    to_image(rendering.film())
 }
 
 /// Mean of a rectangle of pixels, from a corner to another.

@@ -1,10 +1,10 @@
 //! A renderer that takes one pass at a time: its film is a picture after each, and stopping leaves one.
 
-use crate::support::{camera, material, options, picture, quad, renderer};
-use oscura::compile::{CompileOptions, View, compile};
+use crate::support::{camera, material, options, picture, quad, rendering};
+use oscura::compile::{CompileOptions, compile};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::DVec3;
-use oscura::render::{CancelHandle, Event, PassOutcome, Renderer};
+use oscura::render::{CancelHandle, Event, PassOutcome, Rendering};
 use oscura::scene::{Material, Scene};
 use std::path::Path;
 use std::sync::Arc;
@@ -30,7 +30,7 @@ fn bits(film: &Film) -> Vec<(String, Vec<u32>)> {
 fn after_each_pass_the_film_is_the_picture_of_that_many_samples() {
     let scene = cornell();
     let whole = options(40, 20, 100).aovs(all());
-    let mut stepping = renderer(&scene, &whole);
+    let mut stepping = rendering(&scene, &whole);
     assert_eq!(stepping.film().unsampled_pixels(), 1600);
     for (samples, outcome) in
         [(8, PassOutcome::Progressed), (16, PassOutcome::Progressed), (20, PassOutcome::Done)]
@@ -60,7 +60,7 @@ fn threads_agree_on_every_channel() {
 #[test]
 fn a_handle_stops_between_passes_and_within_one() {
     let scene = cornell();
-    let mut stopped = renderer(&scene, &options(40, 64, 100));
+    let mut stopped = rendering(&scene, &options(40, 64, 100));
     let handle = stopped.cancel_handle();
     assert_eq!(stopped.next_pass(), PassOutcome::Progressed);
     std::thread::spawn(move || assert!(!handle.cancel())).join().expect("the thread ends");
@@ -72,7 +72,7 @@ fn a_handle_stops_between_passes_and_within_one() {
     let handle = CancelHandle::new();
     let switch = handle.clone();
     let endless = options(256, 1 << 20, 100);
-    let mut within = renderer(&scene, &endless).with_cancel_handle(handle).on_event(move |_| {
+    let mut within = rendering(&scene, &endless).with_cancel_handle(handle).on_event(move |_| {
         switch.cancel();
     });
     assert_eq!(within.run(), PassOutcome::Cancelled);
@@ -88,7 +88,7 @@ fn a_handle_stops_between_passes_and_within_one() {
 fn the_time_limit_counts_rendering_only() {
     let scene = cornell();
     let limit = Duration::from_millis(300);
-    let mut limited = renderer(&scene, &options(16, u32::MAX, 100).time_limit(limit));
+    let mut limited = rendering(&scene, &options(16, u32::MAX, 100).time_limit(limit));
     assert_eq!(limited.next_pass(), PassOutcome::Progressed);
     std::thread::sleep(2 * limit);
     assert_eq!(limited.next_pass(), PassOutcome::Progressed, "the pause is not rendering");
@@ -101,7 +101,7 @@ fn the_time_limit_counts_rendering_only() {
 fn events_count_up_to_all_paths() {
     let seen = Arc::new(AtomicU64::new(0));
     let last = seen.clone();
-    let mut told = renderer(&cornell(), &options(32, 12, 100)).on_event(move |event| {
+    let mut told = rendering(&cornell(), &options(32, 12, 100)).on_event(move |event| {
         let Event::Progress { samples_done, samples_total, .. } = event else { return };
         assert!(samples_done <= samples_total && samples_total == 32 * 32 * 12);
         last.fetch_max(samples_done, Ordering::Relaxed);
@@ -115,12 +115,12 @@ fn renderers_share_a_scene() {
     let options = options(24, 8, 8);
     let scene = cornell();
     let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
-    let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
     let compiled = Arc::new(compiled);
     let shot = |seed| {
-        let mut renderer = Renderer::new(compiled.clone(), view, options.seed(seed)).expect("the film fits");
-        renderer.run();
-        renderer.into_film()
+        let rendering = Rendering::new(compiled.clone(), &scene.cameras[0], options.seed(seed));
+        let mut rendering = rendering.expect("the film fits");
+        rendering.run();
+        rendering.into_picture().into_film()
     };
     assert!(shot(1) == shot(1) && shot(1) != shot(2));
 }

@@ -13,8 +13,8 @@ const RANKS: &[(u32, &[&str])] = &[
     (5, &["light"]),
     (6, &["compile", "film"]),
     (7, &["integrator"]),
-    (8, &["render"]),
-    (9, &["output"]),
+    (8, &["output"]),
+    (9, &["render"]),
     (10, &["cli"]),
 ];
 

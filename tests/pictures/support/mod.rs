@@ -3,10 +3,10 @@
 
 pub mod sheet;
 
-use oscura::compile::{CompileOptions, CompiledScene, View, compile};
+use oscura::compile::{CompileOptions, CompiledScene, compile};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
-use oscura::render::{PassOutcome, RenderOptions, Renderer};
+use oscura::render::{PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape, ShapeKind};
 use std::sync::Arc;
 
@@ -34,27 +34,26 @@ pub fn options(size: u32, samples: u32, max_depth: u32) -> RenderOptions {
         .filter(Filter::Box)
 }
 
-/// Compiles a scene for a renderer.
-pub fn renderer(scene: &Scene, options: &RenderOptions) -> Renderer {
+/// Compiles a scene and is about to take its first pass.
+pub fn rendering(scene: &Scene, options: &RenderOptions) -> Rendering {
     let (compiled, _) = compile(scene, &CompileOptions::default()).expect("the scene compiles");
-    let view = View::new(&compiled, &scene.cameras[0], options.width, options.height);
-    Renderer::new(compiled, view, *options).expect("the film fits")
+    Rendering::new(compiled, &scene.cameras[0], *options).expect("the film fits")
 }
 
 /// Compiles and renders.
 pub fn picture(scene: &Scene, options: &RenderOptions) -> Film {
-    finished(renderer(scene, options))
+    finished(rendering(scene, options))
 }
 
-/// Renders a view.
-pub fn shot(compiled: &Arc<CompiledScene>, view: &View, options: &RenderOptions) -> Film {
-    finished(Renderer::new(compiled.clone(), *view, *options).expect("the film fits"))
+/// Renders what a camera sees.
+pub fn shot(compiled: &Arc<CompiledScene>, camera: &Camera, options: &RenderOptions) -> Film {
+    finished(Rendering::new(compiled.clone(), camera, *options).expect("the film fits"))
 }
 
-fn finished(mut renderer: Renderer) -> Film {
-    assert_eq!(renderer.run(), PassOutcome::Done);
-    assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
-    renderer.into_film()
+fn finished(mut rendering: Rendering) -> Film {
+    assert_eq!(rendering.run(), PassOutcome::Done);
+    assert_eq!(rendering.statistics().invalid_samples, 0, "NaN or infinite samples");
+    rendering.into_picture().into_film()
 }
 
 /// Mean of a film's green channel.

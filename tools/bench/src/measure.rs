@@ -1,13 +1,13 @@
 //! Renders one scene many times and measures.
 
-use oscura::compile::{CompileOptions, CompiledScene, View, choose_camera, compile};
+use oscura::compile::{CompileOptions, CompiledScene, choose_camera, compile};
 use oscura::error::Result;
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::errors;
-use oscura::render::{RenderOptions, Renderer, Statistics};
-use oscura::scene::Filter;
+use oscura::render::{RenderOptions, Rendering, Statistics};
+use oscura::scene::{Camera, Filter};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -53,9 +53,10 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
     let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
     let options = CompileOptions { shading: scene.settings.shading(), ..CompileOptions::default() };
     let (compiled, _) = compile(&scene, &options)?;
-    let view = View::new(&compiled, choose_camera(&scene, None)?, setup.width, height);
+    let camera = choose_camera(&scene, None)?;
     let compiled = Arc::new(compiled);
-    let shot = |samples: u32, seed: u32| picture(&compiled, &view, setup, samples, seed);
+    let shot =
+        |samples: u32, seed: u32| picture(&compiled, camera, [setup.width, height], setup, [samples, seed]);
     let half = setup.reference.div_ceil(2);
     let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
     let reference = mean(&halves[0], &halves[1]);
@@ -79,16 +80,16 @@ pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
 
 fn picture(
     scene: &Arc<CompiledScene>,
-    view: &View,
+    camera: &Camera,
+    [width, height]: [u32; 2],
     setup: &Setup,
-    samples: u32,
-    seed: u32,
+    [samples, seed]: [u32; 2],
 ) -> Result<(Image, Statistics)> {
-    let options =
-        RenderOptions::default().samples(samples).seed(seed).max_depth(setup.depth).filter(Filter::Box);
-    let mut renderer = Renderer::new(scene.clone(), *view, options)?;
-    renderer.run();
-    Ok((to_image(renderer.film()), renderer.statistics()))
+    let options = RenderOptions::default().size(width, height).samples(samples).seed(seed);
+    let options = options.max_depth(setup.depth).filter(Filter::Box);
+    let mut rendering = Rendering::new(scene.clone(), camera, options)?;
+    rendering.run();
+    Ok((to_image(rendering.film()), rendering.statistics()))
 }
 
 fn to_image(film: &Film) -> Image {

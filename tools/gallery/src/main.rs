@@ -92,7 +92,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         eprintln!("{}: {:.1} s", entry.name(), shot.render_s);
         shot.write(folder, entry.name())?;
         if entry.name() == HERO {
-            let size = (shot.film.width(), shot.film.height());
+            let size = (shot.picture.film().width(), shot.picture.film().height());
             let hero = RgbImage::from_fn(size.0, size.1, |x, y| image::Rgb(shot.linear(x, y).map(srgb_byte)));
             write_jpeg(&folder.join("hero.jpg"), &hero)?;
         }
@@ -131,8 +131,8 @@ fn compare_threads(quality: Quality) -> Result<Threads> {
     let many = quality.threads.or(std::thread::available_parallelism().ok().map(usize::from)).unwrap_or(1);
     let shoot = |threads| Shot::take(&scenes().join(THREADS), Quality { threads: Some(threads), ..quality });
     let (one, all) = (shoot(1)?, shoot(many)?);
-    let bits = |shot: &Shot, x, y| shot.film.mean_rgba(x, y).map(f32::to_bits);
-    let (w, h) = (one.film.width(), one.film.height());
+    let bits = |shot: &Shot, x, y| shot.picture.film().mean_rgba(x, y).map(f32::to_bits);
+    let (w, h) = (one.picture.film().width(), one.picture.film().height());
     let is_equal =
         (0..h).flat_map(|y| (0..w).map(move |x| (x, y))).all(|(x, y)| bits(&one, x, y) == bits(&all, x, y));
     Ok(Threads { scene: THREADS, threads: many, seconds: [one.render_s, all.render_s], is_equal })

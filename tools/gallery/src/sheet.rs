@@ -23,7 +23,7 @@ impl Tile {
     /// Makes a picture small: the mean of the pixels that fall together, in linear light. Pictures smaller than the
     /// space are enlarged pixel by pixel.
     pub fn new(shot: &Shot, label: &str) -> Tile {
-        let (w, h) = (shot.film.width(), shot.film.height());
+        let (w, h) = (shot.picture.film().width(), shot.picture.film().height());
         let scale = (f64::from(TILE[0]) / f64::from(w)).min(f64::from(TILE[1]) / f64::from(h));
         let size = [w, h].map(|n| ((f64::from(n) * scale).round() as u32).max(1));
         let picture = RgbImage::from_fn(size[0], size[1], |x, y| {

@@ -1,11 +1,8 @@
 //! Renders one scene with its own settings.
 
-use oscura::compile::{CompileOptions, View, choose_camera, compile};
 use oscura::error::{Error, Result};
-use oscura::film::Film;
-use oscura::load::{LoadOptions, load};
-use oscura::output::{Format, Metadata, OutputOptions, PngOptions, ViewTransform, encode, write_atomically};
-use oscura::render::{RenderOptions, Renderer, in_pool};
+use oscura::output::ViewTransform;
+use oscura::render::{Picture, Renderer, in_pool};
 use oscura::scene::Scene;
 use std::path::Path;
 use std::time::Instant;
@@ -27,9 +24,9 @@ pub struct Quality {
 /// A picture with what it took.
 pub struct Shot {
     /// The picture.
-    pub film: Film,
-    /// The settings it was made with.
-    pub options: RenderOptions,
+    pub picture: Picture,
+    /// Samples a pixel.
+    pub samples: u32,
     /// Reading and compiling, seconds.
     pub load_s: f64,
     /// Rendering, seconds.
@@ -51,32 +48,27 @@ impl Shot {
 
     fn take_here(path: &Path, quality: Quality) -> Result<Shot> {
         let start = Instant::now();
-        let mut loaded = load(path, &LoadOptions::default())?;
-        let options = options(&loaded.scene, quality, path)?;
-        let compile_options =
-            CompileOptions { shading: loaded.scene.settings.shading(), ..CompileOptions::default() };
-        let (compiled, report) = compile(&loaded.scene, &compile_options)?;
-        loaded.warnings.extend(report.warnings);
-        if let Some(warning) = loaded.warnings.first() {
+        let loaded = oscura::load(path)?;
+        let ([width, height], samples) = size_and_samples(&loaded.scene, quality, path)?;
+        let exposure = loaded.scene.settings.exposure.unwrap_or(0.0);
+        let mut rendering = Renderer::new(loaded).size(width, height).samples(samples).start()?;
+        if let Some(warning) = rendering.warnings().first() {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
         }
-        let camera = choose_camera(&loaded.scene, None)?;
-        let view = View::new(&compiled, camera, options.width, options.height);
         let load_s = start.elapsed().as_secs_f64();
-        let mut renderer = Renderer::new(compiled, view, options)?;
-        renderer.run();
-        let statistics = renderer.statistics();
+        rendering.run();
+        let statistics = rendering.statistics();
         if statistics.invalid_samples > 0 {
             let message = format!("{} samples were NaN or infinite", statistics.invalid_samples);
             return Err(Error::input(path, message));
         }
         Ok(Shot {
-            film: renderer.into_film(),
-            options,
+            picture: rendering.into_picture(),
+            samples,
             load_s,
             render_s: statistics.render_s,
             render_cpu_s: statistics.render_cpu_s,
-            exposure: loaded.scene.settings.exposure.unwrap_or(0.0),
+            exposure,
         })
     }
 
@@ -85,26 +77,15 @@ impl Shot {
     /// # Errors
     /// Where a file can't be written.
     pub fn write(&self, folder: &Path, name: &str) -> Result<()> {
-        let output = OutputOptions {
-            png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
-            metadata: Metadata {
-                samples: self.options.samples.into(),
-                seed: self.options.seed,
-                render_s: Some(self.render_s),
-                ..Metadata::default()
-            },
-            ..OutputOptions::default()
-        };
-        for (format, extension) in [(Format::Exr, "exr"), (Format::Png, "png")] {
-            let path = folder.join(format!("{name}.{extension}"));
-            write_atomically(&path, &encode(&self.film, format, &output, &path)?.bytes)?;
+        for extension in ["exr", "png"] {
+            self.picture.save(folder.join(format!("{name}.{extension}")))?;
         }
         Ok(())
     }
 
     /// The picture on black as linear RGB times its exposure.
     pub fn linear(&self, x: u32, y: u32) -> [f32; 3] {
-        let [r, g, b, _] = self.film.mean_rgba(x, y);
+        let [r, g, b, _] = self.picture.film().mean_rgba(x, y);
         [r, g, b].map(|v| v * self.exposure.exp2())
     }
 }
@@ -114,7 +95,7 @@ pub fn srgb_byte(linear: f32) -> u8 {
     (ViewTransform::Srgb.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
-fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions> {
+fn size_and_samples(scene: &Scene, quality: Quality, path: &Path) -> Result<([u32; 2], u32)> {
     let settings = &scene.settings;
     let (Some(width), Some(height), Some(samples)) = (settings.width, settings.height, settings.samples)
     else {
@@ -122,11 +103,5 @@ fn options(scene: &Scene, quality: Quality, path: &Path) -> Result<RenderOptions
         return Err(Error::input(path, message));
     };
     let shrink = if width / quality.shrink < LEAST_WIDTH { 1 } else { quality.shrink };
-    let default = RenderOptions::default();
-    Ok(default
-        .size(width / shrink, (height / shrink).max(1))
-        .samples(samples.div_ceil(quality.fewer))
-        .seed(settings.seed.unwrap_or(default.seed))
-        .max_depth(settings.depth.unwrap_or(default.max_depth))
-        .filter(settings.filter.unwrap_or_default()))
+    Ok(([width / shrink, (height / shrink).max(1)], samples.div_ceil(quality.fewer)))
 }

@@ -21,8 +21,8 @@ impl Row {
     pub fn new(entry: &'static Entry, shot: &Shot, is_whole: bool) -> Row {
         Row {
             entry,
-            size: [shot.options.width, shot.options.height],
-            samples: shot.options.samples,
+            size: [shot.picture.film().width(), shot.picture.film().height()],
+            samples: shot.samples,
             is_whole,
             load_s: shot.load_s,
             render_s: shot.render_s,

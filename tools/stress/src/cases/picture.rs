@@ -2,13 +2,13 @@
 //! (The light is a radiance, which neither changes.)
 
 use super::Row;
-use oscura::compile::{CompileOptions, CompiledScene, View, compile};
+use oscura::compile::{CompileOptions, CompiledScene, compile};
 use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::load;
 use oscura::metrics::z_test;
-use oscura::render::{RenderOptions, Renderer};
-use oscura::scene::Filter;
+use oscura::render::{RenderOptions, Rendering};
+use oscura::scene::{Camera, Filter};
 use serde_json::{Value, json};
 use std::sync::Arc;
 
@@ -117,10 +117,10 @@ impl Pair {
     }
 }
 
-/// A scene and the view of its camera.
+/// A scene and its camera.
 struct Scene {
     compiled: Arc<CompiledScene>,
-    view: View,
+    camera: Camera,
 }
 
 /// The asset with all that its scene shows under one more node.
@@ -141,16 +141,16 @@ fn scene(scale: f64, far: f64) -> Scene {
     let (compiled, report) =
         compile(&loaded.scene, &CompileOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     assert!(report.warnings.is_empty(), "scale {scale:e}, moved by {far:e}: {:?}", report.warnings);
-    let view = View::new(&compiled, &loaded.scene.cameras[0], SIZE, SIZE);
-    Scene { compiled: Arc::new(compiled), view }
+    Scene { compiled: Arc::new(compiled), camera: loaded.scene.cameras[0].clone() }
 }
 
 fn picture(scene: &Scene, samples: u32, seed: u32) -> Image {
-    let options = RenderOptions::default().samples(samples).seed(seed).filter(Filter::Box);
-    let mut renderer = Renderer::new(scene.compiled.clone(), scene.view, options).expect("the film fits");
-    renderer.run();
-    assert_eq!(renderer.statistics().invalid_samples, 0, "NaN or infinite samples");
-    to_image(renderer.film())
+    let options = RenderOptions::default().size(SIZE, SIZE).samples(samples).seed(seed).filter(Filter::Box);
+    let mut rendering =
+        Rendering::new(scene.compiled.clone(), &scene.camera, options).expect("the film fits");
+    rendering.run();
+    assert_eq!(rendering.statistics().invalid_samples, 0, "NaN or infinite samples");
+    to_image(rendering.film())
 }
 
 fn to_image(film: &Film) -> Image {

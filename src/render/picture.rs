@@ -1,0 +1,70 @@
+//! What comes out of rendering.
+
+use super::statistics::Statistics;
+use crate::error::{Result, Warning};
+use crate::film::Film;
+use crate::output::{Format, OutputOptions, encode, write_atomically};
+use std::path::Path;
+
+/// A picture and what is to be said of it.
+#[derive(Clone, Debug)]
+pub struct Picture {
+    pub(super) film: Film,
+    pub(super) statistics: Statistics,
+    pub(super) warnings: Vec<Warning>,
+    pub(super) output: OutputOptions,
+}
+
+impl Picture {
+    /// Writes an EXR or a PNG, as the name ends: see [`Picture::output_options`] for what is written, and
+    /// [`Picture::save_with`] for other choices. Gives back what the file can't hold as it is.
+    ///
+    /// # Errors
+    /// A usage error for other endings, an output error if the file can't be written; a file of that name stays as it was
+    /// then.
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<Vec<Warning>> {
+        self.save_with(path, &self.output)
+    }
+
+    /// Writes it by these options.
+    ///
+    /// # Errors
+    /// As for [`Picture::save`].
+    pub fn save_with(&self, path: impl AsRef<Path>, options: &OutputOptions) -> Result<Vec<Warning>> {
+        save(&self.film, path.as_ref(), options)
+    }
+
+    /// How [`Picture::save`] writes: 16-bit colour in EXRs, the scene's exposure in PNGs, and in the header how the
+    /// picture was made.
+    pub fn output_options(&self) -> &OutputOptions {
+        &self.output
+    }
+
+    /// The samples and their means: [`Film::rgba`] has the pixels, [`Film::plane`] one component by its name in files.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// Gives the film away.
+    pub fn into_film(self) -> Film {
+        self.film
+    }
+
+    /// What rendering took.
+    pub fn statistics(&self) -> &Statistics {
+        &self.statistics
+    }
+
+    /// What was ignored, approximated or repaired on the way from the file to the picture.
+    pub fn warnings(&self) -> &[Warning] {
+        &self.warnings
+    }
+}
+
+/// Writes a film.
+pub(super) fn save(film: &Film, path: &Path, options: &OutputOptions) -> Result<Vec<Warning>> {
+    let encoded = encode(film, Format::of(path)?, options, path)?;
+    write_atomically(path, &encoded.bytes)?;
+    let named = |warning| Warning { file: Some(path.to_path_buf()), ..warning };
+    Ok(encoded.warnings.into_iter().map(named).collect())
+}

@@ -1,0 +1,311 @@
+//! Rendering: takes a pass at a time, and has a picture after each.
+
+use super::cancel::CancelHandle;
+use super::clock::{Spent, Stopwatch};
+use super::options::RenderOptions;
+use super::picture::{self, Picture};
+use super::progress::{Event, Listener, Progress};
+use super::schedule::{Pass, Schedule};
+use super::statistics::{PassOutcome, Statistics};
+use crate::compile::{CompiledScene, View};
+use crate::error::{Result, Warning};
+use crate::film::{Film, FilmTile, FilterSampler, Layout};
+use crate::integrator::{Block, Integrator, PathOptions, Workspace};
+use crate::output::{Metadata, OutputOptions, PngOptions};
+use crate::scene::Camera;
+use rayon::prelude::*;
+use std::cell::RefCell;
+use std::path::Path;
+use std::sync::{Arc, Mutex};
+use std::time::{Instant, SystemTime};
+
+/// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
+///
+/// Between passes the film is a picture of the samples so far. With a time limit, passes are planned so that all pixels
+/// have the same number of samples; where a pass takes longer than it should, and when rendering is cancelled, the film
+/// has the tiles that were finished until then: pixels may differ in their number of samples by one pass. No sample is
+/// chosen by its value, so such a picture has the same mean.
+///
+/// ```
+/// use oscura::{Renderer, render::PassOutcome};
+/// let scene = oscura::load("assets/cornell-box.gltf")?;
+/// let mut rendering = Renderer::new(scene).size(16, 16).samples(20).start()?;
+/// while rendering.next_pass() == PassOutcome::Progressed {
+///     let centre = rendering.film().mean_rgba(8, 8);
+///     println!("{:.0} samples: {centre:?}", rendering.statistics().samples_per_pixel);
+/// }
+/// assert_eq!(rendering.statistics().samples_per_pixel, 20.0);
+/// # Ok::<(), oscura::Error>(())
+/// ```
+pub struct Rendering {
+    scene: Arc<CompiledScene>,
+    view: View,
+    options: RenderOptions,
+    filter: FilterSampler,
+    film: Film,
+    schedule: Schedule,
+    progress: Progress,
+    spent: Spent,
+    outcome: PassOutcome,
+    cancel: CancelHandle,
+    listener: Option<Box<Listener>>,
+    /// What came up before the first pass.
+    earlier: Vec<Warning>,
+    exposure: f32,
+}
+
+thread_local! {
+    static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
+}
+
+impl Rendering {
+    /// The picture of a compiled scene by one of its description's cameras, with no sample yet. Scenes may be shared by
+    /// `Arc`.
+    ///
+    /// # Errors
+    /// A usage error if there is no memory for the film. Once that is there, rendering can't fail.
+    #[doc(hidden)]
+    pub fn new(
+        scene: impl Into<Arc<CompiledScene>>,
+        camera: &Camera,
+        options: RenderOptions,
+    ) -> Result<Rendering> {
+        let film = Film::try_new(options.width, options.height, options.aovs.channels())?;
+        let scene = scene.into();
+        let view = View::new(&scene, camera, options.width, options.height);
+        let stopwatch = Stopwatch::start(Spent::default());
+        let pixels = u64::from(view.width) * u64::from(view.height);
+        Ok(Rendering {
+            scene,
+            view,
+            filter: FilterSampler::new(options.filter),
+            film,
+            schedule: Schedule::new(options.samples, options.time_limit),
+            progress: Progress::new(pixels * u64::from(options.samples)),
+            spent: stopwatch.stop(),
+            outcome: PassOutcome::Progressed,
+            cancel: CancelHandle::new(),
+            listener: None,
+            earlier: Vec::new(),
+            exposure: 0.0,
+            options,
+        })
+    }
+
+    /// The same with what a [`Renderer`](super::Renderer) knows.
+    pub(super) fn with(
+        self,
+        earlier: Vec<Warning>,
+        exposure: f32,
+        cancel: CancelHandle,
+        listener: Option<Box<Listener>>,
+    ) -> Rendering {
+        Rendering { earlier, exposure, cancel, listener, ..self }
+    }
+
+    /// Lets an existing handle stop it, in place of one of its own.
+    #[must_use]
+    pub fn with_cancel_handle(self, cancel: CancelHandle) -> Rendering {
+        Rendering { cancel, ..self }
+    }
+
+    /// Tells `listener` how far it is, several times a second, from any thread.
+    #[must_use]
+    pub fn on_event(self, listener: impl Fn(Event) + Send + Sync + 'static) -> Rendering {
+        Rendering { listener: Some(Box::new(listener)), ..self }
+    }
+
+    /// A handle that stops it from any thread.
+    pub fn cancel_handle(&self) -> CancelHandle {
+        self.cancel.clone()
+    }
+
+    /// Takes the next samples of all pixels, at most eight. Does nothing once all are taken or it was stopped.
+    pub fn next_pass(&mut self) -> PassOutcome {
+        if self.outcome == PassOutcome::Progressed {
+            let stopwatch = Stopwatch::start(self.spent);
+            self.outcome = self.take_pass(&stopwatch);
+            self.spent = stopwatch.stop();
+        }
+        self.outcome
+    }
+
+    /// Takes passes until all samples are taken or it is stopped.
+    pub fn run(&mut self) -> PassOutcome {
+        while self.next_pass() == PassOutcome::Progressed {}
+        self.outcome
+    }
+
+    /// The samples so far.
+    pub fn film(&self) -> &Film {
+        &self.film
+    }
+
+    /// Writes the samples so far as an EXR or a PNG, as the name ends. Gives back what the file can't hold as it is.
+    ///
+    /// # Errors
+    /// As for [`Picture::save`].
+    pub fn save(&self, path: impl AsRef<Path>) -> Result<Vec<Warning>> {
+        picture::save(&self.film, path.as_ref(), &self.output_options())
+    }
+
+    /// The picture as it is now; no further pass will be taken.
+    pub fn into_picture(self) -> Picture {
+        let (statistics, warnings, output) = (self.statistics(), self.warnings(), self.output_options());
+        Picture { film: self.film, statistics, warnings, output }
+    }
+
+    /// What was ignored, approximated or repaired on the way from the file to the picture so far.
+    pub fn warnings(&self) -> Vec<Warning> {
+        let invalid = self.film.invalid_samples();
+        // Between passes all pixels have the same number.
+        let has_stopped = self.outcome != PassOutcome::Progressed;
+        let unsampled = if has_stopped { self.film.unsampled_pixels() } else { 0 };
+        let all = u64::from(self.film.width()) * u64::from(self.film.height());
+        let mut warnings = self.earlier.clone();
+        let mut warn = |count: u64, message: String| {
+            if count > 0 {
+                warnings.push(Warning::general(message));
+            }
+        };
+        warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
+        warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
+        warnings
+    }
+
+    fn output_options(&self) -> OutputOptions {
+        let statistics = self.statistics();
+        let stopped_by = match statistics {
+            Statistics { interrupted: true, .. } => Some("signal"),
+            Statistics { timed_out: true, .. } => Some("time limit"),
+            _ => None,
+        };
+        let metadata = Metadata {
+            samples: statistics.samples_per_pixel,
+            seed: self.options.seed,
+            owner: None,
+            render_s: Some(statistics.render_s),
+            captured: Some(SystemTime::now()),
+            world_to_camera: Some(self.view.camera_from_world),
+            stopped_by: stopped_by.map(str::to_string),
+            warnings: self.warnings().iter().map(Warning::to_string).collect(),
+        };
+        OutputOptions {
+            png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
+            metadata,
+            ..OutputOptions::default()
+        }
+    }
+
+    /// What it took so far.
+    pub fn statistics(&self) -> Statistics {
+        let samples = self.progress.samples();
+        let pixels = f64::from(self.film.width()) * f64::from(self.film.height());
+        Statistics {
+            render_s: self.spent.wall.as_secs_f64(),
+            render_cpu_s: self.spent.cpu.as_secs_f64(),
+            rays: self.progress.rays(),
+            samples,
+            samples_per_pixel: samples as f64 / pixels,
+            invalid_samples: self.film.invalid_samples(),
+            interrupted: self.outcome == PassOutcome::Cancelled,
+            timed_out: self.outcome == PassOutcome::TimedOut,
+        }
+    }
+
+    fn take_pass(&mut self, stopwatch: &Stopwatch) -> PassOutcome {
+        let Some(pass) = self.schedule.next(stopwatch.wall()) else {
+            return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
+        };
+        let start = Instant::now();
+        let paths = PathOptions {
+            max_depth: self.options.max_depth,
+            seed: self.options.seed,
+            filter: &self.filter,
+            aovs: self.options.aovs.of_first_hits(),
+            soft_terminator: self.options.soft_terminator,
+        };
+        let layout = self.film.layout().clone();
+        let work = PassWork {
+            integrator: Integrator::new(&self.scene, &self.view, paths),
+            layout: &layout,
+            film: Mutex::new(&mut self.film),
+            progress: &self.progress,
+            listener: self.listener.as_deref(),
+            stopwatch,
+            stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
+        };
+        let is_finished = work.run(tiles(&self.view, pass));
+        self.schedule.finished(pass, start.elapsed());
+        match is_finished {
+            true if self.schedule.is_complete() => PassOutcome::Done,
+            true => PassOutcome::Progressed,
+            false if self.cancel.is_cancelled() => PassOutcome::Cancelled,
+            false => PassOutcome::TimedOut,
+        }
+    }
+}
+
+/// What all threads share in a pass.
+struct PassWork<'a> {
+    integrator: Integrator<'a>,
+    layout: &'a Arc<Layout>,
+    film: Mutex<&'a mut Film>,
+    progress: &'a Progress,
+    listener: Option<&'a Listener>,
+    stopwatch: &'a Stopwatch,
+    stop: &'a (dyn Fn() -> bool + Sync),
+}
+
+impl PassWork<'_> {
+    /// Takes all tiles. False if it was stopped: then some have not got their samples.
+    fn run(&self, tiles: Vec<Block>) -> bool {
+        let one = |block: &Block| {
+            if (self.stop)() {
+                return false;
+            }
+            let Some((filled, rays)) = self.fill(block) else { return false };
+            self.film.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).merge(filled);
+            let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
+            self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
+            true
+        };
+        // All of them: stopping is a look at a clock for each tile that is left.
+        tiles.par_iter().map(one).reduce(|| true, |a, b| a & b)
+    }
+
+    /// Traces a block into a tile of its own; returns it with the number of rays, or `None` if it was stopped.
+    fn fill(&self, block: &Block) -> Option<(FilmTile, u64)> {
+        let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, self.layout);
+        let has_more = self.layout.has_more_than_color();
+        WORKSPACE.with(|workspace| {
+            let workspace = &mut *workspace.borrow_mut();
+            let before = workspace.ray_count;
+            let is_done = self.integrator.trace(block, workspace, &self.stop, |sample| {
+                if has_more {
+                    tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
+                } else {
+                    tile.add(sample.pixel, sample.rgb, sample.alpha);
+                }
+            });
+            is_done.then_some((tile, workspace.ray_count - before))
+        })
+    }
+}
+
+/// The tiles of a pass, row by row.
+fn tiles(view: &View, pass: Pass) -> Vec<Block> {
+    let (width, height) = pass.tile();
+    let starts = |size: u32, step: u32| (0..size).step_by(step as usize);
+    let row = |y0| {
+        starts(view.width, width).map(move |x0| Block {
+            x0,
+            y0,
+            width: width.min(view.width - x0),
+            height: height.min(view.height - y0),
+            first_sample: pass.first_sample,
+            samples: pass.samples,
+        })
+    };
+    starts(view.height, height).flat_map(row).collect()
+}

@@ -1,0 +1,152 @@
+//! From what a user chooses, what the scene says and the defaults to settled options.
+
+use super::options::RenderOptions;
+use crate::compile::choose_camera;
+use crate::error::{Error, Result};
+use crate::film::AovSet;
+use crate::scene::{Camera, Scene, Settings, ShadingModel};
+use std::time::Duration;
+
+const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
+/// Most pixels of a picture; a film takes 36 bytes for each.
+const PIXEL_LIMIT: u64 = 1 << 28;
+
+/// What a user chooses about a picture. What is left open the scene says; then the defaults of [`RenderOptions`] hold.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct Choices {
+    /// What scenes have a say in as well.
+    pub settings: Settings,
+    /// Name or number of a camera; by default the first.
+    pub camera: Option<String>,
+    /// What to record besides colour.
+    pub aovs: AovSet,
+    /// See [`RenderOptions::soft_terminator`].
+    pub soft_terminator: bool,
+    /// See [`RenderOptions::time_limit`].
+    pub time_limit: Option<Duration>,
+}
+
+/// Everything about a picture that is decided before it is made.
+#[doc(hidden)]
+#[derive(Clone, Debug)]
+pub struct Settled {
+    /// How to render.
+    pub options: RenderOptions,
+    /// Models that all materials share.
+    pub shading: ShadingModel,
+    /// Which of the scene's cameras.
+    pub camera: Option<usize>,
+    /// Exposure of PNGs, stops.
+    pub exposure: f32,
+}
+
+impl Default for Choices {
+    fn default() -> Choices {
+        let options = RenderOptions::default();
+        Choices {
+            settings: Settings::default(),
+            camera: None,
+            aovs: options.aovs,
+            soft_terminator: options.soft_terminator,
+            time_limit: options.time_limit,
+        }
+    }
+}
+
+impl Choices {
+    /// Settles everything for a scene.
+    ///
+    /// # Errors
+    /// A usage error for a camera that the scene doesn't have and for a picture with too many pixels.
+    pub fn settle(&self, scene: &Scene) -> Result<Settled> {
+        let camera = self.camera.as_deref().map(|wanted| find_camera(scene, wanted)).transpose()?;
+        let (width, height) = self.picture_size(scene, camera.unwrap_or(0))?;
+        let settings = self.settings.or(&scene.settings);
+        let default = RenderOptions::default();
+        let options = default
+            .size(width, height)
+            .samples(settings.samples.unwrap_or(default.samples))
+            .seed(settings.seed.unwrap_or(default.seed))
+            .max_depth(settings.depth.unwrap_or(default.max_depth))
+            .filter(settings.filter.unwrap_or(default.filter))
+            .aovs(self.aovs)
+            .soft_terminator(self.soft_terminator)
+            .time_limit(self.time_limit);
+        Ok(Settled {
+            options,
+            shading: settings.shading(),
+            camera,
+            exposure: settings.exposure.unwrap_or(0.0),
+        })
+    }
+
+    /// Finds a size that is too large for any scene, before one is loaded.
+    ///
+    /// # Errors
+    /// A usage error.
+    pub fn check_size(&self) -> Result<()> {
+        match (self.settings.width, self.settings.height) {
+            (Some(width), Some(height)) => check_pixels(width, height),
+            _ => Ok(()),
+        }
+    }
+
+    fn picture_size(&self, scene: &Scene, camera: usize) -> Result<(u32, u32)> {
+        let (chosen, from_scene) = (&self.settings, &scene.settings);
+        let of_camera = scene.cameras.get(camera).and_then(|c| c.aspect_ratio);
+        let aspect = match (from_scene.width, from_scene.height) {
+            (Some(w), Some(h)) => f64::from(w) / f64::from(h),
+            _ => of_camera.filter(|a| *a > 0.0 && a.is_finite()).unwrap_or(DEFAULT_ASPECT),
+        };
+        // One dimension that is chosen makes the scene's other one meaningless: the aspect ratio stays.
+        let size = match (chosen.width, chosen.height) {
+            (None, None) => (from_scene.width, from_scene.height),
+            size => size,
+        };
+        let rounded = |v: f64| v.round().clamp(1.0, 65_536.0) as u32;
+        let (width, height) = match size {
+            (Some(w), Some(h)) => (w, h),
+            (Some(w), None) => (w, rounded(f64::from(w) / aspect)),
+            (None, Some(h)) => (rounded(f64::from(h) * aspect), h),
+            (None, None) => {
+                let width = RenderOptions::default().width;
+                (width, rounded(f64::from(width) / aspect))
+            }
+        };
+        check_pixels(width, height)?;
+        Ok((width, height))
+    }
+}
+
+impl Settled {
+    /// The camera in the scene that this was settled for.
+    ///
+    /// # Errors
+    /// An input error for a scene without a camera.
+    pub fn camera<'a>(&self, scene: &'a Scene) -> Result<&'a Camera> {
+        choose_camera(scene, self.camera)
+    }
+}
+
+fn find_camera(scene: &Scene, wanted: &str) -> Result<usize> {
+    let by_name = scene.cameras.iter().position(|c| c.name == wanted);
+    let by_number = || wanted.parse().ok().filter(|&i: &usize| i < scene.cameras.len());
+    by_name.or_else(by_number).ok_or_else(|| {
+        let names: Vec<String> =
+            scene.cameras.iter().enumerate().map(|(i, c)| format!("{i} '{}'", c.name)).collect();
+        Error::usage(format!("there is no camera '{wanted}'"))
+            .with_help(format!("the scene has: {}", names.join(", ")))
+    })
+}
+
+fn check_pixels(width: u32, height: u32) -> Result<()> {
+    if width == 0 || height == 0 {
+        return Err(Error::usage(format!("a picture of {width} x {height} pixels has none")));
+    }
+    if u64::from(width) * u64::from(height) > PIXEL_LIMIT {
+        let message = format!("{width} x {height} pixels are more than the {PIXEL_LIMIT} possible");
+        return Err(Error::usage(message).with_help("give a smaller width or height"));
+    }
+    Ok(())
+}

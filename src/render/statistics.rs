@@ -1,0 +1,37 @@
+//! Where rendering stands and what it took.
+
+/// Where rendering stands after a pass.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PassOutcome {
+    /// All pixels have the samples of the pass; there are more to take.
+    Progressed,
+    /// All samples are taken.
+    Done,
+    /// Stopped by a [`CancelHandle`]; no further pass will be taken.
+    Cancelled,
+    /// Stopped by the time limit; no further pass will be taken.
+    TimedOut,
+}
+
+/// What rendering took so far.
+#[derive(Clone, Copy, Debug, Default)]
+#[non_exhaustive]
+pub struct Statistics {
+    /// Seconds by the clock on the wall, between passes not included.
+    pub render_s: f64,
+    /// Seconds of processor time, all threads together; 0 where the system doesn't tell.
+    pub render_cpu_s: f64,
+    /// Rays traced.
+    pub rays: u64,
+    /// Paths traced.
+    pub samples: u64,
+    /// Mean number of samples a pixel.
+    pub samples_per_pixel: f64,
+    /// Samples that were NaN or infinite and left out.
+    pub invalid_samples: u64,
+    /// Stopped by the user before all samples were done.
+    pub interrupted: bool,
+    /// Stopped by the time limit before all samples were done.
+    pub timed_out: bool,
+}

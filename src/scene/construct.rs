@@ -1,0 +1,134 @@
+//! Building scenes in code: what most things are, in one call.
+
+use super::{
+    Camera, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, MeshPart, Motion,
+    Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId,
+};
+use crate::math::{DAffine3, DMat3, DQuat, DVec3};
+
+/// Adds to a list; the id is the index.
+macro_rules! add {
+    ($($(#[$doc:meta])* $name:ident: $type:ty => $list:ident, $id:ident;)*) => {
+        impl Scene {$(
+            $(#[$doc])*
+            ///
+            /// # Panics
+            /// If there are 2^32 already.
+            pub fn $name(&mut self, item: $type) -> $id {
+                let id = u32::try_from(self.$list.len()).expect("fewer than 2^32 items");
+                self.$list.push(item);
+                $id(id)
+            }
+        )*}
+    };
+}
+
+add! {
+    /// Adds a mesh; it is seen where an [`Instance`] places it.
+    add_mesh: Mesh => meshes, MeshId;
+    /// Adds a material.
+    add_material: Material => materials, MaterialId;
+    /// Adds a texture. Those that it is made of come first.
+    add_texture: Texture => textures, TextureId;
+    /// Adds an image.
+    add_image: Image => images, ImageId;
+}
+
+impl Mesh {
+    /// Triangles of one material, without texture coordinates, with flat shading.
+    pub fn new(
+        name: impl Into<String>,
+        positions: Vec<[f32; 3]>,
+        triangles: Vec<[u32; 3]>,
+        material: MaterialId,
+    ) -> Mesh {
+        let triangle_count = u32::try_from(triangles.len()).unwrap_or(u32::MAX);
+        let parts = vec![MeshPart { first_triangle: 0, triangle_count, material }];
+        Mesh { name: name.into(), positions, triangles, parts, ..Mesh::default() }
+    }
+}
+
+impl Instance {
+    /// A mesh, placed.
+    pub fn new(mesh: MeshId, world_from_object: DAffine3) -> Instance {
+        Instance { name: String::new(), mesh, world_from_object, material: None, motion: Motion::Still }
+    }
+}
+
+impl Shape {
+    /// A sphere.
+    pub fn sphere(center: impl Into<DVec3>, radius: f64, material: MaterialId) -> Shape {
+        let (name, kind) = (String::new(), ShapeKind::Sphere);
+        Shape { name, kind, center: center.into(), radius, rotation: DQuat::IDENTITY, material }
+    }
+
+    /// A flat disk whose front faces `normal`, which may have any length but 0.
+    pub fn disk(
+        center: impl Into<DVec3>,
+        normal: impl Into<DVec3>,
+        radius: f64,
+        material: MaterialId,
+    ) -> Shape {
+        let rotation = DQuat::from_rotation_arc(DVec3::Z, normal.into().normalize_or(DVec3::Z));
+        let (name, kind) = (String::new(), ShapeKind::Disk);
+        Shape { name, kind, center: center.into(), radius, rotation, material }
+    }
+}
+
+impl Quad {
+    /// A parallelogram from a corner along two edges; its front is on the side of `edge_u x edge_v`.
+    pub fn new(
+        corner: impl Into<DVec3>,
+        edge_u: impl Into<DVec3>,
+        edge_v: impl Into<DVec3>,
+        material: MaterialId,
+    ) -> Quad {
+        let name = String::new();
+        Quad { name, corner: corner.into(), edge_u: edge_u.into(), edge_v: edge_v.into(), material }
+    }
+}
+
+impl Light {
+    /// A point that shines equally in all directions with a radiant intensity, W/sr.
+    pub fn point(position: impl Into<DVec3>, intensity: [f32; 3]) -> Light {
+        Light { name: String::new(), kind: LightKind::Point { position: position.into() }, intensity }
+    }
+
+    /// A cone with a radiant intensity, W/sr, within `inner_angle_rad` of its axis; it fades to nothing at
+    /// `outer_angle_rad`. The direction may have any length but 0.
+    pub fn spot(
+        position: impl Into<DVec3>,
+        direction: impl Into<DVec3>,
+        [inner_angle_rad, outer_angle_rad]: [f64; 2],
+        intensity: [f32; 3],
+    ) -> Light {
+        let direction = direction.into().normalize_or(DVec3::NEG_Z);
+        let (position, fade) = (position.into(), SpotFade::Square);
+        let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade };
+        Light { name: String::new(), kind, intensity }
+    }
+
+    /// Parallel light that travels along a direction of any length but 0, with an irradiance, W/m2, on what faces it.
+    pub fn directional(direction: impl Into<DVec3>, irradiance: [f32; 3]) -> Light {
+        let direction = direction.into().normalize_or(DVec3::NEG_Z);
+        Light { name: String::new(), kind: LightKind::Directional { direction }, intensity: irradiance }
+    }
+}
+
+impl Camera {
+    /// A pinhole at `from` that looks at a point with y up; `vfov_deg` is the full vertical angle of view in degrees.
+    pub fn look_at(from: impl Into<DVec3>, at: impl Into<DVec3>, vfov_deg: f64) -> Camera {
+        let (from, at) = (from.into(), at.into());
+        let back = (from - at).normalize_or(DVec3::Z);
+        // Straight up or down, -z is at the top of the picture.
+        let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
+        let rotation = DMat3::from_cols(right, back.cross(right), back);
+        Camera {
+            name: String::new(),
+            world_from_camera: DAffine3::from_mat3_translation(rotation, from),
+            projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
+            aspect_ratio: None,
+            lens: None,
+        }
+    }
+}
