@@ -121,6 +121,7 @@ impl Lobe for ThinDielectric {
 impl Transmissive for Dielectric {
     const SCATTERS_THROUGH: bool = false;
     const REFRACTS: bool = true;
+    const TURNS_OVER: bool = true;
 
     #[inline(always)]
     fn with_ior(self, ior: f32) -> Self {
@@ -131,6 +132,7 @@ impl Transmissive for Dielectric {
 impl Transmissive for ThinDielectric {
     const SCATTERS_THROUGH: bool = false;
     const REFRACTS: bool = false;
+    const TURNS_OVER: bool = true;
 
     #[inline(always)]
     fn with_ior(self, _ior: f32) -> Self {

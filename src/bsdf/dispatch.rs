@@ -1,8 +1,8 @@
 //! Makes the closed enums over all BSDFs, and what calls their parts, of one table.
 
 /// Makes `Bsdf`, `BsdfClass` and `BsdfProgram` of a table. Each row names a [`super::Lobe`] and its
-/// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well. `Black`, which does nothing,
-/// is always there.
+/// [`super::MaterialProgram`], each with its file; rows under `transmissive` are [`super::Transmissive`] as well.
+/// `Black`, which does nothing, is always there.
 macro_rules! bsdfs {
     (
         opaque {$(
@@ -132,6 +132,16 @@ macro_rules! bsdfs {
                     Bsdf::Black => false,
                     $(Bsdf::$opaque(_) => false,)*
                     $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::SCATTERS_THROUGH,)*
+                }
+            }
+
+            /// See [`Transmissive::TURNS_OVER`].
+            #[inline]
+            pub fn turns_over(&self) -> bool {
+                match self {
+                    Bsdf::Black => false,
+                    $(Bsdf::$opaque(_) => false,)*
+                    $(Bsdf::$transmissive(_) => <$transmissive as Transmissive>::TURNS_OVER,)*
                 }
             }
 

@@ -217,6 +217,7 @@ impl Lobe for Layered {
 impl Transmissive for Layered {
     const SCATTERS_THROUGH: bool = true;
     const REFRACTS: bool = true;
+    const TURNS_OVER: bool = false;
 
     #[inline(always)]
     fn with_ior(mut self, ior: f32) -> Self {

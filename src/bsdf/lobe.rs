@@ -31,6 +31,10 @@ pub trait Transmissive: Lobe {
     /// May it be the surface of a solid, which bends light?
     const REFRACTS: bool;
 
+    /// May its sides change places, so that glass of a lower index than what surrounds it is glass of the inverse index
+    /// that is seen from within? What has layers on its outside may not.
+    const TURNS_OVER: bool;
+
     /// With another index of refraction of its glass, for one wavelength of a dispersive material.
     fn with_ior(self, ior: f32) -> Self;
 }

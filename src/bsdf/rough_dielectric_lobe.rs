@@ -131,6 +131,7 @@ impl Lobe for RoughDielectric {
 impl Transmissive for RoughDielectric {
     const SCATTERS_THROUGH: bool = true;
     const REFRACTS: bool = true;
+    const TURNS_OVER: bool = true;
 
     #[inline(always)]
     fn with_ior(self, ior: f32) -> Self {

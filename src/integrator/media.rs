@@ -109,11 +109,11 @@ impl Integrator<'_> {
         if ior >= 1.0 {
             return Boundary { bsdf: bsdf.with_ior(ior), is_inverted: false, beyond };
         }
-        match bsdf {
-            // Layers stay on the outside; their glass takes the nearest index that it can have.
-            Bsdf::Layered(_) => Boundary { bsdf: bsdf.with_ior(1.0), is_inverted: false, beyond },
-            _ => Boundary { bsdf: bsdf.with_ior(1.0 / ior), is_inverted: true, beyond },
+        if bsdf.turns_over() {
+            return Boundary { bsdf: bsdf.with_ior(1.0 / ior), is_inverted: true, beyond };
         }
+        // Its glass takes the nearest index that it can have.
+        Boundary { bsdf: bsdf.with_ior(1.0), is_inverted: false, beyond }
     }
 }
 

@@ -20,6 +20,7 @@ use std::path::Path;
 
 /// The kinds of files that can be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Format {
     /// OpenEXR: linear, scene-referred.
     Exr,

@@ -4,6 +4,7 @@ use crate::color::srgb_from_linear;
 
 /// How linear values become 8-bit ones.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ViewTransform {
     /// The sRGB transfer function; what is above 1 is clipped.
     #[default]

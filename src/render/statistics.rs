@@ -8,7 +8,7 @@ pub enum PassOutcome {
     Progressed,
     /// All samples are taken.
     Done,
-    /// Stopped by a [`CancelHandle`]; no further pass will be taken.
+    /// Stopped by a [`CancelHandle`](super::CancelHandle); no further pass will be taken.
     Cancelled,
     /// Stopped by the time limit; no further pass will be taken.
     TimedOut,

@@ -81,6 +81,7 @@ pub struct Shape {
 
 /// Kinds of shapes that are no meshes. What is said of x, y and z holds before the shape is turned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum ShapeKind {
     /// A sphere. Textures go around the y axis.
     Sphere,

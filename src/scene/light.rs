@@ -43,6 +43,7 @@ pub enum LightKind {
 
 /// How a spot light fades from its inner cone to its outer one.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum SpotFade {
     /// The square of a line in the cosine of the angle, from 1 at the inner cone to 0 at the outer
     /// (KHR_lights_punctual).

@@ -35,6 +35,7 @@ macro_rules! models {
     ) => {
         /// How a surface scatters light.
         #[derive(Clone, Debug, PartialEq)]
+        #[non_exhaustive]
         pub enum Model {
             /// Absorbs everything (pure emitters).
             Black,

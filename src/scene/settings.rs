@@ -4,6 +4,7 @@ use super::model::FresnelModel;
 
 /// Reconstruction filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum Filter {
     /// One pixel wide, constant.
     Box,

@@ -47,6 +47,7 @@ impl Default for TextureTransform {
 
 /// Where a texture takes its coordinates from.
 #[derive(Clone, Copy, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Mapping {
     /// Texture coordinates of the surface: the mesh's set of that number; a sphere's longitude and latitude; a quad's
     /// edge parameters.
@@ -74,6 +75,7 @@ impl Default for Mapping {
 
 /// Kinds of noise.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
 pub enum NoiseKind {
     /// Gradient noise, mapped to 0..1.
     #[default]
@@ -86,6 +88,7 @@ pub enum NoiseKind {
 
 /// A texture.
 #[derive(Clone, Debug, PartialEq)]
+#[non_exhaustive]
 pub enum Texture {
     /// One colour.
     Solid([f32; 3]),
