@@ -7,7 +7,7 @@ use crate::camera::Camera;
 use crate::color::Rgb;
 use crate::film::FilterSampler;
 use crate::math::Ray;
-use crate::sampling::sampler::{Dimensions, SobolPoint, pixel_seed};
+use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
@@ -34,7 +34,7 @@ impl Integrator<'_> {
         w.rays.extend((0..count).map(start));
     }
 
-    /// Gives each path its pixel's seed and its sample's number, and the first lanes of the scratch memory the pixel's
+    /// Gives each path its pixel's seed and its sample's number in the sequence of that, and the first lanes of the scratch memory the pixel's
     /// corner.
     fn number_samples(
         &self,
@@ -45,13 +45,13 @@ impl Integrator<'_> {
         [film_x, film_y, ..]: &mut Scratch,
     ) {
         let mut at = Cursor::new(block, first);
-        let mut seed = pixel_seed(at.x, at.y, self.options.seed);
+        let (mut seed, mut start) = self.options.arrangement.first(at.x, at.y);
         for i in 0..count {
             if at.sample == 0 {
-                seed = pixel_seed(at.x, at.y, self.options.seed);
+                (seed, start) = self.options.arrangement.first(at.x, at.y);
             }
             path.seed[i] = seed;
-            path.shuffled[i] = block.first_sample + at.sample as u32;
+            path.shuffled[i] = start + block.first_sample + at.sample as u32;
             path.sample[i] = i as u32;
             (film_x[i], film_y[i]) = (at.x as f32, at.y as f32);
             at.advance(u64::from(block.samples));

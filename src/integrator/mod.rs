@@ -39,6 +39,7 @@ pub use wave::Workspace;
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler};
+use crate::sampling::Arrangement;
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
@@ -50,8 +51,8 @@ use wave::PathParts;
 pub struct PathOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
-    /// Seed of all randomness.
-    pub seed: u32,
+    /// Which random points each sample takes.
+    pub arrangement: Arrangement,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
     /// AOVs of first hits that are asked for.

@@ -12,6 +12,7 @@ use crate::error::{Result, Warning};
 use crate::film::{Film, FilmTile, FilterSampler, Layout};
 use crate::integrator::{Block, Integrator, PathOptions, Workspace};
 use crate::output::{Metadata, OutputOptions, PngOptions};
+use crate::sampling::Arrangement;
 use crate::scene::Camera;
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -220,7 +221,7 @@ impl Rendering {
         let start = Instant::now();
         let paths = PathOptions {
             max_depth: self.options.max_depth,
-            seed: self.options.seed,
+            arrangement: Arrangement::new(self.options.seed, self.options.samples),
             filter: &self.filter,
             aovs: self.options.aovs.of_first_hits(),
             soft_terminator: self.options.soft_terminator,

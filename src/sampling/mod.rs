@@ -4,6 +4,7 @@
 //! Conventions: `u` is uniform in `[0, 1)` per component. Densities name their measure. Samplers are free of libm and
 //! (apart from table searches) of data-dependent branches, so that loops over paths vectorise.
 
+mod arrangement;
 pub mod bilinear;
 #[doc(hidden)]
 pub mod chi2;
@@ -13,6 +14,7 @@ pub mod mis;
 pub mod sampler;
 pub mod warp;
 
+pub use arrangement::Arrangement;
 pub use bilinear::{BilinearMap, MapSample, MapSamples};
 pub use distribution::AliasTable;
 pub use mis::power_heuristic;
