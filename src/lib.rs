@@ -23,7 +23,7 @@
 //! - Metres, seconds, radians (names end in `_rad` where degrees could be meant; scene files use degrees).
 //! - Right-handed, y up; cameras look down -z, as in glTF.
 //! - Colours are linear Rec. 709 and scene-referred; emission is radiance.
-//! - Randomness is a pure function of (pixel, sample, dimension, seed). The same call gives the same pixels at any
+//! - Randomness is a pure function of (pixel, sample, dimension, seed, samples planned). The same call gives the same pixels at any
 //!   number of threads and on every CPU level.
 //! - Vectors and transforms are those of [`glam`].
 //!

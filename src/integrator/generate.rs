@@ -34,8 +34,8 @@ impl Integrator<'_> {
         w.rays.extend((0..count).map(start));
     }
 
-    /// Gives each path its pixel's seed and its sample's number in the sequence of that, and the first lanes of the scratch memory the pixel's
-    /// corner.
+    /// Gives each path its pixel's seed and its sample's number in the sequence of that seed, and the first lanes of the
+    /// scratch memory the pixel's corner.
     fn number_samples(
         &self,
         block: &Block,

@@ -131,7 +131,7 @@ fn lamps_that_are_partly_absent() {
         let lamp = material(&mut scene, lamp);
         quad(&mut scene, [0.0, 1.0, 0.0], [4.0, 0.0, 0.0], [0.0, 0.0, 4.0], lamp);
         let what = format!("lamp with alpha 0.25, {mode:?}");
-        assert_radiance(&what, &scene, &options(16, 256, 1), truth, 4e-3);
+        assert_radiance(&what, &scene, &options(16, 512, 1), truth, 4e-3);
     }
 }
 

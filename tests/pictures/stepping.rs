@@ -29,21 +29,23 @@ fn bits(film: &Film) -> Vec<(String, Vec<u32>)> {
 #[test]
 fn after_each_pass_the_film_is_the_picture_of_that_many_samples() {
     let scene = cornell();
-    let whole = options(40, 20, 100).aovs(all());
+    let whole = options(40, 28, 100).aovs(all());
     let mut stepping = rendering(&scene, &whole);
     assert_eq!(stepping.film().unsampled_pixels(), 1600);
-    for (samples, outcome) in
-        [(8, PassOutcome::Progressed), (16, PassOutcome::Progressed), (20, PassOutcome::Done)]
-    {
+    let progressed = PassOutcome::Progressed;
+    for (samples, outcome) in [(8, progressed), (16, progressed), (24, progressed), (28, PassOutcome::Done)] {
         assert_eq!(stepping.next_pass(), outcome);
         let statistics = stepping.statistics();
         assert_eq!((statistics.samples, statistics.samples_per_pixel), (1600 * samples, samples as f64));
-        let fewer = picture(&scene, &whole.samples(samples as u32));
-        assert!(bits(stepping.film()) == bits(&fewer), "{samples} samples");
+        // Fewer samples than half as many are arranged differently.
+        if samples > 16 {
+            let fewer = picture(&scene, &whole.samples(samples as u32));
+            assert!(bits(stepping.film()) == bits(&fewer), "{samples} samples");
+        }
     }
     let rays = stepping.statistics().rays;
     assert_eq!(stepping.next_pass(), PassOutcome::Done);
-    assert_eq!((stepping.statistics().rays, stepping.film().samples(0, 0)), (rays, 20));
+    assert_eq!((stepping.statistics().rays, stepping.film().samples(0, 0)), (rays, 28));
     assert!(bits(stepping.film()) == bits(&picture(&scene, &whole)));
 }
 
@@ -66,7 +68,9 @@ fn a_handle_stops_between_passes_and_within_one() {
     std::thread::spawn(move || assert!(!handle.cancel())).join().expect("the thread ends");
     assert_eq!((stopped.next_pass(), stopped.run()), (PassOutcome::Cancelled, PassOutcome::Cancelled));
     assert!(stopped.statistics().interrupted && stopped.statistics().samples_per_pixel == 8.0);
-    assert!(bits(stopped.film()) == bits(&picture(&scene, &options(40, 8, 100))));
+    let mut one_pass = rendering(&scene, &options(40, 64, 100));
+    one_pass.next_pass();
+    assert!(bits(stopped.film()) == bits(one_pass.film()));
 
     // From the first event on: finished tiles stay.
     let handle = CancelHandle::new();
