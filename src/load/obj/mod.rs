@@ -26,7 +26,7 @@ use lines::by_tobj;
 use maps::Maps;
 use mtl::Mtl;
 use statements::{MaterialName, Statements};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -58,7 +58,13 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         let message = format!("{dropped} triangles with corners that are not finite numbers were dropped");
         loaded.warnings.push(Warning::new(path, "", message));
     }
-    for (_, m) in &libraries {
+    let mut defined = HashSet::new();
+    for (library, m) in &libraries {
+        if !defined.insert(&m.name) {
+            let message = format!("material '{}' was defined before: the first counts", m.name);
+            loaded.warnings.push(Warning::new(library, "", message));
+            continue;
+        }
         if !materials.iter().any(|used| used.0 == m.name) {
             loaded.left_out.push(format!("material '{}': no face uses it", m.name));
         }
