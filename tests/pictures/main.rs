@@ -5,6 +5,7 @@ mod compile_scene;
 mod converged;
 mod determinism;
 mod references;
+mod reuse;
 mod solids;
 mod stepping;
 mod support;
