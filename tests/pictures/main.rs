@@ -9,3 +9,4 @@ mod solids;
 mod stepping;
 mod support;
 mod textured;
+mod validated;

@@ -1,0 +1,31 @@
+//! Lists of numbers that may hold NaN or infinity.
+
+/// Are all numbers finite? Finite floats have bit patterns below that of infinity, so the largest pattern decides: there is
+/// no branch, and many are looked at in one step.
+pub fn all_finite(numbers: &[f32]) -> bool {
+    let magnitude = |x: &f32| x.to_bits() & 0x7fff_ffff;
+    numbers.iter().fold(0, |largest, x| largest.max(magnitude(x))) < f32::INFINITY.to_bits()
+}
+
+/// How many are NaN or infinite.
+pub fn count_not_finite(numbers: &[f32]) -> usize {
+    numbers.iter().filter(|x| !x.is_finite()).count()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nan_and_infinity_are_found_wherever_they_are() {
+        for bad in [f32::NAN, -f32::NAN, f32::INFINITY, f32::NEG_INFINITY] {
+            for at in 0..37 {
+                let mut list = [f32::MAX, -f32::MAX, 1e-45, -0.0].repeat(10);
+                assert!(all_finite(&list) && count_not_finite(&list) == 0);
+                list[at] = bad;
+                assert!(!all_finite(&list) && count_not_finite(&list) == 1, "{bad} at {at}");
+            }
+        }
+        assert!(all_finite(&[]));
+    }
+}
