@@ -24,10 +24,13 @@ const MAX_VERTICES: usize = u32::MAX as usize;
 /// Compiles a scene.
 ///
 /// # Errors
-/// An input error with all that [`Scene::validate`] finds, or for a scene with more triangles or vertices than can be
+/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more triangles or vertices than can be
 /// addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
     check(scene.validate())?;
+    if let Some(anchor) = options.anchor.filter(|anchor| !anchor.is_finite()) {
+        check(vec![Problem::new("anchor", format!("is {anchor:?}, but must be finite"))])?;
+    }
     compile_after(None, scene, options, false)
 }
 

@@ -32,10 +32,13 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
         let is_met = (0.0..PI).contains(&angle);
         findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
         let distance = lens.focus_distance;
-        findings.require(is_length(distance), place, "focus_distance", distance, LENGTH);
+        let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
+        findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
     }
 }
 
+/// Nothing is seen beyond, metres.
+const FARTHEST_FOCUS: f64 = 1e18;
 const LENGTH: &str = "a finite number above 0";
 
 fn is_length(x: f64) -> bool {

@@ -7,7 +7,7 @@ use crate::scene::Scene;
 use rayon::prelude::*;
 
 /// Numbers that one thread looks at in a row.
-const BLOCK: usize = 1 << 20;
+const BLOCK: usize = 1 << 16;
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (index, image) in scene.images.iter().enumerate() {

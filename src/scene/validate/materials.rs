@@ -8,6 +8,9 @@ use crate::scene::{
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
 const COLOR: &str = "finite numbers from 0 up";
+/// Larger indices of metals, whose fourth powers Fresnel's equations take, mean nothing.
+const MOST_INDEX: f32 = 1e4;
+const INDEX: &str = "numbers from 0 to 10,000";
 const CHANNEL: &str = "a channel from 0 to 3";
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
@@ -78,8 +81,9 @@ fn check_model(model: &Model, place: Place, findings: &mut Findings) {
         | Model::Phong { .. }
         | Model::SchlickMetal { .. } => {}
         Model::Conductor { eta, k, .. } => {
-            findings.require(is_color(eta), place, "eta", eta, COLOR);
-            findings.require(is_color(k), place, "k", k, COLOR);
+            let is_index = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=MOST_INDEX).contains(c));
+            findings.require(is_index(eta), place, "eta", eta, INDEX);
+            findings.require(is_index(k), place, "k", k, INDEX);
         }
         Model::Dielectric { ior, .. } | Model::Glass { ior, .. } => {
             findings.require(*ior != 0.0, place, "ior", ior, "a finite number above 0");

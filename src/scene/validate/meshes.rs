@@ -4,6 +4,10 @@
 use super::findings::{Findings, Place};
 use crate::math::{all_finite, count_not_finite};
 use crate::scene::{Mesh, Scene};
+use rayon::prelude::*;
+
+/// Numbers that one thread looks at in a row.
+const BLOCK: usize = 1 << 16;
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (index, mesh) in scene.meshes.iter().enumerate() {
@@ -16,15 +20,19 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
 }
 
 fn check_triangles(mesh: &Mesh, place: Place, findings: &mut Findings) {
-    let indices = mesh.triangles.as_flattened();
-    let largest = indices.iter().fold(0, |largest, &i| largest.max(i));
-    let is_met = indices.is_empty() || (largest as usize) < mesh.positions.len();
-    findings.require(is_met, place, "triangles", largest, "indices below the number of positions");
+    let (indices, vertices) = (mesh.triangles.as_flattened(), mesh.positions.len());
+    // More vertices than indices can tell apart: all are in range.
+    let Ok(vertices) = u32::try_from(vertices) else { return };
+    let are_in_range = |block: &[u32]| !block.iter().fold(false, |bad, &i| bad | (i >= vertices));
+    if !indices.par_chunks(BLOCK).all(are_in_range) {
+        let largest = indices.iter().fold(0, |largest, &i| largest.max(i));
+        findings.reject(place, "triangles", largest, "indices below the number of positions");
+    }
 }
 
 fn check_numbers(mesh: &Mesh, place: Place, findings: &mut Findings) {
     let mut check = |field, numbers: &[f32]| {
-        if !all_finite(numbers) {
+        if !numbers.par_chunks(BLOCK).all(all_finite) {
             findings.count_not_finite(place, field, count_not_finite(numbers), numbers.len());
         }
     };

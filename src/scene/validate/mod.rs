@@ -14,6 +14,8 @@ mod materials;
 mod meshes;
 mod objects;
 mod settings;
+#[cfg(test)]
+mod tests;
 mod textures;
 
 use super::{Camera, Scene};

@@ -2,10 +2,15 @@
 
 use oscura::sampling::chi2::Random;
 
+/// With numbers of at most this magnitude nothing overflows on the way to a picture.
+const TAME: f64 = 1e6;
+
 /// A stream of decisions with the trail of what they changed.
 pub struct Dice {
     random: Random,
     path: Vec<String>,
+    /// A number beyond [`TAME`] came up.
+    pub is_wild: bool,
     /// Each change: where, and what is there now.
     pub trail: Vec<String>,
 }
@@ -13,7 +18,7 @@ pub struct Dice {
 impl Dice {
     /// A stream.
     pub fn new(seed: u64) -> Dice {
-        Dice { random: Random::new(seed), path: Vec::new(), trail: Vec::new() }
+        Dice { random: Random::new(seed), path: Vec::new(), is_wild: false, trail: Vec::new() }
     }
 
     /// A number below `count`.
@@ -34,6 +39,11 @@ impl Dice {
     /// A number in -2..2.
     pub fn tame(&mut self) -> f32 {
         4.0 * self.random.next() - 2.0
+    }
+
+    /// Takes down whether a number is wild.
+    pub fn weigh(&mut self, number: f64) {
+        self.is_wild |= number.abs() > TAME;
     }
 
     /// Works on a part of what is being changed.

@@ -27,6 +27,9 @@ macro_rules! numbers {
                 let values: fn($type, &mut Dice) -> Vec<$type> = $values;
                 let values = values(*self, dice);
                 *self = dice.pick(&values);
+                if stringify!($type).starts_with('f') {
+                    dice.weigh(f64::from(*self as f32));
+                }
                 dice.note(format!("= {self:?}"));
             }
         }
@@ -51,7 +54,17 @@ numbers! {
     ];
     u16: 30_000, |_, _| vec![0, 1, 32_767, 65_535];
     u8: 1, |_, _| vec![0, 1, 2, 3, 4, 7, 128, 255];
-    bool: false, |now, _| vec![!now];
+}
+
+impl Mutate for bool {
+    fn fresh(_: &mut Dice) -> bool {
+        false
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self = !*self;
+        dice.note(format!("= {self}"));
+    }
 }
 
 impl Mutate for String {
@@ -220,6 +233,7 @@ impl Mutate for DAffine3 {
                 *self = DAffine3::from_cols_array(&columns);
             }
         }
+        self.to_cols_array().into_iter().for_each(|x| dice.weigh(x));
         dice.note(format!("= {:?}", self.to_cols_array()));
     }
 }
