@@ -45,9 +45,9 @@ const SIZES: [u32; 8] = [8, 8, 8, 8, 8, 5, 1, 0];
 
 /// Frames of a few pixels, with everything that can be recorded.
 fn picture_options(dice: &mut Dice) -> RenderOptions {
-    options(8, 2, 6)
-        .aovs(Aov::ALL.iter().copied().collect::<oscura::film::AovSet>())
-        .seed(dice.below(100) as u32)
+    let (width, height, depth) = (dice.pick(&SIZES), dice.pick(&SIZES), dice.pick(&[0, 1, 6, 6, 6]));
+    let all: AovSet = Aov::ALL.iter().copied().collect();
+    options(8, 2, depth).size(width, height).aovs(all).seed(dice.below(100) as u32)
 }
 
 /// Validates, compiles and renders; what is wrong is returned or a panic.
