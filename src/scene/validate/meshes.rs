@@ -66,5 +66,5 @@ fn check_parts(mesh: &Mesh, materials: usize, place: Place, findings: &mut Findi
         }
         next += u64::from(part.triangle_count);
     }
-    findings.require(next == mesh.triangles.len() as u64, place, "parts", &mesh.parts.last(), IN_ORDER);
+    findings.require(next == mesh.triangles.len() as u64, place, "parts", mesh.parts.last(), IN_ORDER);
 }

@@ -109,7 +109,14 @@ fn textures_and_images() {
     );
     let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
     (image.width, image.channels) = (3, 5);
-    scene = Scene { images: vec![image], ..Scene::default() };
+    let texture = Texture::Image {
+        image: ImageId(0),
+        wrap_u: Default::default(),
+        wrap_v: Default::default(),
+        interpolation: Default::default(),
+        mapping: Mapping::default(),
+    };
+    scene = Scene { images: vec![image], textures: vec![texture], ..Scene::default() };
     scene.environment = Environment::Image { image: ImageId(1), strength: -1.0, rotation_rad: 0.0 };
     assert_eq!(
         told(&scene),
