@@ -10,3 +10,4 @@ mod solids;
 mod stepping;
 mod support;
 mod textured;
+mod validated;

@@ -15,7 +15,7 @@ mod header;
 mod lines;
 mod points;
 
-use super::shapes::drop_unusable_triangles;
+use super::shapes::Repairs;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::DAffine3;
@@ -113,11 +113,9 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         return points::spheres(path, &mesh, options);
     }
     let mut loaded = Loaded::default();
-    let dropped = drop_unusable_triangles(&mut mesh);
-    if dropped > 0 {
-        let message = format!("{dropped} triangles with corners that are not finite numbers were dropped");
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
+    let mut repairs = Repairs::default();
+    repairs.make(&mut mesh);
+    loaded.warnings.extend(repairs.warnings(path));
     let triangle_count = u32::try_from(mesh.triangles.len())
         .map_err(|_| Error::input(path, "has more than 4,294,967,295 triangles"))?;
     mesh.parts = vec![MeshPart { first_triangle: 0, triangle_count, material: MaterialId(0) }];
