@@ -173,7 +173,7 @@ fn shipped() -> Vec<(String, Scene)> {
         "scenes/thesis/world-map.toml",
     ];
     let load = |name: &str| {
-        let loaded = oscura::load::load(&root.join(name), &Default::default()).expect("the scene loads");
+        let loaded = oscura::load::load(root.join(name), &Default::default()).expect("the scene loads");
         (name.to_string(), loaded.scene)
     };
     names.into_iter().map(load).collect()
