@@ -27,7 +27,7 @@ mod structure;
 mod tests;
 mod validate;
 
-pub use gather::Dropped;
+pub use gather::{Dropped, is_in_reach};
 pub use input::{AccelInput, AccelInstance, BuildOptions, Geometry, Quality, Reuse};
 pub use parts::BuildStats;
 pub use structure::Accel;

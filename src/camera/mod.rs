@@ -67,7 +67,9 @@ impl Camera {
             let radius = self.lens_radius * lens[0].sqrt();
             let (sin, cos) = poly::sin_cos_turns(lens[1]);
             let origin = origin + self.right * (radius * cos) + self.up * (radius * sin);
-            return Ray::new(origin, (focus - origin).normalize());
+            // Far from the anchor, rounding may leave nothing between two points that are close together.
+            let direction = (focus - origin).try_normalize().unwrap_or_else(|| direction.normalize());
+            return Ray::new(origin, direction);
         }
         Ray::new(origin, direction.normalize())
     }

@@ -2,13 +2,16 @@
 
 use super::Outcome;
 use super::args::CompareArgs;
-use super::json::Json;
+use super::json;
 use super::report::print_line;
 use oscura::error::{Error, Result};
 use oscura::image::Image;
 use oscura::load::image::load_linear_rgb;
-use oscura::metrics::{BLOCK, Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test};
+use oscura::metrics::{
+    BLOCK, ChannelTest, Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test,
+};
 use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
+use serde::Serialize;
 use std::path::Path;
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
@@ -41,7 +44,7 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
         write_atomically(path, &png)?;
     }
     if args.json {
-        print_line(&to_json(&measured, test.as_ref()).to_string());
+        json::print(&Report::new(&measured, test.as_ref()));
     } else {
         print(&measured, test.as_ref());
     }
@@ -89,26 +92,50 @@ fn print(measured: &Errors, test: Option<&ZTest>) {
     print_line(if test.agrees() { "the pictures agree" } else { "the pictures disagree" });
 }
 
-fn to_json(measured: &Errors, test: Option<&ZTest>) -> Json {
-    let verdict = test.map_or(Json::Null, |test| {
-        let each =
-            |f: fn(&oscura::metrics::ChannelTest) -> f64| Json::decimals(&test.channels.map(|c| f(&c)));
-        Json::Object(vec![
-            ("agrees", Json::Bool(test.agrees())),
-            ("mean", each(|c| c.mean)),
-            ("reference_mean", each(|c| c.reference)),
-            ("sigma", each(|c| c.sigma)),
-            ("z", each(|c| c.z())),
-            ("beyond_3_sigma", Json::Decimal(test.beyond_3_sigma)),
-            ("beyond_5_sigma", Json::Decimal(test.beyond_5_sigma)),
-        ])
-    });
-    Json::Object(vec![
-        ("rmse", Json::Decimal(measured.rmse)),
-        ("rel_mse", Json::Decimal(measured.rel_mse)),
-        ("mean", Json::decimals(&measured.mean)),
-        ("reference_mean", Json::decimals(&measured.reference_mean)),
-        ("mean_ratio", Json::decimals(&measured.mean_ratio())),
-        ("z_test", verdict),
-    ])
+/// What `--json` says.
+#[derive(Serialize)]
+struct Report {
+    rmse: f64,
+    rel_mse: f64,
+    mean: [f64; 3],
+    reference_mean: [f64; 3],
+    mean_ratio: [f64; 3],
+    z_test: Option<Verdict>,
+}
+
+/// The z-test, by channel where it is a list.
+#[derive(Serialize)]
+struct Verdict {
+    agrees: bool,
+    mean: [f64; 3],
+    reference_mean: [f64; 3],
+    sigma: [f64; 3],
+    z: [f64; 3],
+    beyond_3_sigma: f64,
+    beyond_5_sigma: f64,
+}
+
+impl Report {
+    fn new(measured: &Errors, test: Option<&ZTest>) -> Report {
+        let verdict = |test: &ZTest| {
+            let each = |f: fn(&ChannelTest) -> f64| test.channels.map(|c| f(&c));
+            Verdict {
+                agrees: test.agrees(),
+                mean: each(|c| c.mean),
+                reference_mean: each(|c| c.reference),
+                sigma: each(|c| c.sigma),
+                z: each(|c| c.z()),
+                beyond_3_sigma: test.beyond_3_sigma,
+                beyond_5_sigma: test.beyond_5_sigma,
+            }
+        };
+        Report {
+            rmse: measured.rmse,
+            rel_mse: measured.rel_mse,
+            mean: measured.mean,
+            reference_mean: measured.reference_mean,
+            mean_ratio: measured.mean_ratio(),
+            z_test: test.map(verdict),
+        }
+    }
 }

@@ -18,6 +18,7 @@ mod process;
 mod progress;
 mod render;
 mod report;
+mod report_json;
 mod scene_path;
 mod settings;
 
@@ -48,7 +49,7 @@ pub(crate) fn main() -> ExitCode {
             report::error(&error);
             let code = exit_code(&error);
             if json {
-                report::print_line(&report::error_json(&error, code).to_string());
+                json::print(&report_json::of_error(&error, code));
             }
             ExitCode::from(code)
         }

@@ -25,7 +25,7 @@ impl Targets {
             }
             targets.push((path.clone(), format));
         }
-        paths.iter().try_for_each(|path| check_target(path))?;
+        paths.iter().try_for_each(check_target)?;
         Ok(Targets(targets))
     }
 

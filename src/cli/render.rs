@@ -7,9 +7,10 @@ use super::frames::Frames;
 use super::pictures::{Pictures, Targets};
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::Progress;
-use super::report::{self, Run, Said};
+use super::report::{Run, Said};
 use super::scene_path;
 use super::settings::{choices, png, without_exr};
+use super::{json, report_json};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
@@ -134,7 +135,7 @@ fn run_one(
         run.print();
     }
     if args.json {
-        report::print_line(&run.to_json().to_string());
+        json::print(&report_json::of_run(&run));
     }
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }

@@ -1,10 +1,9 @@
 //! What the user reads: errors, warnings and the report at the end.
 
 use super::excerpt::Excerpt;
-use super::json::Json;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::compile::CompileReport;
-use oscura::error::{Error, ErrorKind, Problem, Warning};
+use oscura::error::{Error, Problem, Warning};
 use oscura::render::Statistics;
 use std::collections::HashSet;
 use std::fmt;
@@ -98,24 +97,6 @@ fn theme() -> miette::GraphicalTheme {
     }
 }
 
-/// An error for `--json`.
-pub(crate) fn error_json(error: &Error, exit_code: u8) -> Json {
-    let kind = match error.kind {
-        ErrorKind::Usage => "usage",
-        ErrorKind::Input => "input",
-        ErrorKind::Output => "output",
-        ErrorKind::Interrupted => "interrupted",
-    };
-    let file = error.file.as_ref().map_or(Json::Null, |f| Json::Text(f.display().to_string()));
-    let fields = vec![
-        ("kind", Json::Text(kind.into())),
-        ("exit_code", Json::Integer(exit_code.into())),
-        ("file", file),
-        ("problems", Json::texts(&error.problems)),
-    ];
-    Json::Object(vec![("error", Json::Object(fields))])
-}
-
 /// Prints a line on standard output. Nobody listening any more is no error.
 pub(crate) fn print_line(line: &str) {
     let _ = writeln!(std::io::stdout(), "{line}");
@@ -168,38 +149,6 @@ pub(crate) struct Run {
 }
 
 impl Run {
-    /// The object that `--json` prints.
-    pub fn to_json(&self) -> Json {
-        let (s, c) = (&self.statistics, &self.compiled);
-        Json::Object(vec![
-            ("load_s", Json::Decimal(self.load_s)),
-            ("build_s", Json::Decimal(c.build_s)),
-            ("render_s", Json::Decimal(s.render_s)),
-            ("write_s", Json::Decimal(self.write_s)),
-            ("render_cpu_s", Json::Decimal(s.render_cpu_s)),
-            ("width", Json::Integer(self.width.into())),
-            ("height", Json::Integer(self.height.into())),
-            ("seed", Json::Integer(self.seed.into())),
-            ("samples", Json::Integer(s.samples)),
-            ("samples_per_pixel", Json::Decimal(s.samples_per_pixel)),
-            ("invalid_samples", Json::Integer(s.invalid_samples)),
-            ("rays", Json::Integer(s.rays)),
-            ("peak_memory_bytes", self.peak_memory.map_or(Json::Null, Json::Integer)),
-            ("triangles", Json::Integer(c.triangles)),
-            ("quads", Json::Integer(c.quads)),
-            ("spheres", Json::Integer(c.analytic[0])),
-            ("disks", Json::Integer(c.analytic[1])),
-            ("lights", Json::Integer(c.lights)),
-            ("scene_bytes", Json::Integer(c.bytes)),
-            ("interrupted", Json::Bool(s.interrupted)),
-            ("timed_out", Json::Bool(s.timed_out)),
-            ("outputs", Json::texts(&self.outputs)),
-            ("notes", Json::texts(&self.notes)),
-            ("warnings", Json::texts(&self.warnings)),
-            ("left_out", Json::texts(&self.left_out)),
-        ])
-    }
-
     /// The report for people.
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);

@@ -1,7 +1,7 @@
 //! Moments of a sequence, each compiled from what it has in common with the one before.
 
 use super::reuse::Sources;
-use super::run::compile_after;
+use super::run::{check, compile_after};
 use super::scene::{CompileOptions, CompileReport, CompiledScene};
 use super::view::View;
 use crate::bsdf::ShadingModel;
@@ -33,7 +33,7 @@ impl Compiler {
     /// single precision suffices for that.
     ///
     /// # Errors
-    /// As for [`super::compile`].
+    /// As for [`super::compile`], and what [`Camera::validate`] finds.
     pub fn compile(
         &mut self,
         scene: &Scene,
@@ -41,6 +41,9 @@ impl Compiler {
         camera: &Camera,
         (width, height): (u32, u32),
     ) -> Result<(Arc<CompiledScene>, CompileReport)> {
+        check(scene.validate())?;
+        // It need not be the scene's.
+        check(camera.validate())?;
         let suits = |s: &&Arc<CompiledScene>| {
             let keeps = s.sources.as_ref().is_some_and(Sources::keep_geometry);
             keeps && !View::new(s, camera, width, height).needs_new_anchor(s)

@@ -2,11 +2,11 @@
 
 use super::geometry::{Attributes, Geometries, Space};
 use super::material::{CompiledEmission, CompiledMaterial};
-use crate::accel;
+use crate::accel::{self, is_in_reach};
 use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, Radiance};
-use crate::math::{Mat3, Vec2, Vec3};
-use crate::shape::Analytic;
+use crate::math::{Bounds3, Mat3, Vec2, Vec3};
+use crate::shape::{Analytic, Shape};
 
 /// Area lights and which primitives they are.
 #[derive(Debug, Default)]
@@ -29,13 +29,13 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     let (triangles, quads) = (shapes.triangles.len(), shapes.quads.len());
     let mut prim = 0;
     while prim < triangles {
-        let shape = triangle_edges(shapes, prim);
-        if !emits(prim) || shape.is_none() {
+        if !emits(prim) {
             prim += 1;
             continue;
         }
+        let shape = triangle_edges(shapes, prim);
         let is_pair = prim + 1 < triangles && material(prim) == material(prim + 1);
-        let merged = is_pair.then(|| parallelogram(shapes, prim)).flatten();
+        let merged = (is_pair && shape.is_some()).then(|| parallelogram(shapes, prim)).flatten();
         let is_constant = materials[material(prim)].emission.is_some_and(|e| e.radiance.texture.is_none());
         match (merged, shape) {
             (Some(edges), _) if is_constant => {
@@ -52,12 +52,12 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     }
     for (i, quad) in shapes.quads.iter().enumerate() {
         let edges = Edges { corner: quad.corner, edge_u: quad.edge_u, edge_v: quad.edge_v };
-        if quad.edge_u.cross(quad.edge_v).length() > 0.0 {
+        if quad.edge_u.cross(quad.edge_v).length() > 0.0 && is_reached(quad.bounds()) {
             let uv = [[Vec2::ZERO, Vec2::X, Vec2::Y]; 2];
             emitters.add(flat(edges), &materials[material(triangles + i)], Some(uv), &[triangles + i]);
         }
     }
-    for (i, shape) in shapes.analytic.iter().enumerate() {
+    for (i, shape) in shapes.analytic.iter().enumerate().filter(|(_, shape)| is_reached(shape.bounds())) {
         let prim = triangles + quads + i;
         let rotation = attributes.object_from_world(i);
         emitters.add_analytic(*shape, &materials[material(prim)], rotation, prim);
@@ -121,9 +121,17 @@ fn corners(shapes: &accel::Geometry, prim: usize) -> [Vec3; 3] {
     shapes.triangles[prim].map(|i| Vec3::from_array(shapes.positions[i as usize]))
 }
 
-/// The triangle at its first vertex; `None` without area (the accelerator drops it).
+/// Can rays reach what lies in a box? The accelerator drops what they can't, which then shines no more than it is seen.
+fn is_reached(bounds: Bounds3) -> bool {
+    is_in_reach(bounds.min) && is_in_reach(bounds.max)
+}
+
+/// The triangle at its first vertex; `None` without area or too far away (the accelerator drops it).
 fn triangle_edges(shapes: &accel::Geometry, prim: usize) -> Option<Edges> {
     let [a, b, c] = corners(shapes, prim);
+    if ![a, b, c].into_iter().all(is_in_reach) {
+        return None;
+    }
     let edges = Edges { corner: a, edge_u: b - a, edge_v: c - a };
     let area = edges.edge_u.cross(edges.edge_v).length();
     (area > 0.0 && area.is_finite()).then_some(edges)

@@ -18,16 +18,23 @@ use std::time::Instant;
 
 /// Most triangles that the accelerator can address.
 const MAX_TRIANGLES: usize = 400_000_000;
+/// Most vertices that triangles can refer to.
+const MAX_VERTICES: usize = u32::MAX as usize;
 
 /// Compiles a scene.
 ///
 /// # Errors
-/// An input error for a scene with more triangles than can be addressed.
+/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more triangles or vertices than can be
+/// addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
+    check(scene.validate())?;
+    if let Some(anchor) = options.anchor.filter(|anchor| !anchor.is_finite()) {
+        check(vec![Problem::new("anchor", format!("is {anchor:?}, but must be finite"))])?;
+    }
     compile_after(None, scene, options, false)
 }
 
-/// Compiles a scene; as one moment of a sequence, whose earlier moment gives what it has in common with this one.
+/// Compiles a scene without problems; as one moment of a sequence, whose earlier moment gives what it has in common with this one.
 pub(super) fn compile_after(
     earlier: Option<CompiledScene>,
     scene: &Scene,
@@ -98,20 +105,30 @@ fn default_anchor(scene: &Scene) -> DVec3 {
     scene.cameras.first().map_or(DVec3::ZERO, |camera| camera.world_from_camera.translation)
 }
 
+/// Fails where there are problems: nothing after it looks for them.
+pub(super) fn check(problems: Vec<Problem>) -> Result<()> {
+    match problems.is_empty() {
+        true => Ok(()),
+        false => Err(Error { kind: ErrorKind::Input, file: None, problems, source_text: None }),
+    }
+}
+
 fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
     let copied = plan.steps.iter().filter(|s| s.place == Place::World);
     let copied = copied.map(|s| scene.instances[s.instance].mesh.index());
-    let meshes = copied.chain(plan.meshes.iter().copied());
-    let triangles: usize = meshes.map(|m| scene.meshes[m].triangles.len()).sum();
-    if triangles > MAX_TRIANGLES {
-        return Err(input_error(format!("{triangles} triangles are more than the {MAX_TRIANGLES} possible")));
-    }
-    Ok(())
-}
-
-fn input_error(message: impl Into<String>) -> Error {
-    let problems = vec![Problem::new("", message)];
-    Error { kind: ErrorKind::Input, file: None, problems, source_text: None }
+    let meshes = || copied.clone().chain(plan.meshes.iter().copied()).map(|m| &scene.meshes[m]);
+    let counts = [
+        (meshes().map(|m| m.triangles.len()).sum::<usize>(), "triangles", MAX_TRIANGLES),
+        (meshes().map(|m| m.positions.len()).sum(), "vertices", MAX_VERTICES),
+    ];
+    let too_many = counts.into_iter().filter(|(count, _, most)| count > most);
+    check(
+        too_many
+            .map(|(count, what, most)| {
+                Problem::new("", format!("{count} {what} are more than the {most} possible"))
+            })
+            .collect(),
+    )
 }
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport) {

@@ -8,6 +8,9 @@ use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_exte
 /// Full vertical field of view of the default camera, degrees.
 const VFOV_DEGREES: f64 = 40.0;
 
+/// Models with coordinates beyond this can't be framed: squares of them would be infinite.
+const FARTHEST: f64 = 1e150;
+
 /// Radiance of the default sky straight down and straight up. The mean over the sphere of a blend linear in y is that
 /// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. It is dark below, so that pale models stand out from what is
 /// behind them when they are seen from above, and have a lit and a shaded side. Faces that look straight up reflect
@@ -70,7 +73,7 @@ fn has_shining_parts(scene: &Scene) -> bool {
 fn framing_camera(scene: &Scene) -> Camera {
     let Extent(bounds) = scene_extent(scene, &instance_extents(scene));
     let (min, max) = bounds
-        .filter(|(min, max)| min.is_finite() && max.is_finite())
+        .filter(|(min, max)| min.abs().max(max.abs()).max_element() < FARTHEST)
         .unwrap_or((DVec3::splat(-1.0), DVec3::splat(1.0)));
     let center = (min + max) * 0.5;
     let radius = ((max - min).length() * 0.5).max(1e-6);
@@ -83,10 +86,16 @@ fn framing_camera(scene: &Scene) -> Camera {
     };
     let half_angle = ((vfov_rad / 2.0).tan() * aspect.min(1.0)).atan();
     let distance = 1.02 * radius / half_angle.sin();
-    let eye = center + DVec3::new(1.0, 0.7, 1.6).normalize() * distance;
+    let towards = DVec3::new(1.0, 0.7, 1.6).normalize();
+    let eye = center + towards * distance;
+    let mut world_from_camera = looking_at(eye, center, DVec3::Y);
+    if !world_from_camera.is_finite() {
+        // So far from the origin that the eye's distance is lost in rounding.
+        world_from_camera = DAffine3 { translation: eye, ..looking_at(towards, DVec3::ZERO, DVec3::Y) };
+    }
     Camera {
         name: "default".to_string(),
-        world_from_camera: looking_at(eye, center, DVec3::Y),
+        world_from_camera,
         projection: Projection::Perspective { vfov_rad },
         aspect_ratio: None,
         lens: None,

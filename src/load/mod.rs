@@ -1,6 +1,7 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+mod decoders;
 mod digits;
 pub mod framing;
 pub mod gltf;

@@ -1,21 +1,56 @@
 //! Triangle meshes of simple shapes, and repair of meshes from files.
 
-use crate::math::{DAffine3, DVec3};
+use crate::error::Warning;
+use crate::math::{DAffine3, DVec3, all_finite};
 use crate::scene::Mesh;
+use std::path::Path;
 
-/// Sets vertices that are not finite to the origin and removes the triangles that use them; returns how many.
-/// Normals that have no direction become those of a flat triangle: all of the mesh's normals go if none is usable.
-pub(super) fn drop_unusable_triangles(mesh: &mut Mesh) -> usize {
-    let bad: Vec<bool> = mesh.positions.iter().map(|p| !p.iter().all(|x| x.is_finite())).collect();
-    let before = mesh.triangles.len();
-    if bad.contains(&true) {
-        mesh.triangles.retain(|t| !t.iter().any(|&i| bad.get(i as usize).copied().unwrap_or(false)));
-        for (p, _) in mesh.positions.iter_mut().zip(&bad).filter(|(_, b)| **b) {
-            *p = [0.0; 3];
+/// What was unusable in meshes of a file.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Repairs {
+    /// Triangles that were dropped.
+    triangles: usize,
+    /// Texture coordinates and colours that were set to 0.
+    attributes: usize,
+}
+
+impl Repairs {
+    /// Repairs a mesh: vertices that are not finite go to the origin, and the triangles that use them are removed. Texture
+    /// coordinates and colours that are not finite become 0. Normals that have no direction become those of a flat triangle:
+    /// all of the mesh's normals go if none is usable.
+    pub fn make(&mut self, mesh: &mut Mesh) {
+        let before = mesh.triangles.len();
+        if !all_finite(mesh.positions.as_flattened()) {
+            let bad: Vec<bool> = mesh.positions.iter().map(|p| !all_finite(p)).collect();
+            mesh.triangles.retain(|t| !t.iter().any(|&i| bad.get(i as usize).copied().unwrap_or(false)));
+            for (p, _) in mesh.positions.iter_mut().zip(&bad).filter(|(_, b)| **b) {
+                *p = [0.0; 3];
+            }
         }
+        normalize_normals(mesh);
+        self.triangles += before - mesh.triangles.len();
+        self.attributes += clear_unusable(mesh);
     }
-    normalize_normals(mesh);
-    before - mesh.triangles.len()
+
+    /// Warnings that count them.
+    pub fn warnings(self, path: &Path) -> impl Iterator<Item = Warning> {
+        let Repairs { triangles, attributes } = self;
+        let dropped = format!("{triangles} triangles with corners that are not finite numbers were dropped");
+        let zeroed = format!("{attributes} texture coordinates or colours that are not finite became 0");
+        let counted = [(triangles, dropped), (attributes, zeroed)].into_iter().filter(|(n, _)| *n > 0);
+        counted.map(|(_, message)| Warning::new(path, "", message))
+    }
+}
+
+/// Sets texture coordinates and colours that are not finite to 0; returns how many.
+pub(super) fn clear_unusable(mesh: &mut Mesh) -> usize {
+    let mut count = 0;
+    let uv_sets = mesh.uv_sets.iter_mut().map(|set| set.as_flattened_mut());
+    for list in uv_sets.chain([mesh.colors.as_flattened_mut()]).filter(|list| !all_finite(list)) {
+        let unusable = list.iter_mut().filter(|x| !x.is_finite());
+        count += unusable.map(|x| *x = 0.0).count();
+    }
+    count
 }
 
 /// Gives normals unit length; a vertex whose normal has none gets the direction of one of its triangles.

@@ -40,7 +40,7 @@ pub use model::{FresnelModel, Model, Transmission};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
-pub use texture::{Interpolation, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 
 use crate::image::Image;
 

@@ -3,6 +3,9 @@
 use super::{ImageId, TextureId};
 use crate::math::Vec2;
 
+/// How many textures may lie one in the other: checkers, and what is in the cells of the innermost.
+pub const MOST_NESTED_TEXTURES: u32 = 64;
+
 /// What happens outside 0..1.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub enum Wrap {

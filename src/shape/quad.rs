@@ -1,9 +1,11 @@
 //! Parallelograms, which rays meet as two triangles each: boxes, and points uniform over the solid angle (see
 //! [`super::SphericalRectangle`] for those with right angles).
 
-use super::point::{LightPoint, pdf_solid_angle_of_area};
+use super::point::LightPoint;
 use super::triangle::is_collapsed;
-use super::triangle_light::{Directions, MIN_TRIANGLE_SOLID_ANGLE, clamp01, plane_coordinates};
+use super::triangle_light::{
+    Directions, MIN_TRIANGLE_SOLID_ANGLE, clamp01, pdf_of_either, plane_coordinates,
+};
 use crate::math::{Bounds3, Vec3};
 
 /// A parallelogram: the points `corner + u edge_u + v edge_v` with u and v from 0 to 1. Its corners are rounded to f32,
@@ -97,8 +99,6 @@ impl SphericalParallelogram {
     /// Density per solid angle with which [`SphericalParallelogram::sample`] returns a point of the parallelogram.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
-        let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);
-        let solid_angle = self.solid_angle();
-        if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
+        pdf_of_either(point - self.reference, self.unit_normal, self.area, self.solid_angle())
     }
 }

@@ -150,8 +150,14 @@ impl SphericalTriangle {
     /// Density per solid angle with which [`SphericalTriangle::sample`] returns a point of the triangle.
     #[inline(always)]
     pub fn pdf_solid_angle(&self, point: Vec3) -> f32 {
-        let of_area = pdf_solid_angle_of_area(point - self.reference, self.unit_normal, self.area);
-        let solid_angle = self.solid_angle();
-        if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
+        pdf_of_either(point - self.reference, self.unit_normal, self.area, self.solid_angle())
     }
+}
+
+/// Density per solid angle of a point of a flat light that is sampled by its solid angle or, below
+/// [`MIN_TRIANGLE_SOLID_ANGLE`], by its area; the rest as for [`pdf_solid_angle_of_area`].
+#[inline(always)]
+pub(super) fn pdf_of_either(to_point: Vec3, unit_normal: Vec3, area: f32, solid_angle: f32) -> f32 {
+    let of_area = pdf_solid_angle_of_area(to_point, unit_normal, area);
+    if solid_angle < MIN_TRIANGLE_SOLID_ANGLE { of_area } else { 1.0 / solid_angle }
 }

@@ -14,13 +14,10 @@ pub use reader::PointReader;
 
 use crate::image::Image;
 use crate::math::Vec3;
-use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
+use crate::scene::{ImageId, Interpolation, MOST_NESTED_TEXTURES, NoiseKind, Texture, TextureId};
 use coordinates::TextureCoordinates;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
-
-/// Deepest nesting of checkers; beyond it (or in a circle) a texture counts as black.
-const MAX_DEPTH: u32 = 64;
 
 #[derive(Clone, Debug)]
 enum Compiled {
@@ -95,7 +92,7 @@ fn pyramids(textures: &[Texture], images: &[Image]) -> BTreeMap<ImageId, ImageLo
     for texture in textures {
         if let Texture::Image { image: id, interpolation: Interpolation::Trilinear, .. } = texture
             && let Some(image) = images.get(id.index())
-            && image.width * image.height > 1
+            && (image.width, image.height) != (1, 1)
             && !used.iter().any(|(known, _)| known == id)
         {
             used.push((*id, image));
@@ -160,7 +157,7 @@ fn number_grids(textures: &mut [Compiled]) {
 
 /// A checker of two equal constants is a constant.
 fn fold_constant_checkers(textures: &mut [Compiled]) {
-    for _ in 0..MAX_DEPTH {
+    for _ in 0..MOST_NESTED_TEXTURES {
         for i in 0..textures.len() {
             let Compiled::Checker { even, odd, .. } = textures[i] else { continue };
             let value = |at: u32| match textures.get(at as usize) {

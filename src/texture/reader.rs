@@ -2,9 +2,9 @@
 
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
 use super::image::{ImageLookup, Taps};
-use super::{Compiled, CompiledTextures, MAX_DEPTH, TexturePoint, checker_is_odd, noise_value};
+use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, noise_value};
 use crate::math::{Vec2, Vec3};
-use crate::scene::TextureId;
+use crate::scene::{MOST_NESTED_TEXTURES, TextureId};
 use std::cell::Cell;
 
 /// Reads textures at a point. Materials ask for one texture several times (a channel each), and their textures mostly
@@ -41,7 +41,7 @@ impl<'a> PointReader<'a> {
 
     fn look_up(&self, id: TextureId) -> [f32; 4] {
         let mut at = id.index();
-        for _ in 0..MAX_DEPTH {
+        for _ in 0..MOST_NESTED_TEXTURES {
             match self.textures.textures.get(at) {
                 Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
                     let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());

@@ -232,7 +232,7 @@ fn files_appear_whole_and_leave_nothing_else() {
     std::fs::write(taken.join("x"), b"x").unwrap();
     assert!(write_atomically(&taken, b"three").is_err());
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2);
-    let missing = check_target(&folder.path().join("no/b.exr")).unwrap_err();
+    let missing = check_target(folder.path().join("no/b.exr")).unwrap_err();
     assert!(missing.to_string().contains("does not exist"), "{missing}");
 }
 
@@ -256,7 +256,7 @@ fn files_are_like_others_that_users_make() {
         (b"two".into(), b"other".into())
     );
 
-    let error = write_atomically(&folder.path().join("absent/a.png"), b"x").unwrap_err().to_string();
+    let error = write_atomically(folder.path().join("absent/a.png"), b"x").unwrap_err().to_string();
     assert!(
         error.ends_with("absent/a.png: can't be written: No such file or directory (os error 2)"),
         "{error}"

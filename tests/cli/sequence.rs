@@ -14,7 +14,7 @@ fn reed() -> PathBuf {
 }
 
 fn load_reed(gltf: GltfOptions) -> Loaded {
-    load(&reed(), &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"))
+    load(reed(), &LoadOptions { gltf, ..LoadOptions::default() }).unwrap_or_else(|e| panic!("{e}"))
 }
 
 fn at(time_s: f64) -> GltfOptions {
@@ -186,7 +186,7 @@ fn a_sequence_reads_its_files_once() {
 #[test]
 fn a_sequence_ends_when_its_user_wants() {
     let mut count = 0;
-    let ended = load_moments(&reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
+    let ended = load_moments(reed(), &LoadOptions::default(), [0.0, 1.0, 2.0], &mut |_| {
         count += 1;
         Ok(if count == 2 { ControlFlow::Break(()) } else { ControlFlow::Continue(()) })
     });

@@ -22,7 +22,7 @@ fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
     for (name, content) in files {
         std::fs::write(folder.path().join(name), content).expect("written");
     }
-    load(&folder.path().join(files[0].0), &LoadOptions::default())
+    load(folder.path().join(files[0].0), &LoadOptions::default())
 }
 
 /// The image's pixel behind a texture, in linear colour.
@@ -73,7 +73,7 @@ fn environments_of_scene_files_are_checked() {
         .expect("written");
     std::fs::write(folder.path().join("s.toml"), text).expect("written");
     let loaded =
-        load(&folder.path().join("s.toml"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        load(folder.path().join("s.toml"), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
     let Environment::Image { image, strength, rotation_rad } = loaded.scene.environment else {
         panic!("no image")
     };

@@ -2,6 +2,7 @@
 
 mod gltf;
 mod images;
+mod left_out;
 mod obj_ply;
 mod oracles;
 mod regressions;

@@ -197,7 +197,8 @@ fn pictures_hold_what_image_finds_in_them() {
         ("a.tiff", ImageFormat::Tiff, vec![&rgb, &rgba, &deep]),
         ("a.hdr", ImageFormat::Hdr, vec![&float]),
     ];
-    for (name, format, pictures) in cases {
+    // Builds may lack a decoder.
+    for (name, format, pictures) in cases.into_iter().filter(|case| case.1.reading_enabled()) {
         for picture in pictures {
             let mut file = Cursor::new(Vec::new());
             picture.write_to(&mut file, format).expect("encoded");

@@ -47,7 +47,7 @@ fn every_example_loads_without_warnings() {
 
 #[test]
 fn the_cornell_box_has_its_view_and_a_light_that_faces_down() {
-    let scene = load(&scenes().join("cornell-quads.toml"), &LoadOptions::default()).expect("it loads").scene;
+    let scene = load(scenes().join("cornell-quads.toml"), &LoadOptions::default()).expect("it loads").scene;
     let camera = &scene.cameras[0];
     assert!(camera.world_from_camera.transform_vector3(-DVec3::Z).distance(DVec3::Z) < 1e-12);
     // Seen from the front, +x is on the left, where the red wall is.

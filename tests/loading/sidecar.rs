@@ -28,7 +28,7 @@ fn load_first(files: &[(&str, &str)], options: &LoadOptions) -> Result<Loaded, E
     for (name, content) in files {
         std::fs::write(folder.path().join(name), content).expect("written");
     }
-    load(&folder.path().join(files[0].0), options)
+    load(folder.path().join(files[0].0), options)
 }
 
 fn with_sidecar(toml: &str) -> Result<Loaded, Error> {

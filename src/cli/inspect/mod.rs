@@ -2,12 +2,14 @@
 
 mod facts;
 mod objects;
+mod objects_json;
 mod text;
 mod to_json;
 mod words;
 
 use super::Outcome;
 use super::args::InspectArgs;
+use super::json;
 use super::report::print_line;
 use super::scene_path;
 use oscura::error::Result;
@@ -24,7 +26,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
     };
     let loaded = load(&args.scene, &options)?;
     if args.json {
-        print_line(&to_json::of(&args.scene, &loaded).to_string());
+        json::print(&to_json::of(&args.scene, &loaded));
     } else {
         text::lines(&args.scene, &loaded).iter().for_each(|l| print_line(l));
     }

@@ -1,181 +1,196 @@
 //! The answer for programs.
 
-use super::facts::{instance_materials, material_images, placed_triangles, used_images, used_materials};
+use super::facts::{material_images, placed_triangles, used_images, used_materials};
+use super::objects_json::{Bounds, Object, bounds, objects};
 use super::words::{environment_name, light_kind};
-use crate::cli::json::Json;
 use oscura::error::Warning;
 use oscura::load::Loaded;
-use oscura::scene::{
-    Camera, Extent, Light, LightKind, Projection, Scene, ShapeKind, instance_extents, scene_extent,
-};
+use oscura::scene::{Camera, Light, LightKind, Projection, Scene, ShapeKind, instance_extents, scene_extent};
+use serde::Serialize;
 use std::path::Path;
 
 /// One object with everything.
-pub fn of(path: &Path, loaded: &Loaded) -> Json {
+#[derive(Serialize)]
+struct Contents<'a> {
+    file: String,
+    name: &'a str,
+    meshes: usize,
+    instances: usize,
+    triangles: u64,
+    spheres: usize,
+    disks: usize,
+    quads: usize,
+    extent: Option<Bounds>,
+    objects: Vec<Object<'a>>,
+    materials: Vec<MaterialEntry<'a>>,
+    lights: Vec<LightEntry<'a>>,
+    environment: &'static str,
+    images: Vec<ImageEntry<'a>>,
+    cameras: Vec<CameraEntry<'a>>,
+    notes: Vec<WarningEntry<'a>>,
+    warnings: Vec<WarningEntry<'a>>,
+    left_out: &'a [String],
+}
+
+/// What a file holds.
+pub fn of(path: &Path, loaded: &Loaded) -> impl Serialize {
     let scene = &loaded.scene;
     let extents = instance_extents(scene);
-    Json::Object(vec![
-        ("file", Json::Text(path.display().to_string())),
-        ("name", text(&scene.name)),
-        ("meshes", count(scene.meshes.len())),
-        ("instances", count(scene.instances.len())),
-        ("triangles", Json::Integer(placed_triangles(scene))),
-        ("spheres", shapes(scene, ShapeKind::Sphere)),
-        ("disks", shapes(scene, ShapeKind::Disk)),
-        ("quads", count(scene.quads.len())),
-        ("extent", extent(scene_extent(scene, &extents))),
-        ("objects", objects(scene, &extents)),
-        ("materials", materials(scene)),
-        ("lights", Json::List(scene.lights.iter().map(light).collect())),
-        ("environment", text(environment_name(&scene.environment))),
-        ("images", images(scene)),
-        ("cameras", Json::List(scene.cameras.iter().map(camera).collect())),
-        ("notes", Json::List(loaded.notes.iter().map(warning).collect())),
-        ("warnings", Json::List(loaded.warnings.iter().map(warning).collect())),
-        ("left_out", Json::texts(&loaded.left_out)),
-    ])
-}
-
-fn count(n: usize) -> Json {
-    Json::Integer(n as u64)
-}
-
-fn text(text: &str) -> Json {
-    Json::Text(text.to_string())
-}
-
-fn colors(rgb: [f32; 3]) -> Json {
-    Json::decimals(&rgb.map(f64::from))
-}
-
-fn extent(extent: Extent) -> Json {
-    extent.0.map_or(Json::Null, |(low, high)| {
-        Json::List(vec![Json::decimals(&low.to_array()), Json::decimals(&high.to_array())])
-    })
-}
-
-fn objects(scene: &Scene, extents: &[Extent]) -> Json {
-    let named = |id: oscura::scene::MaterialId| text(&scene.materials[id.index()].name);
-    let instances = scene.instances.iter().zip(extents).map(|(i, e)| {
-        let mesh = &scene.meshes[i.mesh.index()];
-        let materials = instance_materials(scene, i).into_iter().map(named).collect();
-        Json::Object(vec![
-            ("kind", text("mesh")),
-            ("name", text(&i.name)),
-            ("mesh", text(&mesh.name)),
-            ("mesh_index", count(i.mesh.index())),
-            ("vertices", count(mesh.positions.len())),
-            ("triangles", count(mesh.triangles.len())),
-            ("normals", Json::Bool(!mesh.normals.is_empty())),
-            ("uv_sets", count(mesh.uv_sets.len())),
-            ("materials", Json::List(materials)),
-            ("extent", extent(*e)),
-        ])
-    });
-    let shapes = scene.shapes.iter().map(|s| {
-        Json::Object(vec![
-            ("kind", text(s.kind.name())),
-            ("name", text(&s.name)),
-            ("center", Json::decimals(&s.center.to_array())),
-            ("radius", Json::Decimal(s.radius)),
-            ("materials", Json::List(vec![named(s.material)])),
-        ])
-    });
-    let quads = scene.quads.iter().map(|q| {
-        Json::Object(vec![
-            ("kind", text("quad")),
-            ("name", text(&q.name)),
-            ("corner", Json::decimals(&q.corner.to_array())),
-            ("edge_u", Json::decimals(&q.edge_u.to_array())),
-            ("edge_v", Json::decimals(&q.edge_v.to_array())),
-            ("materials", Json::List(vec![named(q.material)])),
-        ])
-    });
-    Json::List(instances.chain(shapes).chain(quads).collect())
-}
-
-/// How many shapes of a kind there are.
-fn shapes(scene: &Scene, kind: ShapeKind) -> Json {
-    count(scene.shapes.iter().filter(|s| s.kind == kind).count())
-}
-
-fn materials(scene: &Scene) -> Json {
-    let list = scene.materials.iter().zip(used_materials(scene)).map(|(m, used)| {
-        let images = material_images(scene, m).into_iter().map(count).collect();
-        let radiance = m.emission.map_or(Json::Null, |e| colors(e.radiance.factor));
-        Json::Object(vec![
-            ("name", text(&m.name)),
-            ("model", text(m.model.name())),
-            ("used", Json::Bool(used)),
-            ("emits", Json::Bool(m.emission.is_some())),
-            ("radiance", radiance),
-            ("images", Json::List(images)),
-        ])
-    });
-    Json::List(list.collect())
-}
-
-fn light(light: &Light) -> Json {
-    let (kind, unit) = light_kind(light);
-    let vector = |v: oscura::math::DVec3| Json::decimals(&v.to_array());
-    let mut fields = vec![
-        ("name", text(&light.name)),
-        ("kind", text(kind)),
-        ("intensity", colors(light.intensity)),
-        ("unit", text(unit)),
-    ];
-    match light.kind {
-        LightKind::Point { position } => fields.push(("position", vector(position))),
-        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => fields.extend([
-            ("position", vector(position)),
-            ("direction", vector(direction)),
-            ("inner_angle_deg", Json::Decimal(inner_angle_rad.to_degrees())),
-            ("outer_angle_deg", Json::Decimal(outer_angle_rad.to_degrees())),
-        ]),
-        LightKind::Directional { direction } => fields.push(("direction", vector(direction))),
+    let shapes = |kind: ShapeKind| scene.shapes.iter().filter(|s| s.kind == kind).count();
+    Contents {
+        file: path.display().to_string(),
+        name: &scene.name,
+        meshes: scene.meshes.len(),
+        instances: scene.instances.len(),
+        triangles: placed_triangles(scene),
+        spheres: shapes(ShapeKind::Sphere),
+        disks: shapes(ShapeKind::Disk),
+        quads: scene.quads.len(),
+        extent: bounds(scene_extent(scene, &extents)),
+        objects: objects(scene, &extents),
+        materials: materials(scene),
+        lights: scene.lights.iter().map(light).collect(),
+        environment: environment_name(&scene.environment),
+        images: images(scene),
+        cameras: scene.cameras.iter().map(camera).collect(),
+        notes: loaded.notes.iter().map(warning).collect(),
+        warnings: loaded.warnings.iter().map(warning).collect(),
+        left_out: &loaded.left_out,
     }
-    Json::Object(fields)
 }
 
-fn camera(camera: &Camera) -> Json {
-    let placement = camera.world_from_camera;
-    let (kind, size) = match camera.projection {
-        Projection::Perspective { vfov_rad } => ("perspective", ("vfov_deg", vfov_rad.to_degrees())),
-        Projection::Orthographic { half_height } => ("orthographic", ("height", 2.0 * half_height)),
+#[derive(Serialize)]
+struct MaterialEntry<'a> {
+    name: &'a str,
+    model: &'static str,
+    used: bool,
+    emits: bool,
+    radiance: Option<[f64; 3]>,
+    images: Vec<usize>,
+}
+
+fn materials(scene: &Scene) -> Vec<MaterialEntry<'_>> {
+    let entries = scene.materials.iter().zip(used_materials(scene)).map(|(m, used)| MaterialEntry {
+        name: &m.name,
+        model: m.model.name(),
+        used,
+        emits: m.emission.is_some(),
+        radiance: m.emission.map(|e| e.radiance.factor.map(f64::from)),
+        images: material_images(scene, m),
+    });
+    entries.collect()
+}
+
+#[derive(Serialize)]
+struct LightEntry<'a> {
+    name: &'a str,
+    kind: &'static str,
+    intensity: [f64; 3],
+    unit: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    position: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    direction: Option<[f64; 3]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    inner_angle_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    outer_angle_deg: Option<f64>,
+}
+
+fn light(light: &Light) -> LightEntry<'_> {
+    let (kind, unit) = light_kind(light);
+    let (position, direction, angles) = match light.kind {
+        LightKind::Point { position } => (Some(position), None, None),
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
+            (Some(position), Some(direction), Some([inner_angle_rad, outer_angle_rad]))
+        }
+        LightKind::Directional { direction } => (None, Some(direction), None),
     };
-    let lens = camera.lens.map_or(Json::Null, |l| {
-        Json::Object(vec![
-            ("defocus_angle_deg", Json::Decimal(l.defocus_angle_rad.to_degrees())),
-            ("focus_distance", Json::Decimal(l.focus_distance)),
-        ])
-    });
-    Json::Object(vec![
-        ("name", text(&camera.name)),
-        ("kind", text(kind)),
-        (size.0, Json::Decimal(size.1)),
-        ("aspect_ratio", camera.aspect_ratio.map_or(Json::Null, Json::Decimal)),
-        ("position", Json::decimals(&placement.translation.to_array())),
-        ("direction", Json::decimals(&(-placement.matrix3.z_axis).to_array())),
-        ("up", Json::decimals(&placement.matrix3.y_axis.to_array())),
-        ("lens", lens),
-    ])
+    LightEntry {
+        name: &light.name,
+        kind,
+        intensity: light.intensity.map(f64::from),
+        unit,
+        position: position.map(|p| p.to_array()),
+        direction: direction.map(|d| d.to_array()),
+        inner_angle_deg: angles.map(|a| a[0].to_degrees()),
+        outer_angle_deg: angles.map(|a| a[1].to_degrees()),
+    }
 }
 
-fn images(scene: &Scene) -> Json {
-    let list = scene.images.iter().zip(used_images(scene)).map(|(image, used)| {
-        Json::Object(vec![
-            ("name", text(&image.name)),
-            ("width", Json::Integer(image.width.into())),
-            ("height", Json::Integer(image.height.into())),
-            ("channels", Json::Integer(image.channels.into())),
-            ("bytes", count(image.bytes())),
-            ("used", Json::Bool(used)),
-        ])
-    });
-    Json::List(list.collect())
+#[derive(Serialize)]
+struct CameraEntry<'a> {
+    name: &'a str,
+    kind: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    vfov_deg: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    height: Option<f64>,
+    aspect_ratio: Option<f64>,
+    position: [f64; 3],
+    direction: [f64; 3],
+    up: [f64; 3],
+    lens: Option<LensEntry>,
 }
 
-fn warning(warning: &Warning) -> Json {
-    let file = warning.file.as_ref().map_or(Json::Null, |f| Json::Text(f.display().to_string()));
-    Json::Object(vec![("file", file), ("place", text(&warning.place)), ("message", text(&warning.message))])
+#[derive(Serialize)]
+struct LensEntry {
+    defocus_angle_deg: f64,
+    focus_distance: f64,
+}
+
+fn camera(camera: &Camera) -> CameraEntry<'_> {
+    let placement = camera.world_from_camera;
+    let (kind, vfov_deg, height) = match camera.projection {
+        Projection::Perspective { vfov_rad } => ("perspective", Some(vfov_rad.to_degrees()), None),
+        Projection::Orthographic { half_height } => ("orthographic", None, Some(2.0 * half_height)),
+    };
+    CameraEntry {
+        name: &camera.name,
+        kind,
+        vfov_deg,
+        height,
+        aspect_ratio: camera.aspect_ratio,
+        position: placement.translation.to_array(),
+        direction: (-placement.matrix3.z_axis).to_array(),
+        up: placement.matrix3.y_axis.to_array(),
+        lens: camera.lens.map(|l| LensEntry {
+            defocus_angle_deg: l.defocus_angle_rad.to_degrees(),
+            focus_distance: l.focus_distance,
+        }),
+    }
+}
+
+#[derive(Serialize)]
+struct ImageEntry<'a> {
+    name: &'a str,
+    width: u32,
+    height: u32,
+    channels: u32,
+    bytes: usize,
+    used: bool,
+}
+
+fn images(scene: &Scene) -> Vec<ImageEntry<'_>> {
+    let entries = scene.images.iter().zip(used_images(scene)).map(|(image, used)| ImageEntry {
+        name: &image.name,
+        width: image.width,
+        height: image.height,
+        channels: image.channels,
+        bytes: image.bytes(),
+        used,
+    });
+    entries.collect()
+}
+
+#[derive(Serialize)]
+struct WarningEntry<'a> {
+    file: Option<String>,
+    place: &'a str,
+    message: &'a str,
+}
+
+fn warning(warning: &Warning) -> WarningEntry<'_> {
+    let file = warning.file.as_ref().map(|f| f.display().to_string());
+    WarningEntry { file, place: &warning.place, message: &warning.message }
 }

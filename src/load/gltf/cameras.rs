@@ -73,7 +73,8 @@ fn orthographic(camera: &Value, at: &str, report: &mut Report) -> Sound<(Project
         _ => Err(report.warn(format!("{at}/{key}"), "is missing or 0: the camera is left out")),
     };
     let (half_width, half_height) = (size("xmag")?, size("ymag")?);
-    Ok((Projection::Orthographic { half_height }, Some(half_width / half_height)))
+    let aspect = Some(half_width / half_height).filter(|a| *a > 0.0 && a.is_finite());
+    Ok((Projection::Orthographic { half_height }, aspect))
 }
 
 /// The rotation and translation of a transform: axes z, y and x made orthonormal in this order, right-handed. `None` for

@@ -3,10 +3,11 @@
 use super::document::{Document, pointer};
 use super::report::Report;
 use crate::error::Problem;
+use crate::load::decoders::Decoder;
 use serde_json::Value;
 use std::collections::BTreeMap;
 
-/// Extensions that are read.
+/// Extensions that are read, some of them by a decoder that a build may lack.
 const READ: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
@@ -43,9 +44,35 @@ const HARMLESS: &[(&str, &str)] = &[
 impl Document<'_> {
     /// Does the file declare the use of an extension?
     pub fn extension_used(&self, name: &str) -> bool {
-        let used = self.json.get("extensionsUsed").and_then(Value::as_array);
-        used.is_some_and(|list| list.iter().any(|v| v.as_str() == Some(name)))
+        self.lists("extensionsUsed", name)
     }
+
+    /// Does the file demand an extension?
+    #[cfg(not(feature = "draco"))]
+    pub fn extension_required(&self, name: &str) -> bool {
+        self.lists("extensionsRequired", name)
+    }
+
+    fn lists(&self, key: &str, name: &str) -> bool {
+        let list = self.json.get(key).and_then(Value::as_array);
+        list.is_some_and(|list| list.iter().any(|v| v.as_str() == Some(name)))
+    }
+}
+
+/// Is an extension read by this build?
+pub(super) fn is_read(name: &str) -> bool {
+    READ.contains(&name) && lacking_decoder(name).is_none()
+}
+
+/// The decoder for want of which an extension is not read.
+fn lacking_decoder(name: &str) -> Option<Decoder> {
+    let decoder = match name {
+        "EXT_texture_webp" => Decoder::WebP,
+        "KHR_draco_mesh_compression" => Decoder::Draco,
+        "KHR_texture_basisu" => Decoder::Ktx2,
+        _ => return None,
+    };
+    (!decoder.is_built_in()).then_some(decoder)
 }
 
 /// Checks the version and the extensions that the file demands.
@@ -73,14 +100,19 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
             None => {
                 report.problem(at, "is not a name");
             }
-            Some(name) if READ.contains(&name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
-            Some(name) if doc.options.force => {
-                report.warn(at, format!("the file demands {name}, which is not supported; --force goes on"));
-            }
+            Some(name) if is_read(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
             Some(name) => {
-                let problem = Problem::new(at, format!("the file demands {name}, which is not supported"));
-                let help = "export it without this extension, or go on without it by --force";
-                report.add(problem.with_help(help));
+                let (reason, remedy) = match lacking_decoder(name) {
+                    Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
+                    None => (", which is not supported".into(), "export it without this extension".into()),
+                };
+                let message = format!("the file demands {name}{reason}");
+                if doc.options.force {
+                    report.warn(at, format!("{message}; --force goes on"));
+                } else {
+                    let help = format!("{remedy}, or go on without it by --force");
+                    report.add(Problem::new(at, message).with_help(help));
+                }
             }
         }
     }
@@ -102,9 +134,11 @@ pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
 pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
-    for (name, places) in counts.into_iter().filter(|(name, _)| !READ.contains(name)) {
-        let effect = HARMLESS.iter().find(|(h, _)| *h == name);
-        let effect = effect.map_or(String::new(), |(_, effect)| format!(": {effect}"));
+    for (name, places) in counts.into_iter().filter(|(name, _)| !is_read(name)) {
+        let harmless = HARMLESS.iter().find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
+        let lack =
+            || lacking_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
+        let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));
         let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
         report.warn("", format!("{name} is not read, in {times}{effect}"));
     }

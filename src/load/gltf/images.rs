@@ -4,7 +4,7 @@ use super::buffers::Fetched;
 use super::document::{Document, name_of, pointer};
 use super::report::{Report, Sound};
 use super::textures::ImageNeed;
-use crate::error::Warning;
+use crate::error::{Problem, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use crate::load::image::{Use, decode};
 use rayon::prelude::*;
@@ -30,10 +30,10 @@ pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> 
     let path = doc.path;
     let decoded: Vec<_> = sources.par_iter().map(|source| decode_source(path, source)).collect();
     let mut images = Vec::with_capacity(needs.len());
-    for (source, (result, warnings)) in sources.iter().zip(&decoded) {
+    for (result, warnings) in &decoded {
         report.extend(warnings);
-        if let Err(message) = result {
-            report.problem(pointer("images", source.need.index), message.clone());
+        if let Err(problem) = result {
+            report.add(problem.clone());
         }
     }
     for need in needs {
@@ -89,21 +89,22 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Sound<S
     Ok(Source { need, name, fetched })
 }
 
-/// Decodes an image; an error comes as its message.
-fn decode_source(asset: &Path, source: &Source) -> (Result<Image, String>, Vec<Warning>) {
+/// Decodes an image; an error comes as a problem of the asset.
+fn decode_source(asset: &Path, source: &Source) -> (Result<Image, Problem>, Vec<Warning>) {
     let Fetched { bytes, mime, file } = &source.fetched;
     let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
     let at = pointer("images", source.need.index);
     let mut warnings = Vec::new();
-    let (place, at) = match file {
+    let (place, inside) = match file {
         Some(file) => (file.as_path(), ""),
         None => (asset, at.as_str()),
     };
-    let image = match decode(bytes, place, at, mime.as_deref(), purpose, &mut warnings) {
+    let image = match decode(bytes, place, inside, mime.as_deref(), purpose, &mut warnings) {
         Ok(image) => Ok(Image { name: source.name.clone(), ..image }),
         Err(error) => {
             let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
-            Err(format!("'{}' {}", source.name, messages.join("; ")))
+            let help = error.problems.into_iter().find_map(|p| p.help);
+            Err(Problem { help, ..Problem::new(at, format!("'{}' {}", source.name, messages.join("; "))) })
         }
     };
     (image, warnings)

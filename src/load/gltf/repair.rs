@@ -1,7 +1,8 @@
 //! What files get wrong in the numbers of meshes: each repair is counted in a warning. Sound meshes cost one look.
 
 use super::report::Report;
-use crate::load::shapes::normalize_normals;
+use crate::load::shapes::{clear_unusable, normalize_normals};
+use crate::math::all_finite;
 use crate::scene::Mesh;
 
 /// Largest difference of a normal's squared length from 1 that is left alone.
@@ -19,11 +20,7 @@ pub(super) fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
         normalize_normals(mesh);
         report.warn(at, "has normals that are not of unit length; they were normalised");
     }
-    let mut zeroed = 0;
-    for set in &mut mesh.uv_sets {
-        zeroed += clear_unusable(set.as_flattened_mut());
-    }
-    zeroed += clear_unusable(mesh.colors.as_flattened_mut());
+    let zeroed = clear_unusable(mesh);
     if zeroed > 0 {
         report.warn(at, format!("{zeroed} texture coordinates or colours that are not finite became 0"));
     }
@@ -34,20 +31,6 @@ pub(super) fn repair(mesh: &mut Mesh, at: &str, report: &mut Report) {
     for tangent in &mut mesh.tangents {
         tangent[3] = 1f32.copysign(tangent[3]);
     }
-}
-
-/// Are all numbers finite? Finite floats have bit patterns below that of infinity, so the largest pattern decides.
-fn all_finite(numbers: &[f32]) -> bool {
-    let magnitude = |x: &f32| x.to_bits() & 0x7fff_ffff;
-    numbers.iter().fold(0, |largest, x| largest.max(magnitude(x))) < f32::INFINITY.to_bits()
-}
-
-fn clear_unusable(numbers: &mut [f32]) -> usize {
-    if all_finite(numbers) {
-        return 0;
-    }
-    let unusable = numbers.iter_mut().filter(|x| !x.is_finite());
-    unusable.map(|x| *x = 0.0).count()
 }
 
 /// Removes triangles that use vertices which are not finite (these become the origin); returns how many.

@@ -1,6 +1,7 @@
 //! Textures of materials: samplers, KHR_texture_transform, and the list of images that they need.
 
 use super::document::{Document, pointer};
+use super::extensions::is_read;
 use super::report::{Report, Sound};
 use crate::image::Encoding;
 use crate::math::Vec2;
@@ -179,7 +180,7 @@ impl Textures {
 
 /// The image of a texture: that of KHR_texture_basisu, of EXT_texture_webp, or the plain source.
 fn source(texture: &Value) -> Option<usize> {
-    let of = |name: &str| texture.pointer(&format!("/extensions/{name}/source"));
+    let of = |name| texture.pointer(&format!("/extensions/{name}/source")).filter(|_| is_read(name));
     let special = of("KHR_texture_basisu").or_else(|| of("EXT_texture_webp"));
     let index = special.or_else(|| texture.get("source"))?.as_u64()?;
     usize::try_from(index).ok()

@@ -3,10 +3,8 @@
 
 use super::limits;
 use super::source::{Source, Use};
-use crate::error::Result;
+use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use basisu::{DecodeFlags, SourceFormat, TargetFormat, Transcoder};
-use half::f16;
 use std::sync::Arc;
 
 /// The first bytes of each KTX2 file.
@@ -26,13 +24,15 @@ struct Header {
     width: u32,
     height: u32,
     depth: u32,
+    layers: u32,
+    faces: u32,
     supercompression: u32,
     /// Of the first level: first byte, length, and length when inflated.
     level: [u64; 3],
 }
 
-/// Decodes the largest level.
-pub(super) fn decode(source: &Source, purpose: Use) -> Result<Image> {
+/// Decodes the largest level of the first layer and face; warns of others.
+pub(super) fn decode(source: &Source, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
     let header =
         Header::read(source.bytes).ok_or_else(|| source.error("is a KTX2 file cut off in its header"))?;
     if header.depth > 0 {
@@ -48,6 +48,11 @@ pub(super) fn decode(source: &Source, purpose: Use) -> Result<Image> {
         Some(channels) => (channels, plain(source, &header, channels)?),
         None => basis(source, width * height)?,
     };
+    // 0 layers mark what is no list of textures.
+    if header.layers > 1 || header.faces > 1 {
+        let (layers, faces) = (header.layers.max(1), header.faces);
+        warnings.push(source.warning(format!("holds {layers} x {faces} images; the first is taken")));
+    }
     let is_linear = purpose == Use::Data || matches!(pixels, Pixels::F32(_));
     Ok(Image {
         name: source.name(),
@@ -68,6 +73,8 @@ impl Header {
             width: word(20)?,
             height: word(24)?,
             depth: word(28)?,
+            layers: word(32)?,
+            faces: word(36)?,
             supercompression: word(44)?,
             level: [long(HEADER)?, long(HEADER + 8)?, long(HEADER + 16)?],
         })
@@ -101,36 +108,12 @@ fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
 }
 
 /// Basis Universal as RGB(A), 8-bit or float.
+#[cfg(feature = "ktx2")]
 fn basis(source: &Source, pixels: u64) -> Result<(u32, Pixels)> {
-    let transcode = || {
-        let texture = Transcoder::new(source.bytes).map_err(|e| format!("{e:?}"))?;
-        let is_hdr = matches!(
-            texture.source_format(),
-            SourceFormat::UastcHdr4x4 | SourceFormat::AstcHdr6x6 | SourceFormat::UastcHdr6x6
-        );
-        let target = if is_hdr { TargetFormat::RgbaHalf } else { TargetFormat::Rgba32 };
-        let bytes =
-            texture.transcode_image(0, 0, 0, target, DecodeFlags::NONE).map_err(|e| format!("{e:?}"))?;
-        Ok((is_hdr, texture.has_alpha(), bytes))
-    };
-    let (is_hdr, has_alpha, bytes) = transcode()
-        .map_err(|e: String| source.error(format!("can't be read as a Basis Universal texture: {e}")))?;
-    let expected = pixels * if is_hdr { 8 } else { 4 };
-    if bytes.len() as u64 != expected {
-        let found = bytes.len();
-        return Err(source.error(format!("holds {found} bytes of pixels in place of {expected}")));
-    }
-    let kept = if has_alpha { 4 } else { 3 };
-    let pixels = if is_hdr {
-        let halves = bytes.as_chunks::<8>().0.iter().flat_map(|pixel| {
-            let channel = |c: usize| f16::from_le_bytes([pixel[2 * c], pixel[2 * c + 1]]).to_f32();
-            (0..kept).map(channel)
-        });
-        Pixels::F32(halves.collect())
-    } else if has_alpha {
-        Pixels::U8(bytes)
-    } else {
-        Pixels::U8(bytes.as_chunks::<4>().0.iter().flat_map(|p| [p[0], p[1], p[2]]).collect())
-    };
-    Ok((kept as u32, pixels))
+    super::basis::transcode(source, pixels)
+}
+
+#[cfg(not(feature = "ktx2"))]
+fn basis(source: &Source, _: u64) -> Result<(u32, Pixels)> {
+    Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
 }

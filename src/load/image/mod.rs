@@ -3,6 +3,8 @@
 //! What was 8-bit in the file stays 8-bit. The format is told by the content; TGA, which has no signature, by its media
 //! type or name. Sizes are compared with the file's length before anything is allocated (`limits`).
 
+#[cfg(feature = "ktx2")]
+mod basis;
 mod ktx2;
 mod limits;
 mod openexr;
@@ -12,6 +14,7 @@ pub(crate) use source::Use;
 
 use crate::error::{Error, Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
+use crate::load::decoders::Decoder;
 use crate::load::guard;
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
@@ -46,10 +49,10 @@ pub(crate) fn decode(
     let source = Source { bytes, file, pointer };
     let mut image = guarded(&source, || {
         if ktx2::is_ktx2(bytes) {
-            return ktx2::decode(&source, purpose);
+            return ktx2::decode(&source, purpose, warnings);
         }
         match format_of(&source, mime, warnings)? {
-            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color),
+            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color, warnings),
             format => decode_common(&source, format, purpose, warnings),
         }
     })?;
@@ -82,7 +85,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path)?;
     let source = Source { bytes: &bytes, file: path, pointer: "" };
     let image = guarded(&source, || match signature(&bytes) {
-        Some(ImageFormat::OpenExr) => openexr::decode(&source, false),
+        Some(ImageFormat::OpenExr) => openexr::decode(&source, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
         _ => Err(source
             .error("is neither an EXR nor a Radiance HDR file")
@@ -123,6 +126,14 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
             declared.or_else(|| ImageFormat::from_path(source.file).ok()).filter(|f| *f == ImageFormat::Tga)
         }
     };
+    let decoder = match format {
+        Some(ImageFormat::Tiff) => Some(Decoder::Tiff),
+        Some(ImageFormat::WebP) => Some(Decoder::WebP),
+        _ => None,
+    };
+    if let Some(lacking) = decoder.filter(|d| !d.is_built_in()) {
+        return Err(source.lacks(lacking));
+    }
     let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
     format.filter(readable).ok_or_else(|| {
         source

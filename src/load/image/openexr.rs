@@ -2,17 +2,20 @@
 
 use super::limits;
 use super::source::Source;
-use crate::error::Result;
+use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use exr::image::{AnyChannels, FlatSamples, Layer};
+use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer};
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers};
 use std::io::Cursor;
 use std::sync::Arc;
 
+/// Most unused layers and channels that are named.
+const LISTED: usize = 8;
+
 /// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a
-/// channel A, colour, which EXR stores multiplied by alpha, is divided by it.
-pub(super) fn decode(source: &Source, alpha: bool) -> Result<Image> {
+/// channel A, colour, which EXR stores multiplied by alpha, is divided by it. Warns of other layers and channels.
+pub(super) fn decode(source: &Source, alpha: bool, warnings: &mut Vec<Warning>) -> Result<Image> {
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false).map_err(broken)?;
     check_sizes(source, &meta)?;
@@ -24,28 +27,82 @@ pub(super) fn decode(source: &Source, alpha: bool) -> Result<Image> {
         .all_attributes()
         .from_buffered(Cursor::new(source.bytes))
         .map_err(broken)?;
-    for layer in &image.layer_data {
-        let colour = [find(layer, "R"), find(layer, "G"), find(layer, "B")];
-        let planes: Vec<&FlatSamples> = match colour {
-            [Some(r), Some(g), Some(b)] => match find(layer, "A").filter(|_| alpha) {
-                Some(a) => vec![r, g, b, a],
-                None => vec![r, g, b],
-            },
-            _ => match find(layer, "Y") {
-                Some(y) => vec![y],
-                None => continue,
-            },
-        };
-        return Ok(Image {
-            name: source.name(),
-            width: layer.size.0 as u32,
-            height: layer.size.1 as u32,
-            channels: planes.len() as u32,
-            encoding: Encoding::Linear,
-            pixels: Arc::new(Pixels::F32(interleave(&planes))),
-        });
+    let layers = &image.layer_data;
+    let chosen = layers.iter().enumerate().find_map(|(i, layer)| Some((i, Colour::find(layer)?)));
+    let Some((index, colour)) = chosen else {
+        return Err(source.error("has no layer with channels R, G and B or Y"));
+    };
+    if let Some(message) = colour.left_out(layers, index) {
+        warnings.push(source.warning(message));
     }
-    Err(source.error("has no layer with channels R, G and B or Y"))
+    let planes = colour.planes(alpha);
+    Ok(Image {
+        name: source.name(),
+        width: layers[index].size.0 as u32,
+        height: layers[index].size.1 as u32,
+        channels: planes.len() as u32,
+        encoding: Encoding::Linear,
+        pixels: Arc::new(Pixels::F32(interleave(&planes))),
+    })
+}
+
+/// The channels of a layer that make a picture.
+struct Colour<'a> {
+    /// R, G and B, or Y.
+    color: Vec<&'a AnyChannel<FlatSamples>>,
+    alpha: Option<&'a AnyChannel<FlatSamples>>,
+    /// What stands before their letters (`diffuse.` of `diffuse.R`).
+    prefix: String,
+}
+
+impl<'a> Colour<'a> {
+    /// Channels of plain letters, or else the first whose names have a part before them; colour before grey.
+    fn find(layer: &'a Layer<AnyChannels<FlatSamples>>) -> Option<Colour<'a>> {
+        let names: Vec<String> = layer.channel_data.list.iter().map(|c| c.name.to_string()).collect();
+        let prefixed = names.iter().filter_map(|name| Some(name[..=name.rfind('.')?].to_string()));
+        let prefixes: Vec<String> = std::iter::once(String::new()).chain(prefixed).collect();
+        let channel = |prefix: &str, letter: &str| {
+            let found = names.iter().position(|name| name.strip_prefix(prefix) == Some(letter))?;
+            Some(&layer.channel_data.list[found])
+        };
+        [&["R", "G", "B"][..], &["Y"]].into_iter().find_map(|letters| {
+            prefixes.iter().find_map(|prefix| {
+                let color = letters.iter().map(|letter| channel(prefix, letter)).collect::<Option<_>>()?;
+                // Grey comes without.
+                let alpha = channel(prefix, "A").filter(|_| letters.len() == 3);
+                Some(Colour { color, alpha, prefix: prefix.clone() })
+            })
+        })
+    }
+
+    fn planes(&self, alpha: bool) -> Vec<&'a FlatSamples> {
+        let alpha = self.alpha.filter(|_| alpha);
+        self.color.iter().copied().chain(alpha).map(|c| &c.sample_data).collect()
+    }
+
+    /// Says which layers and channels are not used, if there are any; alpha has its own rules.
+    fn left_out(&self, layers: &[Layer<AnyChannels<FlatSamples>>], index: usize) -> Option<String> {
+        let layer_name = |i: usize| match &layers[i].attributes.layer_name {
+            Some(name) => format!("layer '{name}'"),
+            None => format!("layer {}", i + 1),
+        };
+        let is_used = |channel: &AnyChannel<FlatSamples>| {
+            self.color.iter().copied().chain(self.alpha).any(|c| std::ptr::eq(c, channel))
+        };
+        let others = (0..layers.len()).filter(|&i| i != index).map(layer_name);
+        let unused = layers[index].channel_data.list.iter().filter(|c| !is_used(c));
+        let all: Vec<String> = others.chain(unused.map(|c| format!("channel '{}'", c.name))).collect();
+        if all.is_empty() {
+            return None;
+        }
+        let mut listed = all.iter().take(LISTED).map(String::as_str).collect::<Vec<_>>().join(", ");
+        if all.len() > LISTED {
+            listed += &format!(" and {} more", all.len() - LISTED);
+        }
+        let layer = if layers.len() > 1 { format!(" of {}", layer_name(index)) } else { String::new() };
+        let letters = if self.color.len() == 3 { "RGB" } else { "Y" };
+        Some(format!("is taken from the channels {}{letters}{layer}; left out: {listed}", self.prefix))
+    }
 }
 
 /// Compares what the header claims with the bytes that the file holds, before the parser allocates for it.
@@ -69,14 +126,6 @@ fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
     }
     Ok(())
-}
-
-/// The channel of that name, or else one whose name ends in it (`diffuse.R`).
-fn find<'a>(layer: &'a Layer<AnyChannels<FlatSamples>>, letter: &str) -> Option<&'a FlatSamples> {
-    let list = &layer.channel_data.list;
-    let suffix = format!(".{letter}");
-    let exact = list.iter().find(|c| c.name.to_string() == letter);
-    exact.or_else(|| list.iter().find(|c| c.name.to_string().ends_with(&suffix))).map(|c| &c.sample_data)
 }
 
 fn interleave(planes: &[&FlatSamples]) -> Vec<f32> {

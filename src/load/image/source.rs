@@ -1,6 +1,7 @@
 //! An image before it is decoded: its bytes, where they come from, and what it is for.
 
 use crate::error::{Error, Problem, Warning};
+use crate::load::decoders::Decoder;
 use std::path::Path;
 
 /// What an image is for, which decides how its numbers are understood.
@@ -24,6 +25,12 @@ pub(super) struct Source<'a> {
 impl Source<'_> {
     pub fn error(&self, message: impl Into<String>) -> Error {
         Error::input_problems(self.file, vec![Problem::new(self.pointer, message)])
+    }
+
+    /// The build lacks what it takes to decode the image.
+    pub fn lacks(&self, decoder: Decoder) -> Error {
+        let message = format!("can't be read: {}", decoder.lack());
+        self.error(message).with_help(format!("{}, or convert the image to PNG", decoder.remedy()))
     }
 
     pub fn warning(&self, message: impl Into<String>) -> Warning {

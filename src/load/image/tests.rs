@@ -1,6 +1,10 @@
 //! Every format from bytes made here, whole, cut short and with impossible sizes.
 
 use super::*;
+use exr::image::{AnyChannel, AnyChannels, FlatSamples};
+use exr::meta::attribute::IntegerBounds;
+use exr::meta::header::{ImageAttributes, LayerAttributes};
+use exr::prelude::WritableImage;
 use image::{GrayImage, ImageBuffer, Luma, RgbImage, RgbaImage};
 
 const NAMELESS: &str = "picture";
@@ -9,6 +13,12 @@ fn encode(picture: impl Into<DynamicImage>, format: ImageFormat) -> Vec<u8> {
     let mut out = Cursor::new(Vec::new());
     picture.into().write_to(&mut out, format).expect("encoded");
     out.into_inner()
+}
+
+/// Formats that keep 8-bit colours as they are, of those that this build reads.
+fn lossless() -> impl Iterator<Item = ImageFormat> {
+    let all = [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tiff];
+    all.into_iter().filter(ImageFormat::reading_enabled)
 }
 
 fn rgb() -> RgbImage {
@@ -50,7 +60,7 @@ fn hdr(width: u32, height: u32, pixels: &[[u8; 4]]) -> Vec<u8> {
 
 #[test]
 fn lossless_formats_give_their_pixels_and_stay_8_bit() {
-    for format in [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tiff] {
+    for format in lossless() {
         let image = good(&encode(rgb(), format), Use::Color);
         assert_eq!((image.width, image.height, image.channels), (4, 2, 3), "{format:?}");
         assert_eq!(image.encoding, Encoding::Srgb);
@@ -127,6 +137,50 @@ fn exr_colour_is_divided_by_alpha_only_where_alpha_stays() {
     assert_eq!(data.rgba(3, 0), [1.0, 2.0, 3.0, 1.0]);
 }
 
+/// A layer of one value a channel.
+fn layer(name: Option<&str>, channels: &[(&str, f32)]) -> exr::image::Layer<AnyChannels<FlatSamples>> {
+    let channel = |&(name, value)| AnyChannel::new(name, FlatSamples::F32(vec![value; 8]));
+    let attributes = name.map_or(LayerAttributes::default(), LayerAttributes::named);
+    let channels = AnyChannels::sort(channels.iter().map(channel).collect());
+    exr::image::Layer::new((4, 2), attributes, exr::image::Encoding::UNCOMPRESSED, channels)
+}
+
+fn layered(layers: Vec<exr::image::Layer<AnyChannels<FlatSamples>>>) -> Vec<u8> {
+    let mut bytes = Cursor::new(Vec::new());
+    let attributes = ImageAttributes::new(IntegerBounds::from_dimensions((4, 2)));
+    let image = exr::image::Image::from_layers(attributes, exr::image::Layers::from(layers));
+    image.write().non_parallel().to_buffered(&mut bytes).expect("written");
+    bytes.into_inner()
+}
+
+#[test]
+fn layers_and_channels_of_an_exr_that_are_left_out_are_named() {
+    let beauty = || layer(Some("beauty"), &[("R", 1.0), ("G", 2.0), ("B", 3.0), ("A", 1.0)]);
+    let (image, warnings) = decoded(&layered(vec![beauty()]), Use::Environment);
+    assert_eq!((image.expect("it can be read").rgba(0, 0), warnings.len()), ([1.0, 2.0, 3.0, 1.0], 0));
+    let first = layer(Some("depth"), &[("Z", 9.0)]);
+    let (image, warnings) = decoded(&layered(vec![first, beauty()]), Use::Environment);
+    assert_eq!(image.expect("it can be read").rgba(0, 0), [1.0, 2.0, 3.0, 1.0]);
+    let place = "picture: /images/3: is taken from the channels";
+    assert_eq!(warnings, [format!("{place} RGB of layer 'beauty'; left out: layer 'depth'")]);
+    // One part of several passes: the channels of a pass stay together.
+    let passes = [("a.B", 1.0), ("a.Z", 1.0), ("b.R", 4.0), ("b.G", 5.0), ("b.B", 6.0), ("c.R", 7.0)];
+    let (image, warnings) = decoded(&layered(vec![layer(None, &passes)]), Use::Color);
+    assert_eq!(image.expect("it can be read").rgba(0, 0), [4.0, 5.0, 6.0, 1.0]);
+    assert_eq!(warnings, [format!("{place} b.RGB; left out: channel 'a.B', channel 'a.Z', channel 'c.R'")]);
+}
+
+#[test]
+fn images_whose_decoder_a_build_lacks_are_refused_with_the_remedy() {
+    for (decoder, bytes, feature) in
+        [(Decoder::WebP, &b"RIFF\x10\0\0\0WEBPVP8 "[..], "webp"), (Decoder::Tiff, b"II*\0\x08\0\0\0", "tiff")]
+    {
+        let message = error(bytes);
+        let remedy = format!("build it with `--features {feature}`, or convert the image");
+        assert_eq!(message.contains(&remedy), !decoder.is_built_in(), "{message}");
+    }
+}
+
 #[test]
 fn bad_texels_of_an_environment_become_0_and_are_counted() {
     let bytes = exr(4, 2, |x, y| match (x, y) {
@@ -161,9 +215,7 @@ fn files_cut_anywhere_give_an_error_or_a_warning_but_no_panic() {
     let noise =
         RgbImage::from_fn(40, 30, |x, y| image::Rgb([(x * 97 + y * 31) as u8, (x * y) as u8, x as u8]));
     let mut files: Vec<(String, Vec<u8>)> =
-        [ImageFormat::Png, ImageFormat::WebP, ImageFormat::Bmp, ImageFormat::Tiff]
-            .map(|f| (format!("{f:?}"), encode(noise.clone(), f)))
-            .into();
+        lossless().map(|f| (format!("{f:?}"), encode(noise.clone(), f))).collect();
     files.push(("exr".into(), exr(40, 30, |x, y| (x as f32, y as f32, (x * y) as f32, 1.0))));
     files.push(("hdr".into(), hdr(4, 4, &[[9, 9, 9, 130]; 16])));
     for (name, bytes) in files {

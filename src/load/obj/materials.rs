@@ -26,6 +26,9 @@ use crate::scene::{
 };
 use std::path::Path;
 
+/// Indices of refraction that count.
+const IORS: std::ops::RangeInclusive<f32> = 1.0..=10.0;
+
 /// Roughness of `Ps`, which has none of its own.
 const SHEEN_ROUGHNESS: f32 = 0.3;
 
@@ -33,6 +36,7 @@ const SHEEN_ROUGHNESS: f32 = 0.3;
 pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mut Loaded) -> Material {
     let mut convert = Conversion { source, library, maps, loaded };
     convert.warn_of_maps();
+    convert.warn_of_ranges();
     let opacity = source.number("d").or(source.number("Tr").map(|t| 1.0 - t)).map_or(1.0, unit);
     let model = convert.model();
     let is_glass = matches!(model, Model::Dielectric { .. });
@@ -40,6 +44,7 @@ pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mu
     material.emission = convert.emission();
     material.normal_map = convert.normal_map();
     if is_glass {
+        convert.warn_of_glass();
         return material;
     }
     let map = convert.number_map("map_d", true);
@@ -62,7 +67,7 @@ impl Conversion<'_, '_> {
         let source = self.source;
         let number = |key| source.number(key);
         let illum = number("illum").map(|n| n as i32);
-        let ior = number("Ni").filter(|n| (1.0..=10.0).contains(n));
+        let ior = number("Ni").filter(|n| IORS.contains(n));
         if let (Some(4 | 6 | 7 | 9), Some(ior)) = (illum, ior.filter(|n| *n > 1.0)) {
             let tint = ColorSlot::constant(source.color("Tf").map_or([1.0; 3], colour));
             return Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact };
@@ -168,10 +173,47 @@ impl Conversion<'_, '_> {
 
     fn warn_of_maps(&mut self) {
         for key in ["map_Ns", "map_Tr", "disp", "decal", "refl", "map_RMA"] {
-            let Some(map) = self.source.map(key) else { continue };
-            let message = format!("material '{}': '{key}' is not supported, ignored", self.source.name);
-            self.loaded.warnings.push(Warning::new(self.library, format!("line {}", map.line), message));
+            self.warn_of_map(key, "is not supported, ignored");
         }
+        if self.source.map("norm").is_some() {
+            self.warn_of_map("bump", "is ignored beside 'norm'");
+        }
+    }
+
+    /// Smooth glass has a tint and nothing else.
+    fn warn_of_glass(&mut self) {
+        for key in ["map_Kd", "map_Ks", "map_d", "map_Pr", "map_Pm", "map_Ps"] {
+            self.warn_of_map(key, "is ignored: the material is smooth glass by its 'illum'");
+        }
+    }
+
+    /// Warns of what is clamped to 0..1, and of an index of refraction that is none.
+    fn warn_of_ranges(&mut self) {
+        let source = self.source;
+        let is_share = |x: &f32| (0.0..=1.0).contains(x);
+        let colors = ["Kd", "Ks", "Tf"]
+            .into_iter()
+            .filter(|k| source.color(k).is_some_and(|c| !c.iter().all(is_share)));
+        let numbers = ["d", "Tr", "Pr", "Pm", "Ps", "Pc", "Pcr", "aniso"].into_iter();
+        let numbers = numbers.filter(|k| source.number(k).is_some_and(|n| !is_share(&n)));
+        let clamped: Vec<String> = colors.chain(numbers).map(|key| format!("'{key}'")).collect();
+        if !clamped.is_empty() {
+            self.warn("", format!("{} beyond 0 to 1 is clamped", clamped.join(", ")));
+        }
+        if let Some(ior) = source.number("Ni").filter(|n| !IORS.contains(n)) {
+            self.warn("", format!("'Ni' {ior} is no index of refraction from 1 to 10, ignored"));
+        }
+    }
+
+    fn warn_of_map(&mut self, key: &str, why: &str) {
+        if let Some(map) = self.source.map(key) {
+            self.warn(&format!("line {}", map.line), format!("'{key}' {why}"));
+        }
+    }
+
+    fn warn(&mut self, place: &str, message: String) {
+        let message = format!("material '{}': {message}", self.source.name);
+        self.loaded.warnings.push(Warning::new(self.library, place, message));
     }
 }
 

@@ -16,7 +16,7 @@ mod materials;
 mod mtl;
 mod statements;
 
-use super::shapes::drop_unusable_triangles;
+use super::shapes::Repairs;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};
 use crate::math::DAffine3;
@@ -26,7 +26,7 @@ use lines::by_tobj;
 use maps::Maps;
 use mtl::Mtl;
 use statements::{MaterialName, Statements};
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -50,15 +50,18 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         maps: Maps::new(options),
         ids: HashMap::new(),
     };
-    let mut dropped = 0;
+    let mut repairs = Repairs::default();
     for object in objects {
-        dropped += add(object, &mut palette, &mut loaded);
+        add(object, &mut palette, &mut loaded, &mut repairs);
     }
-    if dropped > 0 {
-        let message = format!("{dropped} triangles with corners that are not finite numbers were dropped");
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
-    for (_, m) in &libraries {
+    loaded.warnings.extend(repairs.warnings(path));
+    let mut defined = HashSet::new();
+    for (library, m) in &libraries {
+        if !defined.insert(&m.name) {
+            let message = format!("material '{}' was defined before: the first counts", m.name);
+            loaded.warnings.push(Warning::new(library, "", message));
+            continue;
+        }
         if !materials.iter().any(|used| used.0 == m.name) {
             loaded.left_out.push(format!("material '{}': no face uses it", m.name));
         }
@@ -88,7 +91,7 @@ fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
 }
 
 /// Adds an object to the scene; the number of triangles that had to be dropped.
-fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded) -> usize {
+fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut Repairs) {
     let Object { mut mesh, runs, .. } = object;
     let total = mesh.triangles.len() as u32;
     let ends: Vec<u32> = runs.iter().skip(1).map(|r| r.first_triangle).chain([total]).collect();
@@ -97,9 +100,9 @@ fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded) -> usize {
         mesh.triangles[from as usize..to as usize].iter().filter(|t| t.iter().all(finite)).count() as u32
     };
     let counts: Vec<u32> = runs.iter().zip(&ends).map(|(r, &end)| kept(r.first_triangle, end)).collect();
-    let dropped = drop_unusable_triangles(&mut mesh);
+    repairs.make(&mut mesh);
     if mesh.triangles.is_empty() {
-        return dropped;
+        return;
     }
     let (mut first_triangle, has_colors) = (0, !mesh.colors.is_empty());
     for (run, triangle_count) in runs.iter().zip(counts).filter(|(_, n)| *n > 0) {
@@ -119,7 +122,6 @@ fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded) -> usize {
         motion: Motion::Still,
     });
     scene.meshes.push(mesh);
-    dropped
 }
 
 /// The materials of a file's libraries, each converted when a face first needs it.

@@ -231,10 +231,14 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
 fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
     let number = |i: usize| values.get(i).and_then(|v| v.parse::<f32>().ok()).filter(|x| x.is_finite());
     match option {
+        "-o" | "-s" | "-bm" if number(0).is_none() => return false,
         "-o" => map.offset = [number(0).unwrap_or(0.0), number(1).unwrap_or(0.0)],
         "-s" => map.scale = [number(0).unwrap_or(1.0), number(1).unwrap_or(1.0)],
         "-bm" => map.bump = number(0).unwrap_or(1.0),
-        "-clamp" => map.clamp = values == ["on"],
+        "-clamp" => {
+            map.clamp = values == ["on"];
+            return matches!(values, ["on" | "off"]);
+        }
         "-imfchan" => {
             map.channel = match values {
                 ["r"] => Some(0),

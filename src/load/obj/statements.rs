@@ -130,7 +130,7 @@ impl Statements {
             }
             sound += 1;
         }
-        let is_broken = sound < least || sound < most && words.take(most).count() > sound;
+        let is_broken = sound < least || sound < most && words.clone().take(most).count() > sound;
         if is_broken || self.totals[0] >= u32::MAX as usize - 1 {
             out.truncate(start);
             self.broken.insert(line);
@@ -144,6 +144,10 @@ impl Statements {
         }
         out.push(b'\n');
         self.totals[kind] += 1;
+        // A fourth number is the weight of rational curves.
+        if kind == 0 && sound < 6 && words.count() > 4 {
+            self.ignore(line, "colours of vertices that are not three numbers");
+        }
         if kind == 0 && sound == 6 {
             self.colors.resize(self.totals[0] - 1, [1.0; 3]);
             self.colors.push(color);

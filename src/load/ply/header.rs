@@ -5,7 +5,7 @@
 
 use super::ascii::{self, Lines};
 use super::binary;
-use super::elements::Record;
+use super::elements::{Face, Record, Vertex};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
 use ply_rs::parser::Parser;
@@ -33,6 +33,14 @@ pub(super) struct VertexLayout {
     pub color: bool,
     /// Attributes of which a part is missing, so that the rest means nothing.
     pub incomplete: Vec<&'static str>,
+}
+
+/// What is in a file and not read, in words.
+pub(super) struct Unread {
+    /// It would change the picture.
+    pub shown: Vec<String>,
+    /// It would not.
+    pub rest: Vec<String>,
 }
 
 /// Names of texture coordinates and of colours.
@@ -75,6 +83,32 @@ impl<'a> Source<'a> {
         ];
         let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
         VertexLayout { position, normal, uv, color, incomplete }
+    }
+
+    /// Properties that nothing is taken from, with their element: what the file has that shows in a picture, and the rest.
+    /// Also textures that comments name, as MeshLab writes them.
+    pub fn unread(&self, layout: &VertexLayout) -> Unread {
+        let incomplete = layout.incomplete.iter();
+        let shown = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
+        let mut unread = Unread { shown, rest: Vec::new() };
+        let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
+            ("vertex", PropertyType::Scalar(_)) => Vertex::slot(name).is_some(),
+            ("face" | "tristrips", PropertyType::List(..)) => Face::new().list(name).is_some(),
+            ("vertex" | "face" | "tristrips", _) => false,
+            // Elements of other names are left out as a whole.
+            _ => true,
+        };
+        for (element, definition) in self.header.elements.iter().filter(|(_, e)| e.count > 0) {
+            let properties = definition.properties.iter();
+            for (name, _) in properties.filter(|(name, p)| !known(element, name, &p.data_type)) {
+                let what = format!("property '{name}' of '{element}'");
+                let is_shown = name.contains("texcoord") || element == "face" && Vertex::slot(name).is_some();
+                if is_shown { unread.shown.push(what) } else { unread.rest.push(what) }
+            }
+        }
+        let textures = self.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
+        unread.shown.extend(textures.map(|file| format!("the texture '{}' of a comment", file.trim())));
+        unread
     }
 
     /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.

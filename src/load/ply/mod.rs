@@ -3,8 +3,8 @@
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
-//! (`vertex_index` or `vertex_indices`) and `tristrips`. Other properties are skipped, and other elements with a
-//! warning. Vertices without faces are a point
+//! (`vertex_index` or `vertex_indices`) and `tristrips`. Other elements, and properties of faces that a picture would show,
+//! are left out with a warning, and any other property without. Vertices without faces are a point
 //! cloud, which becomes spheres if the caller gives their radius.
 
 mod ascii;
@@ -15,14 +15,14 @@ mod header;
 mod lines;
 mod points;
 
-use super::shapes::drop_unusable_triangles;
+use super::shapes::Repairs;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::DAffine3;
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Motion};
 use elements::{Face, Skipped, Vertex};
 use faces::{Faces, Kind};
-use header::Source;
+use header::{Source, Unread};
 use std::path::Path;
 
 /// Reads a PLY file as one mesh with a white diffuse material.
@@ -31,13 +31,15 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (mesh, left_out) = parse(path, &bytes)?;
     drop(bytes);
     let mut loaded = finish(path, mesh, options)?;
-    loaded.warnings.extend(left_out.into_iter().map(|m| Warning::new(path, "", format!("{m}: left out"))));
+    let warning = |what| Warning::new(path, "", format!("{what}: left out"));
+    loaded.warnings.extend(left_out.shown.into_iter().map(warning));
+    loaded.left_out.extend(left_out.rest.into_iter().map(|what| format!("{what}: no picture shows it")));
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     Ok(loaded)
 }
 
 /// Reads the content of a PLY file, and what it leaves out; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
+fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
@@ -46,9 +48,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
     }
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let (mut uv, mut faces) = (Vec::new(), Faces::default());
-    let incomplete = defined.incomplete.iter();
-    let mut left_out: Vec<_> =
-        incomplete.map(|what| format!("{what} of which a property is missing")).collect();
+    let mut left_out = source.unread(&defined);
     for (name, definition) in source.elements() {
         match name.as_str() {
             "vertex" => {
@@ -80,7 +80,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
                 source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
                 if definition.count > 0 {
                     let count = definition.count;
-                    left_out.push(format!("{count} of the element '{name}', which is no surface"));
+                    left_out.shown.push(format!("{count} of the element '{name}', which is no surface"));
                 }
             }
         }
@@ -89,13 +89,20 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Vec<String>)> {
         mesh.uv_sets = vec![uv];
     }
     if faces.short > 0 {
-        left_out.push(format!("{} faces of fewer than three corners", faces.short));
+        left_out.shown.push(format!("{} faces of fewer than three corners", faces.short));
     }
+    left_out.shown.extend(unused_alpha(&mesh));
     let problems = faces.problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
     Ok((mesh, left_out))
+}
+
+/// Says how many vertices would let light through.
+fn unused_alpha(mesh: &Mesh) -> Option<String> {
+    let count = mesh.colors.iter().filter(|c| c[3] < 1.0).count();
+    (count > 0).then(|| format!("the alpha of {count} vertex colours, which are taken as opaque"))
 }
 
 fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> {
@@ -106,11 +113,9 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         return points::spheres(path, &mesh, options);
     }
     let mut loaded = Loaded::default();
-    let dropped = drop_unusable_triangles(&mut mesh);
-    if dropped > 0 {
-        let message = format!("{dropped} triangles with corners that are not finite numbers were dropped");
-        loaded.warnings.push(Warning::new(path, "", message));
-    }
+    let mut repairs = Repairs::default();
+    repairs.make(&mut mesh);
+    loaded.warnings.extend(repairs.warnings(path));
     let triangle_count = u32::try_from(mesh.triangles.len())
         .map_err(|_| Error::input(path, "has more than 4,294,967,295 triangles"))?;
     mesh.parts = vec![MeshPart { first_triangle: 0, triangle_count, material: MaterialId(0) }];

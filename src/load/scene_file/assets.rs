@@ -2,18 +2,20 @@
 //! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
 
 use super::build::Build;
-use crate::error::Result;
+use crate::error::{Result, Warning};
 use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
-use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Texture};
+use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Shape, Texture};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 /// What a mesh file brought.
 #[derive(Clone, Default)]
-struct Asset {
+pub(super) struct Asset {
     /// Its placements, by the ids of the whole scene.
-    instances: Vec<Instance>,
+    pub instances: Vec<Instance>,
+    /// The points of a point cloud, likewise.
+    pub shapes: Vec<Shape>,
     cameras: Vec<Camera>,
 }
 
@@ -31,8 +33,8 @@ impl Assets {
         self.with_materials.insert(key(&beside(build, name)));
     }
 
-    /// The placements of a file's meshes; `None` where it has problems, which have been noted.
-    pub fn instances(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&[Instance]> {
+    /// What a file brings; `None` where it has problems, which have been noted.
+    pub fn get(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
         let path = beside(build, name);
         let key = key(&path);
         if !self.files.contains_key(&key) {
@@ -41,10 +43,10 @@ impl Assets {
                 build.loaded.left_out.push(format!("materials of '{name}': every object replaces them"));
             }
             let loaded = self.read(build, &path, name, &span, geometry_only);
-            let asset = loaded.map(|l| absorb(build, l));
+            let asset = loaded.map(|l| absorb(build, &path, l));
             self.files.insert(key.clone(), asset);
         }
-        self.files.get(&key)?.as_ref().map(|a| a.instances.as_slice())
+        self.files.get(&key)?.as_ref()
     }
 
     /// The cameras of a file.
@@ -53,7 +55,9 @@ impl Assets {
         if let Some(known) = self.files.get(&key(&path)) {
             return known.as_ref().map(|a| a.cameras.clone());
         }
-        let loaded = self.read(build, &path, name, &span, true)?;
+        let mut loaded = self.read(build, &path, name, &span, true)?;
+        build.loaded.warnings.append(&mut loaded.warnings);
+        build.loaded.notes.append(&mut loaded.notes);
         build.loaded.left_out.push(format!("meshes of '{name}': only its camera is used"));
         Some(loaded.scene.cameras)
     }
@@ -102,12 +106,16 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
 }
 
-/// Moves a file's meshes, materials, textures and images into the scene.
-fn absorb(build: &mut Build, mut loaded: Loaded) -> Asset {
+/// Moves a file's meshes, materials, textures and images into the scene; its lights stay behind, with a note.
+fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
-    let Scene { meshes, instances, materials, textures, images, cameras, .. } = loaded.scene;
+    let Scene { meshes, instances, shapes, materials, textures, images, lights, cameras, .. } = loaded.scene;
+    if !lights.is_empty() {
+        let message = format!("its {} lights are left out: a scene file lists its own", lights.len());
+        build.loaded.notes.push(Warning::new(path, "", message));
+    }
     let scene = &mut build.loaded.scene;
     let shift = Shift {
         mesh: scene.meshes.len() as u32,
@@ -134,7 +142,9 @@ fn absorb(build: &mut Build, mut loaded: Loaded) -> Asset {
         material: i.material.map(|m| MaterialId(m.0 + shift.material)),
         ..i
     });
-    Asset { instances: instances.collect(), cameras }
+    let shapes =
+        shapes.into_iter().map(|s| Shape { material: MaterialId(s.material.0 + shift.material), ..s });
+    Asset { instances: instances.collect(), shapes: shapes.collect(), cameras }
 }
 
 /// What is added to each kind of id.

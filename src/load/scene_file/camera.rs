@@ -143,6 +143,12 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
     if angle.is_some() && f_stop.is_some() {
         return complain("'defocus_angle' and 'f_stop' say the same: leave one out");
     }
+    if f_stop.is_none() && fields.has("focal_length") {
+        return complain("'focal_length' needs 'f_stop'");
+    }
+    if angle.is_none() && f_stop.is_none() && (distance.is_some() || point.is_some()) {
+        return complain("a plane in focus needs the size of the lens: add 'defocus_angle' or 'f_stop'");
+    }
     if angle.is_none() && f_stop.is_none() || angle == Some(0.0) {
         return Some(None);
     }

@@ -190,9 +190,6 @@ fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
     if fresnel != FresnelModel::Exact {
         fields.problems.push(fields.span(), "rough or thin glass has exact reflectance: leave 'fresnel' out");
     }
-    if ior < 1.0 {
-        fields.problems.push(fields.span(), "rough or thin glass needs an 'ior' of at least 1");
-    }
     Model::Glass { ior, tint, roughness: FloatSlot::constant(roughness), is_thin }
 }
 

@@ -2,7 +2,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and lights are ignored, `material` replaces all of its own |
+//! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own |
 //! | `sphere` | `{ center, radius }` |
 //! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //! | `quad` | `{ corner, u, v }`; the front is where u x v points |
@@ -24,7 +24,7 @@ use super::textures::Textures;
 use super::transform;
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, MeshPart, Quad};
+use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
 
 const SHAPES: [&str; 7] = ["mesh", "sphere", "disk", "quad", "box", "pyramid", "triangle"];
 
@@ -85,8 +85,7 @@ fn read_object<'a>(
     };
     let per_face = faces.as_ref().filter(|f| f.faces.len() > 1 && fields.has("materials"));
     if let Some(faces) = per_face {
-        let ids = face_materials(build, fields, faces.faces.len(), materials, textures);
-        if let Some(ids) = ids {
+        if let Some(ids) = face_materials(build, fields, faces.faces.len(), materials, textures) {
             add_faces(build, object, faces, &ids);
         }
         return;
@@ -126,8 +125,8 @@ fn add_mesh(
     assets: &mut Assets,
 ) {
     let Some(file) = fields.string("mesh") else { return };
-    let Some(instances) = assets.instances(build, file.value, file.span) else { return };
-    let placed = instances.iter().map(|i| Instance {
+    let Some(asset) = assets.get(build, file.value, file.span.clone()) else { return };
+    let placed = asset.instances.iter().map(|i| Instance {
         name: format!("{}/{}", object.name, i.name),
         mesh: i.mesh,
         world_from_object: object.world_from_object * i.world_from_object,
@@ -135,6 +134,14 @@ fn add_mesh(
         motion: i.motion,
     });
     build.loaded.scene.instances.extend(placed);
+    let Some(first) = asset.shapes.first() else { return };
+    if round::placed(object, first.clone()).is_none() {
+        let message = "the points of a point cloud are spheres, which this transform bends";
+        return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
+    }
+    let shapes = asset.shapes.iter().filter_map(|shape| round::placed(object, shape.clone()));
+    let shapes = shapes.map(|s| Shape { material: material.unwrap_or(s.material), ..s });
+    build.loaded.scene.shapes.extend(shapes);
 }
 
 fn face_materials<'a>(
@@ -145,6 +152,9 @@ fn face_materials<'a>(
     textures: &mut Textures<'a>,
 ) -> Option<Vec<MaterialId>> {
     let list = fields.list("materials")?;
+    if fields.has("material") {
+        fields.problems.push(fields.span(), "'material' and 'materials' say the same: leave one out");
+    }
     if list.len() != count {
         let message = format!("'materials' names {} materials, but the shape has {count} faces", list.len());
         fields.problems.push(fields.span(), message);

@@ -42,6 +42,7 @@ pub(super) fn material(
         transmission: share(fields, "transmission", 0.0),
         ..PbrMaterial::default()
     };
+    check_layers(fields);
     volume(fields, &mut model);
     layers(fields, &mut model, &mut slot);
     let two_sided = fields.flag("two_sided", true);
@@ -56,6 +57,9 @@ fn share(fields: &Fields, key: &'static str, default: f64) -> FloatSlot {
 fn volume(fields: &Fields, model: &mut PbrMaterial) {
     model.has_volume = fields.flag("volume", false);
     if let Some(color) = fields.color("attenuation_color") {
+        if color.value.iter().any(|c| *c > 1.0) {
+            fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");
+        }
         model.attenuation_color = color.value.map(|c| c.min(1.0));
     }
     if fields.has("attenuation_distance") {
@@ -67,6 +71,22 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
     if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
+    }
+}
+
+/// Complains of keys that say how a layer is, without the one that says that it is there.
+fn check_layers(fields: &Fields) {
+    let needs: [(&'static str, &[&'static str]); 5] = [
+        ("clearcoat", &["clearcoat_roughness"]),
+        ("sheen_color", &["sheen_roughness"]),
+        ("anisotropy", &["anisotropy_rotation"]),
+        ("iridescence", &["iridescence_ior", "iridescence_thickness"]),
+        ("diffuse_transmission", &["diffuse_transmission_color"]),
+    ];
+    for (layer, keys) in needs {
+        for key in keys.iter().filter(|key| fields.has(key) && !fields.has(layer)) {
+            fields.problems.push(fields.span(), format!("'{key}' does nothing without '{layer}'"));
+        }
     }
 }
 

@@ -57,19 +57,23 @@ fn facing(normal: DVec3) -> DQuat {
     DQuat::from_mat3(&DMat3::from_cols(right, normal.cross(right), normal)).normalize()
 }
 
+/// A shape under the transform of its object; `None` where that bends it.
+pub(super) fn placed(object: &Object, shape: Shape) -> Option<Shape> {
+    let m = object.world_from_object;
+    let scale = uniform_scale(&m)?;
+    let turn = DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
+    Some(Shape {
+        center: m.transform_point3(shape.center),
+        radius: shape.radius * scale,
+        rotation: DQuat::from_mat3(&turn) * shape.rotation,
+        ..shape
+    })
+}
+
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
 fn add(build: &mut Build, object: &Object, shape: Shape) {
-    let m = object.world_from_object;
-    if let Some(scale) = uniform_scale(&m) {
-        let turn =
-            DMat3::from_cols(m.matrix3.x_axis / scale, m.matrix3.y_axis / scale, m.matrix3.z_axis / scale);
-        build.loaded.scene.shapes.push(Shape {
-            center: m.transform_point3(shape.center),
-            radius: shape.radius * scale,
-            rotation: DQuat::from_mat3(&turn) * shape.rotation,
-            ..shape
-        });
-        return;
+    if let Some(placed) = placed(object, shape.clone()) {
+        return build.loaded.scene.shapes.push(placed);
     }
     let mut mesh: Mesh = match shape.kind {
         ShapeKind::Sphere => icosphere(&shape.name, 6),
@@ -86,5 +90,5 @@ fn add(build: &mut Build, object: &Object, shape: Shape) {
     build.loaded.warnings.push(Warning::new(build.file, "", message));
     let scale = DVec3::splat(shape.radius);
     let unit = DAffine3::from_scale_rotation_translation(scale, shape.rotation, shape.center);
-    add_placed(build, object, mesh, m * unit);
+    add_placed(build, object, mesh, object.world_from_object * unit);
 }

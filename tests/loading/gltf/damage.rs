@@ -304,6 +304,7 @@ fn rich() -> Value {
     })
 }
 
+#[cfg(feature = "draco")]
 #[test]
 fn compressed_primitives_need_plain_copies() {
     let compressed = |plain: bool| {

@@ -1,4 +1,6 @@
 //! Images: formats that only glTF brings, and that nothing is decoded without need.
+// Tests of decoders that a build may lack use some of this.
+#![cfg_attr(not(feature = "decoders"), allow(unused_imports, dead_code))]
 
 use super::asset::{load_with, triangle_bytes, triangle_with};
 use super::materials::RED;
@@ -29,6 +31,7 @@ fn ktx2(format: u32, width: u32, height: u32, level: &[u8]) -> Vec<u8> {
 }
 
 /// A UASTC block of one colour (mode 8).
+#[cfg(feature = "ktx2")]
 fn solid_block(rgba: [u8; 4]) -> [u8; 16] {
     (0x17u128 | u128::from(u32::from_le_bytes(rgba)) << 5).to_le_bytes()
 }
@@ -45,6 +48,7 @@ fn load(asset: &Value, name: &str, bytes: &[u8]) -> Result<Loaded, Error> {
     load_with(asset, &[("a.bin", &triangle_bytes()), (name, bytes), ("red.png", RED)])
 }
 
+#[cfg(feature = "ktx2")]
 #[test]
 fn basis_universal_textures() {
     let texture = json!({"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}});
@@ -79,6 +83,19 @@ fn plain_ktx2_and_its_damage() {
         assert_eq!(error.problems.len(), 1, "{error}");
         assert_eq!(error.problems[0].place, "/images/0");
     }
+}
+
+#[test]
+fn lists_of_textures_in_a_ktx2_file_give_the_first_with_a_warning() {
+    let asset = textured("a.ktx2", json!({"source": 0}));
+    let mut bytes = ktx2(29, 4, 2, &[9; 24]);
+    bytes[32..36].copy_from_slice(&3u32.to_le_bytes());
+    let loaded = load(&asset, "a.ktx2", &bytes).unwrap_or_else(|e| panic!("{e}"));
+    assert!(
+        loaded.warnings.iter().any(|w| w.message.contains("holds 3 x 1 images")),
+        "{:?}",
+        loaded.warnings
+    );
 }
 
 /// Glossiness in alpha becomes roughness; the same image gives the specular colour.

@@ -4,6 +4,7 @@ mod asset;
 mod choices;
 mod collections;
 mod damage;
+mod decoders;
 mod geometry;
 mod images;
 mod layers;

@@ -18,7 +18,7 @@ fn load_files(files: &[(&str, &[u8])]) -> Result<Loaded, Error> {
         std::fs::create_dir_all(path.parent().expect("a folder")).expect("made");
         std::fs::write(path, content).expect("written");
     }
-    load(&folder.path().join(files[0].0), &LoadOptions::default())
+    load(folder.path().join(files[0].0), &LoadOptions::default())
 }
 
 /// The scene of an OBJ file alone.

@@ -10,6 +10,31 @@ use oscura::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, Model,
     PbrMaterial, Sheen,
 };
+use std::cell::Cell;
+
+/// The cases of a test that a run looks at. The quick run of a test that takes long as a whole looks at each so many-th:
+/// with the same draws and the same bounds for each.
+pub struct Cases {
+    step: usize,
+    met: Cell<usize>,
+}
+
+impl Cases {
+    /// All of them, for runs of ignored tests.
+    pub fn all() -> Cases {
+        Cases::each(1)
+    }
+
+    /// Each `step`-th. A prime that no loop over the cases has as its length meets every value of every loop.
+    pub fn each(step: usize) -> Cases {
+        Cases { step, met: Cell::new(0) }
+    }
+
+    /// Is the next case one of them? To be asked once for each.
+    pub fn takes(&self) -> bool {
+        self.met.replace(self.met.get() + 1).is_multiple_of(self.step)
+    }
+}
 
 /// Euclidean length, a measure of how different colours are.
 pub fn length(color: Rgb) -> f32 {

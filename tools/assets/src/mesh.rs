@@ -167,7 +167,7 @@ mod tests {
         let mesh = Mesh::torus(1000);
         for name in ["mesh.ply", "mesh.obj"] {
             let scene =
-                load(&folder.join(name), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
+                load(folder.join(name), &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}")).scene;
             let read = &scene.meshes[0];
             assert_eq!(
                 (read.triangles.len(), read.positions.len()),

@@ -55,7 +55,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         ("time-to-error.svg", tables::svg(&points)),
     ];
     for (name, text) in texts {
-        oscura::output::write_atomically(&arguments.folder.join(name), text.as_bytes())?;
+        oscura::output::write_atomically(arguments.folder.join(name), text.as_bytes())?;
     }
     print!("{}", tables::markdown(&points));
     Ok(())
@@ -92,7 +92,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
     }
     let folder = paths.remove(0);
     std::fs::create_dir_all(&folder).map_err(|e| Error::output(&folder, format!("can't be created: {e}")))?;
-    oscura::output::check_target(&folder.join("time-to-error.csv"))?;
+    oscura::output::check_target(folder.join("time-to-error.csv"))?;
     Ok(Arguments { folder, scenes: paths, setup })
 }
 

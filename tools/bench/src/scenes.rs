@@ -33,7 +33,7 @@ impl Generated {
         std::fs::create_dir_all(&folder)
             .map_err(|e| Error::output(&folder, format!("can't be created: {e}")))?;
         let generated = Generated { folder };
-        let write = |name: &str, bytes: &[u8]| write_atomically(&generated.folder.join(name), bytes);
+        let write = |name: &str, bytes: &[u8]| write_atomically(generated.folder.join(name), bytes);
         write("sky.hdr", &sky())?;
         write("environment.toml", ENVIRONMENT.as_bytes())?;
         write("model.ply", &torus())?;
@@ -145,7 +145,7 @@ mod tests {
             let loaded = load(&path, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.warnings.is_empty(), "{:?}", loaded.warnings);
         }
-        let model = load(&generated.folder.join("model.ply"), &LoadOptions::default()).expect("a model");
+        let model = load(generated.folder.join("model.ply"), &LoadOptions::default()).expect("a model");
         assert_eq!(model.scene.meshes[0].triangles.len(), 160_000);
         let folder = generated.folder.clone();
         drop(generated);

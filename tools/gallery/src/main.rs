@@ -106,7 +106,7 @@ fn run(arguments: &Arguments) -> Result<()> {
     write_atomically(&path, &png)?;
     let threads = compare_threads(quality)?;
     let text = table::markdown(&rows, Some(&threads));
-    write_atomically(&folder.join("times.md"), text.as_bytes())?;
+    write_atomically(folder.join("times.md"), text.as_bytes())?;
     print!("{text}");
     if arguments.publish {
         publish::publish(folder, &text)?;
@@ -169,7 +169,7 @@ mod tests {
     #[test]
     fn scenes_and_entries_match() {
         for entry in ENTRIES.iter().filter(|e| e.name() != "million-triangles") {
-            let loaded = oscura::load::load(&scenes().join(entry.scene), &Default::default());
+            let loaded = oscura::load::load(scenes().join(entry.scene), &Default::default());
             let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
             assert!(loaded.warnings.is_empty(), "{}: {}", entry.scene, loaded.warnings[0]);
             assert!(entry.label.len() * 8 <= 256, "{}", entry.label);

@@ -17,7 +17,7 @@ pub fn publish(folder: &Path, table: &str) -> Result<()> {
     for name in ["hero.jpg", "contact-sheet.jpg"] {
         let source = folder.join(name);
         if source.exists() {
-            write_atomically(&root.join("assets").join(name), &read(&source)?)?;
+            write_atomically(root.join("assets").join(name), &read(&source)?)?;
         }
     }
     let readme = root.join("README.md");

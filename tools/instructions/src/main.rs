@@ -2,12 +2,13 @@
 //! compares them with recorded numbers.
 //!
 //! ```text
-//! oscura-instructions PROGRAM [--bound RATIO]     exit code 1 if a scene takes more than RATIO (1.01) of its number
-//! oscura-instructions PROGRAM --record            writes the numbers
+//! oscura-instructions [PROGRAM] [--bound RATIO]     exit code 1 if a scene takes more than RATIO (1.01) of its number
+//! oscura-instructions [PROGRAM] --record            writes the numbers to counts.txt
 //! ```
 //!
-//! The numbers hold for one toolchain and for what callgrind's processor can do (AVX2, whatever the machine has); the file
-//! says which. Reading, building and rendering count, on one thread.
+//! Without PROGRAM it is target/release/oscura. The numbers hold for one compiler, one valgrind and what callgrind's
+//! processor can do (AVX2, whatever the machine has); the file says which, and other tools are told but fail nothing.
+//! Reading, building and rendering count, on one thread. See README.md.
 
 mod record;
 
@@ -46,27 +47,61 @@ const COMMON: &[&str] = &[
     "1",
 ];
 
-const USAGE: &str = "usage: oscura-instructions PROGRAM [--bound RATIO | --record]";
+const USAGE: &str = "usage: oscura-instructions [PROGRAM] [--bound RATIO | --record]";
+
+/// What the user asks for.
+#[derive(Debug, PartialEq)]
+struct Arguments {
+    /// The program that is counted.
+    program: PathBuf,
+    task: Task,
+}
+
+#[derive(Debug, PartialEq)]
+enum Task {
+    /// Write the numbers.
+    Record,
+    /// No scene may take more than this many times its number.
+    Compare(f64),
+}
+
+impl Arguments {
+    fn parse(words: &[&str]) -> Result<Arguments> {
+        let (program, options) = match words {
+            [first, rest @ ..] if !first.starts_with("--") => (PathBuf::from(first), rest),
+            all => (root().join("target/release/oscura"), all),
+        };
+        let task = match options {
+            [] => Task::Compare(1.01),
+            ["--record"] => Task::Record,
+            ["--bound", bound] => {
+                let ratio = bound.parse().ok().filter(|ratio: &f64| ratio.is_finite() && *ratio > 0.0);
+                Task::Compare(ratio.ok_or_else(|| format!("'{bound}' is no ratio above 0"))?)
+            }
+            _ => return Err(USAGE.into()),
+        };
+        Ok(Arguments { program, task })
+    }
+}
 
 fn main() -> ExitCode {
-    let arguments: Vec<String> = std::env::args().skip(1).collect();
-    let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
-    let result = match words[..] {
-        [program] => compare(Path::new(program), 1.01),
-        [program, "--bound", bound] => match bound.parse() {
-            Ok(bound) => compare(Path::new(program), bound),
-            Err(_) => Err(format!("'{bound}' is no number").into()),
-        },
-        [program, "--record"] => record(Path::new(program)),
-        _ => {
-            eprintln!("{USAGE}");
-            return ExitCode::from(2);
-        }
-    };
-    result.unwrap_or_else(|error| {
+    let words: Vec<String> = std::env::args().skip(1).collect();
+    let words: Vec<&str> = words.iter().map(String::as_str).collect();
+    run(&words).unwrap_or_else(|error| {
         eprintln!("{error}");
         ExitCode::from(2)
     })
+}
+
+fn run(words: &[&str]) -> Result<ExitCode> {
+    let Arguments { program, task } = Arguments::parse(words)?;
+    let program = program.canonicalize().map_err(|e| {
+        format!("{}: {e}; `cargo build --release --bin oscura` makes the program", program.display())
+    })?;
+    match task {
+        Task::Record => record(&program),
+        Task::Compare(bound) => compare(&program, bound),
+    }
 }
 
 fn root() -> PathBuf {
@@ -89,24 +124,32 @@ fn record(program: &Path) -> Result<ExitCode> {
     Ok(ExitCode::SUCCESS)
 }
 
-/// Counts all scenes and prints how they stand to the recorded numbers.
+/// Counts all scenes and prints how they stand to the recorded numbers. Those of other tools are shown, but fail nothing.
 fn compare(program: &Path, bound: f64) -> Result<ExitCode> {
-    let record = Record::parse(&std::fs::read_to_string(recorded())?)?;
+    let path = recorded();
+    let text = std::fs::read_to_string(&path)
+        .map_err(|e| format!("{}: {e}; `oscura-instructions --record` writes the numbers", path.display()))?;
+    let record = Record::parse(&text)?;
     let now = made_with()?;
-    if now != record.made_with {
-        println!("recorded with {}\nrun with      {now}: ratios mean less", record.made_with);
+    let is_same = now == record.made_with;
+    if !is_same {
+        println!(
+            "recorded with {}\nrun with      {now}: ratios tell less, and fail nothing",
+            record.made_with
+        );
     }
-    let mut slower = 0;
+    println!("{:<28} {:>13} {:>13} ratio", "scene", "recorded", "now");
+    let mut more = 0;
     for scene in SCENES {
         let before =
             record.count(scene).ok_or_else(|| format!("{scene} is not recorded; run with --record"))?;
         let count = count(program, scene)?;
         let ratio = count as f64 / before as f64;
-        let verdict = if ratio > bound { "  MORE THAN ALLOWED" } else { "" };
+        let verdict = if ratio > bound { format!("  more than {bound}") } else { String::new() };
         println!("{scene:<28} {before:>13} {count:>13} {ratio:.4}{verdict}");
-        slower += u32::from(ratio > bound);
+        more += u32::from(ratio > bound);
     }
-    Ok(ExitCode::from(u8::from(slower > 0)))
+    Ok(ExitCode::from(u8::from(is_same && more > 0)))
 }
 
 /// Instructions that a picture takes.
@@ -114,7 +157,7 @@ fn count(program: &Path, scene: &str) -> Result<u64> {
     let folder = tempfile::tempdir()?;
     let output = Command::new("valgrind")
         .args(["--tool=callgrind", "--callgrind-out-file=/dev/null"])
-        .arg(program.canonicalize()?)
+        .arg(program)
         .args(["render", scene])
         .args(COMMON)
         .arg("-o")
@@ -139,4 +182,17 @@ fn made_with() -> Result<String> {
         Ok(String::from_utf8(output.stdout)?.trim().to_string())
     };
     Ok(format!("{}, {}", version("rustc")?, version("valgrind")?))
+}
+
+#[test]
+fn arguments_say_what_to_do() {
+    let built = root().join("target/release/oscura");
+    let parsed = |words: &[&str]| Arguments::parse(words).ok();
+    assert_eq!(parsed(&[]), Some(Arguments { program: built.clone(), task: Task::Compare(1.01) }));
+    assert_eq!(parsed(&["--record"]), Some(Arguments { program: built, task: Task::Record }));
+    let other = Arguments { program: "a".into(), task: Task::Compare(1.0) };
+    assert_eq!(parsed(&["a", "--bound", "1"]), Some(other));
+    for wrong in [&["--bound"][..], &["--bound", "nan"], &["a", "b"], &["--record", "--bound", "1"]] {
+        assert_eq!(parsed(wrong), None, "{wrong:?}");
+    }
 }

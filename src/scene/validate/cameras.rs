@@ -1,0 +1,46 @@
+//! Cameras.
+
+use super::findings::{Findings, Place};
+use crate::scene::{Camera, Projection};
+use std::f64::consts::PI;
+
+pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
+    let place = Place { list: "cameras", index, name: &camera.name };
+    let m = &camera.world_from_camera;
+    let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis.try_normalize());
+    let is_met = match axes {
+        // Compared by angles: cameras may have any scale.
+        [Some(x), Some(y), Some(z)] => m.translation.is_finite() && x.cross(y).dot(z).abs() > 1e-9,
+        _ => false,
+    };
+    let allowed = "finite, with three axes that lie in no plane";
+    findings.require(is_met, place, "world_from_camera", m, allowed);
+    match camera.projection {
+        Projection::Perspective { vfov_rad } => {
+            let is_met = vfov_rad > 0.0 && vfov_rad < PI;
+            findings.require(is_met, place, "vfov_rad", vfov_rad, "above 0 and below pi");
+        }
+        Projection::Orthographic { half_height } => {
+            findings.require(is_length(half_height), place, "half_height", half_height, LENGTH);
+        }
+    }
+    if let Some(aspect) = camera.aspect_ratio {
+        findings.require(is_length(aspect), place, "aspect_ratio", aspect, LENGTH);
+    }
+    if let Some(lens) = camera.lens {
+        let angle = lens.defocus_angle_rad;
+        let is_met = (0.0..PI).contains(&angle);
+        findings.require(is_met, place, "defocus_angle_rad", angle, "from 0 to below pi");
+        let distance = lens.focus_distance;
+        let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
+        findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
+    }
+}
+
+/// Nothing is seen beyond, metres.
+const FARTHEST_FOCUS: f64 = 1e18;
+const LENGTH: &str = "a finite number above 0";
+
+fn is_length(x: f64) -> bool {
+    x > 0.0 && x.is_finite()
+}

@@ -1,0 +1,99 @@
+//! Problems while they are found: each with its place, many of one kind counted.
+
+use crate::error::Problem;
+use std::fmt::{Debug, Display, Formatter, Result};
+
+/// Problems of one kind beyond this many are only counted.
+const MOST_ALIKE: usize = 8;
+
+/// An entry of one of the scene's lists.
+#[derive(Clone, Copy)]
+pub(super) struct Place<'a> {
+    /// The list's field in the scene.
+    pub list: &'static str,
+    /// Which entry.
+    pub index: usize,
+    /// Its name, empty if it has none.
+    pub name: &'a str,
+}
+
+impl Display for Place<'_> {
+    fn fmt(&self, f: &mut Formatter<'_>) -> Result {
+        write!(f, "{}[{}]", self.list, self.index)?;
+        if self.name.is_empty() { Ok(()) } else { write!(f, " '{}'", self.name) }
+    }
+}
+
+/// How often one kind of problem was found.
+struct Kind {
+    field: &'static str,
+    what: &'static str,
+    count: usize,
+}
+
+/// What was found so far.
+#[derive(Default)]
+pub(super) struct Findings {
+    list: Vec<Problem>,
+    kinds: Vec<Kind>,
+}
+
+impl Findings {
+    /// A field holds something that it must not: `allowed` follows "must be".
+    pub fn reject(
+        &mut self,
+        place: impl Display,
+        field: &'static str,
+        found: impl Debug,
+        allowed: &'static str,
+    ) {
+        if self.is_listed(field, allowed) {
+            let message = format!("is {found:?}, but must be {allowed}");
+            self.list.push(Problem::new(format!("{place}, {field}"), message));
+        }
+    }
+
+    /// The same where the field is not as it must be.
+    pub fn require(
+        &mut self,
+        is_met: bool,
+        place: impl Display,
+        field: &'static str,
+        found: impl Debug,
+        allowed: &'static str,
+    ) {
+        if !is_met {
+            self.reject(place, field, found, allowed);
+        }
+    }
+
+    /// Some of many numbers are NaN or infinite.
+    pub fn count_not_finite(&mut self, place: impl Display, field: &'static str, bad: usize, all: usize) {
+        const WHAT: &str = "finite numbers";
+        if bad > 0 && self.is_listed(field, WHAT) {
+            let message = format!("{bad} of {all} numbers are NaN or infinite, but must be {WHAT}");
+            self.list.push(Problem::new(format!("{place}, {field}"), message));
+        }
+    }
+
+    /// All problems, with a line for each kind that has more than are listed.
+    pub fn into_problems(self) -> Vec<Problem> {
+        let Findings { mut list, kinds } = self;
+        for Kind { field, what, count } in kinds.into_iter().filter(|k| k.count > MOST_ALIKE) {
+            let more = count - MOST_ALIKE;
+            list.push(Problem::new("", format!("{more} more of this kind: {field} must be {what}")));
+        }
+        list
+    }
+
+    /// Counts a problem of a kind; true for the first few.
+    fn is_listed(&mut self, field: &'static str, what: &'static str) -> bool {
+        let known = self.kinds.iter().position(|k| k.field == field && k.what == what);
+        let at = known.unwrap_or_else(|| {
+            self.kinds.push(Kind { field, what, count: 0 });
+            self.kinds.len() - 1
+        });
+        self.kinds[at].count += 1;
+        self.kinds[at].count <= MOST_ALIKE
+    }
+}

@@ -1,0 +1,43 @@
+//! Images: that there are as many numbers as the size says.
+
+use super::findings::{Findings, Place};
+use crate::image::Pixels;
+use crate::math::{all_finite, count_not_finite};
+use crate::scene::{Scene, Texture};
+use rayon::prelude::*;
+
+/// Numbers that one thread looks at in a row.
+const BLOCK: usize = 1 << 16;
+
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    // The environment counts texels that are no numbers as black; textures hand them on.
+    let mut is_texture = vec![false; scene.images.len()];
+    for texture in &scene.textures {
+        if let Texture::Image { image, .. } = texture
+            && let Some(is_texture) = is_texture.get_mut(image.index())
+        {
+            *is_texture = true;
+        }
+    }
+    for (index, image) in scene.images.iter().enumerate() {
+        let place = Place { list: "images", index, name: &image.name };
+        findings.require(image.width > 0, place, "width", image.width, "at least 1");
+        findings.require(image.height > 0, place, "height", image.height, "at least 1");
+        let channels = image.channels;
+        findings.require((1..=4).contains(&channels), place, "channels", channels, "1 to 4");
+        let length = match &*image.pixels {
+            Pixels::U8(list) => list.len(),
+            Pixels::U16(list) => list.len(),
+            Pixels::F32(list) => list.len(),
+        };
+        let expected = u128::from(image.width) * u128::from(image.height) * u128::from(channels);
+        let is_met = length as u128 == expected;
+        findings.require(is_met, place, "length of pixels", length, "width * height * channels");
+        if let Pixels::F32(numbers) = &*image.pixels
+            && is_texture[index]
+            && !numbers.par_chunks(BLOCK).all(all_finite)
+        {
+            findings.count_not_finite(place, "pixels", count_not_finite(numbers), numbers.len());
+        }
+    }
+}

@@ -1,0 +1,38 @@
+//! Lights without a surface.
+
+use super::findings::{Findings, Place};
+use crate::math::DVec3;
+use crate::scene::{LightKind, Scene};
+use std::f64::consts::PI;
+
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    for (index, light) in scene.lights.iter().enumerate() {
+        let place = Place { list: "lights", index, name: &light.name };
+        let rgb = light.intensity;
+        let is_met = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
+        findings.require(is_met, place, "intensity", rgb, "finite numbers from 0 up");
+        match light.kind {
+            LightKind::Point { position } => check_position(position, place, findings),
+            LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
+                check_position(position, place, findings);
+                check_direction(direction, place, findings);
+                let (inner, outer) = (inner_angle_rad, outer_angle_rad);
+                let is_cone = outer > 0.0 && outer <= PI;
+                findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
+                // Said once where the outer angle is no angle.
+                let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
+                findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
+            }
+            LightKind::Directional { direction } => check_direction(direction, place, findings),
+        }
+    }
+}
+
+fn check_position(position: DVec3, place: Place, findings: &mut Findings) {
+    findings.require(position.is_finite(), place, "position", position, "finite");
+}
+
+fn check_direction(direction: DVec3, place: Place, findings: &mut Findings) {
+    let is_met = direction.try_normalize().is_some();
+    findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
+}

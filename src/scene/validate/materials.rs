@@ -1,0 +1,107 @@
+//! Materials: every parameter that the visitor shows, and what it doesn't.
+
+use super::findings::{Findings, Place};
+use crate::scene::{
+    AlphaMode, ColorSlot, FloatSlot, Material, Model, Parameter, PbrMaterial, Scene, TextureId,
+};
+
+const FINITE: &str = "a finite number";
+const FROM_ZERO: &str = "a finite number from 0 up";
+const COLOR: &str = "finite numbers from 0 up";
+/// Larger indices of metals, whose fourth powers Fresnel's equations take, mean nothing.
+const MOST_INDEX: f32 = 1e4;
+const INDEX: &str = "numbers from 0 to 10,000";
+const CHANNEL: &str = "a channel from 0 to 3";
+
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    for (index, material) in scene.materials.iter().enumerate() {
+        let place = Place { list: "materials", index, name: &material.name };
+        material.parameters(&mut |field, parameter| {
+            check_parameter(field, parameter, scene.textures.len(), place, findings);
+        });
+        check_alpha(material, place, findings);
+        check_model(&material.model, place, findings);
+    }
+}
+
+fn check_parameter(
+    field: &'static str,
+    parameter: Parameter<'_>,
+    textures: usize,
+    place: Place,
+    findings: &mut Findings,
+) {
+    if let Some(id) = parameter.texture() {
+        let is_met = id.index() < textures;
+        findings.require(is_met, place, field, id, "one of the scene's textures");
+    }
+    match parameter {
+        Parameter::Color(ColorSlot { factor, .. }) => {
+            findings.require(is_color(factor), place, field, factor, COLOR);
+        }
+        Parameter::Number(FloatSlot { factor, texture }) => {
+            findings.require(factor.is_finite(), place, field, factor, FINITE);
+            check_channel(texture, field, place, findings);
+        }
+        Parameter::Constant(&x) => {
+            let (is_met, allowed) = match field {
+                "attenuation_distance" => (x > 0.0, "above 0, or infinite"),
+                "rotation_rad" | "scale" => (x.is_finite(), FINITE),
+                _ => (x.is_finite() && x >= 0.0, FROM_ZERO),
+            };
+            findings.require(is_met, place, field, x, allowed);
+        }
+        Parameter::Texture(_) => {}
+    }
+}
+
+fn check_channel(
+    texture: &Option<(TextureId, u8)>,
+    field: &'static str,
+    place: Place,
+    findings: &mut Findings,
+) {
+    if let Some((_, channel)) = *texture {
+        findings.require(channel < 4, place, field, channel, CHANNEL);
+    }
+}
+
+fn check_alpha(material: &Material, place: Place, findings: &mut Findings) {
+    if let AlphaMode::Mask { cutoff } = material.alpha_mode {
+        findings.require(!cutoff.is_nan(), place, "cutoff", cutoff, "a number");
+    }
+}
+
+/// What is no parameter, or has limits of its own.
+fn check_model(model: &Model, place: Place, findings: &mut Findings) {
+    match model {
+        Model::Black
+        | Model::Lambert { .. }
+        | Model::OrenNayar { .. }
+        | Model::Phong { .. }
+        | Model::SchlickMetal { .. } => {}
+        Model::Conductor { eta, k, .. } => {
+            let is_index = |rgb: &[f32; 3]| rgb.iter().all(|c| (0.0..=MOST_INDEX).contains(c));
+            findings.require(is_index(eta), place, "eta", eta, INDEX);
+            findings.require(is_index(k), place, "k", k, INDEX);
+        }
+        Model::Dielectric { ior, .. } | Model::Glass { ior, .. } => {
+            findings.require(*ior != 0.0, place, "ior", ior, "a finite number above 0");
+        }
+        Model::Pbr(pbr) => check_pbr(pbr, place, findings),
+    }
+}
+
+fn check_pbr(pbr: &PbrMaterial, place: Place, findings: &mut Findings) {
+    let color = &pbr.attenuation_color;
+    findings.require(is_color(color), place, "attenuation_color", color, COLOR);
+    let is_index = !(pbr.ior > 0.0 && pbr.ior < 1.0);
+    findings.require(is_index, place, "ior", pbr.ior, "0, or a finite number from 1 up");
+    if let Some(film) = &pbr.iridescence {
+        check_channel(&film.thickness_texture, "thickness_texture", place, findings);
+    }
+}
+
+fn is_color(rgb: &[f32; 3]) -> bool {
+    rgb.iter().all(|c| c.is_finite() && *c >= 0.0)
+}

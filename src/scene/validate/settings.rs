@@ -1,0 +1,18 @@
+//! Settings of rendering.
+
+use super::findings::Findings;
+use crate::scene::Settings;
+
+const PLACE: &str = "settings";
+
+pub(super) fn check(settings: &Settings, findings: &mut Findings) {
+    let counts = [("width", settings.width), ("height", settings.height), ("samples", settings.samples)];
+    for (field, count) in counts {
+        if let Some(count) = count {
+            findings.require(count > 0, PLACE, field, count, "at least 1");
+        }
+    }
+    if let Some(exposure) = settings.exposure {
+        findings.require(exposure.is_finite(), PLACE, "exposure", exposure, "a finite number");
+    }
+}

@@ -1,0 +1,188 @@
+//! What is said about broken scenes, word for word.
+
+use crate::image::Image;
+use crate::math::{DAffine3, DQuat, DVec3};
+use crate::scene::{
+    Camera, ColorSlot, Environment, ImageId, Instance, Light, LightKind, Mapping, Material, MaterialId, Mesh,
+    MeshId, MeshPart, Model, Motion, PbrMaterial, Projection, Scene, Settings, Shape, ShapeKind, Texture,
+    TextureId,
+};
+
+fn told(scene: &Scene) -> Vec<String> {
+    scene.validate().iter().map(ToString::to_string).collect()
+}
+
+/// A triangle of one material.
+fn triangle() -> Scene {
+    let mesh = Mesh {
+        name: "sail".into(),
+        positions: vec![[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]],
+        triangles: vec![[0, 1, 2]],
+        parts: vec![MeshPart { first_triangle: 0, triangle_count: 1, material: MaterialId(0) }],
+        ..Mesh::default()
+    };
+    let materials = vec![Material::lambert("cloth", [0.5; 3])];
+    Scene { meshes: vec![mesh], materials, ..Scene::default() }
+}
+
+/// What is said of a triangle that was changed.
+fn of_mesh(change: impl FnOnce(&mut Mesh)) -> Vec<String> {
+    let mut scene = triangle();
+    change(&mut scene.meshes[0]);
+    told(&scene)
+}
+
+#[test]
+fn meshes() {
+    assert_eq!(of_mesh(|_| {}), [""; 0]);
+    assert_eq!(
+        of_mesh(|m| m.triangles[0][1] = 3),
+        ["meshes[0] 'sail', triangles: is 3, but must be indices below the number of positions"]
+    );
+    assert_eq!(
+        of_mesh(|m| {
+            m.normals = vec![[0.0, f32::NAN, f32::INFINITY]; 3];
+            m.colors = vec![[1.0; 4]; 2];
+        }),
+        [
+            "meshes[0] 'sail', normals: 6 of 9 numbers are NaN or infinite, but must be finite numbers",
+            "meshes[0] 'sail', length of colors: is 2, but must be as many as the positions, or empty",
+        ]
+    );
+    for parts in [
+        vec![],
+        vec![MeshPart { first_triangle: 0, triangle_count: 2, material: MaterialId(0) }],
+        vec![MeshPart { first_triangle: 1, triangle_count: 1, material: MaterialId(0) }],
+        vec![MeshPart { first_triangle: 0, triangle_count: u32::MAX, material: MaterialId(0) }; 2],
+    ] {
+        let problems = of_mesh(|m| m.parts = parts);
+        assert!(problems.len() == 1 && problems[0].contains("cover all triangles"), "{problems:?}");
+    }
+    let problems = of_mesh(|m| m.parts[0].material = MaterialId(7));
+    assert!(
+        problems[0].ends_with("is MaterialId(7), but must be one of the scene's materials"),
+        "{problems:?}"
+    );
+}
+
+#[test]
+fn problems_of_one_kind_are_counted() {
+    let mut scene = triangle();
+    let world_from_object = DAffine3::IDENTITY;
+    let instance = Instance {
+        name: String::new(),
+        mesh: MeshId(9),
+        world_from_object,
+        material: None,
+        motion: Motion::Still,
+    };
+    scene.instances = vec![instance; 100_000];
+    let told = told(&scene);
+    assert_eq!(told.len(), 9);
+    assert_eq!(told[0], "instances[0], mesh: is MeshId(9), but must be one of the scene's meshes");
+    assert_eq!(told[8], "99992 more of this kind: mesh must be one of the scene's meshes");
+}
+
+#[test]
+fn textures_and_images() {
+    let checker = |even, odd| Texture::Checker {
+        even: TextureId(even),
+        odd: TextureId(odd),
+        cell_size: 1.0,
+        mapping: Mapping::World,
+    };
+    let mut scene = Scene { textures: vec![checker(0, 5)], ..Scene::default() };
+    assert_eq!(
+        told(&scene),
+        [
+            "textures[0], even: is TextureId(0), but must be a texture that comes before the checker",
+            "textures[0], odd: is TextureId(5), but must be a texture that comes before the checker",
+        ]
+    );
+    // Each holds the one before.
+    scene.textures = (0..64).map(|i| if i == 0 { Texture::Normal } else { checker(i - 1, 0) }).collect();
+    assert_eq!(told(&scene), [""; 0]);
+    scene.textures.push(checker(63, 63));
+    assert_eq!(
+        told(&scene),
+        ["textures[64], nesting: is 65, but must be at most 64 textures, one in the other"]
+    );
+    let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
+    (image.width, image.channels) = (3, 5);
+    let texture = Texture::Image {
+        image: ImageId(0),
+        wrap_u: Default::default(),
+        wrap_v: Default::default(),
+        interpolation: Default::default(),
+        mapping: Mapping::default(),
+    };
+    scene = Scene { images: vec![image], textures: vec![texture], ..Scene::default() };
+    scene.environment = Environment::Image { image: ImageId(1), strength: -1.0, rotation_rad: 0.0 };
+    assert_eq!(
+        told(&scene),
+        [
+            "images[0] 'sky', channels: is 5, but must be 1 to 4",
+            "images[0] 'sky', length of pixels: is 6, but must be width * height * channels",
+            "images[0] 'sky', pixels: 1 of 6 numbers are NaN or infinite, but must be finite numbers",
+            "environment, strength: is -1.0, but must be a finite number from 0 up",
+            "environment, image: is ImageId(1), but must be one of the scene's images",
+        ]
+    );
+}
+
+#[test]
+fn materials() {
+    let mut scene = Scene::default();
+    let tint = ColorSlot { factor: [1.0, -0.5, f32::NAN], texture: Some(TextureId(3)) };
+    let model = Model::Dielectric { ior: 0.0, tint, fresnel: Default::default() };
+    scene.materials.push(Material::new("pane", model));
+    let pbr = PbrMaterial { ior: 0.5, attenuation_distance: 0.0, ..PbrMaterial::default() };
+    scene.materials.push(Material::new("jelly", Model::Pbr(Box::new(pbr))));
+    assert_eq!(
+        told(&scene),
+        [
+            "materials[0] 'pane', tint: is TextureId(3), but must be one of the scene's textures",
+            "materials[0] 'pane', tint: is [1.0, -0.5, NaN], but must be finite numbers from 0 up",
+            "materials[0] 'pane', ior: is 0.0, but must be a finite number above 0",
+            "materials[1] 'jelly', attenuation_distance: is 0.0, but must be above 0, or infinite",
+            "materials[1] 'jelly', ior: is 0.5, but must be 0, or a finite number from 1 up",
+        ]
+    );
+}
+
+#[test]
+fn lights_cameras_shapes_and_settings() {
+    let mut scene = triangle();
+    let (position, direction) = (DVec3::ZERO, DVec3::ZERO);
+    let (inner_angle_rad, outer_angle_rad) = (0.5, 0.4);
+    let kind =
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade: Default::default() };
+    scene.lights.push(Light { name: "lamp".into(), kind, intensity: [f32::INFINITY, 0.0, 0.0] });
+    let (center, rotation, material) = (DVec3::ZERO, DQuat::IDENTITY, MaterialId(0));
+    let (name, kind) = ("ball".into(), ShapeKind::Sphere);
+    scene.shapes.push(Shape { name, kind, center, radius: -1.0, rotation, material });
+    scene.cameras.push(Camera {
+        name: "eye".into(),
+        world_from_camera: DAffine3::IDENTITY,
+        projection: Projection::Perspective { vfov_rad: 4.0 },
+        aspect_ratio: None,
+        lens: None,
+    });
+    scene.settings = Settings { width: Some(0), ..Settings::default() };
+    assert_eq!(
+        told(&scene),
+        [
+            "shapes[0] 'ball', radius: is -1.0, but must be a finite number above 0",
+            "lights[0] 'lamp', intensity: is [inf, 0.0, 0.0], but must be finite numbers from 0 up",
+            "lights[0] 'lamp', direction: is DVec3(0.0, 0.0, 0.0), but must be a finite vector of a length above 0",
+            "lights[0] 'lamp', inner_angle_rad: is 0.5, but must be from 0 to the outer angle",
+            "cameras[0] 'eye', vfov_rad: is 4.0, but must be above 0 and below pi",
+            "settings, width: is 0, but must be at least 1",
+        ]
+    );
+    let mut flat = scene.cameras[0].clone();
+    flat.projection = Projection::Orthographic { half_height: 1.0 };
+    assert_eq!(flat.validate(), []);
+    flat.world_from_camera.matrix3.y_axis = DVec3::X;
+    assert_eq!(flat.validate().len(), 1);
+}

@@ -1,0 +1,76 @@
+//! Textures: what they refer to, and how they lie on surfaces.
+
+use super::findings::{Findings, Place};
+use crate::scene::{MOST_NESTED_TEXTURES, Mapping, Scene, Texture, TextureId};
+
+const COLOR: &str = "finite numbers from 0 up";
+const SIZE: &str = "a finite number above 0";
+
+pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    // How many textures lie one in the other, up to each one.
+    let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
+    for (index, texture) in scene.textures.iter().enumerate() {
+        let place = Place { list: "textures", index, name: "" };
+        let mut depth = 1;
+        match texture {
+            Texture::Solid(rgb) => findings.require(is_color(rgb), place, "Solid", rgb, COLOR),
+            Texture::Image { image, mapping, .. } => {
+                let exists = image.index() < scene.images.len();
+                findings.require(exists, place, "image", image, "one of the scene's images");
+                check_mapping(mapping, place, findings);
+            }
+            Texture::Checker { even, odd, cell_size, mapping } => {
+                findings.require(is_size(*cell_size), place, "cell_size", cell_size, SIZE);
+                check_mapping(mapping, place, findings);
+                for (field, cell) in [("even", *even), ("odd", *odd)] {
+                    depth = depth.max(1 + check_cell(cell, field, &depths, place, findings));
+                }
+                let is_met = depth <= MOST_NESTED_TEXTURES;
+                findings.require(is_met, place, "nesting", depth, "at most 64 textures, one in the other");
+            }
+            Texture::Normal => {}
+            Texture::Noise { frequency, low, high, .. } => {
+                findings.require(frequency.is_finite(), place, "frequency", frequency, "a finite number");
+                findings.require(is_color(low), place, "low", low, COLOR);
+                findings.require(is_color(high), place, "high", high, COLOR);
+            }
+        }
+        depths.push(depth);
+    }
+}
+
+/// The depth of a checker's cell; 0 where there is none.
+fn check_cell(
+    cell: TextureId,
+    field: &'static str,
+    depths: &[u32],
+    place: Place,
+    findings: &mut Findings,
+) -> u32 {
+    let depth = depths.get(cell.index()).copied();
+    // This also rules out circles.
+    findings.require(depth.is_some(), place, field, cell, "a texture that comes before the checker");
+    depth.unwrap_or(0)
+}
+
+fn check_mapping(mapping: &Mapping, place: Place, findings: &mut Findings) {
+    match mapping {
+        Mapping::Uv { set, transform } => {
+            findings.require(*set <= 1, place, "set", set, "0 or 1: materials use at most two sets");
+            let numbers = [transform.offset.to_array(), transform.scale.to_array()];
+            let is_finite = numbers.as_flattened().iter().all(|x| x.is_finite());
+            let is_met = is_finite && transform.rotation_rad.is_finite();
+            findings.require(is_met, place, "transform", transform, "made of finite numbers");
+        }
+        Mapping::World => {}
+        Mapping::Triplanar { size } => findings.require(is_size(*size), place, "size", size, SIZE),
+    }
+}
+
+fn is_size(x: f32) -> bool {
+    x > 0.0 && x.is_finite()
+}
+
+fn is_color(rgb: &[f32; 3]) -> bool {
+    rgb.iter().all(|c| c.is_finite() && *c >= 0.0)
+}

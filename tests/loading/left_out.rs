@@ -1,0 +1,171 @@
+//! What a file says and the scene doesn't hold is named.
+
+use oscura::load::{LoadOptions, Loaded, load};
+
+const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
+
+/// Loads the first of some files that lie in one folder; the points of point clouds get a radius.
+fn open(files: &[(&str, &str)]) -> Result<Loaded, String> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    for (name, content) in files {
+        std::fs::write(folder.path().join(name), content).expect("written");
+    }
+    let options = LoadOptions { point_radius: Some(0.25), ..LoadOptions::default() };
+    load(folder.path().join(files[0].0), &options).map_err(|e| e.to_string())
+}
+
+fn loaded(files: &[(&str, &str)]) -> Loaded {
+    open(files).unwrap_or_else(|e| panic!("{e}"))
+}
+
+/// The warnings of a model, but for what it gets in place of a camera and lights.
+fn warnings_of(loaded: &Loaded) -> Vec<(&str, &str)> {
+    let is_default = |message: &str| ["no camera", "no light"].iter().any(|start| message.starts_with(start));
+    let all = loaded.warnings.iter().filter(|w| !is_default(&w.message));
+    all.map(|w| (w.place.as_str(), w.message.as_str())).collect()
+}
+
+/// The warnings of an OBJ file with a material library.
+fn warnings_of_material(statements: &str) -> Vec<String> {
+    let obj = format!("mtllib a.mtl\n{TRIANGLE}usemtl a\nf 1 2 3\n");
+    let loaded = loaded(&[("a.obj", &obj), ("a.mtl", &format!("newmtl a\n{statements}"))]);
+    warnings_of(&loaded).into_iter().map(|(_, message)| message.to_string()).collect()
+}
+
+#[test]
+fn colours_of_obj_vertices_that_are_incomplete() {
+    let with = |first: &str| {
+        let text = format!("v 0 0 0{first}\nv 1 0 0\nv 0 1 0\nf 1 2 3\n");
+        loaded(&[("a.obj", &text)])
+    };
+    let expected = ("line 1", "1 colours of vertices that are not three numbers: left out");
+    for broken in [" 0.5 0.5", " 0.5 x 0.5"] {
+        assert_eq!(warnings_of(&with(broken)), [expected], "{broken}");
+    }
+    for sound in ["", " 1", " 0.5 0.5 0.5", " # a comment of words"] {
+        assert!(warnings_of(&with(sound)).is_empty(), "{sound}");
+    }
+}
+
+#[test]
+fn statements_of_mtl_files_that_don_t_count() {
+    for (statements, expected) in [
+        ("Kd 1.5 0 0\nPr 2", vec!["material 'a': 'Kd', 'Pr' beyond 0 to 1 is clamped"]),
+        ("Ks 1 1 1\nNi 0", vec!["material 'a': 'Ni' 0 is no index of refraction from 1 to 10, ignored"]),
+        ("Kd 1 0 0\nNi 1.5\nd 1\nKs 0 0 0", vec![]),
+        (
+            "illum 4\nNi 1.5\nmap_Kd a.png",
+            vec!["material 'a': 'map_Kd' is ignored: the material is smooth glass by its 'illum'"],
+        ),
+        ("Kd 1 0 0\nnewmtl a\nKd 0 1 0", vec!["material 'a' was defined before: the first counts"]),
+    ] {
+        assert_eq!(warnings_of_material(statements), expected, "{statements}");
+    }
+    let options = warnings_of_material("map_Kd -bm high -clamp maybe a.png");
+    assert!(options.iter().any(|w| w.contains("-bm, -clamp ignored")), "{options:?}");
+    let maps = warnings_of_material("norm a.png\nbump b.png");
+    assert!(maps.iter().any(|w| w.contains("'bump' is ignored beside 'norm'")), "{maps:?}");
+}
+
+/// A triangle as PLY, with properties for the vertices and faces and their values.
+fn ply(comment: &str, vertex: &str, vertex_values: &str, face: &str, face_values: &str) -> String {
+    let rows: String = ["0 0 0", "1 0 0", "0 1 0"].iter().map(|p| format!("{p} {vertex_values}\n")).collect();
+    format!(
+        "ply\nformat ascii 1.0\n{comment}element vertex 3\nproperty float x\nproperty float y\nproperty float z\n\
+         {vertex}element face 1\nproperty list uchar int vertex_index\n{face}end_header\n{rows}3 0 1 2 {face_values}\n"
+    )
+}
+
+#[test]
+fn properties_of_ply_files_that_are_not_read() {
+    let said = |text: String| {
+        let loaded = loaded(&[("a.ply", &text)]);
+        let warnings: Vec<String> = warnings_of(&loaded).into_iter().map(|(_, m)| m.to_string()).collect();
+        (warnings, loaded.left_out)
+    };
+    let channel = |name: &str| format!("property uchar {name}\n");
+    let red = channel("red");
+    let color: String = ["red", "green", "blue", "alpha"].into_iter().map(channel).collect();
+    assert_eq!(said(ply("", "", "", &red, "9")).0, ["property 'red' of 'face': left out"]);
+    let wedges = "property list uchar float texcoord\n";
+    let textured = said(ply("comment TextureFile wall.png\n", "", "", wedges, "2 0.5 0.5"));
+    assert_eq!(
+        textured.0,
+        ["property 'texcoord' of 'face': left out", "the texture 'wall.png' of a comment: left out"]
+    );
+    let quality = said(ply("", "property float quality\n", "0.5", "", ""));
+    assert!(quality.0.is_empty());
+    assert_eq!(quality.1, ["property 'quality' of 'vertex': no picture shows it"]);
+    assert!(said(ply("", &color, "1 2 3 255", "", "")).0.is_empty());
+    let clear = said(ply("", &color, "1 2 3 100", "", ""));
+    assert_eq!(clear.0, ["the alpha of 3 vertex colours, which are taken as opaque: left out"]);
+}
+
+const SCENE: &str = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\
+                     materials.default = { type = \"lambert\" }\n[[objects]]\n";
+const CLOUD: &str = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float y\nproperty float z\n\
+                     end_header\n0 0 0\n1 2 3\n";
+
+#[test]
+fn point_clouds_are_placed_by_scene_files() {
+    let place = |rest: &str| {
+        open(&[("s.toml", &format!("{SCENE}mesh = \"cloud.ply\"\n{rest}")), ("cloud.ply", CLOUD)])
+    };
+    let scene = place("transform = [{ scale = 2 }]").expect("it loads").scene;
+    assert_eq!((scene.shapes.len(), scene.shapes[1].center.to_array()), (2, [2.0, 4.0, 6.0]));
+    assert_eq!(
+        (scene.shapes[1].radius, scene.materials[scene.shapes[1].material.index()].name.as_str()),
+        (0.5, "point")
+    );
+    let own = place("material = \"default\"").expect("it loads").scene;
+    assert_eq!(own.materials[own.shapes[0].material.index()].name, "default");
+    let bent = place("transform = [{ scale = [1, 2, 1] }]").expect_err("spheres would be bent");
+    assert!(bent.contains("point cloud") && bent.contains("line 4"), "{bent}");
+}
+
+#[test]
+fn lights_of_a_mesh_file_are_named_and_warnings_of_one_that_only_lends_its_camera_stay() {
+    let model = r#"{"asset": {"version": "2.0"}, "extensionsUsed": ["KHR_lights_punctual", "ACME_unknown"],
+        "scenes": [{"nodes": [0, 1]}], "scene": 0, "cameras": [{"type": "perspective", "perspective": {"yfov": 1, "znear": 1}}],
+        "nodes": [{"camera": 0, "extensions": {"ACME_unknown": {}}}, {"extensions": {"KHR_lights_punctual": {"light": 0}}}],
+        "extensions": {"KHR_lights_punctual": {"lights": [{"type": "point"}]}}}"#;
+    let placed = loaded(&[
+        (
+            "s.toml",
+            &format!(
+                "{SCENE}mesh = \"a.gltf\"\n[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\n"
+            ),
+        ),
+        ("a.gltf", model),
+    ]);
+    let notes: Vec<&str> = placed.notes.iter().map(|n| n.message.as_str()).collect();
+    assert!(notes.iter().any(|n| n.contains("its 1 lights are left out")), "{notes:?}");
+    let scene = "camera = { from = \"a.gltf\" }\nmaterials.default = { type = \"lambert\" }\n\
+                 [[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n";
+    let lent = loaded(&[("s.toml", scene), ("a.gltf", model)]);
+    assert!(lent.warnings.iter().any(|w| w.message.contains("ACME_unknown")), "{:?}", lent.warnings);
+}
+
+#[test]
+fn keys_of_scene_files_that_do_nothing() {
+    let refusal = |camera: &str, material: &str| {
+        let text = format!(
+            "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0]{camera} }}\n\
+             materials.default = {{ type = \"pbr\"{material} }}\nmaterials.b = {{ type = \"lambert\" }}\n\
+             [[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\n"
+        );
+        open(&[("s.toml", &text)]).err().unwrap_or_default()
+    };
+    assert_eq!(refusal("", ""), "");
+    assert!(refusal(", focal_length = 35", "").contains("'focal_length' needs 'f_stop'"));
+    assert!(refusal(", focus_distance = 3", "").contains("add 'defocus_angle' or 'f_stop'"));
+    assert_eq!(refusal(", focus_distance = 3, defocus_angle = 0", ""), "");
+    assert!(refusal("", ", clearcoat_roughness = 0.5").contains("does nothing without 'clearcoat'"));
+    assert!(refusal("", ", iridescence_ior = 1.5").contains("does nothing without 'iridescence'"));
+    let color = ", transmission = 1, volume = true, attenuation_color = [1, 2, 1], attenuation_distance = 1";
+    assert!(refusal("", color).contains("'attenuation_color' must be from 0 to 1"));
+    let faces = "box = { min = [0, 0, 0], max = [1, 1, 1] }\nmaterial = \"default\"\n\
+                 materials = [\"default\", \"default\", \"default\", \"default\", \"default\", \"default\"]\n";
+    let both = open(&[("s.toml", &format!("{SCENE}{faces}"))]).expect_err("one of them would be lost");
+    assert!(both.contains("'material' and 'materials' say the same"), "{both}");
+}

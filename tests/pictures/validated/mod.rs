@@ -1,0 +1,206 @@
+//! `Scene::validate` makes `compile` total: whatever is done to a scene, either it is refused with a list of problems,
+//! or it becomes a picture. Nothing panics, and what is refused is never rendered.
+//!
+//! Pictures hold finite numbers only. Samples whose light is beyond the range of single precision (lamps of 1e38 and the
+//! like) are left out and counted, as the film promises; where all numbers are below a million there are none.
+
+mod bases;
+mod dice;
+mod mutate;
+mod table;
+
+use crate::support::options;
+use dice::Dice;
+use mutate::Mutate;
+use oscura::compile::{CompileOptions, Compiler, View, compile};
+use oscura::error::ErrorKind;
+use oscura::film::{Aov, AovSet, Film};
+use oscura::render::{RenderOptions, Rendering};
+use oscura::scene::Scene;
+use rayon::prelude::*;
+use std::panic::{AssertUnwindSafe, catch_unwind};
+use std::path::Path;
+use std::time::{Duration, Instant};
+
+/// What becomes of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Outcome {
+    /// `validate` finds problems, and `compile` says the same.
+    Refused,
+    /// It compiles, but there is nothing to see it through.
+    WithoutCamera,
+    /// A picture, with so many samples left out.
+    Picture { invalid: u64 },
+}
+
+/// A mutated scene: what was done to which, and what became of it.
+struct Trial {
+    mutation: String,
+    result: Result<Outcome, String>,
+    took: Duration,
+}
+
+/// Widths and heights; some pictures have no pixels.
+const SIZES: [u32; 8] = [8, 8, 8, 8, 8, 5, 1, 0];
+
+/// Frames of a few pixels, with everything that can be recorded.
+fn picture_options(dice: &mut Dice) -> RenderOptions {
+    let (width, height, depth) = (dice.pick(&SIZES), dice.pick(&SIZES), dice.pick(&[0, 1, 6, 6, 6]));
+    let all: AovSet = Aov::ALL.iter().copied().collect();
+    options(8, 2, depth).size(width, height).aovs(all).seed(dice.below(100) as u32)
+}
+
+/// Validates, compiles and renders; what is wrong is returned or a panic.
+fn outcome(scene: &Scene, before: &Scene, dice: &mut Dice) -> Result<Outcome, String> {
+    let problems = scene.validate();
+    let shading = scene.settings.shading();
+    let as_sequence = dice.once_in(8);
+    let anchor = dice.once_in(8).then(|| {
+        let mut anchor = oscura::math::DVec3::ZERO;
+        dice.at("anchor", |dice| anchor.mutate(dice));
+        anchor
+    });
+    let compiled = match (scene.cameras.first(), before.cameras.first()) {
+        (Some(camera), Some(earlier)) if as_sequence => {
+            let mut compiler = Compiler::sequence();
+            compiler.compile(before, shading, earlier, (8, 8)).expect("the base compiles");
+            compiler.compile(scene, shading, camera, (8, 8)).map(|(compiled, ..)| compiled)
+        }
+        _ => compile(scene, &CompileOptions { shading, anchor }).map(|(compiled, _)| compiled.into()),
+    };
+    let compiled = match (compiled, problems.is_empty()) {
+        (Ok(compiled), true) => compiled,
+        (Err(_), true) if anchor.is_some_and(|anchor| !anchor.is_finite()) => return Ok(Outcome::Refused),
+        (Err(error), false) if error.kind == ErrorKind::Input && error.problems == problems => {
+            let told: Vec<String> = problems.iter().map(ToString::to_string).collect();
+            let is_short = told.iter().all(|text| text.len() < 12_000) && told.len() < 200;
+            return if is_short {
+                Ok(Outcome::Refused)
+            } else {
+                Err(format!("{} long problems", told.len()))
+            };
+        }
+        (Ok(_), false) => return Err(format!("compiles with problems: {problems:?}")),
+        (Err(error), _) => return Err(format!("an error that validate doesn't tell: {error}")),
+    };
+    let Some(camera) = scene.cameras.first() else { return Ok(Outcome::WithoutCamera) };
+    let options = picture_options(dice);
+    let view = View::new(&compiled, camera, options.width, options.height);
+    let _ = view.needs_new_anchor(&compiled);
+    let mut rendering = Rendering::new(compiled, camera, options).map_err(|error| error.to_string())?;
+    rendering.run();
+    let invalid = rendering.statistics().invalid_samples;
+    match is_finite(rendering.film()) {
+        true if invalid == 0 || dice.is_wild => Ok(Outcome::Picture { invalid }),
+        true => Err(format!("{invalid} invalid samples")),
+        false => Err("pixels that are not finite".to_string()),
+    }
+}
+
+fn is_finite(film: &Film) -> bool {
+    film.rgba().as_flattened().iter().all(|x| x.is_finite())
+}
+
+/// Changes a scene once to four times, and looks what comes of it.
+fn trial((name, base): &(String, Scene), seed: u64) -> Trial {
+    let mut dice = Dice::new(seed);
+    let mut scene = base.clone();
+    for _ in 0..=dice.below(4) {
+        // Materials have more fields than all the rest together.
+        match dice.once_in(2) {
+            true => dice.at("scene", |dice| scene.mutate(dice)),
+            false => dice.at("scene.materials", |dice| scene.materials.mutate(dice)),
+        }
+    }
+    let begin = Instant::now();
+    let result = catch_unwind(AssertUnwindSafe(|| outcome(&scene, base, &mut dice)));
+    let result = result.unwrap_or_else(|panic| {
+        let text = panic.downcast_ref::<String>().map(String::as_str);
+        Err(format!("panics: {}", text.or(panic.downcast_ref::<&str>().copied()).unwrap_or("?")))
+    });
+    let mutation = format!("{name}, seed {seed}: {}", dice.trail.join("; "));
+    Trial { mutation, result, took: begin.elapsed() }
+}
+
+/// Mutates each scene so many times. Says what became of them, and fails if one was neither refused nor rendered.
+fn run(bases: &[(String, Scene)], times: u64) {
+    let begin = Instant::now();
+    // Another seed each: mutations of different scenes are different ones.
+    let count = bases.len() as u64;
+    let trials: Vec<Trial> =
+        (0..times * count).into_par_iter().map(|seed| trial(&bases[(seed % count) as usize], seed)).collect();
+    let failed: Vec<String> = trials
+        .iter()
+        .filter_map(|t| t.result.as_ref().err().map(|why| format!("{}\n    {why}", t.mutation)))
+        .collect();
+    let number = |is: fn(&Outcome) -> bool| trials.iter().flat_map(|t| &t.result).filter(|o| is(o)).count();
+    let refused = number(|o| *o == Outcome::Refused);
+    let pictures = number(|o| matches!(o, Outcome::Picture { .. }));
+    let invalid = number(|o| matches!(o, Outcome::Picture { invalid: 1.. }));
+    let slowest = trials.iter().max_by_key(|t| t.took).expect("some were made");
+    println!(
+        "{} scenes in {:.1} s: {refused} refused, {pictures} rendered, {invalid} of them with samples left out; the \
+         slowest took {:.2} s ({:.300})",
+        trials.len(),
+        begin.elapsed().as_secs_f64(),
+        slowest.took.as_secs_f64(),
+        slowest.mutation,
+    );
+    let shown = failed.iter().take(20).map(|text| format!("{text:.1500}")).collect::<Vec<_>>().join("\n");
+    assert!(
+        failed.is_empty(),
+        "{} of {} scenes are neither refused nor rendered:\n{shown}",
+        failed.len(),
+        trials.len()
+    );
+    assert!(refused * 5 > trials.len() && pictures * 5 > trials.len(), "mutations are too wild or too tame");
+}
+
+/// The shipped scenes that are small.
+fn shipped() -> Vec<(String, Scene)> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let names = [
+        "assets/cornell-box.gltf",
+        "scenes/cornell-quads.toml",
+        "scenes/materials.toml",
+        "scenes/plastics.toml",
+        "scenes/sky.toml",
+        "scenes/thesis/checker-pyramid.toml",
+        "scenes/thesis/defocus-in.toml",
+        "scenes/thesis/fuzzy-metal-lights.toml",
+        "scenes/thesis/glass.toml",
+        "scenes/thesis/perlin.toml",
+        "scenes/thesis/world-map.toml",
+    ];
+    let load = |name: &str| {
+        let loaded = oscura::load::load(root.join(name), &Default::default()).expect("the scene loads");
+        (name.to_string(), loaded.scene)
+    };
+    names.into_iter().map(load).collect()
+}
+
+#[test]
+fn bases_are_sound() {
+    for (name, scene) in bases::all() {
+        assert_eq!(scene.validate(), [], "{name}");
+        let found = outcome(&scene, &scene, &mut Dice::new(1));
+        assert_eq!(found, Ok(Outcome::Picture { invalid: 0 }), "{name}");
+    }
+}
+
+#[test]
+fn mutated_scenes_are_refused_or_rendered() {
+    run(&bases::all(), 1000);
+}
+
+#[test]
+fn mutated_scenes_from_files_are_refused_or_rendered() {
+    run(&shipped(), 40);
+}
+
+#[test]
+#[ignore = "a hundred times as many: takes minutes"]
+fn many_mutated_scenes_are_refused_or_rendered() {
+    run(&bases::all(), 100_000);
+    run(&shipped(), 4_000);
+}

@@ -1,0 +1,109 @@
+//! Every field of every type that a scene is made of. Destructuring makes the table complete: what is missing does not
+//! compile.
+
+use super::dice::Dice;
+use super::mutate::{Mutate, enums, fields, structs};
+use oscura::image::{Encoding, Image, Pixels};
+use oscura::scene::{
+    AlphaMode, Anisotropy, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission, EnergyCompensation,
+    Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Light,
+    LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
+    PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, Wrap,
+};
+
+/// Ids mostly change to others that may exist.
+macro_rules! ids {
+    ($($type:ident)*) => {$(
+        impl Mutate for $type {
+            fn fresh(_: &mut Dice) -> $type {
+                $type(0)
+            }
+
+            fn mutate(&mut self, dice: &mut Dice) {
+                if dice.once_in(2) {
+                    self.0 = dice.below(8) as u32;
+                    return dice.note(format!("= {self:?}"));
+                }
+                self.0.mutate(dice);
+            }
+        }
+    )*};
+}
+
+ids! { ImageId MaterialId MeshId TextureId }
+
+structs! {
+    Scene {
+        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, cameras, settings,
+    }
+    Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
+    MeshPart { first_triangle, triangle_count, material }
+    Instance { name, mesh, world_from_object, material, motion }
+    Shape { name, kind, center, radius, rotation, material }
+    Quad { name, corner, edge_u, edge_v, material }
+    Material {
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors,
+    }
+    Emission { radiance, two_sided }
+    ColorSlot { factor, texture }
+    FloatSlot { factor, texture }
+    NormalMap { texture, scale }
+    PbrMaterial {
+        base_color, metallic, roughness, ior, specular, specular_color, transmission, has_volume, tints_once,
+        attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        diffuse_transmission,
+    }
+    Clearcoat { factor, roughness, normal_map }
+    Sheen { color, roughness }
+    Anisotropy { strength, rotation_rad, texture }
+    Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture }
+    DiffuseTransmission { factor, color }
+    TextureTransform { offset, rotation_rad, scale }
+    Image { name, width, height, channels, encoding, pixels }
+    Light { name, kind, intensity }
+    Camera { name, world_from_camera, projection, aspect_ratio, lens }
+    ThinLens { defocus_angle_rad, focus_distance }
+    Settings {
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure,
+    }
+}
+
+enums! {
+    Motion { Still {} Moves {} Deforms {} } {}
+    ShapeKind { Sphere {} Disk {} } {}
+    AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
+    FresnelModel { Exact {} Schlick {} } {}
+    EnergyCompensation { On {} Off {} } {}
+    Filter { Box {} Gaussian {} BlackmanHarris {} } {}
+    Model {
+        Black {}
+        Lambert { albedo }
+        OrenNayar { color, roughness }
+        Phong { diffuse, specular, exponent }
+        SchlickMetal { color, roughness }
+        Conductor { eta, k, roughness }
+        Dielectric { ior, tint, fresnel }
+        Glass { ior, tint, roughness, is_thin }
+    } { Pbr }
+    Texture {
+        Image { image, wrap_u, wrap_v, interpolation, mapping }
+        Checker { even, odd, cell_size, mapping }
+        Normal {}
+        Noise { kind, frequency, octaves, low, high, seed }
+    } { Solid }
+    Mapping { Uv { set, transform } World {} Triplanar { size } } {}
+    Wrap { Repeat {} Mirror {} Clamp {} } {}
+    Interpolation { Trilinear {} Bilinear {} Nearest {} } {}
+    NoiseKind { Perlin {} Turbulence {} Marble {} } {}
+    Encoding { Linear {} Srgb {} } {}
+    Pixels {} { U8 U16 F32 }
+    LightKind {
+        Point { position }
+        Spot { position, direction, inner_angle_rad, outer_angle_rad, fade }
+        Directional { direction }
+    } {}
+    SpotFade { Square {} Smooth {} } {}
+    Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }
+    Projection { Perspective { vfov_rad } Orthographic { half_height } } {}
+}
