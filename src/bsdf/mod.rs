@@ -151,14 +151,15 @@ impl BsdfProgram {
             let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
             return if black { BsdfProgram::Black } else { LambertProgram { albedo: pbr.base_color }.into() };
         }
-        match (pbr.anisotropy.is_some(), always(&pbr.metallic, 1.0)) {
-            (true, _) => layered(),
-            (false, true) => {
-                let (color, roughness) = (pbr.base_color, pbr.roughness);
-                SchlickMetalProgram { color, roughness, energy_compensation }.into()
-            }
-            (false, false) => MetalRoughProgram::new(pbr, shading).into(),
+        if pbr.anisotropy.is_some() {
+            return layered();
         }
+        if always(&pbr.metallic, 1.0) && always(&pbr.roughness, 0.0) {
+            let (color, roughness) = (pbr.base_color, pbr.roughness);
+            return SchlickMetalProgram { color, roughness, energy_compensation }.into();
+        }
+        // Rough metals as well: loops over this one are vectorised.
+        MetalRoughProgram::new(pbr, shading).into()
     }
 
     /// Glass without anything else.
