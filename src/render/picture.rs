@@ -29,6 +29,8 @@ impl Picture {
 
     /// Writes it with these options, in the format of the extension.
     ///
+    /// Begin with a clone of [`Picture::output_options`]: it holds what the header says about the picture.
+    ///
     /// # Errors
     /// As for [`Picture::save`].
     pub fn save_with(&self, path: impl AsRef<Path>, options: &OutputOptions) -> Result<Vec<Warning>> {
