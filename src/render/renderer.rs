@@ -105,6 +105,12 @@ impl Renderer {
         self
     }
 
+    /// Exposure of PNGs, stops: colours are multiplied by 2 to this power.
+    pub fn exposure(mut self, stops: f32) -> Renderer {
+        self.choices.settings.exposure = Some(stops);
+        self
+    }
+
     /// The scene's camera of this name, else of this number, from 0.
     pub fn camera(mut self, name_or_number: impl ToString) -> Renderer {
         self.choices.camera = Some(name_or_number.to_string());

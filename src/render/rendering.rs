@@ -150,6 +150,14 @@ impl Rendering {
         picture::save(&self.film, path.as_ref(), &self.output_options())
     }
 
+    /// The same with other options than [`Rendering::output_options`].
+    ///
+    /// # Errors
+    /// As for [`Picture::save`].
+    pub fn save_with(&self, path: impl AsRef<Path>, options: &OutputOptions) -> Result<Vec<Warning>> {
+        picture::save(&self.film, path.as_ref(), options)
+    }
+
     /// Ends rendering with the picture as it is now.
     pub fn into_picture(self) -> Picture {
         let (statistics, warnings, output) = (self.statistics(), self.warnings(), self.output_options());
@@ -174,10 +182,11 @@ impl Rendering {
         warnings
     }
 
-    fn output_options(&self) -> OutputOptions {
+    /// How [`Rendering::save`] writes the picture so far.
+    pub fn output_options(&self) -> OutputOptions {
         let statistics = self.statistics();
         let stopped_by = match statistics {
-            Statistics { interrupted: true, .. } => Some("signal"),
+            Statistics { interrupted: true, .. } => Some("cancelled"),
             Statistics { timed_out: true, .. } => Some("time limit"),
             _ => None,
         };
