@@ -3,8 +3,7 @@
 use oscura::Renderer;
 use oscura::glam::DAffine3;
 use oscura::scene::{
-    Camera, ColorSlot, Environment, FloatSlot, Instance, Light, Material, Mesh, Model, PbrMaterial, Quad,
-    Scene, Shape, ThinLens,
+    Camera, Environment, Instance, Light, Material, Mesh, PbrMaterial, Quad, Scene, Shape, ThinLens,
 };
 
 fn main() -> oscura::Result<()> {
@@ -14,12 +13,12 @@ fn main() -> oscura::Result<()> {
     // A material is a name and a model of scattering; the model of glTF is the richest.
     let clay = scene.add_material(Material::lambert("clay", [0.7, 0.65, 0.6]));
     let gold = PbrMaterial {
-        base_color: ColorSlot::constant([1.0, 0.77, 0.34]),
-        metallic: FloatSlot::constant(1.0),
-        roughness: FloatSlot::constant(0.2),
+        base_color: [1.0, 0.77, 0.34].into(),
+        metallic: 1.0.into(),
+        roughness: 0.2.into(),
         ..PbrMaterial::default()
     };
-    let gold = scene.add_material(Material::new("gold", Model::Pbr(Box::new(gold))));
+    let gold = scene.add_material(Material::gltf("gold", gold));
     let lamp = scene.add_material(Material::emitter("lamp", [12.0, 10.0, 8.0], false));
 
     // Shapes and quads stand in the world; meshes stand where instances place them.

@@ -1,4 +1,4 @@
-//! Renders, and reads pixels and passes instead of writing a file: `cargo run --release --example read_pixels`
+//! Renders, and reads pixels and AOVs instead of writing a file: `cargo run --release --example read_pixels`
 
 use oscura::Renderer;
 use oscura::film::Aov;
@@ -14,7 +14,7 @@ fn main() -> oscura::Result<()> {
     let mean = rgba.iter().copied().map(luminance).sum::<f32>() / rgba.len() as f32;
     println!("mean luminance {mean:.3}");
 
-    // Passes are planes under the names that they have in files.
+    // Colour and AOVs are planes under the names that they have in files.
     for plane in film.planes() {
         println!("plane {}", plane.name);
     }

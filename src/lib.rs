@@ -12,12 +12,14 @@
 //! |---|---|
 //! | load a scene | [`load()`], [`load::load`] with options |
 //! | build one in code, or change it | [`scene::Scene`] |
-//! | render | [`Renderer`]; pass by pass by [`Renderer::start`] |
-//! | get at pixels and passes | [`Picture::film`], [`film::Film`] |
+//! | light a scene by an environment picture | [`load::image::load_environment`], [`scene::Environment::Image`] |
+//! | render | [`Renderer`]; [`Renderer::start`] to render pass by pass |
+//! | record depth, normals and the like (AOVs) | [`Renderer::aovs`], [`film::Aov`] |
+//! | read pixels | [`Picture::film`], [`film::Film`] |
 //! | write EXR and PNG | [`Picture::save`], [`Picture::save_with`] |
 //! | understand what went wrong | [`Error`], [`Picture::warnings`] |
 //!
-//! `examples/` has a program for each.
+//! `examples/` has programs that do these things.
 //!
 //! ## Conventions
 //! - Metres, seconds, radians (names end in `_rad` where degrees could be meant; scene files use degrees).
@@ -63,10 +65,11 @@ pub use render::{Picture, Renderer};
 
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; [`load::load`] takes options.
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file, told apart by the extension; [`load::load`]
+/// takes options.
 ///
 /// # Errors
-/// An input error with all problems of the file.
+/// An input error that lists all problems of the file.
 pub fn load(path: impl AsRef<Path>) -> Result<load::Loaded> {
     load::load(path, &load::LoadOptions::default())
 }

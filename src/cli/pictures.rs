@@ -61,6 +61,9 @@ impl<'a> Pictures<'a> {
         let mut metadata = picture.output_options().metadata.clone();
         metadata.owner.clone_from(&args.owner);
         metadata.warnings = shown;
+        if picture.statistics().interrupted {
+            metadata.stopped_by = Some("signal".to_string());
+        }
         if args.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }

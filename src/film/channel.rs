@@ -3,7 +3,9 @@
 //! A further channel is a row of the table here, and the line of `integrator/first_hit.rs` that fills it. The command
 //! line, the film and the files walk the table.
 
+use crate::error::{Error, Result};
 use std::borrow::Cow;
+use std::str::FromStr;
 
 /// The depth written where no sample of a pixel hit a surface, metres.
 pub const BACKGROUND_DEPTH: f32 = 1e10;
@@ -85,10 +87,16 @@ impl Channel {
 
     /// How many numbers each sample brings.
     pub fn components(&self) -> usize {
-        match self.reduction {
-            Reduction::Coverage => 1,
-            _ => self.names.len(),
-        }
+        components(self.reduction, self.names.len())
+    }
+}
+
+/// How many numbers each sample brings to a channel of so many names.
+const fn components(reduction: Reduction, names: usize) -> usize {
+    match reduction {
+        // An id, whose counts become several planes.
+        Reduction::Coverage => 1,
+        _ => names,
     }
 }
 
@@ -108,6 +116,13 @@ pub struct AovInfo {
     pub source: Source,
     /// What becomes of them.
     pub reduction: Reduction,
+}
+
+impl AovInfo {
+    /// How many numbers each sample brings.
+    pub const fn components(&self) -> usize {
+        components(self.reduction, self.names.len())
+    }
 }
 
 /// Makes the enum of the rows, and the table in the same order.
@@ -208,6 +223,19 @@ impl Aov {
     }
 }
 
+impl FromStr for Aov {
+    type Err = Error;
+
+    /// By the name on the command line.
+    fn from_str(name: &str) -> Result<Aov> {
+        Aov::from_option(name).ok_or_else(|| {
+            let names: Vec<&str> = Aov::ALL.iter().map(|aov| aov.info().option).collect();
+            Error::usage(format!("there is no AOV '{name}'"))
+                .with_help(format!("one of {}", names.join(", ")))
+        })
+    }
+}
+
 impl From<Aov> for Channel {
     fn from(aov: Aov) -> Channel {
         let &AovInfo { names, pixel_type, source, reduction, .. } = aov.info();
@@ -272,6 +300,24 @@ impl<const N: usize> From<[Aov; N]> for AovSet {
     }
 }
 
+impl From<Aov> for AovSet {
+    fn from(aov: Aov) -> AovSet {
+        AovSet::NONE.with(aov)
+    }
+}
+
+impl From<&[Aov]> for AovSet {
+    fn from(aovs: &[Aov]) -> AovSet {
+        aovs.iter().copied().collect()
+    }
+}
+
+impl From<Vec<Aov>> for AovSet {
+    fn from(aovs: Vec<Aov>) -> AovSet {
+        aovs.into_iter().collect()
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -290,6 +336,8 @@ mod tests {
             assert!(fresh.all(|is_new| is_new), "{:?}: a name is there twice", info.names);
         }
         assert_eq!(Aov::from_option("colour"), None);
+        assert_eq!("depth".parse::<Aov>().expect("it is one"), Aov::Depth);
+        assert!("colour".parse::<Aov>().expect_err("it is none").to_string().contains("depth"));
     }
 
     #[test]

@@ -155,6 +155,11 @@ impl Film {
         self.sums.planes(index, channel).into_iter().nth(component)
     }
 
+    /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.
+    pub fn aov(&self, aov: Aov) -> Option<Vec<Values>> {
+        aov.info().names.iter().map(|name| self.plane(name)).collect()
+    }
+
     fn index(&self, x: u32, y: u32) -> usize {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside the film");
         y as usize * self.width as usize + x as usize

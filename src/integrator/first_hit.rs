@@ -41,6 +41,15 @@ impl<A: Fn() -> Rgb> FirstHit<A> {
 
 const MOST_COMPONENTS: usize = 3;
 
+// What shows a first surface fits.
+const _: () = {
+    let mut i = 0;
+    while i < Aov::ALL.len() {
+        assert!(Aov::ALL[i].info().components() <= MOST_COMPONENTS, "an AOV has more components");
+        i += 1;
+    }
+};
+
 /// What the samples of a wave show of their first surfaces: for each sample the components of the AOVs asked for, one
 /// after another in the order of their table.
 #[derive(Default)]
@@ -56,7 +65,7 @@ impl FirstHits {
     /// Empties it for `count` samples; without AOVs it stays empty and [`record`](FirstHits::record) does nothing.
     pub fn reset(&mut self, count: usize, aovs: AovSet) {
         let aovs = aovs.of_first_hits();
-        let components = |aov: Aov| aov.info().names.len();
+        let components = |aov: Aov| aov.info().components();
         (self.aovs, self.width) = (aovs, aovs.iter().map(components).sum());
         self.values.clear();
         self.values.resize(count * self.width, 0.0);
@@ -76,7 +85,7 @@ impl FirstHits {
         *is_hit = true;
         let mut at = sample * self.width;
         for aov in self.aovs.iter() {
-            let values = &hit.values(aov, scene, view)[..aov.info().names.len()];
+            let values = &hit.values(aov, scene, view)[..aov.info().components()];
             self.values[at..at + values.len()].copy_from_slice(values);
             at += values.len();
         }

@@ -23,8 +23,7 @@ use crate::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file (told apart by content where the name doesn't
-/// say).
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; the extension says which it is.
 ///
 /// # Errors
 /// An input error with all problems of the file.

@@ -1,10 +1,11 @@
-//! How to render.
+//! Everything about a picture that is settled before it is rendered.
 
 use crate::film::AovSet;
 use crate::scene::Filter;
 use std::time::Duration;
 
-/// How to render. Start from the default and change what should differ:
+/// How to render, settled in full. [`Renderer`](super::Renderer) has a method for each of these and makes them from
+/// what is chosen there, what the scene says, and the defaults given here.
 ///
 /// ```
 /// use oscura::render::RenderOptions;
@@ -14,24 +15,24 @@ use std::time::Duration;
 #[derive(Clone, Copy, Debug, PartialEq)]
 #[non_exhaustive]
 pub struct RenderOptions {
-    /// Picture width in pixels; that for which the scene was compiled. Default 1280.
+    /// Picture width in pixels. Default 1280.
     pub width: u32,
-    /// Picture height in pixels; that for which the scene was compiled. Default 720.
+    /// Picture height in pixels. Default 720.
     pub height: u32,
-    /// Samples a pixel. Default 128.
+    /// Samples per pixel. Default 128.
     pub samples: u32,
     /// Seed of all randomness. Default 0.
     pub seed: u32,
-    /// Largest number of scattering events; 0 shows emission only. Default 100.
+    /// Maximum number of scattering events of a path; 0 shows emission only. Default 100.
     pub max_depth: u32,
     /// Reconstruction filter. Default Blackman-Harris.
     pub filter: Filter,
-    /// What to record besides colour. Default nothing.
+    /// Which AOVs to record besides colour. Default none.
     pub aovs: AovSet,
-    /// Soften the edges of self-shadowing on shapes with shading normals, which otherwise follow the triangles. Default
-    /// yes.
+    /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
+    /// true.
     pub soft_terminator: bool,
-    /// Stop after this time of rendering. The number of samples then depends on the machine. Default none.
+    /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,
 }
 
@@ -58,7 +59,7 @@ impl RenderOptions {
         RenderOptions { width, height, ..self }
     }
 
-    /// Sets the number of samples a pixel.
+    /// Sets the number of samples per pixel.
     #[must_use]
     pub fn samples(self, samples: u32) -> RenderOptions {
         RenderOptions { samples, ..self }
@@ -70,7 +71,7 @@ impl RenderOptions {
         RenderOptions { seed, ..self }
     }
 
-    /// Sets the largest number of scattering events.
+    /// Sets the maximum number of scattering events of a path.
     #[must_use]
     pub fn max_depth(self, max_depth: u32) -> RenderOptions {
         RenderOptions { max_depth, ..self }
@@ -82,19 +83,19 @@ impl RenderOptions {
         RenderOptions { filter, ..self }
     }
 
-    /// Sets what to record besides colour.
+    /// Sets which AOVs to record besides colour.
     #[must_use]
     pub fn aovs(self, aovs: impl Into<AovSet>) -> RenderOptions {
         RenderOptions { aovs: aovs.into(), ..self }
     }
 
-    /// Sets whether edges of self-shadowing are softened.
+    /// Sets whether the shadow terminator is softened.
     #[must_use]
     pub fn soft_terminator(self, soft_terminator: bool) -> RenderOptions {
         RenderOptions { soft_terminator, ..self }
     }
 
-    /// Sets or lifts the limit on rendering time.
+    /// Sets the limit on rendering time, or removes it.
     #[must_use]
     pub fn time_limit(self, time_limit: impl Into<Option<Duration>>) -> RenderOptions {
         RenderOptions { time_limit: time_limit.into(), ..self }

@@ -6,7 +6,7 @@ use crate::film::Film;
 use crate::output::{Format, OutputOptions, encode, write_atomically};
 use std::path::Path;
 
-/// A picture and what is to be said of it.
+/// A rendered picture with its warnings and statistics.
 #[derive(Clone, Debug)]
 pub struct Picture {
     pub(super) film: Film,
@@ -16,17 +16,20 @@ pub struct Picture {
 }
 
 impl Picture {
-    /// Writes an EXR or a PNG, as the name ends: see [`Picture::output_options`] for what is written, and
-    /// [`Picture::save_with`] for other choices. Gives back what the file can't hold as it is.
+    /// Writes an EXR or a PNG, by the extension: see [`Picture::output_options`] for what is written, and
+    /// [`Picture::save_with`] for other choices. Returns warnings about values that the file can't hold, such as those
+    /// beyond 16-bit floats.
     ///
     /// # Errors
-    /// A usage error for other endings, an output error if the file can't be written; a file of that name stays as it was
-    /// then.
+    /// A usage error for other extensions; an output error if the file can't be written, in which case an existing file
+    /// of that name stays as it was.
     pub fn save(&self, path: impl AsRef<Path>) -> Result<Vec<Warning>> {
         self.save_with(path, &self.output)
     }
 
-    /// Writes it by these options.
+    /// Writes it with these options, in the format of the extension.
+    ///
+    /// Begin with a clone of [`Picture::output_options`]: it holds what the header says about the picture.
     ///
     /// # Errors
     /// As for [`Picture::save`].
@@ -40,17 +43,17 @@ impl Picture {
         &self.output
     }
 
-    /// The samples and their means: [`Film::rgba`] has the pixels, [`Film::plane`] one component by its name in files.
+    /// The pixels: [`Film::rgba`] has their colours, [`Film::plane`] one component of an AOV by its name in files.
     pub fn film(&self) -> &Film {
         &self.film
     }
 
-    /// Gives the film away.
+    /// The film, without the rest.
     pub fn into_film(self) -> Film {
         self.film
     }
 
-    /// What rendering took.
+    /// Time, samples and rays that rendering took.
     pub fn statistics(&self) -> &Statistics {
         &self.statistics
     }

@@ -5,8 +5,8 @@ use crate::error::{Error, Result};
 /// Stack of each thread, bytes: what a main thread usually has.
 const STACK: usize = 8 << 20;
 
-/// Runs `work` on a pool of its own with this many threads (one a core by default): loading, compiling and rendering
-/// inside it use these threads only.
+/// Runs `work` on a pool of its own with this many threads (`None`: one per core): loading and rendering inside it use
+/// these threads only.
 ///
 /// # Errors
 /// A usage error if the system refuses the threads.

@@ -3,11 +3,11 @@
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
-/// What the renderer tells while it works.
+/// What a renderer reports while it works.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub enum Event {
-    /// How far it is; comes from any thread, several times a second.
+    /// Progress; comes from any thread, several times a second.
     #[non_exhaustive]
     Progress {
         /// Paths done.

@@ -12,11 +12,11 @@ use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
 use std::time::Duration;
 
-/// A scene and how to render it. What is not chosen here the scene says (its camera, and all that a scene file may set);
-/// what it leaves open has the defaults of [`RenderOptions`](super::RenderOptions).
+/// A scene and how to render it. What is not chosen here is taken from the scene (its first camera, and all that a scene
+/// file may set), else from the defaults of [`RenderOptions`](super::RenderOptions).
 ///
-/// Takes the threads of the current [rayon](https://docs.rs/rayon) pool; [`in_pool`](super::in_pool) makes one of another
-/// size.
+/// Runs on the threads of the current [rayon](https://docs.rs/rayon) pool; [`in_pool`](super::in_pool) makes a pool of
+/// another size.
 ///
 /// ```
 /// use oscura::{Renderer, film::Aov};
@@ -39,6 +39,10 @@ pub struct Renderer {
 
 impl Renderer {
     /// For a loaded scene, or a [`Scene`](crate::scene::Scene) built in code.
+    ///
+    /// A loaded scene's warnings become those of the picture; its notes are left behind. A scene needs a camera:
+    /// loading adds one where a file has none, and [`framing::complete`](crate::load::framing::complete) does so for
+    /// scenes built in code.
     pub fn new(scene: impl Into<Loaded>) -> Renderer {
         Renderer {
             loaded: scene.into(),
@@ -65,7 +69,7 @@ impl Renderer {
         self
     }
 
-    /// Samples a pixel.
+    /// Samples per pixel.
     pub fn samples(mut self, samples: u32) -> Renderer {
         self.choices.settings.samples = Some(samples);
         self
@@ -77,7 +81,7 @@ impl Renderer {
         self
     }
 
-    /// Largest number of scattering events of a path; 0 shows emission only.
+    /// Maximum number of scattering events of a path; 0 shows emission only.
     pub fn max_depth(mut self, max_depth: u32) -> Renderer {
         self.choices.settings.depth = Some(max_depth);
         self
@@ -89,7 +93,7 @@ impl Renderer {
         self
     }
 
-    /// Whether rough surfaces get back the energy that single scattering between their facets loses.
+    /// Whether rough surfaces get back the energy that single scattering between microfacets loses.
     pub fn energy_compensation(mut self, energy_compensation: EnergyCompensation) -> Renderer {
         self.choices.settings.energy_compensation = Some(energy_compensation);
         self
@@ -101,43 +105,50 @@ impl Renderer {
         self
     }
 
-    /// The scene's camera of this name, or of this number, from 0.
+    /// Exposure of PNGs, stops: colours are multiplied by 2 to this power.
+    pub fn exposure(mut self, stops: f32) -> Renderer {
+        self.choices.settings.exposure = Some(stops);
+        self
+    }
+
+    /// The scene's camera of this name, else of this number, from 0.
     pub fn camera(mut self, name_or_number: impl ToString) -> Renderer {
         self.choices.camera = Some(name_or_number.to_string());
         self
     }
 
-    /// What to record besides colour.
+    /// Which AOVs to record besides colour.
     pub fn aovs(mut self, aovs: impl Into<AovSet>) -> Renderer {
         self.choices.aovs = aovs.into();
         self
     }
 
-    /// Whether the edges of self-shadowing are softened on shapes with shading normals.
+    /// Whether the shadow terminator is softened on surfaces with shading normals.
     pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
         self.choices.soft_terminator = soft_terminator;
         self
     }
 
-    /// Stops after this time of rendering, or at the number of samples, whichever comes first.
+    /// Stops after rendering for this time, or at the number of samples, whichever comes first; `None` removes the
+    /// limit.
     pub fn time_limit(mut self, time_limit: impl Into<Option<Duration>>) -> Renderer {
         self.choices.time_limit = time_limit.into();
         self
     }
 
-    /// Lets a handle stop it, from any thread.
+    /// Lets this handle, or a clone of it, stop rendering from any thread.
     pub fn cancel_by(mut self, cancel: &CancelHandle) -> Renderer {
         self.cancel = cancel.clone();
         self
     }
 
-    /// Tells `listener` how far it is, several times a second, from any thread.
+    /// Calls `listener` with the progress several times a second, from any thread.
     pub fn on_event(mut self, listener: impl Fn(Event) + Send + Sync + 'static) -> Renderer {
         self.listener = Some(Box::new(listener));
         self
     }
 
-    /// Builds what rays need, and waits for the first pass.
+    /// Builds the BVH and whatever else rendering needs, but takes no sample yet: [`Rendering::next_pass`] does.
     ///
     /// # Errors
     /// A usage error for a camera that does not exist and for a picture with too many pixels; an input error for a scene
@@ -156,8 +167,8 @@ impl Renderer {
     /// Renders all samples.
     ///
     /// # Errors
-    /// As for [`Renderer::start`]. A picture that was stopped by its [`CancelHandle`] or the time limit is no error: its
-    /// statistics say so.
+    /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
+    /// statistics tell of it.
     pub fn render(self) -> Result<Picture> {
         let mut rendering = self.start()?;
         rendering.run();

@@ -1,4 +1,4 @@
-//! Rendering: takes a pass at a time, and has a picture after each.
+//! Rendering: takes one pass at a time, and has a picture after each.
 
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
@@ -104,13 +104,13 @@ impl Rendering {
         Rendering { earlier, exposure, cancel, listener, ..self }
     }
 
-    /// Lets an existing handle stop it, in place of one of its own.
+    /// Lets an existing handle stop it, in place of its own.
     #[must_use]
     pub fn with_cancel_handle(self, cancel: CancelHandle) -> Rendering {
         Rendering { cancel, ..self }
     }
 
-    /// Tells `listener` how far it is, several times a second, from any thread.
+    /// Calls `listener` with the progress several times a second, from any thread, in place of an earlier listener.
     #[must_use]
     pub fn on_event(self, listener: impl Fn(Event) + Send + Sync + 'static) -> Rendering {
         Rendering { listener: Some(Box::new(listener)), ..self }
@@ -121,7 +121,7 @@ impl Rendering {
         self.cancel.clone()
     }
 
-    /// Takes the next samples of all pixels, at most eight. Does nothing once all are taken or it was stopped.
+    /// Takes the next samples of all pixels, at most eight per pixel. Does nothing once all are taken or it was stopped.
     pub fn next_pass(&mut self) -> PassOutcome {
         if self.outcome == PassOutcome::Progressed {
             let stopwatch = Stopwatch::start(self.spent);
@@ -142,7 +142,8 @@ impl Rendering {
         &self.film
     }
 
-    /// Writes the samples so far as an EXR or a PNG, as the name ends. Gives back what the file can't hold as it is.
+    /// Writes the picture so far as an EXR or a PNG, by the extension. Returns warnings about values that the file
+    /// can't hold.
     ///
     /// # Errors
     /// As for [`Picture::save`].
@@ -150,7 +151,15 @@ impl Rendering {
         picture::save(&self.film, path.as_ref(), &self.output_options())
     }
 
-    /// The picture as it is now; no further pass will be taken.
+    /// The same with other options than [`Rendering::output_options`].
+    ///
+    /// # Errors
+    /// As for [`Picture::save`].
+    pub fn save_with(&self, path: impl AsRef<Path>, options: &OutputOptions) -> Result<Vec<Warning>> {
+        picture::save(&self.film, path.as_ref(), options)
+    }
+
+    /// Ends rendering with the picture as it is now.
     pub fn into_picture(self) -> Picture {
         let (statistics, warnings, output) = (self.statistics(), self.warnings(), self.output_options());
         Picture { film: self.film, statistics, warnings, output }
@@ -174,10 +183,11 @@ impl Rendering {
         warnings
     }
 
-    fn output_options(&self) -> OutputOptions {
+    /// How [`Rendering::save`] writes the picture so far.
+    pub fn output_options(&self) -> OutputOptions {
         let statistics = self.statistics();
         let stopped_by = match statistics {
-            Statistics { interrupted: true, .. } => Some("signal"),
+            Statistics { interrupted: true, .. } => Some("cancelled"),
             Statistics { timed_out: true, .. } => Some("time limit"),
             _ => None,
         };
@@ -198,7 +208,7 @@ impl Rendering {
         }
     }
 
-    /// What it took so far.
+    /// Time, samples and rays so far.
     pub fn statistics(&self) -> Statistics {
         let samples = self.progress.samples();
         let pixels = f64::from(self.film.width()) * f64::from(self.film.height());

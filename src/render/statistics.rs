@@ -18,7 +18,7 @@ pub enum PassOutcome {
 #[derive(Clone, Copy, Debug, Default)]
 #[non_exhaustive]
 pub struct Statistics {
-    /// Seconds by the clock on the wall, between passes not included.
+    /// Seconds of wall-clock time, without the time between passes.
     pub render_s: f64,
     /// Seconds of processor time, all threads together; 0 where the system doesn't tell.
     pub render_cpu_s: f64,
@@ -26,11 +26,11 @@ pub struct Statistics {
     pub rays: u64,
     /// Paths traced.
     pub samples: u64,
-    /// Mean number of samples a pixel.
+    /// Mean number of samples per pixel.
     pub samples_per_pixel: f64,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
-    /// Stopped by the user before all samples were done.
+    /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.
     pub interrupted: bool,
     /// Stopped by the time limit before all samples were done.
     pub timed_out: bool,

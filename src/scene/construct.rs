@@ -24,18 +24,19 @@ macro_rules! add {
 }
 
 add! {
-    /// Adds a mesh; it is seen where an [`Instance`] places it.
+    /// Adds a mesh and returns its id; it is seen where an [`Instance`] places it.
     add_mesh: Mesh => meshes, MeshId;
-    /// Adds a material.
+    /// Adds a material and returns its id, for meshes, shapes and quads.
     add_material: Material => materials, MaterialId;
-    /// Adds a texture. Those that it is made of come first.
+    /// Adds a texture and returns its id, for materials. Textures that it refers to must have been added before.
     add_texture: Texture => textures, TextureId;
-    /// Adds an image.
+    /// Adds an image and returns its id, for textures and the environment.
     add_image: Image => images, ImageId;
 }
 
 impl Mesh {
-    /// Triangles of one material, without texture coordinates, with flat shading.
+    /// Triangles of one material, without texture coordinates, with flat shading; each is three indices into
+    /// `positions`, counter-clockwise seen from its front.
     pub fn new(
         name: impl Into<String>,
         positions: Vec<[f32; 3]>,
@@ -49,7 +50,7 @@ impl Mesh {
 }
 
 impl Instance {
-    /// A mesh, placed.
+    /// A mesh placed in the world, with its own materials.
     pub fn new(mesh: MeshId, world_from_object: DAffine3) -> Instance {
         Instance { name: String::new(), mesh, world_from_object, material: None, motion: Motion::Still }
     }
@@ -89,13 +90,13 @@ impl Quad {
 }
 
 impl Light {
-    /// A point that shines equally in all directions with a radiant intensity, W/sr.
+    /// A point light of the same radiant intensity, W/sr, in all directions.
     pub fn point(position: impl Into<DVec3>, intensity: [f32; 3]) -> Light {
         Light { name: String::new(), kind: LightKind::Point { position: position.into() }, intensity }
     }
 
-    /// A cone with a radiant intensity, W/sr, within `inner_angle_rad` of its axis; it fades to nothing at
-    /// `outer_angle_rad`. The direction may have any length but 0.
+    /// A spot light with a radiant intensity, W/sr, within `inner_angle_rad` of its axis, that fades to nothing at
+    /// `outer_angle_rad`; both are half angles, in radians. The direction may have any length but 0.
     pub fn spot(
         position: impl Into<DVec3>,
         direction: impl Into<DVec3>,
@@ -108,7 +109,8 @@ impl Light {
         Light { name: String::new(), kind, intensity }
     }
 
-    /// Parallel light that travels along a direction of any length but 0, with an irradiance, W/m2, on what faces it.
+    /// Parallel light that travels along `direction`, of any length but 0, with an irradiance, W/m2, on surfaces that
+    /// face it.
     pub fn directional(direction: impl Into<DVec3>, irradiance: [f32; 3]) -> Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
         Light { name: String::new(), kind: LightKind::Directional { direction }, intensity: irradiance }

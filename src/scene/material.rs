@@ -2,6 +2,7 @@
 
 use super::TextureId;
 use super::model::Model;
+use super::pbr::PbrMaterial;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
@@ -70,6 +71,11 @@ impl Material {
     /// Ideal diffuse reflection of a constant albedo.
     pub fn lambert(name: impl Into<String>, albedo: [f32; 3]) -> Material {
         Material::new(name, Model::Lambert { albedo: ColorSlot::constant(albedo) })
+    }
+
+    /// A glTF material.
+    pub fn gltf(name: impl Into<String>, parameters: PbrMaterial) -> Material {
+        Material::new(name, Model::Pbr(Box::new(parameters)))
     }
 
     /// A black emitter of constant radiance.

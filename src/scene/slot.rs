@@ -23,6 +23,18 @@ impl ColorSlot {
     }
 }
 
+impl From<[f32; 3]> for ColorSlot {
+    fn from(rgb: [f32; 3]) -> ColorSlot {
+        ColorSlot::constant(rgb)
+    }
+}
+
+impl From<f32> for FloatSlot {
+    fn from(value: f32) -> FloatSlot {
+        FloatSlot::constant(value)
+    }
+}
+
 /// A number: a constant, or one channel of a texture times the constant.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FloatSlot {
@@ -36,6 +48,11 @@ impl FloatSlot {
     /// A constant.
     pub const fn constant(value: f32) -> FloatSlot {
         FloatSlot { factor: value, texture: None }
+    }
+
+    /// A channel of a texture as it is: 0 red .. 3 alpha.
+    pub const fn texture(id: TextureId, channel: u8) -> FloatSlot {
+        FloatSlot { factor: 1.0, texture: Some((id, channel)) }
     }
 }
 

@@ -7,42 +7,60 @@ use super::sphere::Sphere;
 use super::traits::{Packed, Parametrization, Shape};
 use crate::math::{Bounds3, Mat3, Vec2, Vec3};
 
-/// A shape that is no triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Analytic {
-    /// A sphere.
-    Sphere(Sphere),
-    /// A flat disk.
-    Disk(Disk),
-}
+/// Makes [`Analytic`], and what is done with each shape alike, of a table: the name of each and its type.
+macro_rules! shapes {
+    ($($name:literal $shape:ident,)*) => {
+        /// A shape that is no triangle.
+        #[derive(Clone, Copy, Debug, PartialEq)]
+        pub enum Analytic {
+            $(#[doc = concat!("A ", $name, ".")] $shape($shape),)*
+        }
 
-/// Does the same with each shape.
-macro_rules! each {
-    ($analytic:expr, $shape:ident => $result:expr) => {
-        match $analytic {
-            Analytic::Sphere($shape) => $result,
-            Analytic::Disk($shape) => $result,
+        impl Analytic {
+            /// What the kinds of shapes are called.
+            pub const NAMES: &[&str] = &[$($name),*];
+
+            const KINDS: &[u8] = &[$($shape::KIND),*];
+
+            /// The shape of a packed one; `None` for an unknown kind, such as 0.
+            #[inline(always)]
+            pub fn unpack(packed: &Packed) -> Option<Analytic> {
+                match packed.kind {
+                    $($shape::KIND => Some(Analytic::$shape($shape::unpack(&packed.numbers))),)*
+                    _ => None,
+                }
+            }
+        }
+
+        /// Does the same with each shape.
+        macro_rules! each {
+            ($analytic:expr, $inner:ident => $result:expr) => {
+                match $analytic {
+                    $(Analytic::$shape($inner) => $result,)*
+                }
+            };
         }
     };
 }
 
-impl Analytic {
-    /// What the kinds of shapes are called.
-    pub const NAMES: [&str; 2] = ["sphere", "disk"];
+shapes! {
+    "sphere" Sphere,
+    "disk" Disk,
+}
 
+// Kinds count from 1 in the order of the table.
+const _: () = {
+    let mut i = 0;
+    while i < Analytic::KINDS.len() {
+        assert!(Analytic::KINDS[i] as usize == i + 1, "the kinds of shapes are not those of their places");
+        i += 1;
+    }
+};
+
+impl Analytic {
     /// Which of [`Analytic::NAMES`] it is.
     pub fn kind_index(&self) -> usize {
         usize::from(self.pack().kind - 1)
-    }
-
-    /// The shape of a packed one; `None` for an unknown kind, such as 0.
-    #[inline(always)]
-    pub fn unpack(packed: &Packed) -> Option<Analytic> {
-        match packed.kind {
-            Sphere::KIND => Some(Analytic::Sphere(Sphere::unpack(&packed.numbers))),
-            Disk::KIND => Some(Analytic::Disk(Disk::unpack(&packed.numbers))),
-            _ => None,
-        }
     }
 }
 

@@ -1,5 +1,5 @@
-//! Every field of every type that a scene is made of. Destructuring makes the table complete: what is missing does not
-//! compile.
+//! Every field of every type that a scene is made of. Structs are destructured: a field that is missing here does not
+//! compile. Variants of enums that may grow are added by hand.
 
 use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
