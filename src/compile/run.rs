@@ -24,8 +24,8 @@ const MAX_VERTICES: usize = u32::MAX as usize;
 /// Compiles a scene.
 ///
 /// # Errors
-/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more triangles or vertices than can be
-/// addressed.
+/// An input error with all that [`Scene::validate`] finds, for an anchor that is not finite, or for a scene with more
+/// triangles or vertices than can be addressed.
 pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene, CompileReport)> {
     check(scene.validate())?;
     if let Some(anchor) = options.anchor.filter(|anchor| !anchor.is_finite()) {
@@ -34,7 +34,8 @@ pub fn compile(scene: &Scene, options: &CompileOptions) -> Result<(CompiledScene
     compile_after(None, scene, options, false)
 }
 
-/// Compiles a scene without problems; as one moment of a sequence, whose earlier moment gives what it has in common with this one.
+/// Compiles a scene without problems; as one moment of a sequence, whose earlier moment gives what it has in common with
+/// this one.
 pub(super) fn compile_after(
     earlier: Option<CompiledScene>,
     scene: &Scene,

@@ -149,17 +149,8 @@ impl AreaLight {
     }
 
     /// Emitted radiance at a point of the light.
-    #[inline(always)]
+    #[inline]
     pub fn radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
-        match &self.radiance {
-            Radiance::Constant(c) => *c,
-            _ => self.textured_radiance_at(textures, point),
-        }
-    }
-
-    /// The same; apart from that of constant radiance, which most lights have.
-    #[inline(never)]
-    fn textured_radiance_at(&self, textures: &CompiledTextures, point: Vec3) -> Rgb {
         let (texture, factor, uv) = match &self.radiance {
             Radiance::Constant(c) => return *c,
             Radiance::Flat { texture, factor, uv } => {

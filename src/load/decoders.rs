@@ -12,35 +12,28 @@ pub(super) enum Decoder {
 }
 
 impl Decoder {
+    /// Is it in this build; its feature; what it reads.
+    fn facts(self) -> (bool, &'static str, &'static str) {
+        match self {
+            Decoder::Draco => (cfg!(feature = "draco"), "draco", "Draco meshes"),
+            Decoder::Ktx2 => (cfg!(feature = "ktx2"), "ktx2", "Basis Universal textures"),
+            Decoder::Tiff => (cfg!(feature = "tiff"), "tiff", "TIFF images"),
+            Decoder::WebP => (cfg!(feature = "webp"), "webp", "WebP images"),
+        }
+    }
+
     /// Is it in this build?
     pub fn is_built_in(self) -> bool {
-        match self {
-            Decoder::Draco => cfg!(feature = "draco"),
-            Decoder::Ktx2 => cfg!(feature = "ktx2"),
-            Decoder::Tiff => cfg!(feature = "tiff"),
-            Decoder::WebP => cfg!(feature = "webp"),
-        }
+        self.facts().0
     }
 
     /// What a build without it can't do.
     pub fn lack(self) -> String {
-        let what = match self {
-            Decoder::Draco => "Draco meshes",
-            Decoder::Ktx2 => "Basis Universal textures",
-            Decoder::Tiff => "TIFF images",
-            Decoder::WebP => "WebP images",
-        };
-        format!("this build of oscura reads no {what}")
+        format!("this build of oscura reads no {}", self.facts().2)
     }
 
     /// How to get it.
     pub fn remedy(self) -> String {
-        let feature = match self {
-            Decoder::Draco => "draco",
-            Decoder::Ktx2 => "ktx2",
-            Decoder::Tiff => "tiff",
-            Decoder::WebP => "webp",
-        };
-        format!("build it with `--features {feature}`")
+        format!("build it with `--features {}`", self.facts().1)
     }
 }

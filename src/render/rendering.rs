@@ -161,7 +161,8 @@ impl Rendering {
 
     /// Ends rendering with the picture as it is now.
     pub fn into_picture(self) -> Picture {
-        let (statistics, warnings, output) = (self.statistics(), self.warnings(), self.output_options());
+        let (statistics, warnings) = (self.statistics(), self.warnings());
+        let output = self.options_with(&warnings);
         Picture { film: self.film, statistics, warnings, output }
     }
 
@@ -185,6 +186,10 @@ impl Rendering {
 
     /// How [`Rendering::save`] writes the picture so far.
     pub fn output_options(&self) -> OutputOptions {
+        self.options_with(&self.warnings())
+    }
+
+    fn options_with(&self, warnings: &[Warning]) -> OutputOptions {
         let statistics = self.statistics();
         let stopped_by = match statistics {
             Statistics { interrupted: true, .. } => Some("cancelled"),
@@ -199,7 +204,7 @@ impl Rendering {
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
             stopped_by: stopped_by.map(str::to_string),
-            warnings: self.warnings().iter().map(Warning::to_string).collect(),
+            warnings: warnings.iter().map(Warning::to_string).collect(),
         };
         OutputOptions {
             png: PngOptions { exposure: self.exposure, ..PngOptions::default() },

@@ -122,7 +122,7 @@ impl Camera {
     pub fn look_at(from: impl Into<DVec3>, at: impl Into<DVec3>, vfov_deg: f64) -> Camera {
         let (from, at) = (from.into(), at.into());
         let back = (from - at).normalize_or(DVec3::Z);
-        // Straight up or down, -z is at the top of the picture.
+        // Straight down, -z is at the top of the picture; straight up, z is.
         let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
         let rotation = DMat3::from_cols(right, back.cross(right), back);
         Camera {

@@ -21,11 +21,11 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
             findings.require(is_met, place, "vfov_rad", vfov_rad, "above 0 and below pi");
         }
         Projection::Orthographic { half_height } => {
-            findings.require(is_length(half_height), place, "half_height", half_height, LENGTH);
+            findings.require_length(half_height, place, "half_height", half_height);
         }
     }
     if let Some(aspect) = camera.aspect_ratio {
-        findings.require(is_length(aspect), place, "aspect_ratio", aspect, LENGTH);
+        findings.require_length(aspect, place, "aspect_ratio", aspect);
     }
     if let Some(lens) = camera.lens {
         let angle = lens.defocus_angle_rad;
@@ -39,8 +39,3 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
 
 /// Nothing is seen beyond, metres.
 const FARTHEST_FOCUS: f64 = 1e18;
-const LENGTH: &str = "a finite number above 0";
-
-fn is_length(x: f64) -> bool {
-    x > 0.0 && x.is_finite()
-}

@@ -7,16 +7,14 @@ use crate::scene::{Environment, Scene};
 const MOST_TEXELS: u64 = 1 << 29;
 
 const PLACE: &str = "environment";
-const COLOR: &str = "finite numbers from 0 up";
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
-    let is_color = |rgb: &[f32; 3]| rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
     match &scene.environment {
         Environment::Black => {}
-        Environment::Constant(rgb) => findings.require(is_color(rgb), PLACE, "Constant", rgb, COLOR),
+        Environment::Constant(rgb) => findings.require_color(rgb, PLACE, "Constant"),
         Environment::Gradient { nadir, zenith } => {
-            findings.require(is_color(nadir), PLACE, "nadir", nadir, COLOR);
-            findings.require(is_color(zenith), PLACE, "zenith", zenith, COLOR);
+            findings.require_color(nadir, PLACE, "nadir");
+            findings.require_color(zenith, PLACE, "zenith");
         }
         Environment::Image { image, strength, rotation_rad } => {
             let is_met = strength.is_finite() && *strength >= 0.0;

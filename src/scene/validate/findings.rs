@@ -1,10 +1,14 @@
 //! Problems while they are found: each with its place, many of one kind counted.
 
 use crate::error::Problem;
+use crate::math::{all_finite, count_not_finite};
+use rayon::prelude::*;
 use std::fmt::{Debug, Display, Formatter, Result};
 
 /// Problems of one kind beyond this many are only counted.
 const MOST_ALIKE: usize = 8;
+/// Numbers that one thread looks at in a row.
+pub(super) const BLOCK: usize = 1 << 16;
 
 /// An entry of one of the scene's lists.
 #[derive(Clone, Copy)]
@@ -67,10 +71,29 @@ impl Findings {
         }
     }
 
-    /// Some of many numbers are NaN or infinite.
-    pub fn count_not_finite(&mut self, place: impl Display, field: &'static str, bad: usize, all: usize) {
+    /// Colours and intensities.
+    pub fn require_color(&mut self, rgb: &[f32; 3], place: impl Display, field: &'static str) {
+        let is_met = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
+        self.require(is_met, place, field, rgb, "finite numbers from 0 up");
+    }
+
+    /// Lengths and ratios.
+    pub fn require_length(
+        &mut self,
+        length: f64,
+        place: impl Display,
+        field: &'static str,
+        found: impl Debug,
+    ) {
+        let is_met = length > 0.0 && length.is_finite();
+        self.require(is_met, place, field, found, "a finite number above 0");
+    }
+
+    /// Many numbers, of which those that are NaN or infinite are counted.
+    pub fn require_finite(&mut self, numbers: &[f32], place: impl Display, field: &'static str) {
         const WHAT: &str = "finite numbers";
-        if bad > 0 && self.is_listed(field, WHAT) {
+        if !numbers.par_chunks(BLOCK).all(all_finite) && self.is_listed(field, WHAT) {
+            let (bad, all) = (count_not_finite(numbers), numbers.len());
             let message = format!("{bad} of {all} numbers are NaN or infinite, but must be {WHAT}");
             self.list.push(Problem::new(format!("{place}, {field}"), message));
         }

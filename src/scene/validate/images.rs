@@ -2,12 +2,7 @@
 
 use super::findings::{Findings, Place};
 use crate::image::Pixels;
-use crate::math::{all_finite, count_not_finite};
 use crate::scene::{Scene, Texture};
-use rayon::prelude::*;
-
-/// Numbers that one thread looks at in a row.
-const BLOCK: usize = 1 << 16;
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     // The environment counts texels that are no numbers as black; textures hand them on.
@@ -35,9 +30,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.require(is_met, place, "length of pixels", length, "width * height * channels");
         if let Pixels::F32(numbers) = &*image.pixels
             && is_texture[index]
-            && !numbers.par_chunks(BLOCK).all(all_finite)
         {
-            findings.count_not_finite(place, "pixels", count_not_finite(numbers), numbers.len());
+            findings.require_finite(numbers, place, "pixels");
         }
     }
 }

@@ -8,9 +8,7 @@ use std::f64::consts::PI;
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (index, light) in scene.lights.iter().enumerate() {
         let place = Place { list: "lights", index, name: &light.name };
-        let rgb = light.intensity;
-        let is_met = rgb.iter().all(|c| c.is_finite() && *c >= 0.0);
-        findings.require(is_met, place, "intensity", rgb, "finite numbers from 0 up");
+        findings.require_color(&light.intensity, place, "intensity");
         match light.kind {
             LightKind::Point { position } => check_position(position, place, findings),
             LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {

@@ -7,7 +7,6 @@ use crate::scene::{
 
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
-const COLOR: &str = "finite numbers from 0 up";
 /// Larger indices of metals, whose fourth powers Fresnel's equations take, mean nothing.
 const MOST_INDEX: f32 = 1e4;
 const INDEX: &str = "numbers from 0 to 10,000";
@@ -37,7 +36,7 @@ fn check_parameter(
     }
     match parameter {
         Parameter::Color(ColorSlot { factor, .. }) => {
-            findings.require(is_color(factor), place, field, factor, COLOR);
+            findings.require_color(factor, place, field);
         }
         Parameter::Number(FloatSlot { factor, texture }) => {
             findings.require(factor.is_finite(), place, field, factor, FINITE);
@@ -89,15 +88,10 @@ fn check_model(model: &Model, place: Place, findings: &mut Findings) {
 }
 
 fn check_pbr(pbr: &PbrMaterial, place: Place, findings: &mut Findings) {
-    let color = &pbr.attenuation_color;
-    findings.require(is_color(color), place, "attenuation_color", color, COLOR);
+    findings.require_color(&pbr.attenuation_color, place, "attenuation_color");
     let is_index = !(pbr.ior > 0.0 && pbr.ior < 1.0);
     findings.require(is_index, place, "ior", pbr.ior, "0, or a finite number from 1 up");
     if let Some(film) = &pbr.iridescence {
         check_channel(&film.thickness_texture, "thickness_texture", place, findings);
     }
-}
-
-fn is_color(rgb: &[f32; 3]) -> bool {
-    rgb.iter().all(|c| c.is_finite() && *c >= 0.0)
 }

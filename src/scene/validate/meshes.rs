@@ -1,13 +1,9 @@
 //! Meshes: indices, lengths of lists, runs of materials, and that every number is finite. One pass over each list, without
 //! branches, so that it takes as long as reading it.
 
-use super::findings::{Findings, Place};
-use crate::math::{all_finite, count_not_finite};
+use super::findings::{BLOCK, Findings, Place};
 use crate::scene::{Mesh, Scene};
 use rayon::prelude::*;
-
-/// Numbers that one thread looks at in a row.
-const BLOCK: usize = 1 << 16;
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (index, mesh) in scene.meshes.iter().enumerate() {
@@ -31,11 +27,7 @@ fn check_triangles(mesh: &Mesh, place: Place, findings: &mut Findings) {
 }
 
 fn check_numbers(mesh: &Mesh, place: Place, findings: &mut Findings) {
-    let mut check = |field, numbers: &[f32]| {
-        if !numbers.par_chunks(BLOCK).all(all_finite) {
-            findings.count_not_finite(place, field, count_not_finite(numbers), numbers.len());
-        }
-    };
+    let mut check = |field, numbers: &[f32]| findings.require_finite(numbers, place, field);
     check("positions", mesh.positions.as_flattened());
     check("normals", mesh.normals.as_flattened());
     check("tangents", mesh.tangents.as_flattened());

@@ -24,8 +24,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         let place = Place { list: "shapes", index, name: &shape.name };
         findings.require(exists(shape.material), place, "material", shape.material, MATERIAL);
         findings.require(shape.center.is_finite(), place, "center", shape.center, FINITE);
-        let is_length = shape.radius > 0.0 && shape.radius.is_finite();
-        findings.require(is_length, place, "radius", shape.radius, "a finite number above 0");
+        findings.require_length(shape.radius, place, "radius", shape.radius);
         findings.require(shape.rotation.is_normalized(), place, "rotation", shape.rotation, "of unit length");
     }
     for (index, quad) in scene.quads.iter().enumerate() {

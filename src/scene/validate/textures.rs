@@ -3,9 +3,6 @@
 use super::findings::{Findings, Place};
 use crate::scene::{MOST_NESTED_TEXTURES, Mapping, Scene, Texture, TextureId};
 
-const COLOR: &str = "finite numbers from 0 up";
-const SIZE: &str = "a finite number above 0";
-
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     // How many textures lie one in the other, up to each one.
     let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
@@ -13,14 +10,14 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         let place = Place { list: "textures", index, name: "" };
         let mut depth = 1;
         match texture {
-            Texture::Solid(rgb) => findings.require(is_color(rgb), place, "Solid", rgb, COLOR),
+            Texture::Solid(rgb) => findings.require_color(rgb, place, "Solid"),
             Texture::Image { image, mapping, .. } => {
                 let exists = image.index() < scene.images.len();
                 findings.require(exists, place, "image", image, "one of the scene's images");
                 check_mapping(mapping, place, findings);
             }
             Texture::Checker { even, odd, cell_size, mapping } => {
-                findings.require(is_size(*cell_size), place, "cell_size", cell_size, SIZE);
+                findings.require_length(f64::from(*cell_size), place, "cell_size", cell_size);
                 check_mapping(mapping, place, findings);
                 for (field, cell) in [("even", *even), ("odd", *odd)] {
                     depth = depth.max(1 + check_cell(cell, field, &depths, place, findings));
@@ -31,8 +28,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             Texture::Normal => {}
             Texture::Noise { frequency, low, high, .. } => {
                 findings.require(frequency.is_finite(), place, "frequency", frequency, "a finite number");
-                findings.require(is_color(low), place, "low", low, COLOR);
-                findings.require(is_color(high), place, "high", high, COLOR);
+                findings.require_color(low, place, "low");
+                findings.require_color(high, place, "high");
             }
         }
         depths.push(depth);
@@ -63,14 +60,6 @@ fn check_mapping(mapping: &Mapping, place: Place, findings: &mut Findings) {
             findings.require(is_met, place, "transform", transform, "made of finite numbers");
         }
         Mapping::World => {}
-        Mapping::Triplanar { size } => findings.require(is_size(*size), place, "size", size, SIZE),
+        Mapping::Triplanar { size } => findings.require_length(f64::from(*size), place, "size", size),
     }
-}
-
-fn is_size(x: f32) -> bool {
-    x > 0.0 && x.is_finite()
-}
-
-fn is_color(rgb: &[f32; 3]) -> bool {
-    rgb.iter().all(|c| c.is_finite() && *c >= 0.0)
 }

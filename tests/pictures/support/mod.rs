@@ -7,7 +7,7 @@ use oscura::compile::{CompileOptions, CompiledScene, compile};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
-use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape, ShapeKind};
+use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape};
 use std::sync::Arc;
 
 /// A pinhole camera.
@@ -89,27 +89,20 @@ pub fn assert_radiance(what: &str, scene: &Scene, options: &RenderOptions, truth
 
 /// Adds a material.
 pub fn material(scene: &mut Scene, material: Material) -> MaterialId {
-    scene.materials.push(material);
-    MaterialId(scene.materials.len() as u32 - 1)
+    scene.add_material(material)
 }
 
 /// Adds a quad.
 pub fn quad(scene: &mut Scene, corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64; 3], material: MaterialId) {
-    let (corner, edge_u, edge_v) = (corner.into(), edge_u.into(), edge_v.into());
-    scene.quads.push(Quad { name: "quad".into(), corner, edge_u, edge_v, material });
+    scene.quads.push(Quad { name: "quad".into(), ..Quad::new(corner, edge_u, edge_v, material) });
 }
 
 /// Adds a sphere.
 pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
-    let rotation = oscura::math::DQuat::IDENTITY;
-    let (name, center, kind) = ("sphere".into(), center.into(), ShapeKind::Sphere);
-    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
+    scene.shapes.push(Shape { name: "sphere".into(), ..Shape::sphere(center, radius, material) });
 }
 
 /// Adds a disk.
 pub fn disk(scene: &mut Scene, center: [f64; 3], normal: [f64; 3], radius: f64, material: MaterialId) {
-    let normal = DVec3::from(normal).normalize();
-    let rotation = oscura::math::DQuat::from_rotation_arc(DVec3::Z, normal);
-    let (name, center, kind) = ("disk".into(), center.into(), ShapeKind::Disk);
-    scene.shapes.push(Shape { name, kind, center, radius, rotation, material });
+    scene.shapes.push(Shape { name: "disk".into(), ..Shape::disk(center, normal, radius, material) });
 }
