@@ -21,6 +21,7 @@ mod report;
 mod report_json;
 mod scene_path;
 mod settings;
+mod shapes;
 
 use args::{Arguments, Command};
 use clap::Parser;

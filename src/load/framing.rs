@@ -23,7 +23,7 @@ const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1
 pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
     let scene = &mut loaded.scene;
     if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
-        let message = "there is nothing to see: no triangles, quads, spheres or disks";
+        let message = "there is nothing to see: no triangles, quads or other shapes";
         loaded.warnings.push(Warning::general(message));
     }
     let is_bare = scene.cameras.is_empty();
