@@ -1,7 +1,7 @@
 //! What bare assets lack: a camera that sees the whole model, and light.
 
 use super::Loaded;
-use crate::error::Warning;
+use crate::error::{Choice, Warning};
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_extents, scene_extent};
 
@@ -39,10 +39,11 @@ pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
         return;
     }
     let message = match has_shining_parts(scene) {
-        false => "no light: lit by a soft default sky of mean radiance 0.6",
-        true if is_bare => {
-            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too (--env '' for none)"
-        }
+        false => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
+        true if is_bare => format!(
+            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
+            Choice::Environment
+        ),
         true => return,
     };
     let (nadir, zenith) = DEFAULT_SKY;
