@@ -32,8 +32,9 @@ pub(crate) fn check(path: &Path) -> Result<()> {
     }
     let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
     if PICTURES.contains(&extension.as_str()) {
-        let help = "the scene comes first: oscura render scene.glb -o picture.png";
-        return Err(Error::input(path, "is a picture, not a scene").with_help(help));
+        let message = format!("files of type '.{extension}' can't be rendered");
+        let help = "it is a picture; the scene comes first: oscura render scene.glb -o picture.png";
+        return Err(Error::input(path, message).with_help(help));
     }
     Ok(())
 }
