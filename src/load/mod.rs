@@ -2,7 +2,6 @@
 //! with its warnings comes out, or one error with all the problems of the file.
 
 mod decoders;
-mod digits;
 mod formats;
 pub mod framing;
 pub mod gltf;
@@ -15,6 +14,7 @@ mod polygon;
 pub mod scene_file;
 mod shapes;
 mod uri;
+mod words;
 
 pub use formats::extensions;
 pub use loaded::{LoadOptions, Loaded};

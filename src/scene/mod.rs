@@ -31,7 +31,7 @@ mod texture;
 mod validate;
 
 pub use bounds::{Extent, instance_extents, scene_extent};
-pub use camera::{Camera, Projection, ThinLens};
+pub use camera::{Camera, Projection, ThinLens, looking_at};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
