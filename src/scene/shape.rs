@@ -26,14 +26,14 @@ pub struct Shape {
 macro_rules! kinds {
     ($(
         $(#[$about:meta])*
-        $kind:ident $({ $($(#[$about_number:meta])* $number:ident: $type:ty),* $(,)? })?
+        $kind:ident $({ $($(#[$about_number:meta])* $number:ident),* $(,)? })?
         $one:literal $many:literal closed: $closed:literal half_extent: $half_extent:expr;
     )*) => {
         /// Kinds of shapes that are no meshes. What is said of x, y and z holds before the shape is turned.
         #[derive(Clone, Copy, Debug, PartialEq)]
         #[non_exhaustive]
         pub enum ShapeKind {
-            $($(#[$about])* $kind $({ $($(#[$about_number])* $number: $type),* })?,)*
+            $($(#[$about])* $kind $({ $($(#[$about_number])* $number: f64),* })?,)*
         }
 
         /// Which of the kinds of shapes, without its numbers.
@@ -51,7 +51,15 @@ macro_rules! kinds {
                 }
             }
 
+            /// Its numbers beside the radius.
+            pub fn numbers(&self) -> Vec<f64> {
+                match *self {
+                    $(ShapeKind::$kind $({ $($number),* })? => vec![$($($number),*)?],)*
+                }
+            }
+
             /// Half the size of the box around one of radius 1.
+            #[allow(unused_variables)]
             fn half_extent(&self, rotation: DQuat) -> DVec3 {
                 match *self {
                     $(ShapeKind::$kind $({ $($number),* })? => ($half_extent)(rotation),)*
