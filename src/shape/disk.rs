@@ -156,7 +156,7 @@ impl Shape for Disk {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::{Accel, BuildOptions, Geometry};
+    use crate::accel::{Accel, Geometry};
     use crate::math::{Hit, Ray, offset_ray_origin};
     use crate::sampling::chi2::Random;
     use crate::shape::Analytic;
@@ -197,7 +197,7 @@ mod tests {
     fn rays_meet_it_once() {
         let disk = disk();
         let geometry = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
-        let accel = Accel::build(&[geometry], &[], &BuildOptions::default());
+        let accel = Accel::build(&[geometry], &[]);
         let mut random = Random::new(3);
         let (mut met, mut missed) = (0, 0);
         for _ in 0..20_000 {
