@@ -1,4 +1,4 @@
-//! Shapes of `super::objects` with a middle and a radius:
+//! Shapes with a middle and a radius:
 //!
 //! | Shape | Value |
 //! |---|---|
