@@ -23,7 +23,7 @@ use crate::shape::mesh_of;
 type ReadKind = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
 
 /// The kinds of shapes by their key.
-const KINDS: [(&str, ReadKind); 2] = [
+const KINDS: &[(&str, ReadKind)] = &[
     ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
     ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
 ];
