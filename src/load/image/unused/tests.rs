@@ -181,3 +181,14 @@ fn damaged_files_do_no_harm() {
     DynamicImage::new_rgb8(2, 2).write_to(&mut plain, ImageFormat::Png).expect("encoded");
     assert!(said(plain.get_ref(), ImageFormat::Png, Use::Color).is_empty());
 }
+
+#[test]
+fn files_that_are_read_say_it_as_a_warning() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("turned.jpg");
+    std::fs::write(&path, jpeg(profile("Adobe RGB (1998)"), exif(8))).expect("written");
+    let mut warnings = Vec::new();
+    crate::load::image::read(&path, Use::Color, &mut warnings).expect("it can be read");
+    let said: Vec<String> = warnings.iter().map(ToString::to_string).collect();
+    assert!(said.len() == 2 && said.iter().all(|text| text.contains("turned.jpg: ")), "{said:?}");
+}
