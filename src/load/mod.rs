@@ -118,7 +118,9 @@ fn way_to_a_scene(extension: &str) -> String {
         "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
         | "stl" => "import it into Blender and export it as glTF (.glb)",
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",
-        _ => return format!("models ({}) and scene files (.toml) can be", formats::models_in_words()),
+        _ => {
+            return format!("oscura renders models ({}) and scene files (.toml)", formats::models_in_words());
+        }
     };
     way.to_string()
 }

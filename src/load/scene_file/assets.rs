@@ -98,7 +98,7 @@ fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     match formats::of(path) {
         Format::Model(model) => (model.load)(path, options),
         Format::SceneFile | Format::Other => {
-            let help = format!("models can be: {}", formats::models_in_words());
+            let help = format!("use one of {}", formats::models_in_words());
             Err(Error::input(path, "is no mesh file").with_help(help))
         }
     }
