@@ -8,7 +8,7 @@ use super::binary;
 use super::elements::{Face, Record, Vertex};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
-use ply_rs::parser::{Parser, Reader};
+use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
 type Result<T> = std::result::Result<T, Problem>;
@@ -53,7 +53,7 @@ impl<'a> Source<'a> {
     pub fn open(bytes: &'a [u8]) -> Result<Source<'a>> {
         let (text, length, lines) = header_text(bytes)?;
         let header = Parser::<super::Skipped>::new()
-            .read_header(&mut Reader::new(text.as_bytes()))
+            .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
         let source = Source { header, rest, lines: Lines::new(rest, lines) };
