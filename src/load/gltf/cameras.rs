@@ -39,7 +39,7 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         Some(_) => name_of(raw, "camera", index),
         None => name_of(node_raw, "camera of node", node.index),
     };
-    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None })
+    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None, shift: [0.0; 2] })
 }
 
 fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {

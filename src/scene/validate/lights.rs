@@ -22,6 +22,11 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
             }
             LightKind::Directional { direction } => check_direction(direction, place, findings),
+            LightKind::Sun { direction, angle_rad } => {
+                check_direction(direction, place, findings);
+                let is_met = angle_rad > 0.0 && angle_rad <= PI;
+                findings.require(is_met, place, "angle_rad", angle_rad, "above 0 and at most pi");
+            }
         }
     }
 }

@@ -35,7 +35,7 @@ ids! { ImageId MaterialId MeshId TextureId }
 
 structs! {
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, cameras, settings,
+        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -43,7 +43,7 @@ structs! {
     Shape { name, kind, center, radius, rotation, material }
     Quad { name, corner, edge_u, edge_v, material }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp,
     }
     Emission { radiance, two_sided }
     ColorSlot { factor, texture }
@@ -62,7 +62,7 @@ structs! {
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
     Light { name, kind, intensity }
-    Camera { name, world_from_camera, projection, aspect_ratio, lens }
+    Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
     ThinLens { defocus_angle_rad, focus_distance }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure,
