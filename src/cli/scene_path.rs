@@ -52,7 +52,9 @@ fn scenes_in(folder: &Path) -> String {
     let more = names.len().saturating_sub(LISTED);
     names.truncate(LISTED);
     match (names.is_empty(), more) {
-        (true, _) => "there are no scenes (.gltf, .glb, .obj, .ply, .toml) in this folder".to_string(),
+        (true, _) => {
+            "there are no scenes (.gltf, .glb, .obj, .ply, .toml, .blend) in this folder".to_string()
+        }
         (false, 0) => format!("the scenes there: {}", names.join(", ")),
         (false, more) => format!("the scenes there: {}, and {more} more", names.join(", ")),
     }

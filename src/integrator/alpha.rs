@@ -22,7 +22,7 @@ impl Integrator<'_> {
             }
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, arriving, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
                 let salt = || {

@@ -1,6 +1,7 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+pub mod blender;
 mod decoders;
 mod digits;
 pub mod framing;
@@ -23,7 +24,7 @@ use crate::scene::Scene;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; the extension says which it is.
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.toml` or `.blend` file; the extension says which it is.
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -35,12 +36,14 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
         "obj" => obj::load(path, options)?,
         "ply" => ply::load(path, options)?,
         "toml" => scene_file::load(path, options)?,
+        "blend" => blender::load(path, options)?,
         _ => {
             return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
                 .with_help(way_to_a_scene(&extension)));
         }
     };
-    if !matches!(extension.as_str(), "gltf" | "glb" | "toml") && options.gltf != gltf::GltfOptions::default()
+    if !matches!(extension.as_str(), "gltf" | "glb" | "toml" | "blend")
+        && options.gltf != gltf::GltfOptions::default()
     {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
@@ -92,6 +95,36 @@ pub fn load_moments(
     ended.break_value().unwrap_or(Ok(()))
 }
 
+/// Loads the frames of a sequence one after another and hands each to `each`, until that breaks off. Frames of a `.blend`
+/// file are Blender's own; of all others, frame N shows the moment N / `fps`, as [`load_moments`] does.
+///
+/// # Errors
+/// As for [`load`], and those of `each`.
+pub fn load_frames(
+    path: impl AsRef<Path>,
+    options: &LoadOptions,
+    numbers: impl Iterator<Item = u32>,
+    fps: f64,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    if !is_of_blender(&path) {
+        return load_moments(path, options, numbers.map(|number| f64::from(number) / fps), each);
+    }
+    for frame in numbers {
+        let blender = blender::BlenderOptions { frame: Some(frame), ..options.blender.clone() };
+        let mut loaded = load(&path, &LoadOptions { blender, ..options.clone() })?;
+        if each(&mut loaded)?.is_break() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Does its name say that a file is one of Blender?
+pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
+    extension(path.as_ref()) == "blend"
+}
+
 /// Turns a model whose z axis points up so that its y axis does: z to y, and -y, its front in most programs, to z.
 fn stand_upright(scene: &mut Scene) {
     let y_from_z = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
@@ -105,7 +138,7 @@ fn stand_upright(scene: &mut Scene) {
 }
 
 /// Endings of the files that can be rendered.
-const EXTENSIONS: [&str; 5] = ["gltf", "glb", "obj", "ply", "toml"];
+const EXTENSIONS: [&str; 6] = ["gltf", "glb", "obj", "ply", "toml", "blend"];
 
 /// Does its name say that a file is a scene?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
@@ -115,15 +148,12 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
 /// The way to a scene from a file of another program, by its ending.
 fn way_to_a_scene(extension: &str) -> &'static str {
     match extension {
-        "blend" => {
-            "export it from Blender as glTF (File > Export > glTF 2.0), with cameras and punctual lights"
-        }
         "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
         | "stl" => "import it into Blender and export it as glTF (.glb)",
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => {
             "it is a picture; the scene comes first: oscura render scene.glb -o picture.png"
         }
-        _ => "oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)",
+        _ => "oscura reads .gltf, .glb, .obj, .ply, .blend and scene files (.toml)",
     }
 }
 

@@ -13,6 +13,7 @@ use super::json;
 use super::report::print_line;
 use super::scene_path;
 use oscura::error::Result;
+use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, load};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
@@ -21,6 +22,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         allow_external: args.allow_external,
         point_radius: args.point_radius,
         no_sidecar: args.no_sidecar,
+        blender: BlenderOptions { program: args.blender.clone(), frame: None },
         gltf: args.asset.options(),
         ..LoadOptions::default()
     };
