@@ -138,25 +138,25 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
     /// Frames a second of a sequence.
-    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second)]
+    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
     /// Samples a pixel [default: 128].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     /// Width in pixels [default: from the height or 1280].
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
     /// Height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
     /// Most scattering events of a path; 0 shows emission only [default: 100].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
     /// Seed of all randomness [default: 0].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
     /// Threads [default: one a core]. The picture doesn't depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Camera by name or number, from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
@@ -174,7 +174,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub allow_external: bool,
     /// Show the points of a point cloud as spheres of this radius, metres.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
     /// Axis of OBJ and PLY files that points up.
     #[arg(long, value_name = "AXIS", default_value = "y")]
@@ -245,7 +245,7 @@ pub(crate) struct InspectArgs {
     #[arg(long)]
     pub allow_external: bool,
     /// Show the points of a point cloud as spheres of this radius, metres.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
@@ -274,7 +274,7 @@ pub(crate) struct ExportArgs {
     #[arg(long = "scene", value_name = "SCENE")]
     pub scene_name: Option<String>,
     /// Frame to export [default: the file's current one].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<u32>,
     /// Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
     #[arg(long, value_name = "PATH")]
