@@ -44,7 +44,7 @@ pub enum LightKind {
     Sun {
         /// The way the light of its middle travels.
         direction: DVec3,
-        /// Its diameter as an angle, radians, above 0 and at most pi.
+        /// Its diameter as an angle, radians, from 1e-5 to pi.
         angle_rad: f64,
     },
 }

@@ -59,7 +59,7 @@ pub enum Beam {
     #[default]
     Even,
     /// Slats in front of the lamp hide part of it, as in a soft box: with the tangent of the angle to the surface's normal
-    /// the radiance falls in a line to 0 at this half angle (radians, above 0 and below pi / 2); its peak rises so that the
+    /// the radiance falls in a line to 0 at this half angle (radians, from 1e-4 to below pi / 2); its peak rises so that the
     /// power stays.
     Grid {
         /// Half the angle of the beam.

@@ -122,7 +122,8 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
     let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
     if let (Some(direction), Some(irradiance)) = (direction, irradiance) {
-        let kind = match angle_rad > 0.0 {
+        // Smaller ones are points.
+        let kind = match angle_rad > 1e-5 {
             true => LightKind::Sun { direction, angle_rad },
             false => LightKind::Directional { direction },
         };

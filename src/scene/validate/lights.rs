@@ -24,12 +24,15 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             LightKind::Directional { direction } => check_direction(direction, place, findings),
             LightKind::Sun { direction, angle_rad } => {
                 check_direction(direction, place, findings);
-                let is_met = angle_rad > 0.0 && angle_rad <= PI;
-                findings.require(is_met, place, "angle_rad", angle_rad, "above 0 and at most pi");
+                let is_met = (LEAST_SUN_RAD..=PI).contains(&angle_rad);
+                findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
             }
         }
     }
 }
+
+/// Smaller suns are no different from parallel light, but for rounding.
+const LEAST_SUN_RAD: f64 = 1e-5;
 
 fn check_position(position: DVec3, place: Place, findings: &mut Findings) {
     findings.require(position.is_finite(), place, "position", position, "finite");

@@ -26,12 +26,15 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     }
 }
 
+/// The peak of narrower beams has no place among single-precision numbers.
+const LEAST_BEAM_RAD: f64 = 1e-4;
+
 fn check_beam(beam: Option<Beam>, place: Place, findings: &mut Findings) {
     match beam {
         None | Some(Beam::Even) => {}
         Some(Beam::Grid { half_angle_rad: half }) => {
-            let is_met = half > 0.0 && half < FRAC_PI_2;
-            findings.require(is_met, place, "half_angle_rad", half, "above 0 and below pi / 2");
+            let is_met = (LEAST_BEAM_RAD..FRAC_PI_2).contains(&half);
+            findings.require(is_met, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");
         }
         Some(Beam::Cone { direction, inner_angle_rad: inner, outer_angle_rad: outer, .. }) => {
             let is_met = direction.try_normalize().is_some();

@@ -5,11 +5,11 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission, EnergyCompensation,
-    Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Light,
-    LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
-    PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission,
+    EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
+    Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
+    Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen,
+    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -46,6 +46,7 @@ structs! {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp,
     }
     Emission { radiance, two_sided }
+    Lamp { visible_to_camera, is_obstacle, beam }
     ColorSlot { factor, texture }
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
@@ -102,8 +103,14 @@ enums! {
         Point { position }
         Spot { position, direction, inner_angle_rad, outer_angle_rad, fade }
         Directional { direction }
+        Sun { direction, angle_rad }
     } {}
     SpotFade { Square {} Smooth {} } {}
+    Beam {
+        Even {}
+        Grid { half_angle_rad }
+        Cone { direction, inner_angle_rad, outer_angle_rad, fade }
+    } {}
     Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }
     Projection { Perspective { vfov_rad } Orthographic { half_height } } {}
 }

@@ -87,7 +87,7 @@ def collect(scene, graph, report):
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type in MESHES:
-            _add_mesh(found, obj, instance, graph)
+            _add_mesh(found, obj, instance)
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
@@ -99,23 +99,38 @@ def collect(scene, graph, report):
     return found
 
 
-def _add_mesh(found, obj, instance, graph):
-    materials = tuple(slot.material.name if slot.material else None for slot in obj.material_slots)
-    key = (obj.data.as_pointer() if obj.type == "MESH" else obj.original.name, materials)
+def _add_mesh(found, obj, instance):
+    data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
+    key = (data, *_own_materials(obj).items())
     if key not in found.objects:
-        mesh = bpy.data.meshes.new_from_object(obj, preserve_all_data_layers=True, depsgraph=graph)
-        mesh.name = obj.original.data.name if obj.original.data else obj.original.name
-        holder = None
-        if mesh.polygons:
-            holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
-            found.placements[holder.name] = []
-        found.objects[key] = holder
+        found.objects[key] = _holder(found, obj)
     holder = found.objects[key]
     if holder is None:
         return
     parent = instance.parent if instance.is_instance else None
     name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
+
+
+def _own_materials(obj):
+    """Materials that an object has in place of those of its mesh: names by number."""
+    slots = enumerate(obj.material_slots)
+    return {i: slot.material.name if slot.material else None for i, slot in slots if slot.link == "OBJECT"}
+
+
+def _holder(found, obj):
+    """A new object with the evaluated mesh; None where that has no faces."""
+    # The data of instances made by nodes is that of no object: only a copy has it.
+    mesh = obj.data.copy() if obj.type == "MESH" else bpy.data.meshes.new_from_object(obj)
+    mesh.name = obj.original.data.name if obj.original.data else obj.original.name
+    if not mesh.polygons:
+        return None
+    for i, name in _own_materials(obj).items():
+        if obj.type == "MESH" and i < len(mesh.materials):
+            mesh.materials[i] = bpy.data.materials[name] if name else None
+    holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
+    found.placements[holder.name] = []
+    return holder
 
 
 def _tell_of_the_rest(obj, report):
