@@ -34,7 +34,11 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         let start = Instant::now();
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
-        let mut loaded = load(&args.scene, &load_options(args))?;
+        say_export(args);
+        let loaded = load(&args.scene, &load_options(args));
+        // A signal ends Blender, too, whose failure is then no news.
+        stop_before_pixels(cancel)?;
+        let mut loaded = loaded?;
         let mut kept = Kept { said: Said::default(), compiler: Compiler::single() };
         return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut kept);
     };
@@ -63,6 +67,13 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         })
     })?;
     Ok(outcome)
+}
+
+/// Says what takes a while.
+fn say_export(args: &RenderArgs) {
+    if !args.quiet && is_of_blender(&args.scene) {
+        eprintln!("export   {} by Blender", args.scene.display());
+    }
 }
 
 fn load_options(args: &RenderArgs) -> LoadOptions {

@@ -39,7 +39,8 @@ def make(folder, build):
     cycles.filter_width = 1
     for kind in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
         setattr(cycles, f"{kind}_bounces", 32)
-    build(folder) if build.__code__.co_argcount and build is blend_scenes.world_picture else build()
+    # Some write pictures beside the scene.
+    build(folder) if build.__code__.co_argcount else build()
     image = scene.render.image_settings
     image.file_format, image.color_depth = "OPEN_EXR", "32"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))

@@ -62,7 +62,8 @@ def shader(name, kind, **inputs):
     node = tree.nodes.new(f"ShaderNode{kind}")
     for key, value in inputs.items():
         node.inputs[key].default_value = value
-    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    if node.outputs:
+        tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
     return made, tree, node
 
 
@@ -500,8 +501,103 @@ def posed():
     scene().frame_set(12)
 
 
+def groups():
+    """Shaders in node groups, with inputs from outside and pictures that are changed on the way."""
+    floor()
+    world((0.3, 0.35, 0.4))
+    light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
+    group = bpy.data.node_groups.new("Paint", "ShaderNodeTree")
+    group.interface.new_socket("Tint", in_out="INPUT", socket_type="NodeSocketColor")
+    group.interface.new_socket("Gloss", in_out="INPUT", socket_type="NodeSocketFloat")
+    group.interface.new_socket("Shader", in_out="OUTPUT", socket_type="NodeSocketShader")
+    start, end = group.nodes.new("NodeGroupInput"), group.nodes.new("NodeGroupOutput")
+    inner, noise = group.nodes.new("ShaderNodeBsdfPrincipled"), group.nodes.new("ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value = 4
+    group.links.new(start.outputs["Tint"], inner.inputs["Base Color"])
+    group.links.new(noise.outputs[0], inner.inputs["Roughness"])
+    group.links.new(inner.outputs[0], end.inputs[0])
+    for i, tint in enumerate(((0.7, 0.2, 0.1, 1), (0.1, 0.3, 0.7, 1))):
+        made, _, node = shader_group(f"painted {i}", group)
+        node.inputs["Tint"].default_value = tint
+        ball(made, (-1.6 + 2.2 * i, 0.4 * i, 0.8))
+    made = material("corrected", Roughness=0.8)
+    tree, shader_node = made.node_tree, made.node_tree.nodes["Principled BSDF"]
+    cells = np.repeat(np.repeat(np.random.default_rng(2).random((16, 16, 3)), 8, 0), 8, 1).astype(np.float32)
+    image, change, mapping, uv = (
+        tree.nodes.new(f"ShaderNode{k}") for k in ("TexImage", "HueSaturation", "Mapping", "TexCoord")
+    )
+    image.image = eight_bit("cells", cells)
+    change.inputs["Saturation"].default_value, change.inputs["Value"].default_value = 0.4, 0.9
+    mapping.inputs["Scale"].default_value = (2, 2, 2)
+    tree.links.new(uv.outputs["UV"], mapping.inputs["Vector"])
+    tree.links.new(mapping.outputs[0], image.inputs["Vector"])
+    tree.links.new(image.outputs["Color"], change.inputs["Color"])
+    tree.links.new(change.outputs[0], shader_node.inputs["Base Color"])
+    add("plane", made, (0.3, -1.6, 0.02), "Card", size=2.4)
+    camera()
+
+
+def shader_group(name, group):
+    made, tree, node = shader(name, "Group")
+    node.node_tree = group
+    tree.links.new(node.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+    return made, tree, node
+
+
+def leaves():
+    """Cards cut out by a picture's alpha, bumps, and particles."""
+    floor()
+    world((0.4, 0.45, 0.5))
+    light("SUN", "Sun", 3, rotation=(0.7, 0.4, 0.2), angle=0.1)
+    size = 64
+    y, x = np.mgrid[0:size, 0:size] / size - 0.5
+    image = bpy.data.images.new("leaf", size, size, alpha=True)
+    full = np.ones((size, size, 4), np.float32)
+    full[..., :3] = (0.2, 0.5, 0.1)
+    full[..., 3] = np.hypot(x * 1.6, y) < 0.45
+    image.pixels[:] = full.ravel()
+    image.pack()
+    made = material("leaf", Roughness=0.7)
+    tree, shader_node = made.node_tree, made.node_tree.nodes["Principled BSDF"]
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image = image
+    tree.links.new(node.outputs["Color"], shader_node.inputs["Base Color"])
+    tree.links.new(node.outputs["Alpha"], shader_node.inputs["Alpha"])
+    card = add("plane", made, (0, 0, -5), "Card", size=0.8)
+    for i in range(5):
+        link(f"Leaf {i}", card.data, (-2 + i, 1.5 - 0.5 * i, 0.6), (1.2, 0.2 * i, 0.3 * i))
+    rough = material("bumpy", Base_Color=(0.6, 0.4, 0.3, 1), Roughness=0.6)
+    tree, shader_node = rough.node_tree, rough.node_tree.nodes["Principled BSDF"]
+    bump, noise = tree.nodes.new("ShaderNodeBump"), tree.nodes.new("ShaderNodeTexNoise")
+    noise.inputs["Scale"].default_value, bump.inputs["Distance"].default_value = 6, 0.2
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], shader_node.inputs["Normal"])
+    ball(rough, (2.2, -1.2, 0.8))
+    patch = add("grid", material("soil", Base_Color=(0.3, 0.25, 0.2, 1)), (-2, -1.5, 0.05), "Patch", size=2)
+    patch.modifiers.new("Seeds", "PARTICLE_SYSTEM")
+    seeds = patch.particle_systems[0].settings
+    seeds.type, seeds.count, seeds.render_type = "HAIR", 60, "OBJECT"
+    seeds.use_advanced_hair, seeds.particle_size, seeds.hair_length = True, 0.1, 1
+    seeds.instance_object = ball(material("seed", Base_Color=(0.8, 0.7, 0.2, 1)), (0, 0, -5), 1, "Seed")
+    camera()
+
+
+def ray_kinds():
+    """A world that the camera sees otherwise, and black lamps behind glass."""
+    still_life()
+    tree, background = world((0.2, 0.5, 0.9))
+    path, mix, other = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "MixShader", "Background"))
+    other.inputs["Color"].default_value = (0.5, 0.45, 0.4, 1)
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+    tree.links.new(other.outputs[0], mix.inputs[1])
+    tree.links.new(background.outputs[0], mix.inputs[2])
+    tree.links.new(mix.outputs[0], tree.nodes["World Output"].inputs["Surface"])
+    camera(location=(4, -5, 6), rotation=(0.8, 0, 0.7))
+
+
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
     world_sky, world_nodes, depth_of_field, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
+    groups, leaves, ray_kinds,
 ]  # fmt: skip

@@ -8,7 +8,7 @@ from .report import listed
 
 UV = "oscura bake"
 
-# Edge of the pictures, by how many faces the mesh has: a share of each face's own.
+# Edge of the pictures.
 SIZE = 1024
 
 # Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.

@@ -8,6 +8,9 @@ BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 # The inputs that are colours.
 COLORS = ("Base Color", "Emission Color", "Sheen Tint", "Coat Tint", "Specular Tint")
 
+# The inputs that are directions: without a link they are the surface's own.
+NORMALS = ("Normal", "Coat Normal", "Tangent")
+
 # What inputs are where a shader doesn't say.
 DEFAULTS = {
     "Base Color": WHITE,
@@ -71,12 +74,41 @@ class Reader:
         if node.mute:
             self.report.warn(self.name, "a muted shader is left out")
             return diffuse(BLACK)
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            return self._group(node, socket.identifier)
         reader = getattr(self, "_" + node.bl_idname.removeprefix("ShaderNode"), None)
         if reader is None:
             kind = node.bl_label
             self.report.warn(self.name, f"the shader {kind} is not supported: it is diffuse")
             return diffuse(self._value(node, "Color") if "Color" in node.inputs else (0.8, 0.8, 0.8))
         return reader(node)
+
+    def _group(self, node, identifier):
+        """The shader that a group gives. Sockets within it become outputs of the group, and its inputs what feeds them."""
+        # Other users of the group keep theirs.
+        node.node_tree = node.node_tree.copy()
+        inner = node.node_tree
+        ends = [n for n in inner.nodes if n.bl_idname == "NodeGroupOutput"]
+        end = next((n for n in ends if n.is_active_output), None)
+        within = next((s for s in end.inputs if s.identifier == identifier), None) if end else None
+        if within is None:
+            return diffuse(BLACK)
+        found = Reader(inner, self.name, self.report).read(shaders.source(within))
+        return {name: self._from_group(node, end, name, value) for name, value in found.items()}
+
+    @staticmethod
+    def _from_group(node, end, name, value):
+        if value is None or isinstance(value, (int, float, tuple)):
+            return value
+        if value.node.bl_idname == "NodeGroupInput":
+            outer = next(s for s in node.inputs if s.identifier == value.identifier)
+            constant = shaders.constant(outer)
+            return shaders.source(outer) if constant is None else shaders.as_type(constant, name in COLORS)
+        kind = "Color" if name in COLORS else "Vector" if name in NORMALS else "Float"
+        made = node.node_tree.interface.new_socket(name, in_out="OUTPUT", socket_type=f"NodeSocket{kind}")
+        target = next(s for s in end.inputs if s.identifier == made.identifier)
+        node.node_tree.links.new(value, target)
+        return next(s for s in node.outputs if s.identifier == made.identifier)
 
     def _value(self, node, name):
         """The constant or the socket that feeds an input."""
@@ -89,8 +121,7 @@ class Reader:
 
     def _BsdfPrincipled(self, node):
         found = {i.name: self._value(node, i.name) for i in node.inputs if i.enabled and i.type != "SHADER"}
-        normals = ("Normal", "Coat Normal", "Tangent")
-        return {k: v for k, v in found.items() if k not in normals or not isinstance(v, (tuple, float, type(None)))}
+        return {k: v for k, v in found.items() if k not in NORMALS or not isinstance(v, (tuple, float, type(None)))}
 
     def _BsdfDiffuse(self, node):
         if self._value(node, "Roughness") != 0:

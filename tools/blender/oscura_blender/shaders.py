@@ -34,7 +34,7 @@ def constant(socket):
     if node.mute:
         return None
     if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
-        return _as(socket, _plain(feeding.default_value))
+        return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
     if node.bl_idname == "ShaderNodeBlackbody":
         temperature = constant(node.inputs[0])
         return None if temperature is None else blackbody(temperature)
@@ -51,13 +51,11 @@ def _plain(value):
     return float(value) if isinstance(value, (int, float)) else tuple(value)[:3]
 
 
-def _as(socket, value):
-    """A value as the type of a socket wants it."""
-    if socket.type == "VALUE" and isinstance(value, tuple):
+def as_type(value, is_triple):
+    """A number or a triple, as it is wanted."""
+    if not is_triple and isinstance(value, tuple):
         return 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2]
-    if socket.type in ("RGBA", "VECTOR") and isinstance(value, float):
-        return (value,) * 3
-    return value
+    return (value,) * 3 if is_triple and isinstance(value, float) else value
 
 
 def blackbody(temperature):
