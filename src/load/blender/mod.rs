@@ -4,27 +4,17 @@
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
 
 mod host;
+mod options;
 mod process;
 mod report;
+
+pub use options::BlenderOptions;
 
 use super::{LoadOptions, Loaded, gltf, scene_file};
 use crate::error::{Error, Result, Warning};
 use std::fs;
 use std::path::{Path, PathBuf};
 use tempfile::TempDir;
-
-/// The name of the model in the folder of an export.
-const MODEL: &str = "scene";
-
-/// What the user may choose about files of Blender.
-#[derive(Clone, Debug, Default)]
-pub struct BlenderOptions {
-    /// Blender's program, or a Python that has `bpy`; else what the environment variable `OSCURA_BLENDER` names, else
-    /// what is found.
-    pub program: Option<PathBuf>,
-    /// The frame to show, by Blender's numbers; else that of the moment that is asked for, else the file's current one.
-    pub frame: Option<u32>,
-}
 
 /// An export in a folder of its own, which goes when this is dropped.
 #[derive(Debug)]
@@ -57,7 +47,7 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
     let said = process::run(&host, &path, options, work.path(), &folder)?;
     let of_file = |(place, message): (String, String)| Warning::new(&path, place, message);
     Ok(Exported {
-        model: folder.join(MODEL).with_extension("glb"),
+        model: folder.join(process::MODEL).with_extension("glb"),
         folder,
         warnings: said.warnings.into_iter().map(of_file).collect(),
         notes: said.notes.into_iter().map(of_file).collect(),

@@ -2,11 +2,14 @@
 
 use super::host::Host;
 use super::report::Report;
-use super::{LoadOptions, MODEL};
 use crate::error::{Error, Result};
+use crate::load::LoadOptions;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
+
+/// The name of the model in the folder of an export.
+pub(super) const MODEL: &str = "scene";
 
 /// The package of the exporter, by file.
 const PACKAGE: &[(&str, &str)] = &[
@@ -14,7 +17,9 @@ const PACKAGE: &[(&str, &str)] = &[
     ("bake.py", include_str!("../../../tools/blender/oscura_blender/bake.py")),
     ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
     ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
+    ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
+    ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),

@@ -3,7 +3,8 @@
 import bpy
 import numpy as np
 
-from . import pictures, shaders
+from . import flat, pictures, shaders
+from .context import opened
 from .report import listed
 
 UV = "oscura bake"
@@ -15,27 +16,46 @@ SIZE = 1024
 MOST_FACES = 400_000
 
 
-def bake_all(holders, found, scene, report):
+def bake_all(holders, found, report):
     """Bakes what needs it of all meshes."""
     wanted = [(holder, needs) for holder in holders if (needs := _needs(holder))]
     if not wanted:
         return
     names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
-    report.note("", f"node trees were baked to pictures of {SIZE} x {SIZE}: of {listed(names)}")
+    report.note("", f"node trees were baked to pictures: of {listed(names)}")
     kitchen = _scene()
     try:
-        for holder, _ in wanted:
-            if len(holder.data.polygons) > MOST_FACES:
-                report.warn(holder.data.name, "has too many faces to bake its node trees, which are left out")
-                continue
-            _own_materials(holder)
-            # Where the object stands: trees may ask for it.
-            holder.matrix_world = found.placements[holder.name][0][1]
-            Baking(holder, kitchen, report).run(_needs(holder))
-            holder.matrix_world.identity()
+        with opened(kitchen):
+            _bake_flat([m for _, needs in wanted for m in needs], kitchen)
+            for holder, _ in wanted:
+                _bake_mesh(holder, found, kitchen, report)
     finally:
-        bpy.context.window.scene = scene
         bpy.data.scenes.remove(kitchen)
+
+
+def _bake_mesh(holder, found, kitchen, report):
+    if not _needs(holder):
+        return
+    if len(holder.data.polygons) > MOST_FACES:
+        report.warn(holder.data.name, "has too many faces to bake its node trees, which are left out")
+        return
+    _own_materials(holder)
+    # Where the object stands: trees may ask for it.
+    holder.matrix_world = found.placements[holder.name][0][1]
+    Baking(holder, kitchen, UV, SIZE).run(_needs(holder), lays_out=True)
+    holder.matrix_world.identity()
+
+
+def _bake_flat(materials, kitchen):
+    """Bakes what repeats."""
+    for material in dict.fromkeys(materials):
+        node = _principled(material)
+        names = [name for name in pictures.INPUTS if _is_needed(node, name)]
+        found = flat.tiles(node, names) if names else None
+        if found is not None:
+            square = flat.square(material, found.uv)
+            Baking(square, kitchen, found.uv, found.size).run({material: names}, lays_out=False)
+            bpy.data.meshes.remove(square.data)
 
 
 def _principled(material):
@@ -77,22 +97,22 @@ def _scene():
     kitchen.cycles.device = "CPU"
     kitchen.cycles.samples = 1
     kitchen.cycles.use_denoising = kitchen.cycles.use_adaptive_sampling = False
-    bpy.context.window.scene = kitchen
     return kitchen
 
 
 class Baking:
-    """The baking of one mesh."""
+    """The baking of one mesh to pictures of an edge, by texture coordinates of a name (empty: the active ones)."""
 
-    def __init__(self, holder, kitchen, report):
-        self.holder, self.kitchen, self.report = holder, kitchen, report
+    def __init__(self, holder, kitchen, uv, size):
+        self.holder, self.kitchen, self.uv, self.size = holder, kitchen, uv, size
         self.materials = [m for m in dict.fromkeys(holder.data.materials) if _principled(m) is not None]
 
-    def run(self, needs):
+    def run(self, needs, lays_out):
         self.kitchen.collection.objects.link(self.holder)
         try:
             self._select()
-            self._lay_out()
+            if lays_out:
+                self._lay_out()
             inputs = [name for name in pictures.INPUTS if any(name in n for n in needs.values())]
             baked = {name: self._bake(name) for name in inputs}
             for material, names in needs.items():
@@ -110,8 +130,8 @@ class Baking:
         """Texture coordinates that use no point of the picture twice."""
         layers = self.holder.data.uv_layers
         rendered = next((layer.name for layer in layers if layer.active_render), None)
-        layers.new(name=UV)
-        layers.active = layers[UV]
+        layers.new(name=self.uv)
+        layers.active = layers[self.uv]
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.reveal()
         bpy.ops.mesh.select_all(action="SELECT")
@@ -124,7 +144,7 @@ class Baking:
     def _bake(self, name):
         """Bakes an input of all materials to one picture."""
         kind = pictures.INPUTS[name]
-        image = bpy.data.images.new(f"{self.holder.data.name} {name}", SIZE, SIZE)
+        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size)
         image.colorspace_settings.name = "sRGB" if kind == pictures.COLOR else "Non-Color"
         undo = [self._aim(material, name, kind, image) for material in self.materials]
         is_normal = kind == pictures.NORMAL
@@ -132,7 +152,7 @@ class Baking:
             type="NORMAL" if is_normal else "EMIT",
             normal_space="TANGENT",
             target="IMAGE_TEXTURES",
-            uv_layer=UV,
+            uv_layer=self.uv or self.holder.data.uv_layers[0].name,
             margin=8,
             use_clear=True,
         )
@@ -177,18 +197,18 @@ class Baking:
         for name in ("Base Color", "Alpha"):
             # glTF has both in one picture.
             if "Alpha" in baked and name not in baked and node.inputs[name].is_linked is False:
-                baked = {name: _even(self.holder, node.inputs[name].default_value), **baked}
+                baked = {name: self._even(node.inputs[name].default_value), **baked}
         if "Alpha" in baked:
             _join_alpha(baked["Base Color"], baked.pop("Alpha"))
-            texture = _texture(tree, baked.pop("Base Color"))
+            texture = self._texture(tree, baked.pop("Base Color"))
             tree.links.new(texture.outputs["Color"], node.inputs["Base Color"])
             tree.links.new(texture.outputs["Alpha"], node.inputs["Alpha"])
         for name, image in baked.items():
-            texture = _texture(tree, image)
+            texture = self._texture(tree, image)
             output = texture.outputs["Color"]
             if pictures.INPUTS[name] == pictures.NORMAL:
                 bump = tree.nodes.new("ShaderNodeNormalMap")
-                bump.uv_map = UV
+                bump.uv_map = self.uv
                 tree.links.new(output, bump.inputs["Color"])
                 output = bump.outputs[0]
             tree.links.new(output, node.inputs[name])
@@ -196,26 +216,25 @@ class Baking:
             if not image.packed_file:
                 image.pack()
 
+    def _texture(self, tree, image):
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = image
+        if self.uv:
+            coordinates = tree.nodes.new("ShaderNodeUVMap")
+            coordinates.uv_map = self.uv
+            tree.links.new(coordinates.outputs[0], texture.inputs["Vector"])
+        return texture
 
-def _texture(tree, image):
-    texture = tree.nodes.new("ShaderNodeTexImage")
-    texture.image = image
-    coordinates = tree.nodes.new("ShaderNodeUVMap")
-    coordinates.uv_map = UV
-    tree.links.new(coordinates.outputs[0], texture.inputs["Vector"])
-    return texture
-
-
-def _even(holder, color):
-    image = bpy.data.images.new(f"{holder.data.name} Base Color", SIZE, SIZE)
-    code = lambda c: 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
-    image.generated_color = (*(code(min(max(c, 0.0), 1.0)) for c in tuple(color)[:3]), 1.0)
-    return image
+    def _even(self, color):
+        image = bpy.data.images.new(f"{self.holder.data.name} Base Color", self.size, self.size)
+        code = lambda c: 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
+        image.generated_color = (*(code(min(max(c, 0.0), 1.0)) for c in tuple(color)[:3]), 1.0)
+        return image
 
 
 def _join_alpha(image, alpha):
     """Puts a grey picture into another's alpha."""
-    both = [np.empty(SIZE * SIZE * 4, np.float32) for _ in range(2)]
+    both = [np.empty(image.size[0] * image.size[1] * 4, np.float32) for _ in range(2)]
     image.pixels.foreach_get(both[0])
     alpha.pixels.foreach_get(both[1])
     both[0][3::4] = both[1][0::4]

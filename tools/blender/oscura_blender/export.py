@@ -2,6 +2,7 @@
 
 import argparse
 import os
+import sys
 import traceback
 
 import bpy
@@ -38,8 +39,10 @@ def main(arguments):
     else:
         error = None
     report.write(options.answer, error)
-    if error is not None:
-        raise SystemExit(3)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # At once: all is written, and the module `bpy` may hang while it tidies up.
+    os._exit(0 if error is None else 3)
 
 
 def export(options, report):
@@ -52,7 +55,7 @@ def export(options, report):
         layer.update()
         found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
-    patches = materials.prepare(found, scene, report)
+    patches = materials.prepare(found, report)
     model = os.path.join(options.folder, f"{options.name}.glb")
     _write_model(found, model)
     glb.compose(model, found.placements, cameras, empties, patches)
