@@ -6,7 +6,7 @@ use super::surface::HitPoint;
 use super::wave::{Scratch, Workspace};
 use crate::bsdf::Slots;
 use crate::color::Rgb;
-use crate::light::{Beam, EnvironmentLight, ImageMap, Receiver, SelectedSun};
+use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
@@ -24,10 +24,7 @@ impl Integrator<'_> {
                 self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };
-        let radiance = match emission.beam {
-            Beam::Even => radiance,
-            beam => radiance * beam.factor(surface.ng, -w.rays[i].direction),
-        };
+        let radiance = emission.beam.of(radiance, surface.ng, -w.rays[i].direction);
         let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
         let mut weight = 1.0;
         if path.pdf[i] > 0.0

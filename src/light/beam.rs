@@ -1,5 +1,6 @@
 //! Light that goes some ways more than others: the cones of spot lights, and beams of lamps with a surface.
 
+use crate::color::Rgb;
 use crate::math::{DVec3, Vec3, poly};
 use crate::scene::{self, SpotFade};
 use std::f32::consts::PI;
@@ -86,8 +87,14 @@ impl Beam {
         }
     }
 
-    /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
+    /// What a surface of a radiance and a normal sends in a direction; both of unit length.
     #[inline(always)]
+    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3) -> Rgb {
+        if matches!(self, Beam::Even) { radiance } else { radiance * self.factor(normal, direction) }
+    }
+
+    /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
+    #[cold]
     pub fn factor(&self, normal: Vec3, direction: Vec3) -> f32 {
         match self {
             Beam::Even => 1.0,

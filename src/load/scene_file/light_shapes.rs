@@ -2,7 +2,7 @@
 
 use super::build::Build;
 use super::fields::Fields;
-use super::lights::{LightTraits, strength};
+use super::light_traits::{LightTraits, strength};
 use super::placement::{Placement, at_node, placed};
 use crate::load::shapes::disk_mesh;
 use crate::math::{DAffine3, DMat3, DVec3};

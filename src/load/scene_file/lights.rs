@@ -20,19 +20,13 @@
 use super::build::Build;
 use super::fields::Fields;
 use super::light_shapes::{self, Surface};
+use super::light_traits::{LightTraits, positive, strength};
 use super::placement::{at_node, direction};
 use crate::math::DVec3;
 use crate::scene::{Beam, Lamp, Light, LightKind, SpotFade};
 use std::f64::consts::PI;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
-
-/// What all shapes of lights have.
-pub(super) struct LightTraits {
-    pub name: String,
-    pub color: [f32; 3],
-    pub lamp: Lamp,
-}
 
 /// Reads all lights.
 pub(super) fn read(build: &mut Build, root: &Fields) {
@@ -134,22 +128,4 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
 fn push(build: &mut Build, traits: LightTraits, kind: LightKind, strength: f64) {
     let intensity = traits.color.map(|c| c * strength as f32);
     build.loaded.scene.lights.push(Light { name: traits.name, kind, intensity });
-}
-
-/// `power` times a factor, or the quantity itself.
-pub(super) fn strength(fields: &Fields, quantity: &'static str, per_watt: f64) -> Option<f64> {
-    match (positive(fields, "power"), positive(fields, quantity)) {
-        (Some(power), None) => Some(power * per_watt),
-        (None, Some(own)) => Some(own),
-        _ => {
-            let message = format!("the light needs either 'power' or '{quantity}'");
-            fields.problems.push(fields.span(), message);
-            None
-        }
-    }
-}
-
-/// A number from 0 up.
-fn positive(fields: &Fields, key: &'static str) -> Option<f64> {
-    fields.has(key).then(|| fields.number_in(key, 0.0..f64::from(f32::MAX), 0.0))
 }

@@ -20,6 +20,7 @@ mod camera;
 mod environment;
 mod fields;
 mod light_shapes;
+mod light_traits;
 mod lights;
 mod materials;
 mod metals;

@@ -37,9 +37,8 @@ def prepare(scene, layer):
     for obj in scene.objects:
         for modifier in obj.modifiers:
             modifier.show_viewport = modifier.show_render
-            if hasattr(modifier, "render_levels"):
-                if hasattr(modifier, "levels"):
-                    modifier.levels = modifier.render_levels
+            if hasattr(modifier, "render_levels") and hasattr(modifier, "levels"):
+                modifier.levels = modifier.render_levels
             if hasattr(modifier, "use_render_settings"):
                 modifier.use_render_settings = True
         data = obj.data
@@ -91,7 +90,7 @@ def collect(scene, graph, report):
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
-        report.warn("", f"{what} are not supported: {listed(names)} left out")
+        report.warn("", f"left out, since {what} can't be rendered: {listed(names)}")
     found.cameras = [obj for obj in scene.objects if obj.type == "CAMERA"]
     if scene.camera in found.cameras:
         found.cameras.remove(scene.camera)
