@@ -33,7 +33,8 @@ impl Camera {
             scene::Projection::Orthographic { half_height } => half_height,
         };
         let pixel = 2.0 * half_height / f64::from(height);
-        let to_corner = -right * (pixel * 0.5 * f64::from(width)) + up * half_height;
+        let [shift_x, shift_y] = camera.shift.map(|s| s * 2.0 * half_height);
+        let to_corner = right * (shift_x - pixel * 0.5 * f64::from(width)) + up * (half_height + shift_y);
         let is_perspective = matches!(camera.projection, scene::Projection::Perspective { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
         let (lens_radius, focus_distance) = match camera.lens {
@@ -110,6 +111,7 @@ mod tests {
             projection: scene::Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
             aspect_ratio: None,
             lens: None,
+            shift: [0.0; 2],
         }
     }
 
@@ -121,6 +123,22 @@ mod tests {
         let left = camera.ray(0.0, 50.0, [0.0; 2]).direction;
         assert!((left - Vec3::new(-2.0, 0.0, -1.0).normalize()).length() < 1e-6);
         assert_eq!(camera.ray(1.0, 2.0, [0.0; 2]).origin, Vec3::ZERO);
+    }
+
+    #[test]
+    fn a_shift_moves_the_picture_by_its_own_heights() {
+        for (projection, top) in [
+            (pinhole().projection, Vec3::new(0.0, 1.0, -1.0)),
+            (scene::Projection::Orthographic { half_height: 1.0 }, Vec3::NEG_Z),
+        ] {
+            let camera = scene::Camera { shift: [0.25, -0.5], projection, ..pinhole() };
+            let camera = Camera::new(&camera, 200, 100, DVec3::ZERO);
+            // The middle of the upper edge of what is seen without the shift.
+            let ray = camera.ray(75.0, -50.0, [0.0; 2]);
+            assert!((ray.direction - top.normalize()).length() < 1e-6);
+            let origin = if camera.is_perspective() { Vec3::ZERO } else { Vec3::Y };
+            assert!((ray.origin - Vec3::new(10.0, 0.0, 0.0) - origin).length() < 1e-5);
+        }
     }
 
     #[test]

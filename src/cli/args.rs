@@ -11,7 +11,7 @@ const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
 scene-file' explains scene files; NO_COLOR turns colours off.";
 
-/// An offline path tracer: glTF, OBJ, PLY and scene files in, EXR and PNG out.
+/// An offline path tracer: glTF, OBJ, PLY, Blender and scene files in, EXR and PNG out.
 #[derive(Debug, Parser)]
 #[command(name = "oscura", version, after_help = AFTER, disable_help_subcommand = true)]
 pub(crate) struct Arguments {
@@ -25,6 +25,8 @@ pub(crate) enum Command {
     Render(Box<RenderArgs>),
     /// Say what is in a scene and what would not be rendered.
     Inspect(InspectArgs),
+    /// Export a Blender file as .glb with an .oscura.toml of what glTF can't carry.
+    Export(ExportArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
     /// Write a commented scene file to start from.
@@ -127,34 +129,34 @@ pub(crate) enum ViewArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// The scene: .gltf, .glb, .obj, .ply or .toml.
+    /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
     /// File to write, .exr or .png; may be given several times. In a sequence, #### stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
-    /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps.
+    /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
     /// Frames a second of a sequence.
-    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second)]
+    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
     /// Samples a pixel [default: 128].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
     /// Width in pixels [default: from the height or 1280].
-    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "W", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub width: Option<u32>,
     /// Height in pixels [default: from the width and the camera's aspect ratio, else 16:9].
-    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536))]
+    #[arg(long, value_name = "H", value_parser = clap::value_parser!(u32).range(1..=65536), allow_negative_numbers = true)]
     pub height: Option<u32>,
     /// Most scattering events of a path; 0 shows emission only [default: 100].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub depth: Option<u32>,
     /// Seed of all randomness [default: 0].
-    #[arg(long, value_name = "N")]
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub seed: Option<u32>,
     /// Threads [default: one a core]. The picture doesn't depend on it.
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024))]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
     /// Camera by name or number, from 0 [default: 0].
     #[arg(long, value_name = "CAMERA")]
@@ -172,7 +174,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub allow_external: bool,
     /// Show the points of a point cloud as spheres of this radius, metres.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
     /// Axis of OBJ and PLY files that points up.
     #[arg(long, value_name = "AXIS", default_value = "y")]
@@ -180,6 +182,9 @@ pub(crate) struct RenderArgs {
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
+    /// For .blend files: Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
+    #[arg(long, value_name = "PATH")]
+    pub blender: Option<PathBuf>,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
@@ -234,22 +239,52 @@ pub(crate) struct RenderArgs {
 
 #[derive(Args, Debug)]
 pub(crate) struct InspectArgs {
-    /// The scene: .gltf, .glb, .obj, .ply or .toml.
+    /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
     /// Show the points of a point cloud as spheres of this radius, metres.
-    #[arg(long, value_name = "R")]
+    #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
+    /// For .blend files: Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
+    #[arg(long, value_name = "PATH")]
+    pub blender: Option<PathBuf>,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub asset: AssetArgs,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ExportArgs {
+    /// The scene: .blend.
+    pub scene: PathBuf,
+    /// Folder to write, new or empty.
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: PathBuf,
+    /// Replace files of the same names in a folder that is not empty.
+    #[arg(long)]
+    pub force: bool,
+    /// Scene by name [default: the one that was open].
+    #[arg(long = "scene", value_name = "SCENE")]
+    pub scene_name: Option<String>,
+    /// Frame to export [default: the file's current one].
+    #[arg(long, value_name = "N", allow_negative_numbers = true)]
+    pub frame: Option<u32>,
+    /// Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
+    #[arg(long, value_name = "PATH")]
+    pub blender: Option<PathBuf>,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    /// Treat warnings as errors.
+    #[arg(long)]
+    pub strict: bool,
 }
 
 #[derive(Args, Debug)]

@@ -6,6 +6,7 @@ mod asset_args;
 mod compare;
 mod environment;
 mod excerpt;
+mod export;
 mod frames;
 mod help;
 mod inspect;
@@ -37,6 +38,7 @@ pub(crate) fn main() -> ExitCode {
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
+        Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Help(a) => (false, help::run(&a)),

@@ -13,7 +13,8 @@ use super::settings::{choices, png, without_exr};
 use super::{json, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::load::{LoadOptions, Loaded, load, load_moments};
+use oscura::load::blender::BlenderOptions;
+use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled, in_pool};
 use oscura::scene::Camera;
 use std::ops::ControlFlow;
@@ -34,7 +35,11 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         let start = Instant::now();
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
-        let mut loaded = load(&args.scene, &load_options(args))?;
+        say_export(args);
+        let loaded = load(&args.scene, &load_options(args));
+        // A signal ends Blender, too, whose failure is then no news.
+        stop_before_pixels(cancel)?;
+        let mut loaded = loaded?;
         let mut kept = Kept { said: Said::default(), compiler: Compiler::single() };
         return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut kept);
     };
@@ -46,12 +51,14 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
-    let moments = frames.numbers().map(|number| f64::from(number) / args.fps);
-    load_moments(&args.scene, &load_options(args), moments, &mut |loaded| {
+    load_frames(&args.scene, &load_options(args), frames.numbers(), args.fps, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
         let targets = Targets::check(&file(number))?;
         if !args.quiet {
-            eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps);
+            match is_of_blender(&args.scene) {
+                true => eprintln!("frame    {number}"),
+                false => eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
+            }
         }
         outcome = run_one(args, cancel, &targets, &environment, loaded, start, &mut kept)?;
         start = Instant::now();
@@ -63,6 +70,13 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     Ok(outcome)
 }
 
+/// Says what takes a while.
+fn say_export(args: &RenderArgs) {
+    if !args.quiet && is_of_blender(&args.scene) {
+        eprintln!("export   {} by Blender", args.scene.display());
+    }
+}
+
 fn load_options(args: &RenderArgs) -> LoadOptions {
     LoadOptions {
         allow_external: args.allow_external,
@@ -71,6 +85,7 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
         point_radius: args.point_radius,
         z_up: args.up == UpArg::Z,
         no_sidecar: args.no_sidecar,
+        blender: BlenderOptions { program: args.blender.clone(), frame: None },
         ..LoadOptions::default()
     }
 }

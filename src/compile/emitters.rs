@@ -84,7 +84,7 @@ impl Emitters {
             (Some(texture), Some(uv)) => Radiance::Flat { texture, factor, uv },
             _ => Radiance::Constant(factor),
         };
-        self.push(AreaLight::new(shape, emission.two_sided, radiance), prims);
+        self.push(AreaLight::new(shape, emission.two_sided, radiance).with_beam(emission.beam), prims);
     }
 
     fn add_analytic(
@@ -100,7 +100,8 @@ impl Emitters {
             Some(texture) => Radiance::Analytic { texture, factor, object_from_world },
             None => Radiance::Constant(factor),
         };
-        self.push(AreaLight::new(AreaShape::Analytic(shape), emission.two_sided, radiance), &[prim]);
+        let light = AreaLight::new(AreaShape::Analytic(shape), emission.two_sided, radiance);
+        self.push(light.with_beam(emission.beam), &[prim]);
     }
 
     fn push(&mut self, light: AreaLight, prims: &[usize]) {

@@ -4,6 +4,7 @@ use super::fold::{fold_color, fold_float, fold_model};
 use super::medium::{Medium, lets_light_in};
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
+use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, Parameters, Transmission};
 use crate::shape::Surface;
@@ -30,6 +31,8 @@ pub struct CompiledMaterial {
     pub normal_map: Option<NormalMap>,
     /// Where the surface is absent; `None` is nowhere.
     pub alpha: Option<Alpha>,
+    /// It shines and is absent for some rays, which take its light along.
+    pub lamp: Option<LampPresence>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
     /// Texture coordinates are needed.
@@ -48,6 +51,17 @@ pub struct CompiledEmission {
     pub radiance: ColorSlot,
     /// The back emits too.
     pub two_sided: bool,
+    /// How it depends on the direction.
+    pub beam: Beam,
+}
+
+/// Which rays meet a lamp; see [`scene::Lamp`](crate::scene::Lamp).
+#[derive(Clone, Copy, Debug)]
+pub struct LampPresence {
+    /// Those of the camera.
+    pub visible_to_camera: bool,
+    /// All others.
+    pub is_obstacle: bool,
 }
 
 /// Partial presence.
@@ -86,9 +100,17 @@ impl CompiledMaterial {
         let class = program.class();
         let emission = material.emission.and_then(|e| {
             let radiance = fold_color(e.radiance, textures);
-            (radiance.factor != [0.0; 3]).then_some(CompiledEmission { radiance, two_sided: e.two_sided })
+            let beam = Beam::new(material.lamp.unwrap_or_default().beam);
+            (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
+                radiance,
+                two_sided: e.two_sided,
+                beam,
+            })
         });
         let alpha = alpha_of(material, textures);
+        let lamp = material.lamp.filter(|l| !(l.visible_to_camera && l.is_obstacle) && alpha.is_none());
+        let lamp =
+            lamp.map(|l| LampPresence { visible_to_camera: l.visible_to_camera, is_obstacle: l.is_obstacle });
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
         let is_textured = has_textures(&model);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
@@ -114,6 +136,7 @@ impl CompiledMaterial {
             medium_index: 0,
             normal_map,
             alpha,
+            lamp,
             uses_vertex_colors,
             uses_uv,
             uses_frame,
@@ -125,6 +148,11 @@ impl CompiledMaterial {
     /// Is it absent everywhere?
     pub fn is_invisible(&self) -> bool {
         self.alpha.is_some_and(|alpha| alpha.is_never_present())
+    }
+
+    /// May rays pass its surface?
+    pub fn may_be_absent(&self) -> bool {
+        self.alpha.is_some() || self.lamp.is_some()
     }
 
     /// Do the normals of vertices matter?

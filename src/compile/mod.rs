@@ -21,7 +21,7 @@ mod view;
 
 pub use compiler::Compiler;
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
-pub use material::{Alpha, CompiledEmission, CompiledMaterial};
+pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};
 pub use medium::Medium;
 pub use objects::ObjectId;
 pub use run::compile;

@@ -68,7 +68,7 @@ pub(super) fn compile_after(
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.lights = lights.len() as u64;
-    let features = features(&geometries, &materials, &textures, &media);
+    let features = features(scene, &geometries, &materials, &textures, &media);
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -87,17 +87,19 @@ pub(super) fn compile_after(
 }
 
 fn features(
+    scene: &Scene,
     geometries: &Geometries,
     materials: &[CompiledMaterial],
     textures: &CompiledTextures,
     media: &[Medium],
 ) -> Features {
     Features {
-        alpha: materials.iter().any(|m| m.alpha.is_some()),
+        alpha: materials.iter().any(CompiledMaterial::may_be_absent),
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1,
+        hidden_environment: scene.is_environment_hidden,
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }
 }

@@ -87,6 +87,8 @@ pub struct Features {
     pub media: bool,
     /// Some of them absorb it.
     pub absorption: bool,
+    /// Cameras don't see the environment.
+    pub hidden_environment: bool,
 }
 
 impl CompiledScene {

@@ -10,6 +10,8 @@ pub enum Choice {
     AllowExternal,
     /// Channels beside the picture's own.
     Aovs,
+    /// Where Blender is.
+    Blender,
     /// The caller lights the scene, or wants no light.
     Environment,
     /// Pixels of full precision.
@@ -28,9 +30,10 @@ pub enum Choice {
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 9] = [
+    pub const ALL: [Choice; 10] = [
         Choice::AllowExternal,
         Choice::Aovs,
+        Choice::Blender,
         Choice::Environment,
         Choice::Float,
         Choice::Force,
@@ -47,6 +50,7 @@ impl fmt::Display for Choice {
         f.write_str(match self {
             Choice::AllowExternal => "`LoadOptions::allow_external`",
             Choice::Aovs => "`Renderer::aovs`",
+            Choice::Blender => "`BlenderOptions::program`",
             Choice::Environment => "`LoadOptions::brings_environment`",
             Choice::Float => "`OutputOptions::float`",
             Choice::Force => "`GltfOptions::force`",

@@ -1,6 +1,9 @@
-//! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike.
+//! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike. Lamps that stop
+//! no light are absent for all rays, which take what they emit along.
 
 use super::Integrator;
+use super::lanes::{get_rgb, set_rgb};
+use super::surface::HitPoint;
 use super::wave::Workspace;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
@@ -19,17 +22,19 @@ impl Integrator<'_> {
             }
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, arriving, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
                 let salt = || {
                     hash32(arriving.carried.seed[i] ^ hash32(arriving.carried.shuffled[i]) ^ (bounce << 16))
                 };
-                !self.is_present(&rays[i], &hits[i], || salt().wrapping_add(pass))
+                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt().wrapping_add(pass))
             });
             if pending.is_empty() {
                 return;
             }
+            self.take_light_along(bounce, w);
+            let Workspace { pending, pending_rays, pending_hits, rays, hits, .. } = &mut *w;
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
                 // The same ray from behind the surface: its origin stays what densities refer to.
@@ -43,6 +48,29 @@ impl Integrator<'_> {
                 hits[i as usize] = hit;
             }
             w.ray_count += w.pending.len() as u64;
+        }
+    }
+
+    /// Adds the light of the lamps that pending rays are about to pass.
+    fn take_light_along(&self, bounce: u32, w: &mut Workspace) {
+        for k in 0..w.pending.len() {
+            let i = w.pending[k] as usize;
+            let hit = w.hits[i];
+            let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
+            if material.emission.is_none()
+                || !material.lamp.is_some_and(|l| l.visible_to_camera || bounce > 0)
+            {
+                continue;
+            }
+            let surface = self.scene.geometries.surface(&w.rays[i], &hit);
+            let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
+            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            if self.scene.features.absorption {
+                let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
+                set_rgb(&mut w.arriving.carried.throughput, i, throughput * medium.transmittance(hit.t));
+            }
+            self.emit(i, &HitPoint { surface, hit, material, is_back }, w);
+            set_rgb(&mut w.arriving.carried.throughput, i, throughput);
         }
     }
 
@@ -94,7 +122,7 @@ impl Integrator<'_> {
                 let i = shadow_vertices[k] as usize;
                 let path = &wave.paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, || salt().wrapping_add(pass)) {
+                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass)) {
                     occluded[k] = true;
                     return false;
                 }
@@ -112,11 +140,14 @@ impl Integrator<'_> {
 
     /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
     #[inline(always)]
-    fn is_present(&self, ray: &Ray, hit: &Hit, salt: impl Fn() -> u32) -> bool {
+    fn is_present(&self, ray: &Ray, hit: &Hit, is_of_camera: bool, salt: impl Fn() -> u32) -> bool {
         if !hit.is_hit() {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        if let Some(lamp) = material.lamp {
+            return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
+        }
         let Some(alpha) = material.alpha else { return true };
         let surface: Surface = self.scene.geometries.surface(ray, hit);
         let at = self.scene.geometries.coordinates(&surface, hit, false);

@@ -6,7 +6,7 @@ use super::surface::HitPoint;
 use super::wave::{Scratch, Workspace};
 use crate::bsdf::Slots;
 use crate::color::Rgb;
-use crate::light::{EnvironmentLight, ImageMap, Receiver};
+use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
 use crate::simd::{Kernel, dispatch};
@@ -24,6 +24,7 @@ impl Integrator<'_> {
                 self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };
+        let radiance = emission.beam.of(radiance, surface.ng, -w.rays[i].direction);
         let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
         let mut weight = 1.0;
         if path.pdf[i] > 0.0
@@ -38,9 +39,27 @@ impl Integrator<'_> {
         w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
     }
 
+    /// Adds the suns that paths met which left the scene.
+    fn meet_suns(&self, w: &mut Workspace) {
+        for SelectedSun { sun, selected } in self.scene.lights.suns() {
+            let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
+            let path = &w.arriving.carried;
+            for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
+                let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
+                let value = get_rgb(&path.throughput, i) * sun.radiance * weight;
+                w.sink.contribute(path.sample[i], Some(selected.index), value);
+            }
+        }
+    }
+
     /// Adds the environment to the paths that left the scene.
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
+        if bounce > 0 {
+            self.meet_suns(w);
+        } else if self.scene.features.hidden_environment {
+            return;
+        }
         let Some(environment) = lights.environment() else { return };
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, &path.pdf, scratch);

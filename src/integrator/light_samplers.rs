@@ -3,7 +3,7 @@
 use super::lanes::{Lanes, WAVE};
 use crate::color::Rgb;
 use crate::light::{
-    AreaLight, AreaShape, Edges, EnvironmentLight, ImageMap, Lights, Radiance, solid_angle_density,
+    AreaLight, AreaShape, Beam, Edges, EnvironmentLight, ImageMap, Lights, Radiance, solid_angle_density,
 };
 use crate::math::{Vec3, offset_ray_origin};
 use crate::shape::SphericalRectangle;
@@ -52,7 +52,7 @@ impl<'a> RectangleSampler<'a> {
     pub fn of(lights: &'a Lights) -> Option<Self> {
         match lights.area() {
             [light] if lights.len() == 1 => match (light.shape, light.radiance) {
-                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) => {
+                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Even => {
                     Some(RectangleSampler { light, edges, radiance })
                 }
                 _ => None,

@@ -134,7 +134,7 @@ impl<'a> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
-        let may_be_absent = scene.materials.iter().map(|m| m.alpha.is_some()).collect();
+        let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
         Integrator {
             scene,
             view,

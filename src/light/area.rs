@@ -1,6 +1,6 @@
 //! Surfaces that shine: rectangles, parallelograms, triangles and analytic shapes.
 
-use super::{LightBounds, LightSample};
+use super::{Beam, LightBounds, LightSample};
 use crate::color::Rgb;
 use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, offset_ray_origin};
 use crate::scene::TextureId;
@@ -70,6 +70,8 @@ pub struct AreaLight {
     pub two_sided: bool,
     /// Emitted radiance.
     pub radiance: Radiance,
+    /// How it depends on the direction.
+    pub beam: Beam,
     /// Bound on the rounding error of its points.
     point_error: Vec3,
 }
@@ -88,7 +90,13 @@ impl AreaLight {
             }
         };
         let point_error = extent * gamma(6);
-        AreaLight { shape, normal: normal.normalize_or_zero(), two_sided, radiance, point_error }
+        let (normal, beam) = (normal.normalize_or_zero(), Beam::Even);
+        AreaLight { shape, normal, two_sided, radiance, beam, point_error }
+    }
+
+    /// With its light in a beam.
+    pub fn with_beam(self, beam: Beam) -> AreaLight {
+        AreaLight { beam, ..self }
     }
 
     /// Surface area of one side.
@@ -105,7 +113,7 @@ impl AreaLight {
     /// mean over a grid of points.
     pub fn power(&self, textures: &CompiledTextures) -> f32 {
         let sides = if self.two_sided { 2.0 } else { 1.0 };
-        self.mean_luminance(textures) * self.area() * PI * sides
+        self.mean_luminance(textures) * self.area() * PI * sides * self.beam.share_of_power()
     }
 
     /// Where its light comes from and goes.
@@ -119,9 +127,13 @@ impl AreaLight {
             AreaShape::Analytic(shape) => (shape.bounds(), shape.largest_projection()),
         };
         let is_round = matches!(&self.shape, AreaShape::Analytic(shape) if !shape.is_flat());
+        let weight = self.mean_luminance(textures) * area;
+        if let Some((axis, emission_rad)) = self.beam.cone() {
+            return LightBounds { bounds, weight, axis, normals_rad: 0.0, emission_rad };
+        }
         LightBounds {
             bounds,
-            weight: self.mean_luminance(textures) * area,
+            weight,
             axis: self.normal,
             normals_rad: if is_round || self.two_sided { PI } else { 0.0 },
             emission_rad: 0.5 * PI,
@@ -203,12 +215,13 @@ impl AreaLight {
         if !is_lit || pdf_solid_angle <= 0.0 || distance <= 0.0 {
             return LightSample::NONE;
         }
+        let wi = to_light / distance;
         LightSample {
-            wi: to_light / distance,
+            wi,
             target: offset_ray_origin(point, self.point_error, normal, -to_light),
             is_infinite: false,
             is_delta: false,
-            radiance: self.radiance_at(textures, point),
+            radiance: self.beam.of(self.radiance_at(textures, point), normal, -wi),
             pdf_solid_angle,
         }
     }

@@ -1,17 +1,21 @@
 //! What shines: emitting surfaces, lights without a surface, the environment, and the choice among them.
 
 mod area;
+mod beam;
 mod bounds;
 mod environment;
 mod punctual;
 mod select;
+mod sun;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Edges, Radiance};
+pub use beam::Beam;
 pub use bounds::LightBounds;
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, solid_angle_density};
 pub use punctual::PunctualLight;
-pub use select::{Lights, Selected};
+pub use select::{Lights, Selected, SelectedSun};
+pub use sun::Sun;
 pub use tree::{LightTree, Receiver};
 
 use crate::color::Rgb;

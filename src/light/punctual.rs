@@ -1,9 +1,10 @@
 //! Lights without a surface (KHR_lights_punctual).
 
-use super::{LightBounds, LightSample};
+use super::beam::Cone;
+use super::{LightBounds, LightSample, Sun};
 use crate::color::Rgb;
-use crate::math::{Bounds3, DVec3, Vec3, poly};
-use crate::scene::{self, SpotFade};
+use crate::math::{Bounds3, DVec3, Vec3};
+use crate::scene;
 use std::f32::consts::PI;
 
 /// A light without a surface, ready for rendering.
@@ -16,17 +17,9 @@ pub struct PunctualLight {
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Point(Vec3),
-    /// Angular attenuation is `fade` of scale * cos + offset, clamped to 0..1.
-    Spot {
-        position: Vec3,
-        axis: Vec3,
-        scale: f32,
-        offset: f32,
-        fade: SpotFade,
-    },
-    Directional {
-        to_light: Vec3,
-    },
+    Spot { position: Vec3, cone: Cone },
+    Directional { to_light: Vec3 },
+    Sun(Sun),
 }
 
 impl PunctualLight {
@@ -36,36 +29,30 @@ impl PunctualLight {
         let kind = match light.kind {
             scene::LightKind::Point { position } => Kind::Point(local(position)),
             scene::LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade } => {
-                let range = match fade {
-                    // KHR_lights_punctual, "Inner and Outer Cone Angles".
-                    SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
-                    SpotFade::Smooth => {
-                        (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad)
-                    }
-                };
-                let scale = 1.0 / range.max(1e-3);
-                Kind::Spot {
-                    position: local(position),
-                    axis: direction.normalize().as_vec3(),
-                    scale: scale as f32,
-                    offset: (-outer_angle_rad.cos() * scale) as f32,
-                    fade,
-                }
+                let cone = Cone::new(direction, inner_angle_rad, outer_angle_rad, fade);
+                Kind::Spot { position: local(position), cone }
             }
             scene::LightKind::Directional { direction } => {
                 Kind::Directional { to_light: -direction.normalize().as_vec3() }
             }
+            scene::LightKind::Sun { direction, angle_rad } => {
+                Kind::Sun(Sun::new(direction, angle_rad, Rgb::from_array(light.intensity)))
+            }
         };
         PunctualLight { intensity: Rgb::from_array(light.intensity), kind }
+    }
+
+    /// It as a sun, which paths may meet, too.
+    pub fn sun(&self) -> Option<&Sun> {
+        if let Kind::Sun(sun) = &self.kind { Some(sun) } else { None }
     }
 
     /// Luminous power in relative units; a directional light's is what falls on a disk of the scene's radius.
     pub fn power(&self, scene_radius: f32) -> f32 {
         let solid_angle = match self.kind {
             Kind::Point(_) => 4.0 * PI,
-            // Half lit on average between the cones: cos = (1 - 2 offset) / (2 scale).
-            Kind::Spot { scale, offset, .. } => 2.0 * PI * (1.0 - (0.5 - offset) / scale).clamp(1e-4, 2.0),
-            Kind::Directional { .. } => PI * scene_radius * scene_radius,
+            Kind::Spot { cone, .. } => cone.solid_angle(),
+            Kind::Directional { .. } | Kind::Sun(_) => PI * scene_radius * scene_radius,
         };
         self.intensity.luminance() * solid_angle
     }
@@ -73,22 +60,21 @@ impl PunctualLight {
     /// Where its light comes from and goes; `None` for one infinitely far away.
     pub fn bounds(&self) -> Option<LightBounds> {
         let (position, axis, normals_rad, emission_rad) = match self.kind {
-            Kind::Directional { .. } => return None,
+            Kind::Directional { .. } | Kind::Sun(_) => return None,
             Kind::Point(position) => (position, Vec3::Z, PI, 0.5 * PI),
-            Kind::Spot { position, axis, scale, offset, .. } => {
-                let inner = poly::acos(((1.0 - offset) / scale).clamp(-1.0, 1.0));
-                let outer = poly::acos((-offset / scale).clamp(-1.0, 1.0));
+            Kind::Spot { position, cone } => {
+                let [inner, outer] = cone.angles_rad();
                 // A little wider, for rounding.
-                (position, axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
+                (position, cone.axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
             }
         };
         let weight = self.intensity.luminance();
         Some(LightBounds { bounds: Bounds3::of([position]), weight, axis, normals_rad, emission_rad })
     }
 
-    /// What arrives at `reference`.
+    /// What arrives at `reference`; two numbers in 0..1 choose the direction of lights that have a size.
     #[inline]
-    pub fn sample(&self, reference: Vec3) -> LightSample {
+    pub fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightSample {
         let (position, attenuation) = match self.kind {
             Kind::Directional { to_light } => {
                 return LightSample {
@@ -100,15 +86,11 @@ impl PunctualLight {
                     pdf_solid_angle: 1.0,
                 };
             }
+            Kind::Sun(sun) => return sun.sample(u),
             Kind::Point(position) => (position, 1.0),
-            Kind::Spot { position, axis, scale, offset, fade } => {
-                let cosine = (reference - position).normalize_or_zero().dot(axis);
-                let a = (cosine * scale + offset).clamp(0.0, 1.0);
-                let attenuation = match fade {
-                    SpotFade::Square => a * a,
-                    SpotFade::Smooth => a * a * (3.0 - 2.0 * a),
-                };
-                (position, attenuation)
+            Kind::Spot { position, cone } => {
+                let cosine = (reference - position).normalize_or_zero().dot(cone.axis);
+                (position, cone.attenuation(cosine))
             }
         };
         let to_light = position - reference;
@@ -130,7 +112,7 @@ impl PunctualLight {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::{Light, LightKind};
+    use crate::scene::{Light, LightKind, SpotFade};
 
     /// What a spot light of intensity 1 that looks down -z sends to a point at an angle, one metre away.
     fn spot(fade: SpotFade, angle: f64) -> f32 {
@@ -143,7 +125,7 @@ mod tests {
         };
         let light =
             PunctualLight::new(&Light { name: String::new(), kind, intensity: [1.0; 3] }, DVec3::ZERO);
-        light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3()).radiance.r
+        light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3(), [0.5; 2]).radiance.r
     }
 
     #[test]

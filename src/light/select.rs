@@ -1,6 +1,6 @@
 //! All lights of a scene and the choice of one of them.
 
-use super::{AreaLight, EnvironmentLight, LightBounds, LightSample, LightTree, PunctualLight, Receiver};
+use super::{AreaLight, EnvironmentLight, LightBounds, LightSample, LightTree, PunctualLight, Receiver, Sun};
 use crate::math::Vec3;
 use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
@@ -21,6 +21,16 @@ pub struct Lights {
     table: AliasTable,
     /// What the table's entries are.
     entries: Vec<Entry>,
+    suns: Vec<SelectedSun>,
+}
+
+/// A sun among the lights.
+#[derive(Clone, Copy, Debug)]
+pub struct SelectedSun {
+    /// The sun.
+    pub sun: Sun,
+    /// Its index and the probability of choosing it.
+    pub selected: Selected,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -80,7 +90,19 @@ impl Lights {
         let (entries, powers): (Vec<Entry>, Vec<f32>) = far.into_iter().unzip();
         let tree = LightTree::new(&bounds);
         let table = AliasTable::new(if powers.is_empty() { &[1.0] } else { &powers });
-        Lights { area, punctual, environment, tree, table, entries }
+        let mut lights = Lights { area, punctual, environment, tree, table, entries, suns: Vec::new() };
+        lights.suns = lights.find_suns();
+        lights
+    }
+
+    fn find_suns(&self) -> Vec<SelectedSun> {
+        let sun = |(i, light): (usize, &PunctualLight)| {
+            let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
+            let entry = self.entries.iter().position(|e| *e == Entry::Light(index))?;
+            let pdf_discrete = if self.len() == 1 { 1.0 } else { self.table.pdf_discrete(entry) };
+            Some(SelectedSun { sun, selected: Selected { index, pdf_discrete } })
+        };
+        self.punctual.iter().enumerate().filter_map(sun).collect()
     }
 
     /// Gives up all but the environment.
@@ -103,6 +125,12 @@ impl Lights {
     #[inline(always)]
     pub fn area(&self) -> &[AreaLight] {
         &self.area
+    }
+
+    /// Those of the punctual lights that have a size.
+    #[inline(always)]
+    pub fn suns(&self) -> &[SelectedSun] {
+        &self.suns
     }
 
     /// The environment.
@@ -170,7 +198,7 @@ impl Lights {
             return light.sample(textures, reference, u);
         }
         if let Some(light) = self.punctual.get(index - self.area.len()) {
-            return light.sample(reference);
+            return light.sample(reference, u);
         }
         let Some(environment) = &self.environment else { return LightSample::NONE };
         let s = environment.sample(u);

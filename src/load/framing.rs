@@ -102,6 +102,7 @@ fn framing_camera(scene: &Scene) -> Camera {
         projection: Projection::Perspective { vfov_rad },
         aspect_ratio: None,
         lens: None,
+        shift: [0.0; 2],
     }
 }
 

@@ -1,5 +1,6 @@
 //! What loading is asked for, and what it gives.
 
+use super::blender::BlenderOptions;
 use super::gltf::GltfOptions;
 use crate::error::Warning;
 use crate::math::DAffine3;
@@ -13,6 +14,8 @@ pub struct LoadOptions {
     /// The caller lights the scene with an environment of its own, or wants none: a scene without light gets no default
     /// sky.
     pub brings_environment: bool,
+    /// Choices about files of Blender.
+    pub blender: BlenderOptions,
     /// Choices about glTF assets.
     pub gltf: GltfOptions,
     /// Radius, in metres, of the spheres that the points of a point cloud become; without it such a file is refused.

@@ -1,6 +1,7 @@
 //! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
 //! with its warnings comes out, or one error with all the problems of the file.
 
+pub mod blender;
 mod decoders;
 mod formats;
 pub mod framing;
@@ -26,7 +27,7 @@ use formats::Format;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; the extension says which it is ([`extensions`]).
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.blend` or `.toml` file; the extension says which it is ([`extensions`]).
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -42,7 +43,7 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
                 .with_help(way_to_a_scene(&extension)));
         }
     };
-    let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
+    let is_of_other_model = matches!(format, Format::Model(model) if !model.takes_gltf_choices);
     if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
@@ -74,7 +75,7 @@ pub fn load_moments(
 ) -> Result<()> {
     let path = path.as_ref();
     let mut moments = moments.into_iter().map(Some);
-    if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
+    if matches!(formats::of(path), Format::Model(model) if model.has_moments) {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
             complete(path, options, loaded)?;
             each(loaded)
@@ -90,6 +91,36 @@ pub fn load_moments(
         }
     });
     ended.break_value().unwrap_or(Ok(()))
+}
+
+/// Loads the frames of a sequence one after another and hands each to `each`, until that breaks off. Frames of a `.blend`
+/// file are Blender's own; of all others, frame N shows the moment N / `fps`, as [`load_moments`] does.
+///
+/// # Errors
+/// As for [`load`], and those of `each`.
+pub fn load_frames(
+    path: impl AsRef<Path>,
+    options: &LoadOptions,
+    numbers: impl Iterator<Item = u32>,
+    fps: f64,
+    each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
+) -> Result<()> {
+    if !is_of_blender(&path) {
+        return load_moments(path, options, numbers.map(|number| f64::from(number) / fps), each);
+    }
+    for frame in numbers {
+        let blender = blender::BlenderOptions { frame: Some(frame), ..options.blender.clone() };
+        let mut loaded = load(&path, &LoadOptions { blender, ..options.clone() })?;
+        if each(&mut loaded)?.is_break() {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Does its name say that a file is one of Blender?
+pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
+    formats::extension(path.as_ref()) == "blend"
 }
 
 /// Turns a model whose z axis points up so that its y axis does: z to y, and -y, its front in most programs, to z.
@@ -112,9 +143,6 @@ pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
 /// The way to a scene from a file of another program, by its ending.
 fn way_to_a_scene(extension: &str) -> String {
     let way = match extension {
-        "blend" => {
-            "export it from Blender as glTF (File > Export > glTF 2.0), with cameras and punctual lights"
-        }
         "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
         | "stl" => "import it into Blender and export it as glTF (.glb)",
         "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",

@@ -5,6 +5,7 @@ mod atomic;
 mod encoded;
 mod exr;
 mod exr_header;
+pub mod place_folder;
 mod png;
 mod tone;
 

@@ -40,6 +40,9 @@ pub struct Camera {
     pub aspect_ratio: Option<f64>,
     /// Depth of field; `None` is a pinhole.
     pub lens: Option<ThinLens>,
+    /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of
+    /// that side, and upright lines stay parallel.
+    pub shift: [f64; 2],
 }
 
 /// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.

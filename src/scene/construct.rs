@@ -133,6 +133,7 @@ impl Camera {
             projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
             aspect_ratio: None,
             lens: None,
+            shift: [0.0; 2],
         }
     }
 }

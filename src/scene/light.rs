@@ -9,7 +9,8 @@ pub struct Light {
     pub name: String,
     /// Its kind, with position and direction in world space.
     pub kind: LightKind,
-    /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of directional ones.
+    /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of
+    /// directional ones and suns, on a surface that faces them.
     pub intensity: [f32; 3],
 }
 
@@ -38,6 +39,13 @@ pub enum LightKind {
     Directional {
         /// The way the light travels.
         direction: DVec3,
+    },
+    /// A disk infinitely far away, as the sun is. Cameras don't see it; mirrors do.
+    Sun {
+        /// The way the light of its middle travels.
+        direction: DVec3,
+        /// Its diameter as an angle, radians, from 1e-5 to pi.
+        angle_rad: f64,
     },
 }
 

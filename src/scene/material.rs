@@ -1,11 +1,13 @@
 //! Materials as the user described them; `compile` turns each into the cheapest equivalent BSDF.
 
 use super::TextureId;
+use super::light::SpotFade;
 use super::model::Model;
 use super::pbr::PbrMaterial;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
+use crate::math::DVec3;
 
 /// Emitted radiance.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -31,6 +33,51 @@ pub enum AlphaMode {
     Blend,
 }
 
+/// How a surface that shines differs from one that is an object like others: as lamps of Blender do, which stop no light
+/// and which cameras don't see.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Lamp {
+    /// Rays from the camera meet it; else they pass.
+    pub visible_to_camera: bool,
+    /// All other rays end at it; else they take its light along and pass.
+    pub is_obstacle: bool,
+    /// Where its light goes.
+    pub beam: Beam,
+}
+
+impl Default for Lamp {
+    /// A surface like others.
+    fn default() -> Lamp {
+        Lamp { visible_to_camera: true, is_obstacle: true, beam: Beam::Even }
+    }
+}
+
+/// How the radiance of a [`Lamp`] depends on the direction.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub enum Beam {
+    /// It doesn't.
+    #[default]
+    Even,
+    /// Slats in front of the lamp hide part of it, as in a soft box: with the tangent of the angle to the surface's normal
+    /// the radiance falls in a line to 0 at this half angle (radians, from 1e-4 to below pi / 2); its peak rises so that the
+    /// power stays.
+    Grid {
+        /// Half the angle of the beam.
+        half_angle_rad: f64,
+    },
+    /// A cone about an axis, as that of [`LightKind::Spot`](super::LightKind::Spot).
+    Cone {
+        /// The axis, of unit length, in the world.
+        direction: DVec3,
+        /// Half angle of the full radiance, radians.
+        inner_angle_rad: f64,
+        /// Half angle where it ends, radians.
+        outer_angle_rad: f64,
+        /// How it fades in between.
+        fade: SpotFade,
+    },
+}
+
 /// A material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -51,6 +98,8 @@ pub struct Material {
     pub normal_map: Option<NormalMap>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
+    /// What is special about a surface that shines; only where it is absent nowhere.
+    pub lamp: Option<Lamp>,
 }
 
 impl Material {
@@ -65,6 +114,7 @@ impl Material {
             alpha: FloatSlot::constant(1.0),
             normal_map: None,
             use_vertex_colors: false,
+            lamp: None,
         }
     }
 
@@ -86,9 +136,10 @@ impl Material {
 }
 
 impl Parameters for AlphaMode {}
+impl Parameters for Lamp {}
 
 parameters_of_fields! {
-    Material { name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors }
+    Material { name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp }
     Emission { radiance, two_sided }
 }
 

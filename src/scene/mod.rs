@@ -36,7 +36,7 @@ pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
-pub use material::{AlphaMode, Emission, Material};
+pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
 pub use model::{FresnelModel, Model, Transmission};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
@@ -69,6 +69,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.
     pub environment: Environment,
+    /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
+    pub is_environment_hidden: bool,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
     /// What the scene says about rendering; the command line may override each.

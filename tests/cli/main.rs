@@ -1,5 +1,7 @@
 //! The program from outside: exit codes, messages, files, and every command of the README.
 
+#[cfg(unix)]
+mod blender;
 mod comparing;
 mod errors;
 mod examples;

@@ -134,11 +134,13 @@ fn only_load_and_output_open_files() {
 /// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).
 #[test]
 fn only_the_command_line_names_its_options() {
-    let is_option =
-        |text: &str| text.starts_with(|c: char| c.is_ascii_lowercase()) && !text.starts_with("features");
+    // Options of other programs.
+    let is_foreign = |text: &str| text.starts_with("features") || text.starts_with("version");
+    let is_option = |text: &str| text.starts_with(|c: char| c.is_ascii_lowercase()) && !is_foreign(text);
     let names_option = |line: &&str| line.contains('"') && line.split("--").skip(1).any(is_option);
     let (mut wrong, mut seen) = (Vec::new(), 0);
-    for source in sources() {
+    let runs_blender = "load/blender/process.rs";
+    for source in sources().into_iter().filter(|source| source.path != runs_blender) {
         let text = std::fs::read_to_string(root().join(&source.path)).expect("a source file");
         let code = text.lines().take(source.lines).filter(|line| !line.trim_start().starts_with("//"));
         let found: Vec<&str> = code.filter(names_option).collect();

@@ -103,7 +103,9 @@ fn light(light: &Light) -> LightEntry<'_> {
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
             (Some(position), Some(direction), Some([inner_angle_rad, outer_angle_rad]))
         }
-        LightKind::Directional { direction } => (None, Some(direction), None),
+        LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
+            (None, Some(direction), None)
+        }
     };
     LightEntry {
         name: &light.name,

@@ -134,6 +134,7 @@ pub fn light_kind(light: &Light) -> (&'static str, &'static str) {
         LightKind::Point { .. } => ("point", "W/sr"),
         LightKind::Spot { .. } => ("spot", "W/sr"),
         LightKind::Directional { .. } => ("directional", "W/m2"),
+        LightKind::Sun { .. } => ("sun", "W/m2"),
     }
 }
 
@@ -150,6 +151,11 @@ pub fn light(light: &Light) -> String {
             number(outer_angle_rad.to_degrees())
         ),
         LightKind::Directional { direction } => format!("towards {}", list(&direction.to_array())),
+        LightKind::Sun { direction, angle_rad } => format!(
+            "towards {}, {} degrees wide",
+            list(&direction.to_array()),
+            number(angle_rad.to_degrees())
+        ),
     };
     format!("{kind}, {} {unit}, {place}", list(&light.intensity))
 }

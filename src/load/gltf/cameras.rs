@@ -40,7 +40,7 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         Some(_) => name_of(raw, "camera", index),
         None => name_of(node_raw, "camera of node", node.index),
     };
-    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None })
+    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None, shift: [0.0; 2] })
 }
 
 fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
@@ -189,10 +189,11 @@ fn cone(light: &Value, at: &str, report: &mut Report) -> Sound<(f64, f64)> {
     let spot = light.get("spot").unwrap_or(&Value::Null);
     let inner = number_of(spot, "innerConeAngle", &at, report)?.unwrap_or(0.0);
     let outer = number_of(spot, "outerConeAngle", &at, report)?.unwrap_or(FRAC_PI_4);
-    if !(0.0 <= inner && inner < outer && outer <= FRAC_PI_2 + 1e-6) {
+    // The specification wants a slope; Blender writes none where a cone ends at once (blend 0).
+    if !(0.0 <= inner && inner <= outer && 0.0 < outer && outer <= FRAC_PI_2 + 1e-6) {
         report.warn(
             at,
-            format!("the cone's angles {inner} and {outer} are not 0 <= inner < outer <= pi/2; clamped"),
+            format!("the cone's angles {inner} and {outer} are not 0 <= inner <= outer <= pi/2; clamped"),
         );
     }
     let outer = outer.clamp(1e-6, FRAC_PI_2);

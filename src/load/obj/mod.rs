@@ -28,6 +28,7 @@ use mtl::Mtl;
 use statements::{MaterialName, Statements};
 use std::collections::{HashMap, HashSet};
 use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
 
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
@@ -74,7 +75,13 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 /// # Errors
 /// An input error with all problems of the file.
 fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
-    let file = File::open(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
+    let mut file = File::open(path).map_err(unreadable)?;
+    let mut start = Vec::new();
+    file.by_ref().take(2).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
+    if let [0xff, 0xfe] | [0xfe, 0xff] = start[..] {
+        return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
+    }
     // Corners with the same indices become one vertex; polygons stay what they are.
     let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);

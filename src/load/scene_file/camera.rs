@@ -11,9 +11,10 @@
 //! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
 //! | `focus_distance` | distance of the plane in focus | distance of `look_at` |
 //! | `focus_at` | instead: a point of that plane | |
+//! | `shift` | `[x, y]`: what is seen moves right and up by so many heights of the picture, and upright lines stay parallel | `[0, 0]` |
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The four keys of the lens
-//! may follow; `focus_distance` or `focus_at` is then required with the first two.
+//! and `shift` may follow; `focus_distance` or `focus_at` is then required with the first two.
 
 use super::assets::Assets;
 use super::build::Build;
@@ -39,11 +40,18 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     let name = fields.string("name");
     let cameras = &mut build.loaded.scene.cameras;
     let mut found = false;
+    let shift = shift(fields);
+    if fields.flag("default", false)
+        && let Some(at) = cameras.iter().position(|c| name.as_ref().is_none_or(|n| n.value == c.name))
+    {
+        cameras[..=at].rotate_right(1);
+    }
     for camera in cameras.iter_mut().filter(|c| name.as_ref().is_none_or(|n| n.value == c.name)) {
         found = true;
         // Its problems are the same for every camera: once is enough.
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
+        camera.shift = shift.unwrap_or(camera.shift);
     }
     if !found {
         match name {
@@ -108,8 +116,19 @@ fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Cam
         }
         None => return placed(fields),
     }?;
+    camera.shift = shift(fields).unwrap_or(camera.shift);
     camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
     Some(camera)
+}
+
+/// How far the picture is moved, in its heights.
+fn shift(fields: &Fields) -> Option<[f64; 2]> {
+    let shift = fields.numbers::<2>("shift")?;
+    if shift.value.iter().any(|s| s.abs() > 1e3) {
+        fields.problems.push(shift.span, "'shift' must be at most 1000 heights of the picture");
+        return None;
+    }
+    Some(shift.value)
 }
 
 /// The keys of the lens; `None` if they have a problem, and none inside for a pinhole. `focus` is the distance of the
@@ -167,6 +186,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let up = fields.vector("view_up").map_or(DVec3::Y, |v| v.value);
     let vfov = fields.number_in("vfov", 1e-3..179.999, 40.0);
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
+    let shift = shift(fields);
     let (eye, target) = (eye?, target?.value);
     let Some(placement) = looking_at(eye.value, target, up) else {
         let message = "the camera has no direction: 'look_from' and 'look_at' coincide, or 'view_up' points along the view";
@@ -180,5 +200,6 @@ fn placed(fields: &Fields) -> Option<Camera> {
         projection: Projection::Perspective { vfov_rad: vfov.to_radians() },
         aspect_ratio,
         lens,
+        shift: shift.unwrap_or_default(),
     })
 }

@@ -185,6 +185,23 @@ impl<'a> Fields<'a> {
         Some(Fields::new(format!("'{key}'"), v.value, v.span, self.problems))
     }
 
+    /// A table, or all tables of a list of them.
+    pub fn tables(&self, key: &'static str) -> Vec<Fields<'a>> {
+        match self.raw(key).map(Spanned::get_ref) {
+            Some(DeValue::Array(list)) => {
+                let table = |value: &'a Spanned<DeValue<'a>>| {
+                    let table = value.get_ref().as_table();
+                    if table.is_none() {
+                        self.problems.push(value.span(), format!("each '{key}' must be a table"));
+                    }
+                    table.map(|t| Fields::new(format!("'{key}'"), t, value.span(), self.problems))
+                };
+                list.iter().filter_map(table).collect()
+            }
+            _ => self.table(key).into_iter().collect(),
+        }
+    }
+
     /// A list.
     pub fn list(&self, key: &'static str) -> Option<&'a [Spanned<DeValue<'a>>]> {
         self.typed(key, "a list", |v| v.as_array().map(|a| &a[..])).map(|v| v.value)

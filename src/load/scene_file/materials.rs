@@ -8,7 +8,7 @@
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
-//! | `"pbr"` | see [`super::pbr`] |
+//! | `"pbr"` | the keys of the table below |
 //!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine

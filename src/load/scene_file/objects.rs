@@ -1,4 +1,5 @@
-//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a `super::transform`.
+//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a `transform` (`oscura help
+//! transform`).
 //!
 //! | Shape | Value |
 //! |---|---|

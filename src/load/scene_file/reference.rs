@@ -53,5 +53,5 @@ fn documentation(source: &str) -> String {
     let lines = lines.take_while(|l| !l.starts_with(" #"));
     let text = lines.map(|l| l.strip_prefix(' ').unwrap_or(l)).collect::<Vec<_>>().join("\n");
     // Links to neighbours become their names.
-    text.replace("[`super::", "`").replace("`]", "`").trim_end().to_string()
+    text.replace("[`super::", "`").replace("`super::", "`").replace("`]", "`").trim_end().to_string()
 }

@@ -6,7 +6,8 @@
 //! | `[environment]` | the world |
 //! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
 //! | `[camera]` with `look_from` | a camera before those of the model |
-//! | `[camera]` otherwise | depth of field (`super::camera`) of the model's cameras, or only of that called `name`; `width`, `height` |
+//! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; with `default = true` it comes before the others; `width`, `height` |
+//! | `[[camera]]` | the same for several cameras, each by its name |
 //! | `[render]` | settings of rendering |
 
 use super::assets::Assets;
@@ -52,7 +53,7 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
     let root = Fields::new("the file", root.get_ref(), 0..0, problems);
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {
-        if let Some(fields) = root.table("camera") {
+        for fields in root.tables("camera") {
             camera::adjust(build, &fields, assets);
         }
     });

@@ -27,6 +27,9 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
     if let Some(aspect) = camera.aspect_ratio {
         findings.require_length(aspect, place, "aspect_ratio", aspect);
     }
+    let [x, y] = camera.shift;
+    let is_met = x.abs() <= FARTHEST_SHIFT && y.abs() <= FARTHEST_SHIFT;
+    findings.require(is_met, place, "shift", camera.shift, "at most 1000 heights of the picture");
     if let Some(lens) = camera.lens {
         let angle = lens.defocus_angle_rad;
         let is_met = (0.0..PI).contains(&angle);
@@ -36,6 +39,9 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
         findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
     }
 }
+
+/// Largest shift, in heights of the picture.
+const FARTHEST_SHIFT: f64 = 1e3;
 
 /// Nothing is seen beyond, metres.
 const FARTHEST_FOCUS: f64 = 1e18;

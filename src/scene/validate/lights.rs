@@ -22,9 +22,17 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
             }
             LightKind::Directional { direction } => check_direction(direction, place, findings),
+            LightKind::Sun { direction, angle_rad } => {
+                check_direction(direction, place, findings);
+                let is_met = (LEAST_SUN_RAD..=PI).contains(&angle_rad);
+                findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
+            }
         }
     }
 }
+
+/// Smaller suns are no different from parallel light, but for rounding.
+const LEAST_SUN_RAD: f64 = 1e-5;
 
 fn check_position(position: DVec3, place: Place, findings: &mut Findings) {
     findings.require(position.is_finite(), place, "position", position, "finite");

@@ -2,8 +2,10 @@
 
 use super::findings::{Findings, Place};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Material, Model, Parameter, PbrMaterial, Scene, TextureId,
+    AlphaMode, Beam, ColorSlot, FloatSlot, Material, Model, Parameter, PbrMaterial, Scene, TextureId,
 };
+
+use std::f64::consts::{FRAC_PI_2, PI};
 
 const FINITE: &str = "a finite number";
 const FROM_ZERO: &str = "a finite number from 0 up";
@@ -20,6 +22,28 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         });
         check_alpha(material, place, findings);
         check_model(&material.model, place, findings);
+        check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
+    }
+}
+
+/// The peak of narrower beams has no place among single-precision numbers.
+const LEAST_BEAM_RAD: f64 = 1e-4;
+
+fn check_beam(beam: Option<Beam>, place: Place, findings: &mut Findings) {
+    match beam {
+        None | Some(Beam::Even) => {}
+        Some(Beam::Grid { half_angle_rad: half }) => {
+            let is_met = (LEAST_BEAM_RAD..FRAC_PI_2).contains(&half);
+            findings.require(is_met, place, "half_angle_rad", half, "from 1e-4 to below pi / 2");
+        }
+        Some(Beam::Cone { direction, inner_angle_rad: inner, outer_angle_rad: outer, .. }) => {
+            let is_met = direction.try_normalize().is_some();
+            findings.require(is_met, place, "direction", direction, "a finite vector of a length above 0");
+            let is_cone = outer > 0.0 && outer <= PI;
+            findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
+            let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
+            findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
+        }
     }
 }
 

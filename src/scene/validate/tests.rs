@@ -167,6 +167,7 @@ fn lights_cameras_shapes_and_settings() {
         projection: Projection::Perspective { vfov_rad: 4.0 },
         aspect_ratio: None,
         lens: None,
+        shift: [0.0; 2],
     });
     scene.settings = Settings { width: Some(0), ..Settings::default() };
     assert_eq!(

@@ -95,6 +95,7 @@ const TABLES: &[Table] = &[
             ("height", "64", "65"),
             ("defocus_angle", "1", "2"),
             ("focus_distance", "3", "4"),
+            ("shift", "[0.1, 0]", "[0.1, 0.2]"),
         ],
     ),
     lines(
@@ -105,7 +106,7 @@ const TABLES: &[Table] = &[
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
-        &[("background", "[1, 2, 3]", "2")],
+        &[("background", "[1, 2, 3]", "2"), ("visible_to_camera", "false", "true")],
     ),
     lines(
         "environment",
@@ -242,6 +243,8 @@ const TABLES: &[Table] = &[
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("up", "[1, 0, 0]", "[0, 1, 1]"),
             ("size", "[1, 2]", "[2, 2]"),
+            ("shape", "\"ellipse\"", "\"rectangle\""),
+            ("spread", "60", "180"),
             ("power", "10", "20"),
         ],
     ),
@@ -255,7 +258,11 @@ const TABLES: &[Table] = &[
             ("radiance", "10", "20"),
         ],
     ),
-    light("point", before!(light "point"), &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("power", "10", "20")]),
+    light(
+        "point",
+        before!(light "point"),
+        &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("radius", "0.1", "0"), ("power", "10", "20")],
+    ),
     light(
         "point",
         before!(light "point"),
@@ -269,6 +276,7 @@ const TABLES: &[Table] = &[
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("angle", "30", "40"),
             ("blend", "0.5", "0.25"),
+            ("radius", "0.1", "0"),
             ("power", "10", "20"),
         ],
     ),
@@ -284,7 +292,7 @@ const TABLES: &[Table] = &[
     light(
         "sun",
         before!(light "sun"),
-        &[("direction", "[0, -1, 0.5]", "[0, -1, 1]"), ("irradiance", "3", "4")],
+        &[("direction", "[0, -1, 0.5]", "[0, -1, 1]"), ("angle", "1", "0"), ("irradiance", "3", "4")],
     ),
 ];
 

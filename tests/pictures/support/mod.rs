@@ -21,6 +21,7 @@ pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
         projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
         aspect_ratio: None,
         lens: None,
+        shift: [0.0; 2],
     }
 }
 

@@ -4,8 +4,8 @@ use crate::support::{camera, disk, material, quad, sphere};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::math::{DAffine3, DVec3, Vec2, Vec3};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot,
-    FresnelModel, ImageId, Instance, Interpolation, Iridescence, Light, LightKind, Mapping, Material,
+    AlphaMode, Anisotropy, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot,
+    FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material,
     MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Scene,
     Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
@@ -146,11 +146,29 @@ fn shapes() -> Scene {
     disk(&mut scene, [-1.3, 1.2, 0.5], [0.3, -1.0, 0.8], 0.4, lamp);
     quad(&mut scene, [-3.0, -2.0, -2.0], [6.0, 0.0, 0.0], [0.0, 0.3, 5.0], painted);
     quad(&mut scene, [-0.5, 3.0, 1.0], [1.0, 0.0, 0.0], [0.2, -0.4, -1.0], glow);
+    add_lamps(&mut scene);
     add_lights(&mut scene);
     scene.environment = Environment::Gradient { nadir: [0.1; 3], zenith: [0.3, 0.4, 0.6] };
     scene.cameras.push(camera(DVec3::new(0.3, 0.6, 6.0), DVec3::ZERO, DVec3::Y, 50.0));
     scene.cameras[0].lens = Some(ThinLens { defocus_angle_rad: 0.02, focus_distance: 5.5 });
     scene
+}
+
+/// Lamps that rays pass, with beams.
+fn add_lamps(scene: &mut Scene) {
+    let direction = DVec3::new(0.3, -1.0, -0.5).normalize();
+    let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.7, SpotFade::Smooth);
+    let cone = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
+    for (i, beam) in [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone].into_iter().enumerate() {
+        let mut bulb = Material::emitter("bulb", [3.0; 3], false);
+        bulb.lamp = Some(Lamp { visible_to_camera: i == 0, is_obstacle: false, beam });
+        let bulb = material(scene, bulb);
+        let x = i as f64 - 1.0;
+        match i {
+            1 => quad(scene, [x, 1.6, 1.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.5], bulb),
+            _ => sphere(scene, [x, 1.8, 1.0], 0.2, bulb),
+        }
+    }
 }
 
 fn add_lights(scene: &mut Scene) {
@@ -163,6 +181,7 @@ fn add_lights(scene: &mut Scene) {
         spot(SpotFade::Square),
         spot(SpotFade::Smooth),
         LightKind::Directional { direction: DVec3::new(0.1, -1.0, -0.2).normalize() },
+        LightKind::Sun { direction: DVec3::new(-0.1, -1.0, -0.2).normalize(), angle_rad: 0.02 },
     ];
     scene.lights = kinds.map(|kind| Light { name: "light".into(), kind, intensity: [1.0, 0.9, 0.8] }).into();
 }

@@ -5,11 +5,11 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission, EnergyCompensation,
-    Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Light,
-    LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
-    PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
-    TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission,
+    EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
+    Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
+    Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen,
+    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -35,7 +35,7 @@ ids! { ImageId MaterialId MeshId TextureId }
 
 structs! {
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, cameras, settings,
+        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -43,9 +43,10 @@ structs! {
     Shape { name, kind, center, radius, rotation, material }
     Quad { name, corner, edge_u, edge_v, material }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp,
     }
     Emission { radiance, two_sided }
+    Lamp { visible_to_camera, is_obstacle, beam }
     ColorSlot { factor, texture }
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
@@ -62,7 +63,7 @@ structs! {
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
     Light { name, kind, intensity }
-    Camera { name, world_from_camera, projection, aspect_ratio, lens }
+    Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
     ThinLens { defocus_angle_rad, focus_distance }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure,
@@ -102,8 +103,14 @@ enums! {
         Point { position }
         Spot { position, direction, inner_angle_rad, outer_angle_rad, fade }
         Directional { direction }
+        Sun { direction, angle_rad }
     } {}
     SpotFade { Square {} Smooth {} } {}
+    Beam {
+        Even {}
+        Grid { half_angle_rad }
+        Cone { direction, inner_angle_rad, outer_angle_rad, fade }
+    } {}
     Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }
     Projection { Perspective { vfov_rad } Orthographic { half_height } } {}
 }

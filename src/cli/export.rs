@@ -1,0 +1,47 @@
+//! `oscura export`: a Blender file as a folder of files that other programs read, too.
+
+use super::Outcome;
+use super::args::ExportArgs;
+use super::report::Said;
+use super::scene_path;
+use oscura::error::{Error, ErrorKind, Problem, Result};
+use oscura::load::blender::{BlenderOptions, export};
+use oscura::load::gltf::GltfOptions;
+use oscura::load::{LoadOptions, is_of_blender};
+use oscura::output::place_folder;
+use std::path::Path;
+
+pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
+    if !is_of_blender(&args.scene) {
+        let message = format!("{} is no .blend file: there is nothing to export", args.scene.display());
+        return Err(Error::usage(message));
+    }
+    scene_path::check(&args.scene)?;
+    place_folder::check(&args.output, args.force)?;
+    let options = LoadOptions {
+        blender: BlenderOptions { program: args.blender.clone(), frame: args.frame },
+        gltf: GltfOptions { scene: args.scene_name.clone(), ..GltfOptions::default() },
+        ..LoadOptions::default()
+    };
+    // On the disk of the folder, so that the export appears there as a whole.
+    let parent = args.output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let exported = export(&args.scene, &options, parent)?;
+    if !args.quiet {
+        let mut said = Said::default();
+        said.notes(&exported.notes);
+        said.warnings(&exported.warnings);
+    }
+    if args.strict && !exported.warnings.is_empty() {
+        let problems = exported.warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
+        let file = Some(args.scene.clone());
+        let error = Error { kind: ErrorKind::Input, file, problems, source_text: None };
+        return Err(error.with_help("--strict makes warnings errors"));
+    }
+    let names = place_folder::place(&exported.folder, &args.output)?;
+    if !args.quiet {
+        for name in names {
+            eprintln!("wrote    {}", args.output.join(name).display());
+        }
+    }
+    Ok(Outcome::Done)
+}

@@ -1,0 +1,149 @@
+//! Light that goes some ways more than others: the cones of spot lights, and beams of lamps with a surface.
+
+use crate::color::Rgb;
+use crate::math::{DVec3, Vec3, poly};
+use crate::scene::{self, SpotFade};
+use std::f32::consts::PI;
+
+/// A cone that fades towards its edge: attenuation is `fade` of scale * cos + offset, clamped to 0..1.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Cone {
+    /// Which way it goes, unit length.
+    pub axis: Vec3,
+    scale: f32,
+    offset: f32,
+    fade: SpotFade,
+}
+
+impl Cone {
+    /// A cone about an axis between two half angles, radians.
+    pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> Cone {
+        let range = match fade {
+            // KHR_lights_punctual, "Inner and Outer Cone Angles".
+            SpotFade::Square => inner_angle_rad.cos() - outer_angle_rad.cos(),
+            SpotFade::Smooth => (1.0 - outer_angle_rad.cos()) * (1.0 - inner_angle_rad / outer_angle_rad),
+        };
+        let scale = 1.0 / range.max(1e-3);
+        Cone {
+            axis: direction.normalize().as_vec3(),
+            scale: scale as f32,
+            offset: (-outer_angle_rad.cos() * scale) as f32,
+            fade,
+        }
+    }
+
+    /// What is left of the light at an angle of this cosine to the axis.
+    #[inline(always)]
+    pub fn attenuation(&self, cosine: f32) -> f32 {
+        let a = (cosine * self.scale + self.offset).clamp(0.0, 1.0);
+        match self.fade {
+            SpotFade::Square => a * a,
+            SpotFade::Smooth => a * a * (3.0 - 2.0 * a),
+        }
+    }
+
+    /// The solid angle of the cone: half lit on average between the two angles, where cos = (1 - 2 offset) / (2 scale).
+    pub fn solid_angle(&self) -> f32 {
+        2.0 * PI * (1.0 - (0.5 - self.offset) / self.scale).clamp(1e-4, 2.0)
+    }
+
+    /// The angles between which it fades, radians.
+    pub fn angles_rad(&self) -> [f32; 2] {
+        let angle = |cosine: f32| poly::acos(cosine.clamp(-1.0, 1.0));
+        [angle((1.0 - self.offset) / self.scale), angle(-self.offset / self.scale)]
+    }
+}
+
+/// How the radiance of a surface depends on the direction; see [`scene::Beam`].
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Beam {
+    /// It doesn't.
+    Even,
+    /// What slats hide: the factor is (`tan_half` - tan) times `scale`, of the angle to the normal.
+    Grid {
+        /// Tangent of the half angle.
+        tan_half: f32,
+        /// 1 / (tan a - a) of the half angle a: the power is that of an even beam, as the integral of
+        /// (tan a - tan t) cos t over the directions is pi (tan a - a).
+        scale: f32,
+    },
+    /// A cone about an axis.
+    Cone(Cone),
+}
+
+impl Beam {
+    /// Prepares a beam.
+    pub fn new(beam: scene::Beam) -> Beam {
+        match beam {
+            scene::Beam::Even => Beam::Even,
+            scene::Beam::Grid { half_angle_rad } => {
+                let tan_half = half_angle_rad.tan();
+                let scale = 1.0 / (tan_half - half_angle_rad);
+                Beam::Grid { tan_half: tan_half as f32, scale: scale as f32 }
+            }
+            scene::Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade } => {
+                Beam::Cone(Cone::new(direction, inner_angle_rad, outer_angle_rad, fade))
+            }
+        }
+    }
+
+    /// What a surface of a radiance and a normal sends in a direction; both of unit length.
+    #[inline(always)]
+    pub fn of(&self, radiance: Rgb, normal: Vec3, direction: Vec3) -> Rgb {
+        if matches!(self, Beam::Even) { radiance } else { radiance * self.factor(normal, direction) }
+    }
+
+    /// Factor on the radiance that leaves a surface of a normal in a direction; both of unit length.
+    #[cold]
+    pub fn factor(&self, normal: Vec3, direction: Vec3) -> f32 {
+        match self {
+            Beam::Even => 1.0,
+            Beam::Grid { tan_half, scale } => {
+                let cosine = normal.dot(direction).abs();
+                let sine = (1.0 - cosine * cosine).max(0.0).sqrt();
+                ((tan_half - sine / cosine.max(1e-9)) * scale).max(0.0)
+            }
+            Beam::Cone(cone) => cone.attenuation(direction.dot(cone.axis)),
+        }
+    }
+
+    /// The share of an even beam's power, roughly: what lights are chosen by.
+    pub fn share_of_power(&self) -> f32 {
+        match self {
+            Beam::Even | Beam::Grid { .. } => 1.0,
+            Beam::Cone(cone) => cone.solid_angle() / (4.0 * PI),
+        }
+    }
+
+    /// Axis and half angle of a cone that holds all of the light, if it isn't bound to a normal.
+    pub fn cone(&self) -> Option<(Vec3, f32)> {
+        match self {
+            Beam::Even | Beam::Grid { .. } => None,
+            // A little wider, for rounding.
+            Beam::Cone(cone) => Some((cone.axis, (cone.angles_rad()[1] + 1e-3).min(0.5 * PI))),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_grid_keeps_the_power() {
+        for half_angle_rad in [0.1f64, 0.7, 1.4] {
+            let beam = Beam::new(scene::Beam::Grid { half_angle_rad });
+            let n = 20_000;
+            let sum: f64 = (0..n)
+                .map(|i| {
+                    let t = (f64::from(i) + 0.5) / f64::from(n) * half_angle_rad;
+                    let direction = Vec3::new(t.sin() as f32, 0.0, t.cos() as f32);
+                    f64::from(beam.factor(Vec3::Z, direction)) * t.cos() * t.sin()
+                })
+                .sum();
+            let power = 2.0 * sum * half_angle_rad / f64::from(n);
+            assert!((power - 1.0).abs() < 2e-3, "{half_angle_rad}: {power}");
+            assert_eq!(beam.factor(Vec3::Z, Vec3::X), 0.0);
+        }
+    }
+}

@@ -1,0 +1,93 @@
+//! Files of Blender (.blend): Blender itself, or a Python that has its module `bpy`, runs the program's own exporter
+//! (`tools/blender/oscura_blender`) without a window, which writes a `.glb` and an `.oscura.toml` beside it.
+//!
+//! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
+
+mod host;
+mod options;
+mod process;
+mod report;
+
+pub use options::BlenderOptions;
+
+use super::{LoadOptions, Loaded, gltf, scene_file};
+use crate::error::{Error, Result, Warning};
+use std::fs;
+use std::path::{Path, PathBuf};
+use tempfile::TempDir;
+
+/// An export in a folder of its own, which goes when this is dropped.
+#[derive(Debug)]
+pub struct Exported {
+    /// The files.
+    pub folder: PathBuf,
+    /// The model among them.
+    pub model: PathBuf,
+    /// What was lost on the way.
+    pub warnings: Vec<Warning>,
+    /// What the user may want to know.
+    pub notes: Vec<Warning>,
+    _parent: TempDir,
+}
+
+/// Exports a file of Blender into a new folder within `parent`.
+///
+/// # Errors
+/// An input error if there is no Blender, or with what Blender says.
+pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Exported> {
+    // Blender's own folder of work is another.
+    let path = fs::canonicalize(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
+    let host = host::find(&path, options.blender.program.as_deref())?;
+    let made = tempfile::Builder::new().prefix(".oscura-").tempdir_in(parent).and_then(|work| {
+        let folder = work.path().join("export");
+        fs::create_dir(&folder).map(|()| (work, folder))
+    });
+    let (work, folder) =
+        made.map_err(|e| Error::output(parent, format!("can't hold a temporary folder: {e}")))?;
+    let said = process::run(&host, &path, options, work.path(), &folder)?;
+    let of_file = |(place, message): (String, String)| Warning::new(&path, place, message);
+    Ok(Exported {
+        model: folder.join(process::MODEL).with_extension("glb"),
+        folder,
+        warnings: said.warnings.into_iter().map(of_file).collect(),
+        notes: said.notes.into_iter().map(of_file).collect(),
+        _parent: work,
+    })
+}
+
+/// Exports a file of Blender and reads the result.
+pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    let exported = export(path, options, &std::env::temp_dir())?;
+    // What Blender has chosen is no choice about the model.
+    let chosen = gltf::GltfOptions { time_s: None, scene: None, ..options.gltf.clone() };
+    let inner = LoadOptions { gltf: chosen, ..options.clone() };
+    let is_temporary =
+        |file: &Option<PathBuf>| file.as_ref().is_some_and(|f| f.starts_with(&exported.folder));
+    let mut loaded = read(&exported, &inner).map_err(|error| match is_temporary(&error.file) {
+        true => Error { file: Some(path.to_path_buf()), ..error }
+            .with_help("this is about what Blender exported; 'oscura export' keeps it"),
+        false => error,
+    })?;
+    for warning in loaded.warnings.iter_mut().chain(&mut loaded.notes) {
+        if is_temporary(&warning.file) {
+            warning.file = Some(path.to_path_buf());
+        }
+    }
+    loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let given = |w: &Warning| Warning { file: Some(path.to_path_buf()), ..w.clone() };
+    loaded.warnings.splice(0..0, exported.warnings.iter().map(given));
+    loaded.notes.splice(0..0, exported.notes.iter().map(given));
+    Ok(loaded)
+}
+
+fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
+    let mut loaded = gltf::load(&exported.model, options)?;
+    let beside = scene_file::sidecar::path_for(&exported.model);
+    if beside.is_file() {
+        let notes = loaded.notes.len();
+        scene_file::sidecar::apply(&beside, options, &mut loaded)?;
+        // That there is such a file is no news here.
+        loaded.notes.truncate(notes);
+    }
+    Ok(loaded)
+}

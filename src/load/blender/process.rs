@@ -1,0 +1,119 @@
+//! Runs the exporter.
+
+use super::host::Host;
+use super::report::Report;
+use crate::error::{Error, Result};
+use crate::load::LoadOptions;
+use std::fs::{self, File};
+use std::path::Path;
+use std::process::{Command, ExitStatus, Stdio};
+
+/// The name of the model in the folder of an export.
+pub(super) const MODEL: &str = "scene";
+
+/// The package of the exporter, by file.
+const PACKAGE: &[(&str, &str)] = &[
+    ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
+    ("bake.py", include_str!("../../../tools/blender/oscura_blender/bake.py")),
+    ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
+    ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
+    ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
+    ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
+    ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
+    ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
+    ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
+    ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
+    ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
+    ("pictures.py", include_str!("../../../tools/blender/oscura_blender/pictures.py")),
+    ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
+    ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
+    ("shaders.py", include_str!("../../../tools/blender/oscura_blender/shaders.py")),
+    ("sidecar.py", include_str!("../../../tools/blender/oscura_blender/sidecar.py")),
+    ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
+];
+
+/// What starts it.
+const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
+
+/// Lines of what a failed child printed that an error shows.
+const SHOWN: usize = 12;
+
+/// Exports a file into `folder`; what else it takes goes to `work`.
+pub(super) fn run(
+    host: &Host,
+    file: &Path,
+    options: &LoadOptions,
+    work: &Path,
+    folder: &Path,
+) -> Result<Report> {
+    let unwritable = |e: std::io::Error| Error::output(work, format!("can't be written: {e}"));
+    let script = unpack(work).map_err(unwritable)?;
+    let (log, answer) = (work.join("log.txt"), work.join("report.json"));
+    let output = File::create(&log).and_then(|f| Ok((f.try_clone()?, f))).map_err(unwritable)?;
+    let mut command = command(host, &script);
+    command.arg("--").arg(file).arg(folder).arg(MODEL).arg(&answer);
+    for (option, value) in choices(options) {
+        command.arg(option).arg(value);
+    }
+    command.stdin(Stdio::null()).stdout(output.0).stderr(output.1).current_dir(work);
+    let program = host.program().display();
+    let status = command.status().map_err(|e| Error::input(file, format!("{program} can't be run: {e}")))?;
+    let report = fs::read(&answer).ok().and_then(|bytes| Report::parse(&bytes));
+    match report {
+        Some(report) if status.success() && report.error.is_none() => Ok(report),
+        Some(Report { error: Some(error), .. }) => {
+            Err(Error::input(file, format!("can't be exported from Blender: {error}")))
+        }
+        _ => Err(failure(host, file, status, &log)),
+    }
+}
+
+/// Writes the exporter; gives what to run.
+fn unpack(work: &Path) -> std::io::Result<std::path::PathBuf> {
+    let package = work.join("oscura_blender");
+    fs::create_dir(&package)?;
+    PACKAGE.iter().try_for_each(|(name, text)| fs::write(package.join(name), text))?;
+    let script = work.join("export.py");
+    fs::write(&script, SCRIPT)?;
+    Ok(script)
+}
+
+fn command(host: &Host, script: &Path) -> Command {
+    let mut command = Command::new(host.program());
+    if let Host::Blender(_) = host {
+        command.args(["--background", "--factory-startup", "--disable-autoexec", "--offline-mode"]);
+        command.args(["--python-exit-code", "3", "--python"]);
+    }
+    command.arg(script).env("PYTHONDONTWRITEBYTECODE", "1");
+    command
+}
+
+/// What the user chose, as arguments.
+fn choices(options: &LoadOptions) -> Vec<(&'static str, String)> {
+    let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string()));
+    let time = options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}")));
+    let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene));
+    [frame, time, scene].into_iter().flatten().collect()
+}
+
+/// Says what is known of a child that left no answer.
+fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
+    let text = fs::read(log).unwrap_or_default();
+    let text = String::from_utf8_lossy(&text);
+    let lines: Vec<&str> = text.lines().map(str::trim_end).filter(|line| !line.is_empty()).collect();
+    let last = lines[lines.len().saturating_sub(SHOWN)..].join("\n    ");
+    let said = match last.is_empty() {
+        true => "and printed nothing".to_string(),
+        false => format!("and printed:\n    {last}"),
+    };
+    let error = Error::input(
+        file,
+        format!("can't be exported: {} ended with {status}, {said}", host.program().display()),
+    );
+    match host {
+        Host::Python(_) if text.contains("No module named 'bpy'") => {
+            error.with_help("this Python has no Blender: 'pip install bpy', or name Blender's program")
+        }
+        _ => error.with_help("does Blender itself open the file?"),
+    }
+}

@@ -1,0 +1,25 @@
+//! What the exporter answers.
+
+use serde::Deserialize;
+
+/// Pairs of a place (a material, an object; empty for the whole file) and a message.
+type Messages = Vec<(String, String)>;
+
+/// The exporter's answer.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(super) struct Report {
+    /// Why there is no export.
+    pub error: Option<String>,
+    /// What was lost.
+    pub warnings: Messages,
+    /// What was chosen.
+    pub notes: Messages,
+}
+
+impl Report {
+    /// Reads the answer; `None` if it is none.
+    pub fn parse(bytes: &[u8]) -> Option<Report> {
+        serde_json::from_slice(bytes).ok()
+    }
+}

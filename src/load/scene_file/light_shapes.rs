@@ -1,0 +1,88 @@
+//! Lights of scene files that have a surface.
+
+use super::build::Build;
+use super::fields::Fields;
+use super::light_traits::{LightTraits, strength};
+use super::placement::{Placement, at_node, placed};
+use crate::math::{DAffine3, DMat3, DVec3};
+use crate::scene::{
+    Beam, Instance, Lamp, Material, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Shape, ShapeKind,
+};
+use crate::shape::mesh_of;
+use std::f64::consts::{FRAC_PI_4, PI};
+
+/// Largest spread, degrees, that is a beam: beyond, and by default, light goes everywhere.
+const WIDEST_BEAM: f64 = 179.9;
+
+/// The surface of a light.
+pub(super) enum Surface {
+    /// A parallelogram that shines along edge_u x edge_v.
+    Rectangle { corner: DVec3, edge_u: DVec3, edge_v: DVec3 },
+    /// An ellipse by its half axes, that shines along their cross product.
+    Ellipse { center: DVec3, axis_u: DVec3, axis_v: DVec3 },
+    /// A sphere.
+    Ball { position: DVec3, radius: f64 },
+}
+
+/// Adds an area light.
+pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) {
+    let size = fields.require("size", fields.numbers::<2>("size"));
+    let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
+    let spread = fields.number_in("spread", 0.1..180.0, 180.0);
+    let placement = if fields.has("node") { at_node(build, fields) } else { placed(fields) };
+    let Some(size) = size else { return };
+    if size.value.iter().any(|s| *s <= 0.0) {
+        return fields.problems.push(size.span, "'size' of an area light must be above 0");
+    }
+    let Some(Placement { center, direction, right, scale }) = placement else { return };
+    let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
+    let area = width * height * if is_ellipse { FRAC_PI_4 } else { 1.0 };
+    let Some(radiance) = strength(fields, "radiance", 1.0 / (PI * area)) else { return };
+    let (edge_u, edge_v) = (right * width, direction.cross(right) * height);
+    let surface = match is_ellipse {
+        true => Surface::Ellipse { center, axis_u: edge_u / 2.0, axis_v: edge_v / 2.0 },
+        false => Surface::Rectangle { corner: center - (edge_u + edge_v) / 2.0, edge_u, edge_v },
+    };
+    let beam = match spread < WIDEST_BEAM {
+        true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
+        false => Beam::Even,
+    };
+    add(build, surface, traits, beam, radiance);
+}
+
+/// Adds a light with a surface of a radiance.
+pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam: Beam, radiance: f64) {
+    let LightTraits { name, color, lamp } = traits;
+    let scene = &mut build.loaded.scene;
+    let material = MaterialId(scene.materials.len() as u32);
+    let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
+    emitter.lamp = Some(Lamp { beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
+    scene.materials.push(emitter);
+    match surface {
+        Surface::Rectangle { corner, edge_u, edge_v } => {
+            scene.quads.push(Quad { name, corner, edge_u, edge_v, material });
+        }
+        Surface::Ball { position, radius } => {
+            scene.shapes.push(Shape { name, ..Shape::sphere(position, radius, material) });
+        }
+        Surface::Ellipse { center, axis_u, axis_v } => {
+            let (u, v) = (axis_u.length(), axis_v.length());
+            if (u - v).abs() <= 1e-6 * u {
+                let normal = axis_u.cross(axis_v);
+                scene.shapes.push(Shape { name, ..Shape::disk(center, normal, u, material) });
+                return;
+            }
+            let kind = ShapeKind::Disk;
+            let mesh_name = format!("{name} ({}, stretched)", kind.tag().name());
+            let mut mesh = Mesh { name: mesh_name, ..mesh_of(kind) };
+            let triangle_count = mesh.triangles.len() as u32;
+            mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
+            scene.meshes.push(mesh);
+            let mesh = MeshId(scene.meshes.len() as u32 - 1);
+            let axes = DMat3::from_cols(axis_u, axis_v, axis_u.cross(axis_v).normalize_or_zero());
+            let world_from_object = DAffine3::from_mat3_translation(axes, center);
+            let motion = Motion::Still;
+            scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
+        }
+    }
+}

@@ -1,0 +1,271 @@
+//! Files of Blender: what runs the exporter, what its failures say, and what becomes of its export. A script stands for
+//! Blender; with a real one (`OSCURA_BLENDER` names it, or a Python with `bpy`) the exporter itself is tried.
+
+use crate::program::*;
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+/// A triangle that shines, before a camera.
+const MODEL: &str = r#"{
+    "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0, 1, 2]}],
+    "nodes": [{"mesh": 0}, {"name": "front", "camera": 0, "translation": [0.3, 0.3, 2]}, {"name": "lamp"}],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+    "meshes": [{"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]}],
+    "materials": [{"emissiveFactor": [1, 0.5, 0.25]}],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+}"#;
+
+/// What the exporter puts beside it.
+const SIDECAR: &str = "[render]\nwidth = 40\nheight = 20\nsamples = 2\n[environment]\nbackground = 0\n\
+[[camera]]\nname = \"front\"\ndefault = true\nshift = [0, 0]\n\
+[[lights]]\nvisible_to_camera = false\nobstacle = false\npoint = { node = \"lamp\", radius = 0.1, power = 5 }\n";
+
+/// A folder with a file of Blender, the export of it, and no search path but its own `bin`.
+struct Place {
+    folder: tempfile::TempDir,
+}
+
+impl Place {
+    fn new() -> Place {
+        let folder = tempfile::tempdir().expect("a folder");
+        let place = Place { folder };
+        fs::create_dir(place.path("bin")).expect("made");
+        fs::write(place.path("room.blend"), "BLENDER").expect("written");
+        let json = format!("{MODEL}{}", " ".repeat(3 - (MODEL.len() + 3) % 4));
+        let mut glb = b"glTF\x02\0\0\0".to_vec();
+        glb.extend((json.len() as u32 + 20).to_le_bytes());
+        glb.extend((json.len() as u32).to_le_bytes());
+        glb.extend(b"JSON");
+        glb.extend(json.as_bytes());
+        fs::write(place.path("model.glb"), glb).expect("written");
+        fs::write(place.path("model.toml"), SIDECAR).expect("written");
+        place
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    /// A program that says that it is this version and, else, does what the script says: `$FILE`, `$FOLDER`, `$NAME` and
+    /// `$ANSWER` are the exporter's arguments.
+    fn program(&self, name: &str, version: &str, script: &str) -> PathBuf {
+        let here = self.folder.path().display();
+        let text = format!(
+            "#!/bin/sh\nPATH=/usr/bin:/bin\nif [ \"$1\" = --version ]; then echo '{version}'; exit 0; fi\n\
+             echo \"$0 $*\" >> {here}/called\nwhile [ \"$1\" != -- ]; do shift; done\n\
+             FILE=$2 FOLDER=$3 NAME=$4 ANSWER=$5\nshift 5\necho \"$*\" >> {here}/options\n{script}\n"
+        );
+        let path = self.path(name);
+        fs::write(&path, text).expect("written");
+        fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("made a program");
+        path
+    }
+
+    /// A Blender that exports the model.
+    fn blender(&self, name: &str) -> PathBuf {
+        let here = self.folder.path().display();
+        let script = format!(
+            "cp {here}/model.glb $FOLDER/$NAME.glb; cp {here}/model.toml $FOLDER/$NAME.oscura.toml\n\
+             echo '{{\"error\": null, \"warnings\": [[\"Smoke\", \"is lost\"]], \"notes\": [[\"\", \"a note\"]]}}' > $ANSWER"
+        );
+        self.program(name, "Blender 4.5.1 LTS", &script)
+    }
+
+    fn run(&self, variable: Option<&Path>, args: &[&str]) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+        command.args(args).current_dir(self.folder.path()).env("NO_COLOR", "1");
+        command.env("PATH", self.path("bin")).env("HOME", self.folder.path()).env_remove("OSCURA_BLENDER");
+        if let Some(variable) = variable {
+            command.env("OSCURA_BLENDER", variable);
+        }
+        command.output().expect("the program starts")
+    }
+
+    fn text(&self, name: &str) -> String {
+        fs::read_to_string(self.path(name)).unwrap_or_default()
+    }
+}
+
+fn name(path: &Path) -> &str {
+    path.to_str().expect("a plain name")
+}
+
+#[test]
+fn blender_is_the_one_of_the_option_then_of_the_variable_then_of_the_path() {
+    let place = Place::new();
+    let (first, second) = (place.blender("first"), place.blender("second"));
+    place.blender("bin/blender");
+    let render = ["render", "room.blend", "-o", "room.exr"];
+    for (variable, option, expected) in
+        [(Some(&second), Some(&first), "first"), (Some(&second), None, "second"), (None, None, "bin/blender")]
+    {
+        let _ = fs::remove_file(place.path("called"));
+        let option = option.map_or(vec![], |path| vec!["--blender", name(path)]);
+        let output = place.run(variable.map(PathBuf::as_path), &[&render[..], &option].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let called = place.text("called");
+        assert!(called.starts_with(name(&place.path(expected))), "{expected}: {called}");
+        assert!(called.contains("--disable-autoexec") && called.contains("--background"), "{called}");
+        assert!(place.path("room.exr").exists());
+    }
+}
+
+#[test]
+fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
+    let place = Place::new();
+    let blender = place.blender("tool");
+    let options = ["--blender", name(&blender)];
+    let output =
+        place.run(None, &[&["render", "room.blend", "-o", "a.exr", "--json"][..], &options].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let said = stderr(&output);
+    assert!(said.contains("room.blend: Smoke: is lost") && said.contains("room.blend: a note"), "{said}");
+    assert!(!said.contains("/scene."), "the temporary files are nobody's business: {said}");
+    let report = report(&output);
+    assert_eq!((&report["width"], report["samples_per_pixel"].as_f64()), (&40.into(), Some(2.0)));
+    assert_eq!(report["spheres"], 1);
+
+    let strict =
+        place.run(None, &[&["render", "room.blend", "-o", "b.exr", "--strict"][..], &options].concat());
+    assert_eq!(code(&strict), 3);
+    assert!(!place.path("b.exr").exists());
+
+    let inspected = place.run(None, &[&["inspect", "room.blend"][..], &options].concat());
+    assert!(stdout(&inspected).contains("is lost"), "{}", stdout(&inspected));
+
+    fs::remove_file(place.path("options")).expect("options were noted");
+    let frames = ["render", "room.blend", "-o", "f.exr", "--frames", "3-5x2", "--scene", "Night"];
+    let output = place.run(None, &[&frames[..], &options].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(place.path("f.0003.exr").exists() && place.path("f.0005.exr").exists());
+    assert_eq!(place.text("options"), "--frame 3 --scene Night\n--frame 5 --scene Night\n");
+}
+
+#[test]
+fn an_export_appears_whole_and_replaces_nothing_unasked() {
+    let place = Place::new();
+    let blender = place.blender("tool");
+    let export = |more: &[&str]| {
+        let args = ["export", "room.blend", "-o", "out", "--blender", name(&blender)];
+        place.run(None, &[&args[..], more].concat())
+    };
+    assert_eq!(code(&export(&[])), 0);
+    assert_eq!(names(&place.path("out")), ["scene.glb", "scene.oscura.toml"]);
+    fs::write(place.path("out/scene.glb"), "precious").expect("written");
+    assert_eq!(code(&export(&[])), 2);
+    assert_eq!(place.text("out/scene.glb"), "precious");
+    assert_eq!(code(&export(&["--force"])), 0);
+    assert_ne!(place.text("out/scene.glb"), "precious");
+    let strict =
+        place.run(None, &["export", "room.blend", "-o", "new", "--strict", "--blender", name(&blender)]);
+    assert_eq!(code(&strict), 3);
+    assert!(!place.path("new").exists());
+    let left: Vec<String> =
+        names(place.folder.path()).into_iter().filter(|n| n.starts_with(".oscura")).collect();
+    assert!(left.is_empty(), "{left:?}");
+    let rendered = place.run(None, &["render", "out/scene.glb", "-o", "again.exr"]);
+    assert_eq!(code(&rendered), 0, "{}", stderr(&rendered));
+    assert_eq!(code(&place.run(None, &["export", "model.glb", "-o", "other"])), 2);
+}
+
+#[test]
+fn failures_say_what_blender_said() {
+    let place = Place::new();
+    let answer = "echo '{\"error\": \"the file is damaged\"}' > $ANSWER; exit 3";
+    for (version, script, expected) in [
+        ("Blender 4.5.1", answer, "the file is damaged"),
+        ("Blender 4.5.1", "echo thunder >&2; exit 3", "thunder"),
+        ("Blender 4.5.1", "kill -SEGV $$", "signal"),
+        ("Blender 4.5.1", "echo fine", "fine"),
+        ("Blender 3.6.2", "", "too old"),
+        ("Emacs 29", "", "neither Blender nor Python"),
+        ("Python 3.11.7", "echo \"ModuleNotFoundError: No module named 'bpy'\"; exit 1", "pip install bpy"),
+    ] {
+        let program = place.program("tool", version, script);
+        let output = place.run(None, &["render", "room.blend", "-o", "a.exr", "--blender", name(&program)]);
+        assert_eq!(code(&output), 3, "{script}");
+        assert!(stderr(&output).contains(expected), "{version}, {script}: {}", stderr(&output));
+        assert!(!place.path("a.exr").exists());
+    }
+    let missing = place.run(None, &["render", "room.blend", "-o", "a.exr", "--blender", "nowhere"]);
+    assert!(stderr(&missing).contains("nowhere"), "{}", stderr(&missing));
+}
+
+#[test]
+fn without_blender_the_error_says_how_to_get_one() {
+    let place = Place::new();
+    if ["/opt", "/usr/local", "/usr/local/share", "/snap/bin", "/Applications"].iter().any(|folder| {
+        fs::read_dir(folder).is_ok_and(|mut l| {
+            l.any(|e| e.is_ok_and(|e| e.file_name().to_string_lossy().starts_with("blender")))
+        })
+    }) {
+        return println!("skipped: this machine has Blender where it is looked for");
+    }
+    let output = place.run(None, &["render", "room.blend", "-o", "a.exr"]);
+    assert_eq!(code(&output), 3);
+    for word in ["room.blend", "Blender 4.2", "pip install bpy", "--blender", "OSCURA_BLENDER"] {
+        assert!(stderr(&output).contains(word), "{word}: {}", stderr(&output));
+    }
+    assert_eq!(code(&place.run(None, &["render", "absent.blend", "-o", "a.exr"])), 3);
+}
+
+/// A Python that has `bpy`, if this machine has one.
+fn python_with_bpy() -> Option<PathBuf> {
+    let named = std::env::var_os("OSCURA_BLENDER").map(PathBuf::from);
+    let candidates = named.into_iter().chain(["python3".into(), "python".into()]);
+    let has_bpy = |python: &PathBuf| {
+        Command::new(python).args(["-c", "import bpy"]).output().is_ok_and(|o| o.status.success())
+    };
+    candidates.into_iter().find(has_bpy)
+}
+
+/// A scene whose lamps stand in view.
+const BUILD: &str = r#"
+import bpy, sys
+bpy.ops.wm.read_factory_settings(use_empty=True)
+scene = bpy.context.scene
+scene.render.resolution_x, scene.render.resolution_y = 64, 48
+scene.render.engine, scene.cycles.samples, scene.cycles.use_adaptive_sampling = "CYCLES", 16, False
+def link(name, data, location):
+    made = bpy.data.objects.new(name, data)
+    made.location = location
+    scene.collection.objects.link(made)
+    return made
+bpy.ops.mesh.primitive_plane_add(size=4)
+lamp = bpy.data.lights.new("Panel", "AREA")
+lamp.energy, lamp.size = 50, 1
+link("Panel", lamp, (0, 0, 2))
+scene.camera = link("Eye", bpy.data.cameras.new("Eye"), (0, 0, 5))
+scene.world = bpy.data.worlds.new("World")
+scene.world.color = (0, 0, 0)
+bpy.ops.wm.save_as_mainfile(filepath=sys.argv[1])
+"#;
+
+#[test]
+fn blender_itself_exports_what_is_rendered() {
+    let Some(python) = python_with_bpy() else {
+        return println!("skipped: neither OSCURA_BLENDER nor python3 has the module bpy");
+    };
+    let place = Place::new();
+    fs::write(place.path("build.py"), BUILD).expect("written");
+    let built = Command::new(&python).args([place.path("build.py"), place.path("room.blend")]).output();
+    assert!(built.is_ok_and(|o| o.status.success()));
+    let output =
+        place.run(None, &["render", "room.blend", "-o", "a.png", "--json", "--blender", name(&python)]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!((&report(&output)["width"], &report(&output)["quads"]), (&64.into(), &1.into()));
+    let inspected = place.run(None, &["inspect", "room.blend", "--blender", name(&python)]);
+    assert!(stdout(&inspected).contains("'Panel'"), "{}", stdout(&inspected));
+
+    // Cut off in the middle.
+    let bytes = fs::read(place.path("room.blend")).expect("read");
+    fs::write(place.path("room.blend"), &bytes[..bytes.len() / 2]).expect("written");
+    let broken = place.run(None, &["render", "room.blend", "-o", "b.png", "--blender", name(&python)]);
+    assert_eq!(code(&broken), 3);
+    assert!(stderr(&broken).contains("can't be exported"), "{}", stderr(&broken));
+    assert!(!place.path("b.png").exists());
+}

@@ -1,0 +1,154 @@
+//! Lamps as Blender has them, suns with a size, and environments that cameras don't see, against closed forms.
+
+use crate::support::{assert_radiance, camera, disk, material, options, picture, quad, sphere};
+use oscura::math::DVec3;
+use oscura::scene::{
+    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, Scene, SpotFade,
+};
+use std::f64::consts::PI;
+
+/// Where the camera stands that looks at the origin, a point of the floor.
+const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
+
+fn floor() -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
+    scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+fn lamp(scene: &mut Scene, radiance: f32, lamp: Lamp) -> oscura::scene::MaterialId {
+    let emitter = Material { lamp: Some(lamp), ..Material::emitter("lamp", [radiance; 3], false) };
+    material(scene, emitter)
+}
+
+/// What a ball above the horizon brings to the origin of a floor of albedo 0.8.
+fn light_of_ball(radiance: f64, center: DVec3, radius: f64) -> f64 {
+    0.8 * radiance * radius * radius / center.length_squared() * center.y / center.length()
+}
+
+/// A lamp behind another lights as if that weren't there, and one before the camera hides nothing.
+#[test]
+fn lamps_that_stop_no_light() {
+    let (high, low, near) = (DVec3::new(0.0, 3.0, 0.0), DVec3::new(0.0, 1.5, 0.0), 0.5 * EYE);
+    let truth = light_of_ball(2.0, high, 0.5) + light_of_ball(1.0, low, 0.3) + light_of_ball(5.0, near, 0.1);
+    for (what, visible_to_camera, is_obstacle, truth) in [
+        ("lamps that hide nothing", false, false, truth),
+        ("a lamp that is seen through", true, false, truth + 5.0),
+        ("an obstacle that is not seen", false, true, truth),
+    ] {
+        let mut scene = floor();
+        let passed = Lamp { visible_to_camera: false, is_obstacle: false, beam: Beam::Even };
+        let (a, b) = (lamp(&mut scene, 2.0, passed), lamp(&mut scene, 1.0, passed));
+        let c = lamp(&mut scene, 5.0, Lamp { visible_to_camera, is_obstacle, beam: Beam::Even });
+        sphere(&mut scene, high.into(), 0.5, a);
+        sphere(&mut scene, low.into(), 0.3, b);
+        sphere(&mut scene, near.into(), 0.1, c);
+        assert_radiance(what, &scene, &options(16, 256, 1), truth, 4e-3);
+    }
+}
+
+/// An obstacle shades, seen or not.
+#[test]
+fn obstacles_shade() {
+    let mut scene = floor();
+    let far = lamp(&mut scene, 2.0, Lamp { visible_to_camera: false, ..Lamp::default() });
+    let dark = lamp(&mut scene, 0.0, Lamp { visible_to_camera: false, ..Lamp::default() });
+    sphere(&mut scene, [0.0, 3.0, 0.0], 0.2, far);
+    quad(&mut scene, [-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], dark);
+    assert_radiance("shade", &scene, &options(8, 16, 1), 0.0, 1.0);
+}
+
+/// Slats let more light straight on and none beyond their angle.
+#[test]
+fn beams_of_a_grid() {
+    let (radius, height, half_angle_rad) = (0.3, 2.0, 0.6f64);
+    let beam = Beam::Grid { half_angle_rad };
+    let scale = 1.0 / (half_angle_rad.tan() - half_angle_rad);
+    // Over rings of the disk: cos^4 / h^2 is the density of projected solid angle.
+    let n = 10_000;
+    let ring = |i: i32| {
+        let rho = radius * (f64::from(i) + 0.5) / f64::from(n);
+        let cosine = height / rho.hypot(height);
+        2.0 * rho * radius / f64::from(n) * cosine.powi(4) / (height * height)
+            * (half_angle_rad.tan() - rho / height)
+            * scale
+    };
+    let truth = 0.8 * 3.0 * (0..n).map(ring).sum::<f64>();
+    for lights in [1, 2] {
+        let mut scene = floor();
+        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to_camera: false, is_obstacle: false, beam });
+        disk(&mut scene, [0.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
+        // The origin lies outside the second one's beam.
+        for _ in 1..lights {
+            disk(&mut scene, [4.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
+        }
+        assert_radiance(&format!("grid, {lights}"), &scene, &options(16, 256, 1), truth, 4e-3);
+    }
+    let mut scene = floor();
+    let lamp = lamp(&mut scene, 3.0, Lamp { beam, ..Lamp::default() });
+    quad(&mut scene, [3.0, 2.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], lamp);
+    assert_radiance("outside the grid's beam", &scene, &options(8, 16, 1), 0.0, 1.0);
+}
+
+/// A ball that shines into a cone lights as a spot light does.
+#[test]
+fn cones_of_a_ball() {
+    let center = DVec3::new(0.5, 2.0, 0.3);
+    let shines = |towards: DVec3| {
+        let direction = (towards - center).normalize();
+        let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.6, SpotFade::Smooth);
+        let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
+        let mut scene = floor();
+        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to_camera: false, is_obstacle: false, beam });
+        sphere(&mut scene, center.into(), 0.1, lamp);
+        scene
+    };
+    let truth = light_of_ball(3.0, center, 0.1);
+    assert_radiance("in the cone", &shines(DVec3::ZERO), &options(16, 64, 1), truth, 2e-3);
+    let beside = shines(DVec3::new(3.0, 0.0, 0.0));
+    assert_radiance("beside the cone", &beside, &options(8, 16, 1), 0.0, 1.0);
+}
+
+/// The irradiance of a sun is that of parallel light, however wide it is; mirrors show it, cameras don't.
+#[test]
+fn suns_of_all_sizes() {
+    let direction = DVec3::new(0.3, -1.0, 0.2).normalize();
+    for angle_rad in [0.0092, 0.5, 1.5] {
+        let sun =
+            Light { name: "sun".into(), intensity: [2.0; 3], kind: LightKind::Sun { direction, angle_rad } };
+        for lights in [1, 2] {
+            let mut scene = floor();
+            scene.lights = vec![sun.clone(); lights];
+            let truth = lights as f64 * 0.8 / PI * 2.0 * -direction.y;
+            let what = format!("{lights} suns of {angle_rad}");
+            assert_radiance(&what, &scene, &options(16, 256, 1), truth, 4e-3);
+        }
+        let mut scene = floor();
+        let (color, roughness) = (ColorSlot::constant([1.0; 3]), FloatSlot::constant(0.0));
+        scene.materials[0].model = Model::SchlickMetal { color, roughness };
+        let to_sun = -direction;
+        let eye = DVec3::new(-to_sun.x, to_sun.y, -to_sun.z) * 4.0;
+        scene.cameras = vec![camera(eye, DVec3::ZERO, DVec3::Y, 1e-3)];
+        scene.lights.push(sun.clone());
+        let radiance = 2.0 / (PI * (0.5 * angle_rad).sin().powi(2));
+        assert_radiance("the sun in a mirror", &scene, &options(8, 16, 4), radiance, 1e-3);
+        scene.cameras = vec![camera(DVec3::Y, DVec3::Y + to_sun, DVec3::Y, 1e-3)];
+        assert_radiance("the sun in the sky", &scene, &options(8, 16, 4), 0.0, 1.0);
+    }
+}
+
+/// An environment that cameras don't see lights the floor; where nothing else is seen the picture is transparent.
+#[test]
+fn hidden_environments() {
+    let mut scene = Scene { is_environment_hidden: true, ..floor() };
+    scene.environment = Environment::Constant([1.0; 3]);
+    assert_radiance("floor in a hidden environment", &scene, &options(16, 256, 1), 0.8, 1e-3);
+    scene.cameras = vec![camera(EYE, EYE + DVec3::Y, DVec3::X, 1.0)];
+    let film = picture(&scene, &options(4, 4, 4));
+    assert!(film.rgba().iter().all(|pixel| *pixel == [0.0; 4]));
+    scene.is_environment_hidden = false;
+    let film = picture(&scene, &options(4, 4, 4));
+    assert!(film.rgba().iter().all(|pixel| *pixel == [1.0; 4]));
+}

@@ -1,0 +1,17 @@
+"""Exports a .blend file for oscura.
+
+    blender --background --python export.py -- FILE.blend FOLDER NAME ANSWER.json [--frame N] [--scene NAME]
+    python export.py -- ...                      where Python has the module bpy
+
+Writes NAME.glb and NAME.oscura.toml to FOLDER, and what was lost, or why there is no export, to ANSWER.json.
+"""
+
+import os
+import sys
+
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+
+from oscura_blender.export import main  # noqa: E402  (the path comes first)
+
+if __name__ == "__main__":
+    main(sys.argv[sys.argv.index("--") + 1 :])

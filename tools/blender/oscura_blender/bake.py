@@ -1,0 +1,244 @@
+"""Inputs of shaders that no picture holds are made pictures by Cycles' baking, on texture coordinates made for it."""
+
+import bpy
+import numpy as np
+
+from . import flat, pictures, shaders
+from .context import opened
+from .report import listed
+
+UV = "oscura bake"
+
+# Edge of the pictures.
+SIZE = 1024
+
+# Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.
+MOST_FACES = 400_000
+
+
+def bake_all(holders, found, report):
+    """Bakes what needs it of all meshes."""
+    wanted = [(holder, needs) for holder in holders if (needs := _needs(holder))]
+    if not wanted:
+        return
+    names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
+    report.note("", f"node trees were baked to pictures: of {listed(names)}")
+    kitchen = _scene()
+    try:
+        with opened(kitchen):
+            _bake_flat([m for _, needs in wanted for m in needs], kitchen)
+            for holder, _ in wanted:
+                _bake_mesh(holder, found, kitchen, report)
+    finally:
+        bpy.data.scenes.remove(kitchen)
+
+
+def _bake_mesh(holder, found, kitchen, report):
+    if not _needs(holder):
+        return
+    if len(holder.data.polygons) > MOST_FACES:
+        report.warn(holder.data.name, "has too many faces to bake its node trees, which are left out")
+        return
+    _own_materials(holder)
+    # Where the object stands: trees may ask for it.
+    holder.matrix_world = found.placements[holder.name][0][1]
+    Baking(holder, kitchen, UV, SIZE).run(_needs(holder), lays_out=True)
+    holder.matrix_world.identity()
+
+
+def _bake_flat(materials, kitchen):
+    """Bakes what repeats."""
+    for material in dict.fromkeys(materials):
+        node = _principled(material)
+        names = [name for name in pictures.INPUTS if _is_needed(node, name)]
+        found = flat.tiles(node, names) if names else None
+        if found is not None:
+            square = flat.square(material, found.uv)
+            Baking(square, kitchen, found.uv, found.size).run({material: names}, lays_out=False)
+            bpy.data.meshes.remove(square.data)
+
+
+def _principled(material):
+    node = shaders.output(material.node_tree)
+    return node if node is not None and node.bl_idname == "ShaderNodeBsdfPrincipled" else None
+
+
+def _needs(holder):
+    """By material, the inputs that have to be baked; empty if none has any."""
+    needs = {}
+    for material in holder.data.materials:
+        node = _principled(material)
+        if node is not None:
+            needs[material] = [n for n in pictures.INPUTS if _is_needed(node, n)]
+    return needs if any(needs.values()) else {}
+
+
+def _is_needed(node, name):
+    if name not in node.inputs or not node.inputs[name].is_linked:
+        return False
+    if name == "Emission Color" and shaders.constant(node.inputs["Emission Strength"]) == 0:
+        return False
+    return not pictures.is_carried(name, node.inputs[name])
+
+
+def _own_materials(holder):
+    """Baked pictures belong to one mesh."""
+    slots = holder.data.materials
+    copies = {}
+    for i, material in enumerate(slots):
+        if material.users > 1 and material.name not in copies:
+            copies[material.name] = material.copy()
+        slots[i] = copies.get(material.name, material)
+
+
+def _scene():
+    kitchen = bpy.data.scenes.new("oscura bake")
+    kitchen.render.engine = "CYCLES"
+    kitchen.cycles.device = "CPU"
+    kitchen.cycles.samples = 1
+    kitchen.cycles.use_denoising = kitchen.cycles.use_adaptive_sampling = False
+    return kitchen
+
+
+class Baking:
+    """The baking of one mesh to pictures of an edge, by texture coordinates of a name (empty: the active ones)."""
+
+    def __init__(self, holder, kitchen, uv, size):
+        self.holder, self.kitchen, self.uv, self.size = holder, kitchen, uv, size
+        self.materials = [m for m in dict.fromkeys(holder.data.materials) if _principled(m) is not None]
+
+    def run(self, needs, lays_out):
+        self.kitchen.collection.objects.link(self.holder)
+        try:
+            self._select()
+            if lays_out:
+                self._lay_out()
+            inputs = [name for name in pictures.INPUTS if any(name in n for n in needs.values())]
+            baked = {name: self._bake(name) for name in inputs}
+            for material, names in needs.items():
+                self._use(material, {name: baked[name] for name in names})
+        finally:
+            self.kitchen.collection.objects.unlink(self.holder)
+
+    def _select(self):
+        layer = self.kitchen.view_layers[0]
+        layer.update()
+        layer.objects.active = self.holder
+        self.holder.select_set(True, view_layer=layer)
+
+    def _lay_out(self):
+        """Texture coordinates that use no point of the picture twice."""
+        layers = self.holder.data.uv_layers
+        rendered = next((layer.name for layer in layers if layer.active_render), None)
+        layers.new(name=self.uv)
+        layers.active = layers[self.uv]
+        bpy.ops.object.mode_set(mode="EDIT")
+        bpy.ops.mesh.reveal()
+        bpy.ops.mesh.select_all(action="SELECT")
+        bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
+        bpy.ops.object.mode_set(mode="OBJECT")
+        # What is there goes on looking up its own.
+        if rendered is not None:
+            layers[rendered].active_render = True
+
+    def _bake(self, name):
+        """Bakes an input of all materials to one picture."""
+        kind = pictures.INPUTS[name]
+        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size)
+        image.colorspace_settings.name = "sRGB" if kind == pictures.COLOR else "Non-Color"
+        undo = [self._aim(material, name, kind, image) for material in self.materials]
+        is_normal = kind == pictures.NORMAL
+        bpy.ops.object.bake(
+            type="NORMAL" if is_normal else "EMIT",
+            normal_space="TANGENT",
+            target="IMAGE_TEXTURES",
+            uv_layer=self.uv or self.holder.data.uv_layers[0].name,
+            margin=8,
+            use_clear=True,
+        )
+        for restore in undo:
+            restore()
+        return image
+
+    @staticmethod
+    def _aim(material, name, kind, image):
+        """Makes a material's picture the target of baking and lets it shine with the input; gives what undoes it."""
+        tree = material.node_tree
+        target = tree.nodes.new("ShaderNodeTexImage")
+        target.image = image
+        for node in tree.nodes:
+            node.select = node == target
+        tree.nodes.active = target
+        end = tree.get_output_node("CYCLES")
+        node = _principled(material)
+        added = [target]
+        if kind != pictures.NORMAL:
+            glow = tree.nodes.new("ShaderNodeEmission")
+            added.append(glow)
+            socket = node.inputs[name]
+            source = shaders.source(socket)
+            if source is not None:
+                tree.links.new(source, glow.inputs["Color"])
+            else:
+                value = socket.default_value
+                glow.inputs["Color"].default_value = (value,) * 3 + (1,) if isinstance(value, float) else value
+            tree.links.new(glow.outputs[0], end.inputs["Surface"])
+
+        def restore():
+            for other in added:
+                tree.nodes.remove(other)
+            tree.links.new(node.outputs[0], end.inputs["Surface"])
+
+        return restore
+
+    def _use(self, material, baked):
+        """Feeds the inputs from the pictures."""
+        tree, node = material.node_tree, _principled(material)
+        for name in ("Base Color", "Alpha"):
+            # glTF has both in one picture.
+            if "Alpha" in baked and name not in baked and node.inputs[name].is_linked is False:
+                baked = {name: self._even(node.inputs[name].default_value), **baked}
+        if "Alpha" in baked:
+            _join_alpha(baked["Base Color"], baked.pop("Alpha"))
+            texture = self._texture(tree, baked.pop("Base Color"))
+            tree.links.new(texture.outputs["Color"], node.inputs["Base Color"])
+            tree.links.new(texture.outputs["Alpha"], node.inputs["Alpha"])
+        for name, image in baked.items():
+            texture = self._texture(tree, image)
+            output = texture.outputs["Color"]
+            if pictures.INPUTS[name] == pictures.NORMAL:
+                bump = tree.nodes.new("ShaderNodeNormalMap")
+                bump.uv_map = self.uv
+                tree.links.new(output, bump.inputs["Color"])
+                output = bump.outputs[0]
+            tree.links.new(output, node.inputs[name])
+        for image in baked.values():
+            if not image.packed_file:
+                image.pack()
+
+    def _texture(self, tree, image):
+        texture = tree.nodes.new("ShaderNodeTexImage")
+        texture.image = image
+        if self.uv:
+            coordinates = tree.nodes.new("ShaderNodeUVMap")
+            coordinates.uv_map = self.uv
+            tree.links.new(coordinates.outputs[0], texture.inputs["Vector"])
+        return texture
+
+    def _even(self, color):
+        image = bpy.data.images.new(f"{self.holder.data.name} Base Color", self.size, self.size)
+        code = lambda c: 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
+        image.generated_color = (*(code(min(max(c, 0.0), 1.0)) for c in tuple(color)[:3]), 1.0)
+        return image
+
+
+def _join_alpha(image, alpha):
+    """Puts a grey picture into another's alpha."""
+    both = [np.empty(image.size[0] * image.size[1] * 4, np.float32) for _ in range(2)]
+    image.pixels.foreach_get(both[0])
+    alpha.pixels.foreach_get(both[1])
+    both[0][3::4] = both[1][0::4]
+    image.alpha_mode = "CHANNEL_PACKED"
+    image.pixels.foreach_set(both[0])
+    image.update()
+    image.pack()

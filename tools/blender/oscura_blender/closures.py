@@ -1,0 +1,274 @@
+"""Shader nodes as inputs of one Principled shader: constants, or sockets of the tree that feed them. A mix of shaders becomes
+a mix of their inputs."""
+
+from . import shaders
+
+BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
+
+# The inputs that are colours.
+COLORS = ("Base Color", "Emission Color", "Sheen Tint", "Coat Tint", "Specular Tint")
+
+# The inputs that are directions: without a link they are the surface's own.
+NORMALS = ("Normal", "Coat Normal", "Tangent")
+
+# What inputs are where a shader doesn't say.
+DEFAULTS = {
+    "Base Color": WHITE,
+    "Metallic": 0.0,
+    "Roughness": 0.5,
+    "IOR": 1.5,
+    "Alpha": 1.0,
+    "Specular IOR Level": 0.5,
+    "Transmission Weight": 0.0,
+    "Emission Color": BLACK,
+    "Emission Strength": 0.0,
+}
+
+
+def diffuse(color, normal=None):
+    found = {"Base Color": color, "Roughness": 1.0, "Specular IOR Level": 0.0}
+    return {**found, "Normal": normal} if normal is not None else found
+
+
+def invisible():
+    return {**diffuse(BLACK), "Alpha": 0.0}
+
+
+def build(tree, inputs, end=None):
+    """Gives a tree one Principled shader with these inputs."""
+    node = tree.nodes.new("ShaderNodeBsdfPrincipled")
+    for name, value in inputs.items():
+        if value is None or name not in node.inputs:
+            continue
+        socket = node.inputs[name]
+        if isinstance(value, (int, float)):
+            socket.default_value = value
+        elif isinstance(value, tuple):
+            socket.default_value = value if len(socket.default_value) == len(value) else (*value, 1.0)
+        else:
+            tree.links.new(value, socket)
+    end = end or tree.nodes.new("ShaderNodeOutputMaterial")
+    tree.links.new(node.outputs[0], end.inputs["Surface"])
+    make_active(tree, end)
+
+
+def make_active(tree, end):
+    """The exporter looks at the active output."""
+    for node in tree.nodes:
+        if node.bl_idname == "ShaderNodeOutputMaterial":
+            node.is_active_output = node == end
+    end.target = "ALL"
+
+
+class Reader:
+    """Reads the shaders of a material."""
+
+    def __init__(self, tree, name, report):
+        self.tree, self.name, self.report = tree, name, report
+
+    def read(self, socket):
+        """The inputs that stand for what feeds a shader's input."""
+        node = socket.node if socket is not None else None
+        if node is None:
+            return {**diffuse(BLACK)}
+        if node.mute:
+            self.report.warn(self.name, "a muted shader is left out")
+            return diffuse(BLACK)
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree is not None:
+            return self._group(node, socket.identifier)
+        reader = getattr(self, "_" + node.bl_idname.removeprefix("ShaderNode"), None)
+        if reader is None:
+            kind = node.bl_label
+            self.report.warn(self.name, f"the shader {kind} is not supported: it is diffuse")
+            return diffuse(self._value(node, "Color") if "Color" in node.inputs else (0.8, 0.8, 0.8))
+        return reader(node)
+
+    def _group(self, node, identifier):
+        """The shader that a group gives. Sockets within it become outputs of the group, and its inputs what feeds them."""
+        # Other users of the group keep theirs.
+        node.node_tree = node.node_tree.copy()
+        inner = node.node_tree
+        ends = [n for n in inner.nodes if n.bl_idname == "NodeGroupOutput"]
+        end = next((n for n in ends if n.is_active_output), None)
+        within = next((s for s in end.inputs if s.identifier == identifier), None) if end else None
+        if within is None:
+            return diffuse(BLACK)
+        found = Reader(inner, self.name, self.report).read(shaders.source(within))
+        return {name: self._from_group(node, end, name, value) for name, value in found.items()}
+
+    @staticmethod
+    def _from_group(node, end, name, value):
+        if value is None or isinstance(value, (int, float, tuple)):
+            return value
+        if value.node.bl_idname == "NodeGroupInput":
+            outer = next(s for s in node.inputs if s.identifier == value.identifier)
+            constant = shaders.constant(outer)
+            return shaders.source(outer) if constant is None else shaders.as_type(constant, name in COLORS)
+        kind = "Color" if name in COLORS else "Vector" if name in NORMALS else "Float"
+        made = node.node_tree.interface.new_socket(name, in_out="OUTPUT", socket_type=f"NodeSocket{kind}")
+        target = next(s for s in end.inputs if s.identifier == made.identifier)
+        node.node_tree.links.new(value, target)
+        return next(s for s in node.outputs if s.identifier == made.identifier)
+
+    def _value(self, node, name):
+        """The constant or the socket that feeds an input."""
+        socket = node.inputs[name]
+        value = shaders.constant(socket)
+        return shaders.source(socket) if value is None else value
+
+    def _normal(self, node):
+        return shaders.source(node.inputs["Normal"]) if "Normal" in node.inputs else None
+
+    def _BsdfPrincipled(self, node):
+        found = {i.name: self._value(node, i.name) for i in node.inputs if i.enabled and i.type != "SHADER"}
+        return {k: v for k, v in found.items() if k not in NORMALS or not isinstance(v, (tuple, float, type(None)))}
+
+    def _BsdfDiffuse(self, node):
+        if self._value(node, "Roughness") != 0:
+            self.report.warn(self.name, "the roughness of diffuse reflection is not carried over")
+        return diffuse(self._value(node, "Color"), self._normal(node))
+
+    def _BsdfAnisotropic(self, node):
+        found = {"Base Color": self._value(node, "Color"), "Metallic": 1.0, "Roughness": self._value(node, "Roughness")}
+        if "Anisotropy" in node.inputs:
+            found["Anisotropic"] = self._value(node, "Anisotropy")
+        return {**found, "Normal": self._normal(node)}
+
+    _BsdfGlossy = _BsdfAnisotropic
+
+    def _BsdfGlass(self, node):
+        color = self._value(node, "Color")
+        if isinstance(color, tuple):
+            # Glass tints at both surfaces, the Principled shader once on the whole way.
+            color = tuple(c * c for c in color)
+        found = {"Base Color": color, "Transmission Weight": 1.0, "Roughness": self._value(node, "Roughness")}
+        return {**found, "IOR": self._value(node, "IOR"), "Normal": self._normal(node)}
+
+    _BsdfRefraction = _BsdfGlass
+
+    def _BsdfTransparent(self, node):
+        if self._value(node, "Color") != WHITE:
+            self.report.warn(self.name, "the colour of what is transparent is not carried over")
+        return invisible()
+
+    def _BsdfTranslucent(self, node):
+        self.report.warn(self.name, "translucency is not carried over: it reflects as diffuse surfaces do")
+        return diffuse(self._value(node, "Color"), self._normal(node))
+
+    def _SubsurfaceScattering(self, node):
+        self.report.warn(self.name, "subsurface scattering is not carried over: it reflects as diffuse surfaces do")
+        return diffuse(self._value(node, "Color"), self._normal(node))
+
+    def _Emission(self, node):
+        glow = {"Emission Color": self._value(node, "Color"), "Emission Strength": self._value(node, "Strength")}
+        return {**diffuse(BLACK), **glow}
+
+    _Background = _Emission
+
+    def _Holdout(self, _node):
+        self.report.warn(self.name, "a holdout is black here")
+        return diffuse(BLACK)
+
+    def _AddShader(self, node):
+        first, second = (self.read(shaders.source(i)) for i in node.inputs)
+        if not _shines(second):
+            first, second = second, first
+        if not _shines(second) or _shines(first):
+            self.report.warn(self.name, "a sum of shaders is taken for their mix")
+            return self._mixed(0.5, first, second)
+        return {**first, **{k: second[k] for k in ("Emission Color", "Emission Strength")}}
+
+    def _MixShader(self, node):
+        factor = self._value(node, node.inputs[0].name)
+        first, second = (shaders.source(i) for i in list(node.inputs)[1:3])
+        a, b = self.read(first), self.read(second)
+        glazed = self._glazed(node, a, b)
+        return glazed if glazed is not None else self._mixed(factor, a, b)
+
+    def _glazed(self, node, under, over):
+        """Diffuse under gloss, mixed by Fresnel or a layer's weight: what the Principled shader is made for."""
+        source = shaders.source(node.inputs[0])
+        if source is None or source.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight"):
+            return None
+        if under.get("Metallic", 0.0) != 0.0 or over.get("Metallic") != 1.0:
+            return None
+        if source.node.bl_idname == "ShaderNodeFresnel":
+            ior = shaders.constant(source.node.inputs["IOR"])
+        else:
+            blend = shaders.constant(source.node.inputs["Blend"])
+            ior = None if blend is None else 1 / max(1 - blend, 1e-3)
+        if ior is None or over.get("Base Color") != WHITE:
+            self.report.warn(self.name, "a coloured gloss over a diffuse ground is white here")
+        specular = {"Specular IOR Level": 0.5, "IOR": ior or 1.45, "Roughness": over["Roughness"]}
+        return {**under, **specular}
+
+    def _mixed(self, factor, a, b):
+        """Two sets of inputs, mixed."""
+        for inputs, other, weight in ((a, b, factor), (b, a, self._complement(factor))):
+            if inputs.get("Alpha") == 0.0 and not _shines(inputs):
+                # Nothing is mixed in: the other is there in part.
+                return {**other, "Alpha": self._product(weight, other.get("Alpha", 1.0))}
+        mixed = {}
+        for name in {**a, **b}:
+            mixed[name] = self._mix(name, factor, a.get(name, self._idle(name, b)), b.get(name, self._idle(name, a)))
+        if a.keys() - {"Normal"} and not (_shines(a) or _shines(b)):
+            self.report.note(self.name, "a mix of shaders is taken for a shader of mixed inputs")
+        return mixed
+
+    @staticmethod
+    def _idle(name, other):
+        """An input that a shader doesn't have: what colours no light is that of the other."""
+        if name in ("Emission Color", "Normal", "IOR"):
+            return other.get(name)
+        return DEFAULTS.get(name, 0.0)
+
+    def _mix(self, name, factor, a, b):
+        if a == b or b is None:
+            return a
+        if a is None:
+            return b
+        if name == "Normal":
+            return a
+        if isinstance(factor, float) and isinstance(a, (float, tuple)) and isinstance(b, (float, tuple)):
+            if isinstance(a, tuple):
+                return tuple(x + (y - x) * factor for x, y in zip(a, b))
+            return a + (b - a) * factor
+        node = self.tree.nodes.new("ShaderNodeMix")
+        node.data_type = "RGBA" if name in COLORS else "FLOAT"
+        kind = "Color" if name in COLORS else "Float"
+        inputs = {s.identifier: s for s in node.inputs}
+        self._feed(inputs["Factor_Float"], factor)
+        self._feed(inputs[f"A_{kind}"], a)
+        self._feed(inputs[f"B_{kind}"], b)
+        return next(s for s in node.outputs if s.identifier == f"Result_{kind}")
+
+    def _complement(self, factor):
+        if isinstance(factor, float):
+            return 1.0 - factor
+        return self._math("SUBTRACT", 1.0, factor)
+
+    def _product(self, a, b):
+        if b == 1.0:
+            return a
+        return a * b if isinstance(a, float) and isinstance(b, float) else self._math("MULTIPLY", a, b)
+
+    def _math(self, operation, a, b):
+        node = self.tree.nodes.new("ShaderNodeMath")
+        node.operation = operation
+        self._feed(node.inputs[0], a)
+        self._feed(node.inputs[1], b)
+        return node.outputs[0]
+
+    def _feed(self, socket, value):
+        if isinstance(value, float):
+            socket.default_value = value if socket.type == "VALUE" else (value,) * len(socket.default_value)
+        elif isinstance(value, tuple):
+            socket.default_value = (*value, 1.0)[: len(socket.default_value)]
+        else:
+            self.tree.links.new(value, socket)
+
+
+def _shines(inputs):
+    strength = inputs.get("Emission Strength", 0.0)
+    return not (isinstance(strength, float) and strength == 0.0)
+

@@ -1,0 +1,160 @@
+"""The way from a .blend file to the files of an export."""
+
+import argparse
+import os
+import sys
+import traceback
+
+import bpy
+
+import addon_utils  # isort: skip (bpy puts it on the path)
+
+from . import camera, geometry, glb, lights, materials, settings, sidecar, world
+from .report import Report, Stop
+
+OLDEST = (4, 2, 0)
+
+
+def main(arguments):
+    """Exports; what happened goes to the answer's file, and an error also to the exit code."""
+    parser = argparse.ArgumentParser(prog="export.py")
+    parser.add_argument("file")
+    parser.add_argument("folder")
+    parser.add_argument("name")
+    parser.add_argument("answer")
+    parser.add_argument("--frame", type=int)
+    parser.add_argument("--time", type=float)
+    parser.add_argument("--scene")
+    options = parser.parse_args(arguments)
+    report = Report()
+    try:
+        export(options, report)
+    except Stop as stop:
+        error = str(stop)
+    except Exception as exception:  # said to the user in any case
+        traceback.print_exc()
+        place = traceback.extract_tb(exception.__traceback__)[-1]
+        where = f"{os.path.basename(place.filename)}:{place.lineno}"
+        error = f"{type(exception).__name__}: {str(exception).strip()} (in {where}, Blender {bpy.app.version_string})"
+    else:
+        error = None
+    report.write(options.answer, error)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # At once: all is written, and the module `bpy` may hang while it tidies up.
+    os._exit(0 if error is None else 3)
+
+
+def export(options, report):
+    if bpy.app.version < OLDEST:
+        raise Stop(f"Blender {bpy.app.version_string} is too old: 4.2 or newer is needed")
+    scene, layer = _open(options, report)
+    with bpy.context.temp_override(scene=scene, view_layer=layer):
+        geometry.prepare(scene, layer)
+        _go_to_moment(scene, options)
+        layer.update()
+        found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
+        tables, cameras, empties = _settings(scene, found, options, report)
+    patches = materials.prepare(found, report)
+    model = os.path.join(options.folder, f"{options.name}.glb")
+    _write_model(found, model)
+    glb.compose(model, found.placements, cameras, empties, patches)
+    comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
+    sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
+
+
+def _open(options, report):
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    for addon in ("io_scene_gltf2", "cycles"):
+        if addon_utils.enable(addon) is None:
+            raise Stop(f"this Blender comes without its add-on {addon}")
+    try:
+        bpy.ops.wm.open_mainfile(filepath=options.file, load_ui=False, use_scripts=False)
+    except RuntimeError as error:
+        raise Stop(str(error).strip().removeprefix("Error: ")) from error
+    if bpy.app.autoexec_fail:
+        report.warn("", "scripts and drivers with scripts in the file were not run, for safety")
+    scene = bpy.context.scene
+    if options.scene is not None:
+        scene = bpy.data.scenes.get(options.scene)
+        if scene is None:
+            names = ", ".join(f"'{s.name}'" for s in bpy.data.scenes)
+            raise Stop(f"there is no scene '{options.scene}', only {names}")
+    used = [layer for layer in scene.view_layers if layer.use] or list(scene.view_layers)
+    if len(used) > 1:
+        report.note("", f"has {len(used)} view layers: '{used[0].name}' is rendered")
+    for missing in _missing_libraries():
+        report.warn("", f"the linked file {missing} is missing")
+    return scene, used[0]
+
+
+def _missing_libraries():
+    return [l.filepath for l in bpy.data.libraries if not os.path.isfile(bpy.path.abspath(l.filepath))]
+
+
+def _go_to_moment(scene, options):
+    frame = scene.frame_current_final
+    if options.frame is not None:
+        frame = options.frame
+    elif options.time is not None:
+        frame = options.time * scene.render.fps / scene.render.fps_base
+    whole = int(frame // 1)
+    scene.frame_set(whole, subframe=frame - whole)
+
+
+def _settings(scene, found, options, report):
+    """The tables of the file of settings, and the nodes of cameras and lights."""
+    tables = [("[render]", settings.read(scene, report))]
+    tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
+    cameras, named = [], []
+    for obj in found.cameras:
+        data = obj.data
+        cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))
+        named.append(("[[camera]]", camera.entries(obj, data, scene, obj == scene.camera, report)))
+    if scene.camera is None:
+        report.warn("", "has no active camera")
+    empties, shining = [], []
+    for number, (obj, matrix) in enumerate(found.lights):
+        name = f"light {number}: {obj.name}"
+        entries = lights.entries(obj, name, obj.data, report)
+        if entries is not None:
+            empties.append((name, matrix))
+            shining.append(("[[lights]]", entries))
+    return tables + named + shining, cameras, empties
+
+
+def _write_model(found, path):
+    """Lets Blender's exporter write the meshes with their materials."""
+    model = bpy.data.scenes.new("oscura")
+    for holder in found.objects.values():
+        if holder is not None:
+            model.collection.objects.link(holder)
+    # Its exporter looks at what is open.
+    for other in list(bpy.data.scenes):
+        if other != model:
+            bpy.data.scenes.remove(other)
+    bpy.ops.export_scene.gltf(
+        filepath=path,
+        check_existing=False,
+        export_format="GLB",
+        export_yup=True,
+        export_apply=False,
+        export_texcoords=True,
+        export_normals=True,
+        export_tangents=False,
+        export_materials="EXPORT",
+        export_image_format="AUTO",
+        export_vertex_color="MATERIAL",
+        export_attributes=False,
+        export_cameras=False,
+        export_lights=False,
+        export_extras=True,
+        export_animations=False,
+        export_skins=False,
+        export_morph=False,
+        export_gpu_instances=False,
+        export_gn_mesh=False,
+        use_selection=False,
+        use_visible=False,
+        use_renderable=False,
+    )

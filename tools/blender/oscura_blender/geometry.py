@@ -1,0 +1,150 @@
+"""What Cycles would render, from Blender's dependency graph: objects with their modifiers, and instances of collections,
+of geometry nodes and of particles."""
+
+import bpy
+
+from .report import listed
+
+# Objects that become meshes.
+MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+# What is seen in Blender and has no counterpart here.
+LOST = {
+    "CURVES": "hair",
+    "POINTCLOUD": "point clouds",
+    "VOLUME": "volumes",
+    "GPENCIL": "Grease Pencil",
+    "GREASEPENCIL": "Grease Pencil",
+}
+
+
+class Collected:
+    """What there is to render. Meshes are owned by new objects at the origin; all else by the scene."""
+
+    def __init__(self):
+        self.objects = {}  # mesh objects by what they were made of
+        self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
+        self.lights = []  # (object, matrix)
+        self.cameras = []  # objects
+
+
+def prepare(scene, layer):
+    """Makes the viewport's view of the scene that of a final render."""
+    _show_what_is_rendered(scene, layer)
+    render = scene.render
+    if render.use_simplify:
+        render.simplify_subdivision = render.simplify_subdivision_render
+        render.simplify_child_particles = render.simplify_child_particles_render
+    for obj in scene.objects:
+        for modifier in obj.modifiers:
+            modifier.show_viewport = modifier.show_render
+            if hasattr(modifier, "render_levels") and hasattr(modifier, "levels"):
+                modifier.levels = modifier.render_levels
+            if hasattr(modifier, "use_render_settings"):
+                modifier.use_render_settings = True
+        data = obj.data
+        if obj.type in ("CURVE", "SURFACE", "FONT") and data.render_resolution_u:
+            data.resolution_u = data.render_resolution_u
+        if obj.type == "META":
+            data.resolution = data.render_resolution
+
+
+def _show_what_is_rendered(scene, layer):
+    rendered = set()
+
+    def visit(entry, is_shown):
+        is_shown = is_shown and not entry.exclude and not entry.collection.hide_render
+        entry.hide_viewport = False
+        entry.collection.hide_viewport = False
+        if is_shown:
+            rendered.update(entry.collection.objects)
+        for child in entry.children:
+            visit(child, is_shown)
+
+    visit(layer.layer_collection, True)
+    for collection in bpy.data.collections:
+        collection.hide_viewport = collection.hide_render
+    for obj in bpy.data.objects:
+        in_layer = obj.name in layer.objects
+        is_shown = not obj.hide_render and (obj in rendered or not in_layer)
+        obj.hide_viewport = not is_shown
+        obj.show_instancer_for_viewport = obj.show_instancer_for_render
+        if in_layer:
+            obj.hide_set(False, view_layer=layer)
+
+
+def collect(scene, graph, report):
+    """Collects everything."""
+    found = Collected()
+    lost = {}
+    for instance in graph.object_instances:
+        obj = instance.object
+        original = obj.original
+        if not instance.show_self or (not instance.is_instance and original.hide_render):
+            continue
+        if obj.type == "LIGHT":
+            found.lights.append((original, instance.matrix_world.copy()))
+        elif obj.type in LOST:
+            lost.setdefault(LOST[obj.type], []).append(original.name)
+        elif obj.type in MESHES:
+            _add_mesh(found, obj, instance)
+        if not instance.is_instance:
+            _tell_of_the_rest(original, report)
+    for what, names in lost.items():
+        report.warn("", f"left out, since {what} can't be rendered: {listed(names)}")
+    found.cameras = [obj for obj in scene.objects if obj.type == "CAMERA"]
+    if scene.camera in found.cameras:
+        found.cameras.remove(scene.camera)
+        found.cameras.insert(0, scene.camera)
+    return found
+
+
+def _add_mesh(found, obj, instance):
+    data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
+    key = (data, *_own_materials(obj).items())
+    if key not in found.objects:
+        found.objects[key] = _holder(found, obj)
+    holder = found.objects[key]
+    if holder is None:
+        return
+    parent = instance.parent if instance.is_instance else None
+    name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
+    found.placements[holder.name].append((name, instance.matrix_world.copy()))
+
+
+def _own_materials(obj):
+    """Materials that an object has in place of those of its mesh: names by number."""
+    slots = enumerate(obj.material_slots)
+    return {i: slot.material.name if slot.material else None for i, slot in slots if slot.link == "OBJECT"}
+
+
+def _holder(found, obj):
+    """A new object with the evaluated mesh; None where that has no faces."""
+    # The data of instances made by nodes is that of no object: only a copy has it.
+    mesh = obj.data.copy() if obj.type == "MESH" else bpy.data.meshes.new_from_object(obj)
+    mesh.name = obj.original.data.name if obj.original.data else obj.original.name
+    if not mesh.polygons:
+        return None
+    for i, name in _own_materials(obj).items():
+        if obj.type == "MESH" and i < len(mesh.materials):
+            mesh.materials[i] = bpy.data.materials[name] if name else None
+    holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
+    found.placements[holder.name] = []
+    return holder
+
+
+def _tell_of_the_rest(obj, report):
+    if obj.type in ("LIGHT", "CAMERA"):
+        return
+    kinds = ("camera", "diffuse", "glossy", "transmission", "shadow")
+    hidden = [kind for kind in kinds if not getattr(obj, f"visible_{kind}", True)]
+    if hidden and obj.type in MESHES:
+        report.warn(obj.name, f"is seen by {' and '.join(hidden)} rays, from which Blender hides it")
+    if getattr(obj, "is_shadow_catcher", False) and obj.type in MESHES:
+        report.warn(obj.name, "is a shadow catcher in Blender, and an ordinary object here")
+    if getattr(obj, "is_holdout", False):
+        report.warn(obj.name, "is a holdout in Blender, and an ordinary object here")
+    for system in getattr(obj, "particle_systems", []):
+        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
+            report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")
+    if any(m.type == "FLUID" and m.fluid_type == "DOMAIN" and m.domain_settings.domain_type == "GAS" for m in obj.modifiers):
+        report.warn(obj.name, "smoke is not supported")

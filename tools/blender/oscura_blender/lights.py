@@ -1,0 +1,96 @@
+"""Lights: everything about them is in the file of settings; the model only has empty nodes where they stand."""
+
+import math
+
+from . import shaders
+
+# Kinds of rays that Blender can hide an object from, besides the camera's.
+KINDS = {"visible_diffuse": "diffuse", "visible_glossy": "glossy", "visible_transmission": "transmission"}
+
+
+def entries(obj, name, light, report):
+    """The entries of [[lights]] for a light at the node `name`; None for what shines not."""
+    if light.type == "AREA" and light.cycles.is_portal:
+        return None
+    strength, color = _strength(light, obj.name, report)
+    energy = light.energy * strength
+    if energy == 0 or not any(color):
+        return None
+    if energy < 0 or min(color) < 0:
+        report.warn(obj.name, "light that takes light away is not supported: it is left out")
+        return None
+    _tell_of_the_rest(obj, light, report)
+    found = {"name": obj.name, "color": color}
+    if light.type != "SUN":
+        found.update({"visible_to_camera": bool(obj.visible_camera), "obstacle": False})
+    scale = obj.matrix_world.to_scale()
+    shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
+    kind, values = shape(light, energy, scale)
+    found[kind] = {"node": name, **values}
+    return found
+
+
+def _point(light, energy, _scale):
+    return "point", {"radius": light.shadow_soft_size, "power": energy * _area_factor(light, _ball(light))}
+
+
+def _spot(light, energy, _scale):
+    angle = {"angle": math.degrees(light.spot_size), "blend": light.spot_blend}
+    power = energy * _area_factor(light, _ball(light))
+    return "spot", {**angle, "radius": light.shadow_soft_size, "power": power}
+
+
+def _sun(light, energy, _scale):
+    return "sun", {"angle": math.degrees(min(light.angle, math.pi)), "irradiance": energy}
+
+
+def _area(light, energy, scale):
+    size = light.size, (light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size)
+    is_round = light.shape in ("DISK", "ELLIPSE")
+    area = size[0] * size[1] * abs(scale.x * scale.y) * (math.pi / 4 if is_round else 1)
+    values = {"size": [max(s, 1e-9) for s in size]}
+    if is_round:
+        values["shape"] = "ellipse"
+    spread = math.degrees(light.spread)
+    if spread < 179.9:
+        values["spread"] = max(spread, 0.1)
+    return "area", {**values, "power": energy * _area_factor(light, area)}
+
+
+def _ball(light):
+    return 4 * math.pi * light.shadow_soft_size**2
+
+
+def _area_factor(light, area):
+    """Where the strength is meant for each square metre (Blender 4.5 and newer)."""
+    return 1 if getattr(light, "normalize", True) or area == 0 else area
+
+
+def _strength(light, name, report):
+    """Factor on the light's energy, and its colour."""
+    factor = 2.0 ** getattr(light, "exposure", 0.0)
+    color = list(light.color)
+    if getattr(light, "use_temperature", False):
+        color = [c * t for c, t in zip(color, light.temperature_color)]
+    if light.use_nodes and light.node_tree:
+        emission = shaders.emission_of_light(light.node_tree)
+        if emission is None:
+            report.warn(name, "the node tree of this light is not carried over")
+        else:
+            strength, tint = emission
+            factor *= strength
+            color = [c * t for c, t in zip(color, tint)]
+    # The colour carries no strength.
+    peak = max(max(color), 1e-30)
+    return factor * peak, [c / peak for c in color]
+
+
+def _tell_of_the_rest(obj, light, report):
+    hidden = [word for key, word in KINDS.items() if not getattr(obj, key, True)]
+    if hidden:
+        report.warn(obj.name, f"this light is seen by {' and '.join(hidden)} rays, from which Blender hides it")
+    if not light.use_shadow:
+        report.warn(obj.name, "light without shadows is not supported: it casts them")
+    linking = getattr(obj, "light_linking", None)
+    if linking and (linking.receiver_collection or linking.blocker_collection):
+        report.warn(obj.name, "light linking is not supported: it lights everything")

@@ -1,0 +1,83 @@
+"""Which inputs of a shader Blender's glTF exporter can write: constants, and pictures that are looked up as glTF does."""
+
+from . import shaders
+
+# Inputs that may be pictures in glTF, with what their values are.
+COLOR, DATA, NORMAL = "color", "data", "normal"
+INPUTS = {
+    "Base Color": COLOR,
+    "Emission Color": COLOR,
+    "Metallic": DATA,
+    "Roughness": DATA,
+    "Alpha": DATA,
+    "Transmission Weight": DATA,
+    "Normal": NORMAL,
+}
+
+# Channels in which glTF has numbers; the exporter takes others for them.
+CHANNELS = {"Roughness": ("Green", "G", "Color"), "Metallic": ("Blue", "B", "Color")}
+
+
+def is_carried(name, socket):
+    """Does the exporter write what feeds an input as Cycles reads it?"""
+    source = shaders.source(socket)
+    if source is None or shaders.constant(socket) is not None:
+        return source is None
+    kind = INPUTS.get(name)
+    if kind == NORMAL:
+        return _is_normal_map(source)
+    if kind == COLOR:
+        return source.name == "Color" and _is_plain(source.node, is_data=False)
+    if name == "Alpha":
+        return source.name == "Alpha" and _is_plain(source.node, is_data=None)
+    if source.node.bl_idname in ("ShaderNodeSeparateColor", "ShaderNodeSeparateRGB"):
+        before = shaders.source(source.node.inputs[0])
+        is_channel = source.name in CHANNELS.get(name, ("Red", "R"))
+        return is_channel and before is not None and before.name == "Color" and _is_plain(before.node, is_data=True)
+    return source.name == "Color" and _is_plain(source.node, is_data=True) and _is_grey(source.node.image)
+
+
+def _is_normal_map(source):
+    node = source.node
+    if node.bl_idname != "ShaderNodeNormalMap" or node.mute or node.space != "TANGENT":
+        return False
+    before = shaders.source(node.inputs["Color"])
+    is_plain = before is not None and before.name == "Color" and _is_plain(before.node, is_data=True)
+    return is_plain and shaders.constant(node.inputs["Strength"]) is not None
+
+
+def _is_plain(node, is_data):
+    """A picture in the space of glTF's textures (any, if `is_data` is None), by texture coordinates."""
+    if node.bl_idname != "ShaderNodeTexImage" or node.mute or node.image is None:
+        return False
+    image = node.image
+    if image.source not in ("FILE", "GENERATED") or image.is_float or not image.has_data and not image.size[0]:
+        return False
+    name = image.colorspace_settings.name
+    if is_data is not None and name != ("Non-Color" if is_data else "sRGB"):
+        return False
+    return node.projection == "FLAT" and node.extension in ("REPEAT", "EXTEND", "MIRROR") and _is_by_uv(node.inputs["Vector"])
+
+
+def _is_by_uv(vector):
+    source = shaders.source(vector)
+    if source is None:
+        return not vector.is_linked
+    node = source.node
+    if node.bl_idname == "ShaderNodeUVMap":
+        return not node.from_instancer
+    if node.bl_idname == "ShaderNodeTexCoord":
+        return source.name == "UV"
+    if node.bl_idname != "ShaderNodeMapping" or node.mute or node.vector_type not in ("POINT", "TEXTURE"):
+        return False
+    values = [shaders.constant(i) for i in node.inputs if i.name != "Vector" and i.enabled]
+    return None not in values and _is_by_uv(node.inputs["Vector"]) and node.inputs["Vector"].is_linked
+
+
+def _is_grey(image):
+    """A picture whose channels are all alike, as far as a sample tells: any of them will do."""
+    pixels = image.pixels[: 4 * 4096]
+    step = image.channels
+    if step < 3:
+        return True
+    return all(abs(pixels[i] - pixels[i + k]) < 1e-3 for i in range(0, len(pixels) - step, step) for k in (1, 2))

@@ -1,0 +1,88 @@
+"""Values of node trees that are the same everywhere."""
+
+import bpy
+
+_MATH = {
+    "ADD": lambda a, b: a + b,
+    "SUBTRACT": lambda a, b: a - b,
+    "MULTIPLY": lambda a, b: a * b,
+    "DIVIDE": lambda a, b: a / b if b else 0.0,
+    "POWER": lambda a, b: a**b if a >= 0 else 0.0,
+    "MINIMUM": min,
+    "MAXIMUM": max,
+}
+
+
+def source(socket):
+    """The socket that feeds an input, past reroutes; None without a link."""
+    while socket.is_linked:
+        link = socket.links[0]
+        if link.is_muted:
+            return None
+        if link.from_node.bl_idname != "NodeReroute":
+            return link.from_socket
+        socket = link.from_node.inputs[0]
+    return None
+
+
+def constant(socket):
+    """The value of an input (a number, or a tuple of three) if it is the same everywhere, else None."""
+    feeding = source(socket)
+    if feeding is None:
+        return None if socket.is_linked else _plain(socket.default_value)
+    node = feeding.node
+    if node.mute:
+        return None
+    if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
+        return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
+    if node.bl_idname == "ShaderNodeBlackbody":
+        temperature = constant(node.inputs[0])
+        return None if temperature is None else blackbody(temperature)
+    if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
+        a, b = (constant(node.inputs[i]) for i in (0, 1))
+        if a is None or b is None:
+            return None
+        result = _MATH[node.operation](float(a), float(b))
+        return min(max(result, 0.0), 1.0) if node.use_clamp else result
+    return None
+
+
+def _plain(value):
+    return float(value) if isinstance(value, (int, float)) else tuple(value)[:3]
+
+
+def as_type(value, is_triple):
+    """A number or a triple, as it is wanted."""
+    if not is_triple and isinstance(value, tuple):
+        return 0.2126 * value[0] + 0.7152 * value[1] + 0.0722 * value[2]
+    return (value,) * 3 if is_triple and isinstance(value, float) else value
+
+
+def blackbody(temperature):
+    """The colour of a black body in kelvin, as Blender has it; None where it doesn't tell (before 4.5)."""
+    light = bpy.data.lights.new("oscura", "POINT")
+    try:
+        if not hasattr(light, "temperature_color"):
+            return None
+        light.temperature = temperature
+        return tuple(light.temperature_color)
+    finally:
+        bpy.data.lights.remove(light)
+
+
+def output(tree):
+    """The node that feeds the surface of a material, a light or a world in Cycles; None without one."""
+    node = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    feeding = source(node.inputs["Surface"]) if node else None
+    return feeding.node if feeding else None
+
+
+def emission_of_light(tree):
+    """Strength and colour of a light's node tree if it is one plain Emission; else None."""
+    node = output(tree)
+    if node is None:
+        return 0.0, (1.0,) * 3
+    if node.bl_idname != "ShaderNodeEmission" or node.mute:
+        return None
+    color, strength = constant(node.inputs["Color"]), constant(node.inputs["Strength"])
+    return None if color is None or strength is None else (strength, color)

@@ -1,0 +1,177 @@
+"""The world: a constant, a picture, or whatever else its node tree makes, rendered to a picture."""
+
+import math
+import os
+import shutil
+
+import bpy
+
+from . import shaders
+
+# Colour spaces whose values are light as oscura has it.
+LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Generic Data")
+
+# Width of pictures made of node trees, and the width of the largest made of a picture.
+WIDTH = 2048
+WIDEST = 8192
+
+
+def entries(scene, folder, name, report):
+    """The entries of [environment]; pictures go to the folder."""
+    world = scene.world
+    found = _light(world, folder, name, report)
+    hidden = scene.render.film_transparent
+    if world is not None:
+        visible = world.cycles_visibility
+        hidden = hidden or not visible.camera
+        kinds = ("diffuse", "glossy", "transmission")
+        unseen = [kind for kind in kinds if not getattr(visible, kind, True)]
+        if unseen:
+            report.warn(world.name, f"{' and '.join(unseen)} rays see this world, which Blender hides from them")
+    if hidden:
+        found["visible_to_camera"] = False
+    return found
+
+
+def _light(world, folder, name, report):
+    if world is None:
+        return {"background": [0, 0, 0]}
+    if not world.use_nodes or world.node_tree is None:
+        return {"background": list(world.color)}
+    tree = world.node_tree
+    end = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    if end and shaders.source(end.inputs["Volume"]) is not None:
+        report.warn(world.name, "the volume of the world is not supported: it is left out")
+    node = shaders.output(tree)
+    if node is None:
+        return {"background": [0, 0, 0]}
+    if node.bl_idname == "ShaderNodeBackground" and not node.mute:
+        color, strength = shaders.constant(node.inputs["Color"]), shaders.constant(node.inputs["Strength"])
+        if color is not None and strength is not None:
+            return {"background": [max(c * strength, 0.0) for c in color]}
+        if strength is not None:
+            picture = _picture(shaders.source(node.inputs["Color"]), folder, name)
+            if picture:
+                return {**picture, "strength": max(strength, 0.0)}
+    return {"image": _rendered(world, folder, name, report)}
+
+
+def _picture(feeding, folder, name):
+    """The entries for a picture that the world shows as it is, but turned about the vertical; else None."""
+    if feeding is None or feeding.node.bl_idname != "ShaderNodeTexEnvironment" or feeding.node.mute:
+        return None
+    node = feeding.node
+    image = node.image
+    is_plain = node.projection == "EQUIRECTANGULAR" and image is not None and image.source == "FILE"
+    turn = _turn(node.inputs["Vector"]) if is_plain else None
+    if turn is None or image.colorspace_settings.name not in LINEAR:
+        return None
+    ending = os.path.splitext(image.filepath_raw or image.name)[1].lower()
+    if ending not in (".exr", ".hdr"):
+        return None
+    file = f"{name}.world{ending}"
+    target = os.path.join(folder, file)
+    if image.packed_file:
+        with open(target, "wb") as out:
+            out.write(image.packed_file.data)
+    else:
+        path = bpy.path.abspath(image.filepath_raw, library=image.library)
+        if not os.path.isfile(path):
+            return None
+        shutil.copyfile(path, target)
+    return {"image": file, "rotation": math.degrees(turn)} if turn else {"image": file}
+
+
+def _turn(vector):
+    """How far a mapping turns a picture counter-clockwise seen from above, radians; None for any other mapping."""
+    feeding = shaders.source(vector)
+    if feeding is None:
+        return None if vector.is_linked else 0.0
+    if feeding.node.bl_idname == "ShaderNodeTexCoord":
+        return 0.0 if feeding.name == "Generated" else None
+    mapping = feeding.node
+    if mapping.bl_idname != "ShaderNodeMapping" or mapping.mute:
+        return None
+    before = shaders.source(mapping.inputs["Vector"])
+    if before is None or before.node.bl_idname != "ShaderNodeTexCoord" or before.name != "Generated":
+        return None
+    values = {i.name: shaders.constant(i) for i in mapping.inputs if i.name != "Vector" and i.enabled}
+    if None in values.values():
+        return None
+    still = (0.0, 0.0, 0.0)
+    rotation, scale = values.get("Rotation", still), values.get("Scale", (1.0, 1.0, 1.0))
+    if values.get("Location", still) != still or scale != (1.0, 1.0, 1.0) or rotation[:2] != (0.0, 0.0):
+        return None
+    # A point is turned before it is looked up, so the picture turns the other way.
+    return rotation[2] if mapping.vector_type == "TEXTURE" else -rotation[2]
+
+
+def _rendered(world, folder, name, report):
+    """Renders what the world shows to a picture around the origin; gives its name."""
+    world = world.copy()
+    if _neutralize_light_paths(world.node_tree):
+        report.warn(
+            world.name.rsplit(".", 1)[0],
+            "the world differs by the kind of ray: the camera sees what lights the scene",
+        )
+    sizes = [n.image.size[0] for n in world.node_tree.nodes if n.bl_idname == "ShaderNodeTexEnvironment" and n.image]
+    has_sun = any(n.bl_idname == "ShaderNodeTexSky" for n in world.node_tree.nodes)
+    width = min(max([WIDTH, *sizes]), WIDEST)
+    scene = bpy.data.scenes.new("oscura world")
+    try:
+        world.cycles_visibility.camera = True
+        scene.world = world
+        _prepare(scene, width, 16 if has_sun else 4)
+        scene.render.filepath = os.path.join(folder, f"{name}.world.exr")
+        bpy.ops.render.render(write_still=True, scene=scene.name)
+    finally:
+        bpy.data.scenes.remove(scene)
+        bpy.data.worlds.remove(world)
+    return f"{name}.world.exr"
+
+
+def _neutralize_light_paths(tree):
+    """Takes the answers for diffuse rays in place of those of Light Path nodes; says whether there were any."""
+    found = False
+    for node in list(tree.nodes):
+        if node.bl_idname == "ShaderNodeGroup" and node.node_tree:
+            node.node_tree = node.node_tree.copy()
+            found |= _neutralize_light_paths(node.node_tree)
+        if node.bl_idname != "ShaderNodeLightPath":
+            continue
+        for out in node.outputs:
+            for link in list(out.links):
+                value = tree.nodes.new("ShaderNodeValue")
+                value.outputs[0].default_value = 1.0 if out.name in ("Is Diffuse Ray", "Ray Depth") else 0.0
+                tree.links.new(value.outputs[0], link.to_socket)
+                found = True
+    return found
+
+
+def _prepare(scene, width, samples):
+    """Sets a scene up to render an equirectangular picture, oriented as Blender's own environment pictures are."""
+    camera = bpy.data.cameras.new("oscura world")
+    camera.type = "PANO"
+    # Blender 5 has it on the camera, 4 on what Cycles adds to it.
+    owner = camera if hasattr(camera, "panorama_type") else camera.cycles
+    owner.panorama_type = "EQUIRECTANGULAR"
+    placed = bpy.data.objects.new("oscura world", camera)
+    placed.rotation_euler = (math.pi / 2, 0.0, -math.pi / 2)
+    scene.collection.objects.link(placed)
+    scene.camera = placed
+    render = scene.render
+    render.engine = "CYCLES"
+    render.resolution_x, render.resolution_y, render.resolution_percentage = width, width // 2, 100
+    render.film_transparent = False
+    render.use_compositing = render.use_sequencer = False
+    image = render.image_settings
+    if hasattr(image, "media_type"):
+        image.media_type = "IMAGE"
+    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGB", "32"
+    image.exr_codec = "ZIP"
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
+    cycles.pixel_filter_type = "BOX"
+    cycles.max_bounces = 0
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
