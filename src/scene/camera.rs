@@ -1,6 +1,6 @@
 //! Cameras.
 
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DMat3, DVec3};
 
 /// How points in front of the camera map to the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,4 +43,11 @@ pub struct Camera {
     /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of
     /// that side, and upright lines stay parallel.
     pub shift: [f64; 2],
+}
+
+/// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.
+pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
+    let back = (eye - target).try_normalize()?;
+    let right = up.cross(back).try_normalize()?;
+    Some(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye))
 }

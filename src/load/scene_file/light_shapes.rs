@@ -4,11 +4,11 @@ use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::{LightTraits, strength};
 use super::placement::{Placement, at_node, placed};
-use crate::load::shapes::disk_mesh;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{
-    Beam, Instance, Lamp, Material, MaterialId, MeshId, MeshPart, Motion, Quad, Shape, ShapeKind,
+    Beam, Instance, Lamp, Material, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Shape, ShapeKind,
 };
+use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
 
 /// Largest spread, degrees, that is a beam: beyond, and by default, light goes everywhere.
@@ -72,8 +72,7 @@ pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam
                 scene.shapes.push(Shape { name, ..Shape::disk(center, normal, u, material) });
                 return;
             }
-            let kind = ShapeKind::Disk;
-            let mut mesh = disk_mesh(&format!("{name} ({}, stretched)", kind.name()));
+            let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };
             let triangle_count = mesh.triangles.len() as u32;
             mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
             scene.meshes.push(mesh);
