@@ -50,12 +50,17 @@ const MESHES: ModelFormat = ModelFormat {
 /// The extension of scene files.
 const SCENE_FILE: &str = "toml";
 
+/// The extension of Blender's files.
+const BLENDER: &str = "blend";
+
 /// What the name of a file says that it is.
 pub(super) enum Format {
     /// A model.
     Model(&'static ModelFormat),
     /// A scene file.
     SceneFile,
+    /// A file of Blender.
+    Blender,
     /// Nothing that can be rendered.
     Other,
 }
@@ -66,6 +71,9 @@ pub(super) fn of(path: &Path) -> Format {
     if extension == SCENE_FILE {
         return Format::SceneFile;
     }
+    if extension == BLENDER {
+        return Format::Blender;
+    }
     let model = MODELS.iter().find(|format| format.extensions.contains(&extension.as_str()));
     model.map_or(Format::Other, Format::Model)
 }
@@ -75,9 +83,9 @@ pub(super) fn extension(path: &Path) -> String {
     path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
 }
 
-/// The extensions of models and last that of scene files.
+/// The extensions of models and last those of scene files and of Blender's.
 pub fn extensions() -> impl Iterator<Item = &'static str> {
-    model_extensions().chain([SCENE_FILE])
+    model_extensions().chain([SCENE_FILE, BLENDER])
 }
 
 /// `.gltf, .glb, ...`: the extensions of models for a message.

@@ -27,7 +27,8 @@ use formats::Format;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.blend` or `.toml` file; the extension says which it is ([`extensions`]).
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply`, `.toml` or `.blend` file; the extension says which it is
+/// ([`extensions`]).
 ///
 /// # Errors
 /// An input error with all problems of the file.
@@ -37,13 +38,14 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     let mut loaded = match format {
         Format::Model(model) => (model.load)(path, options)?,
         Format::SceneFile => scene_file::load(path, options)?,
+        Format::Blender => blender::load(path, options)?,
         Format::Other => {
             let extension = formats::extension(path);
             return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
                 .with_help(way_to_a_scene(&extension)));
         }
     };
-    let is_of_other_model = matches!(format, Format::Model(model) if !model.takes_gltf_choices);
+    let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
     if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
@@ -120,7 +122,7 @@ pub fn load_frames(
 
 /// Does its name say that a file is one of Blender?
 pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
-    formats::extension(path.as_ref()) == "blend"
+    matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
 /// Turns a model whose z axis points up so that its y axis does: z to y, and -y, its front in most programs, to z.

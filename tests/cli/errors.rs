@@ -12,6 +12,7 @@ fn usage_errors_exit_with_2_before_any_work() {
         &["render", "a.gltf", "-o", "a.jpg"],
         &["render", "a.gltf", "-o", "a.exr", "-o", "a.exr"],
         &["render", "a.gltf", "-o", "a.exr", "--spp", "0"],
+        &["render", "a.gltf", "-o", "a.exr", "--spp", "-4"],
         &["render", "a.gltf", "-o", "a.exr", "--width", "0"],
         &["render", "a.gltf", "-o", "a.exr", "--time-limit", "-1"],
         &["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"],

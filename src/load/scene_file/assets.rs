@@ -97,7 +97,7 @@ fn key(path: &Path) -> PathBuf {
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     match formats::of(path) {
         Format::Model(model) => (model.load)(path, options),
-        Format::SceneFile | Format::Other => {
+        Format::SceneFile | Format::Blender | Format::Other => {
             let help = format!("use one of {}", formats::models_in_words());
             Err(Error::input(path, "is no mesh file").with_help(help))
         }

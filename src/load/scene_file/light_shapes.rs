@@ -72,9 +72,7 @@ pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam
                 scene.shapes.push(Shape { name, ..Shape::disk(center, normal, u, material) });
                 return;
             }
-            let kind = ShapeKind::Disk;
-            let mesh_name = format!("{name} ({}, stretched)", kind.tag().name());
-            let mut mesh = Mesh { name: mesh_name, ..mesh_of(kind) };
+            let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };
             let triangle_count = mesh.triangles.len() as u32;
             mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material });
             scene.meshes.push(mesh);

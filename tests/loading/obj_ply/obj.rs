@@ -30,6 +30,15 @@ fn errors_name_the_line() {
 }
 
 #[test]
+fn utf_16_is_called_by_its_name() {
+    for mark in [[0xff, 0xfe], [0xfe, 0xff]] {
+        let text = [&mark[..], b"v\0 \0"].concat();
+        let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read");
+        assert!(error.to_string().contains("UTF-16"), "{error}");
+    }
+}
+
+#[test]
 fn all_problems_come_at_once() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1\nv 0 1 0\nf 1 2 9\nf 1 0 2\nf a b c\nvn 1 0\nf 1 2 -4\n";
     let error = load_files(&[("a.obj", text.as_bytes())]).expect_err("it is broken");
