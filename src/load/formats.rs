@@ -1,6 +1,6 @@
 //! The types of files that hold models or scenes, by their extensions: the one table.
 
-use super::{LoadOptions, Loaded, blender, gltf, obj, ply};
+use super::{LoadOptions, Loaded, gltf, obj, ply};
 use crate::error::Result;
 use std::path::Path;
 
@@ -10,42 +10,18 @@ pub(super) struct ModelFormat {
     extensions: &'static [&'static str],
     /// Reads a file.
     pub load: fn(&Path, &LoadOptions) -> Result<Loaded>,
-    /// Are choices about glTF assets of use?
-    pub takes_gltf_choices: bool,
-    /// Can its moments be read one after another?
-    pub has_moments: bool,
+    /// Is it glTF, which choices about glTF assets are about, and which has moments?
+    pub is_gltf: bool,
     /// Files don't say which of their axes points up.
     pub leaves_up_open: bool,
 }
 
 /// All of them.
 const MODELS: &[ModelFormat] = &[
-    ModelFormat {
-        extensions: &["gltf", "glb"],
-        load: gltf::load,
-        takes_gltf_choices: true,
-        has_moments: true,
-        leaves_up_open: false,
-    },
-    ModelFormat { extensions: &["obj"], load: obj::load, ..MESHES },
-    ModelFormat { extensions: &["ply"], load: ply::load, ..MESHES },
-    ModelFormat {
-        extensions: &["blend"],
-        load: blender::load,
-        takes_gltf_choices: true,
-        has_moments: false,
-        leaves_up_open: false,
-    },
+    ModelFormat { extensions: &["gltf", "glb"], load: gltf::load, is_gltf: true, leaves_up_open: false },
+    ModelFormat { extensions: &["obj"], load: obj::load, is_gltf: false, leaves_up_open: true },
+    ModelFormat { extensions: &["ply"], load: ply::load, is_gltf: false, leaves_up_open: true },
 ];
-
-/// What formats of plain meshes have in common.
-const MESHES: ModelFormat = ModelFormat {
-    extensions: &[],
-    load: ply::load,
-    takes_gltf_choices: false,
-    has_moments: false,
-    leaves_up_open: true,
-};
 
 /// The extension of scene files.
 const SCENE_FILE: &str = "toml";

@@ -77,7 +77,7 @@ pub fn load_moments(
 ) -> Result<()> {
     let path = path.as_ref();
     let mut moments = moments.into_iter().map(Some);
-    if matches!(formats::of(path), Format::Model(model) if model.has_moments) {
+    if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
             complete(path, options, loaded)?;
             each(loaded)
