@@ -60,16 +60,16 @@ impl Integrator<'_> {
 }
 
 /// Walks through the samples of a block, pixel by pixel.
-struct Cursor {
-    x: u32,
-    y: u32,
-    sample: u64,
+pub(super) struct Cursor {
+    pub x: u32,
+    pub y: u32,
+    pub sample: u64,
     x0: u32,
     x1: u32,
 }
 
 impl Cursor {
-    fn new(block: &Block, first: u64) -> Cursor {
+    pub fn new(block: &Block, first: u64) -> Cursor {
         let samples = u64::from(block.samples);
         let (pixel, width) = (first / samples, u64::from(block.width));
         Cursor {
@@ -82,7 +82,7 @@ impl Cursor {
     }
 
     #[inline(always)]
-    fn advance(&mut self, samples: u64) {
+    pub fn advance(&mut self, samples: u64) {
         self.sample += 1;
         if self.sample == samples {
             self.sample = 0;

@@ -26,6 +26,7 @@ mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
+pub mod reuse;
 mod scatter;
 mod sink;
 mod surface;
@@ -44,10 +45,11 @@ use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
 use light_samplers::has_vector_sampler;
+use reuse::Tiling;
 use wave::PathParts;
 
 /// Options that concern paths.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PathOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
@@ -59,6 +61,8 @@ pub struct PathOptions<'a> {
     pub aovs: AovSet,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
+    /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
+    pub reuse: Option<Tiling>,
 }
 
 /// A rectangle of pixels and a range of their samples.
@@ -185,6 +189,18 @@ impl<'a> Integrator<'a> {
         stop: &dyn Fn() -> bool,
     ) -> bool {
         self.generate(block, first, count, w);
+        let Some(tiling) = &self.options.reuse else { return self.trace_paths(w, stop) };
+        self.begin_reuse(tiling, block, count, w);
+        let is_done = self.trace_paths(w, stop);
+        if is_done {
+            self.share_paths(tiling, w);
+        }
+        is_done
+    }
+
+    /// Traces the paths of a wave to their ends; false if `stop` said so.
+    fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        let shares = self.options.reuse.is_some();
         for bounce in 0..=self.options.max_depth {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
@@ -198,11 +214,18 @@ impl<'a> Integrator<'a> {
             if sorted.all().is_empty() {
                 return true;
             }
+            if shares {
+                self.cut_paths(bounce, &sorted, w);
+            }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
                 self.direct_light(bounce, &sorted, w);
             }
             self.scatter(bounce, &sorted, w);
+            if shares {
+                self.divide_lobes(bounce, &sorted, w);
+            }
+            self.next_rays(&sorted, w);
             if w.rays.is_empty() {
                 return true;
             }

@@ -35,6 +35,19 @@ pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     select(is_flat, ns, n * side)
 }
 
+/// Does [`scattering_normal`] change a normal for this viewer, or nearly? With the normal that it gave for one viewer, it says
+/// the same as with the original for all viewers if it did not change that.
+pub(super) fn bends(ns: Vec3, ng: Vec3, wo: Vec3) -> bool {
+    const MARGIN: f32 = 1.01;
+    if ns == ng {
+        return false;
+    }
+    let (cosine, seen) = (ns.dot(wo), ng.dot(wo));
+    let mirror = ns * (2.0 * cosine) - wo;
+    let least = if seen < LIFT { 0.9 * seen } else { LIFT };
+    cosine < 2.0 * LEAST || mirror.dot(ng) < MARGIN * least
+}
+
 /// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow
 /// Terminator", eq. 3 and 4): falls to 0 where the light sinks below the geometric surface, which otherwise cuts it off
 /// along the edges of triangles. 1 where both normals are the same or `wi` is on the far side.

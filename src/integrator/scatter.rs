@@ -17,7 +17,7 @@ use std::ops::Range;
 const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
-    /// Scatters each path at its vertex and ends some by roulette; the rest become the arriving paths of the next bounce.
+    /// Scatters each path at its vertex and ends some by roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
         let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE };
@@ -32,11 +32,10 @@ impl Integrator<'_> {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
-        self.next_rays(sorted, w);
     }
 
     /// Makes the paths that go on the arriving ones of the next bounce, with their rays.
-    fn next_rays(&self, sorted: &Sorted, w: &mut Workspace) {
+    pub(super) fn next_rays(&self, sorted: &Sorted, w: &mut Workspace) {
         w.rays.clear();
         let Wave { paths, vertices: v, .. } = &*w.wave;
         for i in sorted.all() {

@@ -5,6 +5,7 @@ use super::first_hit::FirstHits;
 use super::group::Group;
 use super::interior::Interior;
 use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, WAVE, Words, per_path};
+use super::reuse::Reuse;
 use super::sink::Sink;
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -100,8 +101,8 @@ pub struct CornerLanes {
     pub weights: [Lanes; 2],
 }
 
+per_path! {
 /// Opaque glTF materials ([`crate::bsdf::MetalRough`]).
-#[derive(Zeroable)]
 pub struct MetalRoughMaterials {
     /// Diffuse colour.
     pub diffuse: RgbLanes,
@@ -118,9 +119,10 @@ pub struct MetalRoughMaterials {
     /// GGX alpha.
     pub alpha: Lanes,
 }
+}
 
+per_path! {
 /// What opaque glTF materials are for a viewer ([`crate::bsdf::MetalRoughClosure`]).
-#[derive(Zeroable)]
 pub struct MetalRoughClosures {
     /// Diffuse colour under the layer.
     pub diffuse: RgbLanes,
@@ -136,6 +138,7 @@ pub struct MetalRoughClosures {
     pub probability_specular: Lanes,
     /// Probability of sampling the diffuse lobe.
     pub probability_diffuse: Lanes,
+}
 }
 
 /// What textured vertices are made of besides corners, and where textures are looked up.
@@ -251,6 +254,8 @@ pub struct Workspace {
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
+    /// Where paths are shared.
+    pub(super) reuse: Option<Box<Reuse>>,
     /// Rays traced so far.
     pub ray_count: u64,
 }
@@ -275,6 +280,7 @@ impl Workspace {
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
+            reuse: None,
             ray_count: 0,
         }
     }

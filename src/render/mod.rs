@@ -16,8 +16,9 @@ mod schedule;
 mod settle;
 mod statistics;
 
+pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
-pub use options::RenderOptions;
+pub use options::{PathReuse, RenderOptions};
 pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;

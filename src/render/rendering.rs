@@ -2,7 +2,7 @@
 
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
-use super::options::RenderOptions;
+use super::options::{PathReuse, RenderOptions};
 use super::picture::{self, Picture};
 use super::progress::{Event, Listener, Progress};
 use super::schedule::{Pass, Schedule};
@@ -10,7 +10,8 @@ use super::statistics::{PassOutcome, Statistics};
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Film, FilmTile, FilterSampler, Layout};
-use crate::integrator::{Block, Integrator, PathOptions, Workspace};
+use crate::integrator::reuse::Tiling;
+use crate::integrator::{Block, Integrator, PathOptions, PathSample, Workspace};
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Arrangement;
 use crate::scene::Camera;
@@ -234,24 +235,31 @@ impl Rendering {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
+        let reuse = match self.options.path_reuse {
+            PathReuse::Auto | PathReuse::Off => None,
+            PathReuse::Groups(shape) => Some(Tiling::new(shape, pass.first_sample)),
+        };
         let paths = PathOptions {
             max_depth: self.options.max_depth,
             arrangement: Arrangement::new(self.options.seed, self.options.samples),
             filter: &self.filter,
             aovs: self.options.aovs.of_first_hits(),
             soft_terminator: self.options.soft_terminator,
+            reuse: reuse.clone(),
         };
         let layout = self.film.layout().clone();
+        let tiles = Tiles::of(pass, reuse.as_ref());
         let work = PassWork {
             integrator: Integrator::new(&self.scene, &self.view, paths),
             layout: &layout,
+            samples: tiles.samples,
             film: Mutex::new(&mut self.film),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
             stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
         };
-        let is_finished = work.run(tiles(&self.view, pass));
+        let is_finished = work.run(tiles.blocks(&self.view, pass));
         self.schedule.finished(pass, start.elapsed());
         match is_finished {
             true if self.schedule.is_complete() => PassOutcome::Done,
@@ -265,6 +273,8 @@ impl Rendering {
 /// What all threads share in a pass.
 struct PassWork<'a> {
     integrator: Integrator<'a>,
+    /// Samples of a tile that are traced at a time.
+    samples: u32,
     layout: &'a Arc<Layout>,
     film: Mutex<&'a mut Film>,
     progress: &'a Progress,
@@ -297,31 +307,71 @@ impl PassWork<'_> {
         WORKSPACE.with(|workspace| {
             let workspace = &mut *workspace.borrow_mut();
             let before = workspace.ray_count;
-            let is_done = self.integrator.trace(block, workspace, &self.stop, |sample| {
+            let mut sink = |sample: &PathSample<'_>| {
                 if has_more {
                     tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
                 } else {
                     tile.add(sample.pixel, sample.rgb, sample.alpha);
                 }
-            });
+            };
+            let is_done = parts(block, self.samples)
+                .all(|part| self.integrator.trace(&part, workspace, &self.stop, &mut sink));
             is_done.then_some((tile, workspace.ray_count - before))
         })
     }
 }
 
 /// The tiles of a pass, row by row.
-fn tiles(view: &View, pass: Pass) -> Vec<Block> {
-    let (width, height) = pass.tile();
-    let starts = |size: u32, step: u32| (0..size).step_by(step as usize);
-    let row = |y0| {
-        starts(view.width, width).map(move |x0| Block {
-            x0,
-            y0,
-            width: width.min(view.width - x0),
-            height: height.min(view.height - y0),
-            first_sample: pass.first_sample,
-            samples: pass.samples,
-        })
-    };
-    starts(view.height, height).flat_map(row).collect()
+struct Tiles {
+    width: u32,
+    height: u32,
+    /// How far their grid is shifted to the left and up.
+    shift: (u32, u32),
+    /// Samples of a tile that are traced at a time.
+    samples: u32,
+}
+
+impl Tiles {
+    fn of(pass: Pass, reuse: Option<&Tiling>) -> Tiles {
+        let (samples, shift) = (pass.samples, reuse.map_or((0, 0), Tiling::shift));
+        let ((width, height), samples) = match reuse {
+            None => (pass.tile(), samples),
+            Some(tiling) => pass.tile_of_regions(tiling.region()),
+        };
+        Tiles { width, height, shift, samples }
+    }
+
+    fn blocks(&self, view: &View, pass: Pass) -> Vec<Block> {
+        let (left, top) = self.shift;
+        let row = |(y0, height)| {
+            starts(view.width, self.width, left).map(move |(x0, width)| Block {
+                x0,
+                y0,
+                width,
+                height,
+                first_sample: pass.first_sample,
+                samples: pass.samples,
+            })
+        };
+        starts(view.height, self.height, top).flat_map(row).collect()
+    }
+}
+
+/// Divides a length into steps, the first of which is shorter by `shift`: starts and lengths.
+fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)> {
+    let ends = (step - shift..length + step).step_by(step as usize);
+    ends.map(move |end| {
+        let start = end.saturating_sub(step);
+        (start, end.min(length) - start)
+    })
+}
+
+/// A block in parts of some samples each.
+fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> {
+    let block = *block;
+    (0..block.samples).step_by(samples as usize).map(move |skipped| Block {
+        first_sample: block.first_sample + skipped,
+        samples: samples.min(block.samples - skipped),
+        ..block
+    })
 }

@@ -1,0 +1,85 @@
+//! Neighbouring pixels share the paths that they find (Bekaert, Sbert, Halton 2002, "Accelerating Path Tracing by Re-Using
+//! Paths").
+//!
+//! Samples of the same index in a group of pixels (see [`Tiling`]) trace their paths as ever. Each path that scatters at a
+//! diffuse or rough surface, at x, and then hits another such surface, at y, is cut between them: its prefix ends at x,
+//! its suffix starts at y. When all paths of the group have ended, each prefix is connected to each suffix. With `T` the
+//! throughput of a prefix, `p` the density per solid angle of its BSDF, `G` the cosine at y over the squared distance, and
+//! `L` the radiance that leaves y, found by its suffix, pixel k gets from all suffixes j
+//!
+//! ```text
+//! sum_j  T_k f(x_k, y_j) cos G(x_k, y_j) V(x_k, y_j) L_j / sum_m p_m(y_j) G(x_m, y_j) V(x_m, y_j)
+//! ```
+//!
+//! which is the balance heuristic between the ways in which the group might have found y. The visibilities `V` in the
+//! denominator are needed for that. The expected value is that of path tracing; no contribution is larger than the one
+//! which the owner of a suffix would have had alone.
+//!
+//! What y sends into a direction must be known for every prefix. A Lambertian surface sends the same everywhere. Of glTF
+//! materials the diffuse part is shared, scaled for each viewer by what the layer above lets through, and the glossy part
+//! goes to the owner of the suffix. Other surfaces, and what glass or mirrors show, stay with the owner: that is decided
+//! by the material alone, which keeps the estimate unbiased.
+
+mod gather;
+mod pairs;
+mod record;
+mod tiling;
+mod vertices;
+
+pub use tiling::{GroupShape, Tiling};
+
+use super::lanes::{LENGTH, WAVE};
+use super::wave::Workspace;
+use super::{Block, Integrator};
+use pairs::Pairs;
+use vertices::{NONE, Prefixes, Suffixes};
+
+/// What a wave keeps to share its paths.
+pub(super) struct Reuse {
+    /// Place of each sample: see [`Tiling::number`].
+    places: [u16; LENGTH],
+    /// By place: the sample.
+    samples: [u16; LENGTH],
+    /// By place.
+    prefixes: Box<Prefixes>,
+    /// By place.
+    suffixes: Box<Suffixes>,
+    pairs: Box<Pairs>,
+}
+
+impl Reuse {
+    fn new() -> Reuse {
+        Reuse {
+            places: [0; LENGTH],
+            samples: [0; LENGTH],
+            prefixes: bytemuck::zeroed_box(),
+            suffixes: bytemuck::zeroed_box(),
+            pairs: bytemuck::zeroed_box(),
+        }
+    }
+
+    /// The place of a path by the index of its radiance.
+    fn place(&self, sample: u32) -> usize {
+        usize::from(self.places[sample as usize % WAVE])
+    }
+}
+
+/// Index of the radiance that arrives at the suffix of a sample from its light samples.
+const DIRECT: u32 = WAVE as u32;
+
+/// Index of the radiance that arrives there from where the path goes on.
+const SCATTERED: u32 = 2 * WAVE as u32;
+
+impl Integrator<'_> {
+    /// Prepares to share the paths of a block that is one wave.
+    pub(super) fn begin_reuse(&self, tiling: &Tiling, block: &Block, count: usize, w: &mut Workspace) {
+        let reuse = w.reuse.get_or_insert_with(|| Box::new(Reuse::new()));
+        tiling.number(block, count, &mut reuse.places);
+        for (sample, &place) in reuse.places[..count].iter().enumerate() {
+            reuse.samples[usize::from(place)] = sample as u16;
+        }
+        reuse.prefixes.class.fill(NONE);
+        reuse.suffixes.class.fill(NONE);
+        w.sink.add_parts(3 * WAVE);
+    }
+}
