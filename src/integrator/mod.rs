@@ -94,6 +94,8 @@ pub struct PathSample<'a> {
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
+    /// The radiance that the path found alone, where paths are shared.
+    pub unshared: [f32; 3],
 }
 
 /// Traces paths through a scene.
@@ -172,7 +174,8 @@ impl<'a> Integrator<'a> {
             }
             for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i) });
+                let unshared = w.sink.unshared(i);
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i), unshared });
             }
             first += count;
         }

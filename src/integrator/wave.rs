@@ -258,6 +258,8 @@ pub struct Workspace {
     pub(super) reuse: Option<Box<Reuse>>,
     /// Rays traced so far.
     pub ray_count: u64,
+    /// Those of them that connected shared paths.
+    pub connection_count: u64,
 }
 
 impl Workspace {
@@ -282,6 +284,7 @@ impl Workspace {
             pending_hits: Vec::new(),
             reuse: None,
             ray_count: 0,
+            connection_count: 0,
         }
     }
 

@@ -8,6 +8,7 @@ mod cancel;
 mod clock;
 mod options;
 mod picture;
+mod pilot;
 mod pool;
 mod progress;
 mod renderer;
@@ -15,6 +16,8 @@ mod rendering;
 mod schedule;
 mod settle;
 mod statistics;
+mod tiles;
+mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;

@@ -4,19 +4,19 @@ use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
 use super::options::{PathReuse, RenderOptions};
 use super::picture::{self, Picture};
+use super::pilot;
 use super::progress::{Event, Listener, Progress};
-use super::schedule::{Pass, Schedule};
+use super::schedule::Schedule;
 use super::statistics::{PassOutcome, Statistics};
+use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Film, FilmTile, FilterSampler, Layout};
-use crate::integrator::reuse::Tiling;
-use crate::integrator::{Block, Integrator, PathOptions, PathSample, Workspace};
+use crate::film::{Film, FilterSampler};
+use crate::integrator::PathOptions;
+use crate::integrator::reuse::GroupShape;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Arrangement;
 use crate::scene::Camera;
-use rayon::prelude::*;
-use std::cell::RefCell;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Instant, SystemTime};
@@ -54,10 +54,27 @@ pub struct Rendering {
     /// What came up before the first pass.
     earlier: Vec<Warning>,
     exposure: f32,
+    sharing: Sharing,
 }
 
-thread_local! {
-    static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
+/// In which groups pixels share paths, if they do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sharing {
+    /// A pass with enough samples will tell.
+    Undecided,
+    Decided(Option<GroupShape>),
+}
+
+impl Sharing {
+    fn new(scene: &CompiledScene, options: &RenderOptions) -> Sharing {
+        // Surfaces that are absent at random let visibility be known at random only.
+        let is_possible = !scene.features.alpha && options.max_depth >= 2;
+        match options.path_reuse {
+            PathReuse::Auto if is_possible => Sharing::Undecided,
+            PathReuse::Groups(shape) if is_possible => Sharing::Decided(Some(shape)),
+            _ => Sharing::Decided(None),
+        }
+    }
 }
 
 impl Rendering {
@@ -78,6 +95,7 @@ impl Rendering {
         let stopwatch = Stopwatch::start(Spent::default());
         let pixels = u64::from(view.width) * u64::from(view.height);
         Ok(Rendering {
+            sharing: Sharing::new(&scene, &options),
             scene,
             view,
             filter: FilterSampler::new(options.filter),
@@ -235,31 +253,39 @@ impl Rendering {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
-        let reuse = match self.options.path_reuse {
-            PathReuse::Auto | PathReuse::Off => None,
-            PathReuse::Groups(shape) => Some(Tiling::new(shape, pass.first_sample)),
-        };
         let paths = PathOptions {
             max_depth: self.options.max_depth,
             arrangement: Arrangement::new(self.options.seed, self.options.samples),
             filter: &self.filter,
             aovs: self.options.aovs.of_first_hits(),
             soft_terminator: self.options.soft_terminator,
-            reuse: reuse.clone(),
+            reuse: None,
         };
         let layout = self.film.layout().clone();
-        let tiles = Tiles::of(pass, reuse.as_ref());
         let work = PassWork {
-            integrator: Integrator::new(&self.scene, &self.view, paths),
+            scene: &self.scene,
+            view: &self.view,
+            paths,
+            pass,
             layout: &layout,
-            samples: tiles.samples,
             film: Mutex::new(&mut self.film),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
             stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
         };
-        let is_finished = work.run(tiles.blocks(&self.view, pass));
+        let is_finished = match self.sharing {
+            Sharing::Decided(shape) => work.run(shape, &[]),
+            Sharing::Undecided => {
+                let trials = pilot::trials(&self.view, pass);
+                let results = work.try_all(&trials);
+                let best = results.as_deref().and_then(pilot::best);
+                if !trials.is_empty() {
+                    self.sharing = Sharing::Decided(best);
+                }
+                results.is_some() && work.run(best, &trials)
+            }
+        };
         self.schedule.finished(pass, start.elapsed());
         match is_finished {
             true if self.schedule.is_complete() => PassOutcome::Done,
@@ -268,110 +294,4 @@ impl Rendering {
             false => PassOutcome::TimedOut,
         }
     }
-}
-
-/// What all threads share in a pass.
-struct PassWork<'a> {
-    integrator: Integrator<'a>,
-    /// Samples of a tile that are traced at a time.
-    samples: u32,
-    layout: &'a Arc<Layout>,
-    film: Mutex<&'a mut Film>,
-    progress: &'a Progress,
-    listener: Option<&'a Listener>,
-    stopwatch: &'a Stopwatch,
-    stop: &'a (dyn Fn() -> bool + Sync),
-}
-
-impl PassWork<'_> {
-    /// Takes all tiles. False if it was stopped: then some have not got their samples.
-    fn run(&self, tiles: Vec<Block>) -> bool {
-        let one = |block: &Block| {
-            if (self.stop)() {
-                return false;
-            }
-            let Some((filled, rays)) = self.fill(block) else { return false };
-            self.film.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).merge(filled);
-            let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
-            self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
-            true
-        };
-        // All of them: stopping is a look at a clock for each tile that is left.
-        tiles.par_iter().map(one).reduce(|| true, |a, b| a & b)
-    }
-
-    /// Traces a block into a tile of its own; returns it with the number of rays, or `None` if it was stopped.
-    fn fill(&self, block: &Block) -> Option<(FilmTile, u64)> {
-        let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, self.layout);
-        let has_more = self.layout.has_more_than_color();
-        WORKSPACE.with(|workspace| {
-            let workspace = &mut *workspace.borrow_mut();
-            let before = workspace.ray_count;
-            let mut sink = |sample: &PathSample<'_>| {
-                if has_more {
-                    tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
-                } else {
-                    tile.add(sample.pixel, sample.rgb, sample.alpha);
-                }
-            };
-            let is_done = parts(block, self.samples)
-                .all(|part| self.integrator.trace(&part, workspace, &self.stop, &mut sink));
-            is_done.then_some((tile, workspace.ray_count - before))
-        })
-    }
-}
-
-/// The tiles of a pass, row by row.
-struct Tiles {
-    width: u32,
-    height: u32,
-    /// How far their grid is shifted to the left and up.
-    shift: (u32, u32),
-    /// Samples of a tile that are traced at a time.
-    samples: u32,
-}
-
-impl Tiles {
-    fn of(pass: Pass, reuse: Option<&Tiling>) -> Tiles {
-        let (samples, shift) = (pass.samples, reuse.map_or((0, 0), Tiling::shift));
-        let ((width, height), samples) = match reuse {
-            None => (pass.tile(), samples),
-            Some(tiling) => pass.tile_of_regions(tiling.region()),
-        };
-        Tiles { width, height, shift, samples }
-    }
-
-    fn blocks(&self, view: &View, pass: Pass) -> Vec<Block> {
-        let (left, top) = self.shift;
-        let row = |(y0, height)| {
-            starts(view.width, self.width, left).map(move |(x0, width)| Block {
-                x0,
-                y0,
-                width,
-                height,
-                first_sample: pass.first_sample,
-                samples: pass.samples,
-            })
-        };
-        starts(view.height, self.height, top).flat_map(row).collect()
-    }
-}
-
-/// Divides a length into steps, the first of which is shorter by `shift`: starts and lengths.
-fn starts(length: u32, step: u32, shift: u32) -> impl Iterator<Item = (u32, u32)> {
-    let ends = (step - shift..length + step).step_by(step as usize);
-    ends.map(move |end| {
-        let start = end.saturating_sub(step);
-        (start, end.min(length) - start)
-    })
-}
-
-/// A block in parts of some samples each.
-fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> {
-    let block = *block;
-    (0..block.samples).step_by(samples as usize).map(move |skipped| Block {
-        first_sample: block.first_sample + skipped,
-        samples: samples.min(block.samples - skipped),
-        ..block
-    })
 }

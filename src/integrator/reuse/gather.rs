@@ -41,6 +41,7 @@ impl Integrator<'_> {
 
     /// Sums up what leaves each suffix. What is not shared goes to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
+        w.sink.keep_unshared();
         let Reuse { suffixes: s, samples, .. } = reuse;
         for k in 0..WAVE {
             if s.class[k] == NONE {
@@ -49,6 +50,7 @@ impl Integrator<'_> {
             let sample = u32::from(samples[k]);
             let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
+            w.sink.add_unshared(sample, throughput * (direct + scattered));
             let (mut radiance, mut own) = (direct + scattered, Rgb::ZERO);
             if s.class[k] == METAL_ROUGH {
                 let shares = [get_rgb(&s.direct_share, k), get_rgb(&s.scattered_share, k)];
@@ -101,6 +103,7 @@ impl Integrator<'_> {
         w.occluded.resize(w.shadow_rays.len(), false);
         self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
         w.ray_count += w.shadow_rays.len() as u64;
+        w.connection_count += w.shadow_rays.len() as u64;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {
                 pairs.density[i as usize] = 0.0;

@@ -1,0 +1,182 @@
+//! Whether a picture gains by sharing paths between its pixels: some squares of its first pass try.
+
+use super::schedule::Pass;
+use crate::compile::View;
+use crate::integrator::reuse::GroupShape;
+use crate::integrator::{Block, PathSample};
+
+/// Edge of a square in pixels.
+const EDGE: u32 = 32;
+
+/// One square of so many tries.
+const SQUARES: u32 = 16;
+
+/// Width, height and spacing of the groups that are tried.
+const CANDIDATES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
+
+/// Sharing must be more efficient than not sharing by this factor.
+const LEAST_GAIN: f64 = 1.1;
+
+/// Time that a connection takes, as a part of the time of another ray with all that belongs to it; and what sharing takes
+/// besides, as a part of the time without.
+const CONNECTION_COST: f64 = 0.85;
+const FIXED_COST: f64 = 0.05;
+
+/// Largest error that a pixel may count for, relative to its value: rare bright samples would else decide alone.
+const LARGEST_ERROR: f64 = 3.0;
+
+/// The squares that try a shape of groups.
+pub(super) struct Trial {
+    pub shape: GroupShape,
+    pub squares: Vec<Block>,
+}
+
+/// The trials of a pass; none if it has a single sample or the picture is too small.
+pub(super) fn trials(view: &View, pass: Pass) -> Vec<Trial> {
+    let (columns, rows) = (view.width / EDGE, view.height / EDGE);
+    let count = (columns * rows).div_ceil(SQUARES).next_multiple_of(CANDIDATES.len() as u32);
+    if pass.samples < 2 || columns * rows < 2 * count {
+        return Vec::new();
+    }
+    let shapes =
+        CANDIDATES.iter().filter_map(|&(width, height, spacing)| GroupShape::new(width, height, spacing));
+    let mut trials: Vec<Trial> = shapes.map(|shape| Trial { shape, squares: Vec::new() }).collect();
+    let mut taken = std::collections::HashSet::new();
+    for (i, (x, y)) in
+        places(columns, rows).filter(|&place| taken.insert(place)).take(count as usize).enumerate()
+    {
+        let block = Block {
+            x0: x * EDGE,
+            y0: y * EDGE,
+            width: EDGE,
+            height: EDGE,
+            first_sample: pass.first_sample,
+            samples: pass.samples,
+        };
+        let turn = i % trials.len();
+        trials[turn].squares.push(block);
+    }
+    trials
+}
+
+/// Points that fill a grid evenly, however many are taken (the R2 sequence of Roberts 2018).
+fn places(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
+    let scaled = |i: u32, increment: u32, size: u32| {
+        let fraction = i.wrapping_mul(increment).wrapping_add(1 << 31);
+        (u64::from(fraction) * u64::from(size) >> 32) as u32
+    };
+    (0..).map(move |i| (scaled(i, 0xc13f_a9a9, columns), scaled(i, 0x91e1_0da5, rows)))
+}
+
+/// The tiles that no trial has covered.
+pub(super) fn without(mut tiles: Vec<Block>, trials: &[Trial]) -> Vec<Block> {
+    let squares = trials.iter().flat_map(|trial| &trial.squares);
+    let covered: std::collections::HashSet<_> = squares.map(|s| (s.x0 / EDGE, s.y0 / EDGE)).collect();
+    tiles.retain(|tile| !covered.contains(&(tile.x0 / EDGE, tile.y0 / EDGE)));
+    tiles
+}
+
+/// The two halves of a pixel's samples, with paths shared and without.
+#[derive(Clone, Copy, Default)]
+struct Halves {
+    shared: [[f64; 3]; 2],
+    unshared: [[f64; 3]; 2],
+    count: u32,
+}
+
+/// What a square has shown.
+pub(super) struct Tally {
+    pixels: Vec<Halves>,
+    /// Samples of half a pixel.
+    half: u32,
+    rays: u64,
+    connections: u64,
+}
+
+impl Tally {
+    pub fn new(block: &Block) -> Tally {
+        let pixels = vec![Halves::default(); (block.width * block.height) as usize];
+        Tally { pixels, half: block.samples / 2, rays: 0, connections: 0 }
+    }
+
+    pub fn add(&mut self, sample: &PathSample<'_>) {
+        let pixel = &mut self.pixels[sample.pixel as usize];
+        let half = pixel.count / self.half;
+        pixel.count += 1;
+        let add = |sums: &mut [[f64; 3]; 2], rgb: [f32; 3]| {
+            if let Some(sum) = sums.get_mut(half as usize) {
+                sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
+            }
+        };
+        add(&mut pixel.shared, sample.rgb);
+        add(&mut pixel.unshared, sample.unshared);
+    }
+
+    /// Counts rays, and those of them that connected paths.
+    pub fn count(&mut self, rays: u64, connections: u64) {
+        (self.rays, self.connections) = (self.rays + rays, self.connections + connections);
+    }
+
+    /// Sums of squared errors relative to the pixels' values, from the difference of the halves.
+    pub fn finish(&self) -> Errors {
+        let mut errors = Errors { rays: self.rays, connections: self.connections, ..Errors::default() };
+        for pixel in &self.pixels {
+            for c in 0..3 {
+                let scale = 1.0 / f64::from(self.half);
+                let mean = 0.5 * scale * (pixel.shared[0][c] + pixel.shared[1][c]);
+                let error = |sums: &[[f64; 3]; 2]| {
+                    let difference = (sums[0][c] - sums[1][c]) * scale;
+                    let squared = difference * difference / (mean * mean + 0.01);
+                    // NaN counts as nothing.
+                    if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
+                };
+                errors.shared += error(&pixel.shared);
+                errors.unshared += error(&pixel.unshared);
+            }
+        }
+        errors
+    }
+}
+
+/// Squared errors of some pixels, and the rays that they took.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Errors {
+    pub shared: f64,
+    pub unshared: f64,
+    /// All, and those that connected paths.
+    pub rays: u64,
+    pub connections: u64,
+}
+
+impl Errors {
+    pub fn plus(self, other: Errors) -> Errors {
+        Errors {
+            shared: self.shared + other.shared,
+            unshared: self.unshared + other.unshared,
+            rays: self.rays + other.rays,
+            connections: self.connections + other.connections,
+        }
+    }
+
+    /// How many times more efficient sharing is.
+    fn gain(&self) -> f64 {
+        if self.shared <= 0.0 {
+            return 0.0;
+        }
+        let others = (self.rays - self.connections).max(1) as f64;
+        let cost = 1.0 + FIXED_COST + CONNECTION_COST * self.connections as f64 / others;
+        self.unshared / self.shared / cost
+    }
+}
+
+/// The shape of groups that gains most; `None` if none gains enough.
+pub(super) fn best(results: &[(GroupShape, Errors)]) -> Option<GroupShape> {
+    let gains = results.iter().map(|(shape, errors)| (*shape, errors.gain()));
+    let best = gains.max_by(|a, b| a.1.total_cmp(&b.1));
+    if std::env::var("PILOT").is_ok() {
+        for (s, e) in results {
+            eprintln!("{s:?} {e:?} gain {:.2} pixels {:.2}", e.gain(), e.unshared / e.shared);
+        }
+    }
+    best.filter(|(_, gain)| *gain >= LEAST_GAIN).map(|(shape, _)| shape)
+}
