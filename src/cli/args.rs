@@ -5,7 +5,7 @@ use super::frames::Frames;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use oscura::film::Aov;
-use oscura::render::{GroupShape, PathReuse};
+use oscura::render::PathReuse;
 use std::path::PathBuf;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
@@ -202,8 +202,8 @@ pub(crate) struct RenderArgs {
     /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
     #[arg(long, default_value = "soft")]
     pub terminator: TerminatorArg,
-    /// Whether neighbouring pixels share paths: auto, off, or the size of groups such as 4x4 [default: auto].
-    #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true, value_parser = path_reuse)]
+    /// Share paths between neighbouring pixels: auto, off, or groups such as 4x4 [default: auto].
+    #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
@@ -304,21 +304,6 @@ fn degrees(text: &str) -> Result<f64, String> {
 /// The range is that of scene files.
 fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
-}
-
-fn path_reuse(text: &str) -> Result<PathReuse, String> {
-    let shape = || {
-        let (width, rest) = text.split_once('x')?;
-        let (height, stride) = rest.split_once('/').unwrap_or((rest, "1"));
-        GroupShape::new(width.parse().ok()?, height.parse().ok()?, stride.parse().ok()?)
-    };
-    match text {
-        "auto" => Ok(PathReuse::Auto),
-        "off" => Ok(PathReuse::Off),
-        _ => shape().map(PathReuse::Groups).ok_or_else(|| {
-            "must be 'auto', 'off' or the width and height of groups, powers of two such as 4x4".to_string()
-        }),
-    }
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {

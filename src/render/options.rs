@@ -1,8 +1,10 @@
 //! Everything about a picture that is settled before it is rendered.
 
+use crate::error::{Error, Result};
 use crate::film::AovSet;
 use crate::integrator::reuse::GroupShape;
 use crate::scene::Filter;
+use std::str::FromStr;
 use std::time::Duration;
 
 /// Whether neighbouring pixels share the paths that they find. Pictures have the same mean either way; sharing takes noise
@@ -50,6 +52,22 @@ pub struct RenderOptions {
     pub path_reuse: PathReuse,
     /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,
+}
+
+impl FromStr for PathReuse {
+    type Err = Error;
+
+    /// Reads `auto`, `off`, or a shape as [`GroupShape`] is written.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<PathReuse> {
+        match text {
+            "auto" => Ok(PathReuse::Auto),
+            "off" => Ok(PathReuse::Off),
+            _ => text.parse().map(PathReuse::Groups),
+        }
+    }
 }
 
 impl Default for RenderOptions {

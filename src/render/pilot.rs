@@ -2,7 +2,7 @@
 
 use super::schedule::Pass;
 use crate::compile::View;
-use crate::integrator::reuse::GroupShape;
+use crate::integrator::reuse::{GroupShape, INTERVAL};
 use crate::integrator::{Block, PathSample};
 
 /// Edge of a square in pixels.
@@ -15,7 +15,7 @@ const SQUARES: u32 = 16;
 const CANDIDATES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
 
 /// Sharing must be more efficient than not sharing by this factor.
-const LEAST_GAIN: f64 = 1.1;
+const LEAST_GAIN: f64 = 1.25;
 
 /// Time that a connection takes, as a part of the time of another ray with all that belongs to it; and what sharing takes
 /// besides, as a part of the time without.
@@ -35,7 +35,8 @@ pub(super) struct Trial {
 pub(super) fn trials(view: &View, pass: Pass) -> Vec<Trial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
     let count = (columns * rows).div_ceil(SQUARES).next_multiple_of(CANDIDATES.len() as u32);
-    if pass.samples < 2 || columns * rows < 2 * count {
+    // Later, groups would lie across squares.
+    if pass.samples < 2 || pass.first_sample >= INTERVAL || columns * rows < 2 * count {
         return Vec::new();
     }
     let shapes =
@@ -173,10 +174,5 @@ impl Errors {
 pub(super) fn best(results: &[(GroupShape, Errors)]) -> Option<GroupShape> {
     let gains = results.iter().map(|(shape, errors)| (*shape, errors.gain()));
     let best = gains.max_by(|a, b| a.1.total_cmp(&b.1));
-    if std::env::var("PILOT").is_ok() {
-        for (s, e) in results {
-            eprintln!("{s:?} {e:?} gain {:.2} pixels {:.2}", e.gain(), e.unshared / e.shared);
-        }
-    }
     best.filter(|(_, gain)| *gain >= LEAST_GAIN).map(|(shape, _)| shape)
 }

@@ -75,6 +75,13 @@ impl Sharing {
             _ => Sharing::Decided(None),
         }
     }
+
+    fn shape(self) -> Option<GroupShape> {
+        match self {
+            Sharing::Undecided => None,
+            Sharing::Decided(shape) => shape,
+        }
+    }
 }
 
 impl Rendering {
@@ -198,6 +205,10 @@ impl Rendering {
                 warnings.push(Warning::general(message));
             }
         };
+        let is_refused = matches!(self.options.path_reuse, PathReuse::Groups(_)) && self.scene.features.alpha;
+        let refusal =
+            "paths are not shared between pixels: the scene has surfaces that are partly transparent";
+        warn(u64::from(is_refused), refusal.to_string());
         warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
         warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
         warnings
@@ -242,6 +253,7 @@ impl Rendering {
             rays: self.progress.rays(),
             samples,
             samples_per_pixel: samples as f64 / pixels,
+            path_reuse: self.sharing.shape(),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,

@@ -73,3 +73,35 @@ pub(super) fn parts(block: &Block, samples: u32) -> impl Iterator<Item = Block> 
         ..block
     })
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::integrator::WAVE;
+    use crate::integrator::reuse::GroupShape;
+
+    #[test]
+    fn tiles_cover_every_pixel_once() {
+        let shapes = [None, Some("2x2/1"), Some("4x4/4"), Some("8x8/4")];
+        let passes = [(0, 8), (8, 1), (16, 2), (40, 3), (80, 5), (800, 7)];
+        let sizes = [(1, 1), (31, 50), (64, 64), (100, 33)];
+        for ((first_sample, samples), shape) in passes.iter().flat_map(|p| shapes.map(|s| (*p, s))) {
+            let pass = Pass { first_sample, samples };
+            let reuse = shape.map(|s| Tiling::new(s.parse::<GroupShape>().unwrap(), first_sample));
+            let tiles = Tiles::of(pass, reuse.as_ref());
+            for (width, height) in sizes {
+                let mut counts = vec![0; (width * height) as usize];
+                for tile in tiles.divide(Block { x0: 0, y0: 0, width, height, first_sample, samples }) {
+                    let of_parts: u32 = parts(&tile, tiles.samples()).map(|part| part.samples).sum();
+                    assert_eq!(of_parts, samples);
+                    let is_wave = tile.width * tile.height * tiles.samples() <= WAVE as u32;
+                    assert!(is_wave || reuse.is_none(), "{shape:?} {pass:?}");
+                    for (x, y) in (0..tile.height).flat_map(|y| (0..tile.width).map(move |x| (x, y))) {
+                        counts[((tile.y0 + y) * width + tile.x0 + x) as usize] += 1;
+                    }
+                }
+                assert!(counts.iter().all(|&n| n == 1), "{shape:?} {pass:?} {width} {height}");
+            }
+        }
+    }
+}

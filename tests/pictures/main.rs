@@ -4,6 +4,7 @@ mod closed_form;
 mod compile_scene;
 mod converged;
 mod determinism;
+mod path_reuse;
 mod references;
 mod reuse;
 mod solids;

@@ -26,7 +26,7 @@ mod record;
 mod tiling;
 mod vertices;
 
-pub use tiling::{GroupShape, Tiling};
+pub use tiling::{GroupShape, INTERVAL, Tiling};
 
 use super::lanes::{LENGTH, WAVE};
 use super::wave::Workspace;
