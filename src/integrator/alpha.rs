@@ -1,7 +1,7 @@
 //! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike.
 
 use super::Integrator;
-use super::wave::Workspace;
+use super::workspace::Workspace;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
 use crate::shape::Surface;

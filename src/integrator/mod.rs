@@ -12,6 +12,7 @@
 //! sample: neither on threads nor on how samples are grouped into waves.
 
 mod alpha;
+mod block;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -34,9 +35,11 @@ mod surface;
 mod tests;
 mod textured;
 mod wave;
+mod workspace;
 
+pub use block::Block;
 pub use lanes::WAVE;
-pub use wave::Workspace;
+pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler};
@@ -63,23 +66,6 @@ pub struct PathOptions<'a> {
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
-}
-
-/// A rectangle of pixels and a range of their samples.
-#[derive(Clone, Copy, Debug)]
-pub struct Block {
-    /// Left column.
-    pub x0: u32,
-    /// Top row.
-    pub y0: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// First sample of each pixel.
-    pub first_sample: u32,
-    /// Samples of each pixel.
-    pub samples: u32,
 }
 
 /// One finished path.

@@ -23,52 +23,16 @@
 mod gather;
 mod pairs;
 mod record;
+mod state;
 mod tiling;
-mod vertices;
 
+pub(super) use state::Reuse;
 pub use tiling::{GroupShape, INTERVAL, Tiling};
 
-use super::lanes::{LENGTH, WAVE};
-use super::wave::Workspace;
+use super::lanes::WAVE;
+use super::workspace::Workspace;
 use super::{Block, Integrator};
-use pairs::Pairs;
-use vertices::{NONE, Prefixes, Suffixes};
-
-/// What a wave keeps to share its paths.
-pub(super) struct Reuse {
-    /// Place of each sample: see [`Tiling::number`].
-    places: [u16; LENGTH],
-    /// By place: the sample.
-    samples: [u16; LENGTH],
-    /// By place.
-    prefixes: Box<Prefixes>,
-    /// By place.
-    suffixes: Box<Suffixes>,
-    pairs: Box<Pairs>,
-}
-
-impl Reuse {
-    fn new() -> Reuse {
-        Reuse {
-            places: [0; LENGTH],
-            samples: [0; LENGTH],
-            prefixes: bytemuck::zeroed_box(),
-            suffixes: bytemuck::zeroed_box(),
-            pairs: bytemuck::zeroed_box(),
-        }
-    }
-
-    /// The place of a path by the index of its radiance.
-    fn place(&self, sample: u32) -> usize {
-        usize::from(self.places[sample as usize % WAVE])
-    }
-}
-
-/// Index of the radiance that arrives at the suffix of a sample from its light samples.
-const DIRECT: u32 = WAVE as u32;
-
-/// Index of the radiance that arrives there from where the path goes on.
-const SCATTERED: u32 = 2 * WAVE as u32;
+use state::NONE;
 
 impl Integrator<'_> {
     /// Prepares to share the paths of a block that is one wave.

@@ -1,28 +1,13 @@
 //! Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
 
 use super::super::closure::{Closure, VertexClass};
-use super::super::lanes::{Lanes, Lanes3, RgbLanes, WAVE, Words, get, get_rgb, set_rgb};
+use super::super::lanes::{WAVE, get, get_rgb, set_rgb};
 use super::super::normals::terminator;
-use super::vertices::Prefixes;
+use super::state::{Pairs, Prefixes};
 use crate::simd::Kernel;
-use bytemuck::Zeroable;
 
 /// Places that loops take together: of one group or of several.
 pub const RUN: usize = 16;
-
-/// A round: at each place, a prefix and the suffix of its group whose turn it is.
-#[derive(Zeroable)]
-pub struct Pairs {
-    /// Where the suffix starts, and its normal.
-    pub y: Lanes3,
-    pub ng: Lanes3,
-    /// The bounce at which prefixes must have ended; none has where there is no suffix.
-    pub bounce: Words,
-    /// Density per area with which the prefix might have found the suffix.
-    pub density: Lanes,
-    /// What a radiance of 1 from the suffix would bring to the prefix, with all factors but the density of suffixes.
-    pub value: RgbLanes,
-}
 
 /// Fills density and value of the prefixes of a class at runs of places.
 pub struct Connect<'a, C, const SOFT: bool> {

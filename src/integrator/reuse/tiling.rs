@@ -1,7 +1,6 @@
 //! Which samples of a picture share their paths.
 
-use super::super::Block;
-use super::super::generate::Cursor;
+use super::super::block::{Block, Cursor};
 use super::super::lanes::{LENGTH, WAVE};
 use crate::error::{Error, Result};
 use crate::sampling::hash::hash32;
