@@ -17,15 +17,11 @@ use std::ops::Range;
 /// The first bounce after which a path may be ended by roulette.
 const FIRST_ROULETTE: u32 = 3;
 
-/// The same where paths are shared: what a path finds is of use to many pixels then.
-const FIRST_ROULETTE_OF_SHARED: u32 = 8;
-
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
-        let first = if self.options.reuse.is_some() { FIRST_ROULETTE_OF_SHARED } else { FIRST_ROULETTE };
-        let how = How { dimensions, roulette: bounce >= first };
+        let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE };
         if self.softens_terminator() {
             scatter::<true>(how, sorted, w);
         } else {
