@@ -1,5 +1,9 @@
 //! Errors and warnings: what is wrong, where, and what would mend it. Nothing here prints.
 
+mod choice;
+
+pub use choice::Choice;
+
 use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};

@@ -5,7 +5,7 @@ use super::collapse::{Collapse, WIDTH};
 use super::emit::{Emit, Emitted};
 use super::gather::{Kind, Primitive, gather, is_in_reach};
 use super::halves;
-use super::input::{AccelInput, AccelInstance, BuildOptions, Geometry, Quality, Reuse};
+use super::input::{AccelInput, AccelInstance, Geometry, Reuse};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
 use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
 use super::slot::DeepSlot;
@@ -29,7 +29,6 @@ const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
 struct Builder<'a> {
     input: AccelInput<'a>,
-    quality: Quality,
     /// Deeper trees are built anew, in halves.
     max_depth: usize,
     lines: Vec<Line>,
@@ -41,30 +40,30 @@ impl Accel {
     /// Builds the structure, in parallel on the current rayon pool. `geometries[0]` stands in the world as it is
     /// (`Hit::instance` is 0 there); the others are only reached through `instances` (`Hit::instance` is the index plus
     /// 1). Whatever no ray can hit is dropped and counted: see [`BuildStats`].
-    pub fn build(geometries: &[Geometry], instances: &[AccelInstance], options: &BuildOptions) -> Accel {
+    pub fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
         let geometries: Vec<&Geometry> = geometries.iter().collect();
         let (first_moving, first_changing) = (instances.len(), geometries.len());
         let input = AccelInput { geometries: &geometries, instances, first_moving, first_changing };
-        build(&input, options)
+        build(&input)
     }
 
     /// Builds with instances that move apart from those that don't.
-    pub fn build_parts(input: &AccelInput, options: &BuildOptions) -> Accel {
-        build(input, options)
+    pub fn build_parts(input: &AccelInput) -> Accel {
+        build(input)
     }
 
     /// Builds the structure anew but for what is said to be the same as in this one.
-    pub fn rebuild(self, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
-        rebuild(self, reuse, input, options)
+    pub fn rebuild(self, reuse: Reuse, input: &AccelInput) -> Accel {
+        rebuild(self, reuse, input)
     }
 }
 
-fn build(input: &AccelInput, options: &BuildOptions) -> Accel {
+fn build(input: &AccelInput) -> Accel {
     let begin = Instant::now();
-    Builder::new(input, options, Vec::new()).finish(Reuse::Nothing, begin)
+    Builder::new(input, Vec::new()).finish(Reuse::Nothing, begin)
 }
 
-fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOptions) -> Accel {
+fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput) -> Accel {
     let begin = Instant::now();
     let Accel { mut lines, mut parts, .. } = previous;
     let (mark, kept) = match reuse {
@@ -78,7 +77,7 @@ fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOpt
             *tree = None;
         }
     }
-    let mut builder = Builder::new(input, options, lines);
+    let mut builder = Builder::new(input, lines);
     builder.stats = mark.stats;
     parts.trees.resize(input.geometries.len().max(1), None);
     builder.parts = parts;
@@ -86,11 +85,10 @@ fn rebuild(previous: Accel, reuse: Reuse, input: &AccelInput, options: &BuildOpt
 }
 
 impl<'a> Builder<'a> {
-    fn new(input: &AccelInput<'a>, options: &BuildOptions, lines: Vec<Line>) -> Builder<'a> {
+    fn new(input: &AccelInput<'a>, lines: Vec<Line>) -> Builder<'a> {
         let is_apart = input.first_moving < input.instances.len();
         Builder {
             input: *input,
-            quality: options.quality,
             // Two trees may lie one below the other, and a third where something moves.
             max_depth: if is_apart { MAX_DEPTH * 2 / 3 } else { MAX_DEPTH },
             lines,
@@ -201,7 +199,7 @@ impl<'a> Builder<'a> {
             return NOTHING;
         }
         let start = self.lines.len();
-        let mut binary = binary::build(&primitives, self.quality);
+        let mut binary = binary::build(&primitives);
         let mut emitted = self.emit(&binary, &primitives, geometry, records);
         if emitted.depth > self.max_depth {
             self.lines.truncate(start);

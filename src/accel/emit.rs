@@ -10,7 +10,6 @@ use super::layout::{
     Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, view_mut,
 };
 use crate::math::{Bounds3, Vec3};
-use crate::shape::Shape;
 use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;

@@ -38,25 +38,6 @@ pub struct AccelInput<'a> {
     pub first_changing: usize,
 }
 
-/// How much time goes into the tree.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Quality {
-    /// For previews: about half the build time, slower rays.
-    Fast,
-    /// The default.
-    #[default]
-    Medium,
-    /// About ten times the build time for rays 5 to 15 % faster.
-    High,
-}
-
-/// How to build.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct BuildOptions {
-    /// Time spent on the tree.
-    pub quality: Quality,
-}
-
 /// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off
 /// and built behind it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

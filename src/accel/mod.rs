@@ -28,6 +28,6 @@ mod tests;
 mod validate;
 
 pub use gather::{Dropped, is_in_reach};
-pub use input::{AccelInput, AccelInstance, BuildOptions, Geometry, Quality, Reuse};
+pub use input::{AccelInput, AccelInstance, Geometry, Reuse};
 pub use parts::BuildStats;
 pub use structure::Accel;

@@ -121,7 +121,7 @@ fn nearest_of_triangle(p: Vec3, [a, b, c]: [Vec3; 3]) -> Vec3 {
 #[cfg(test)]
 mod tests {
     use super::super::tests::{Rng, soup};
-    use super::super::{AccelInstance, BuildOptions, Geometry};
+    use super::super::{AccelInstance, Geometry};
     use super::*;
     use crate::math::{DAffine3, DVec3};
 
@@ -139,7 +139,7 @@ mod tests {
     #[test]
     fn distances_are_those_of_a_search() {
         let geometry = soup(60, 0.2, 5);
-        let accel = Accel::build(std::slice::from_ref(&geometry), &[], &BuildOptions::default());
+        let accel = Accel::build(std::slice::from_ref(&geometry), &[]);
         let mut rng = Rng::new(7);
         for _ in 0..100 {
             let p = rng.vector() * 1.5;
@@ -166,11 +166,11 @@ mod tests {
         let geometries = [Geometry::default(), soup(20, 0.1, 3)];
         let world_from_object = DAffine3::from_translation(DVec3::X * 10.0);
         let placed = [AccelInstance { geometry: 1, world_from_object }];
-        let accel = Accel::build(&geometries, &placed, &BuildOptions::default());
+        let accel = Accel::build(&geometries, &placed);
         let distance = accel.distance(Vec3::ZERO);
         assert!((8.8..10.0).contains(&distance), "{distance}");
         assert_eq!(accel.distance(Vec3::X * 10.0), 0.0);
-        let empty = Accel::build(&[Geometry::default()], &[], &BuildOptions::default());
+        let empty = Accel::build(&[Geometry::default()], &[]);
         assert_eq!(empty.distance(Vec3::ZERO), f32::INFINITY);
     }
 }

@@ -4,7 +4,7 @@ use super::gather::{Dropped, Kind, Primitive};
 use super::input::Geometry;
 use super::layout::DONE;
 use crate::math::Bounds3;
-use crate::shape::Analytic;
+use crate::scene::ShapeTag;
 
 /// What the build took and made.
 #[derive(Clone, Copy, Debug, Default)]
@@ -17,8 +17,8 @@ pub struct BuildStats {
     pub triangles: u64,
     /// Quads in it.
     pub quads: u64,
-    /// Analytic shapes in it, in the order of [`Analytic::NAMES`].
-    pub analytic: [u64; Analytic::NAMES.len()],
+    /// Analytic shapes in it, in the order of [`ShapeTag::ALL`].
+    pub analytic: [u64; ShapeTag::ALL.len()],
     /// Instances in it.
     pub instances: u64,
     /// Geometries (other than the world's) that an instance uses: only these are built.
@@ -35,7 +35,7 @@ impl BuildStats {
                 Kind::Triangle => self.triangles += 1,
                 Kind::Quad => self.quads += 1,
                 Kind::Analytic => {
-                    self.analytic[geometry.analytic[primitive.id as usize - first].kind_index()] += 1;
+                    self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
                 }
                 Kind::Instance => {}
             }

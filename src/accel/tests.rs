@@ -49,7 +49,7 @@ fn random_rays(count: usize, seed: u64) -> Vec<Ray> {
 }
 
 fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
-    let accel = Accel::build(geometries, instances, &BuildOptions::default());
+    let accel = Accel::build(geometries, instances);
     accel.validate().expect("valid");
     accel
 }

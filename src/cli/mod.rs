@@ -21,6 +21,8 @@ mod report;
 mod report_json;
 mod scene_path;
 mod settings;
+mod shapes;
+mod terms;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -46,6 +48,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(Outcome::Disagreement) => ExitCode::from(1),
         Ok(Outcome::Interrupted) => ExitCode::from(130),
         Err(error) => {
+            let error = terms::in_error(error);
             report::error(&error);
             let code = exit_code(&error);
             if json {

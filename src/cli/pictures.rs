@@ -1,6 +1,7 @@
 //! The pictures that a run writes: where they go, what their headers say.
 
 use super::args::RenderArgs;
+use super::terms;
 use oscura::error::{Error, Result, Warning};
 use oscura::output::{
     Format, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
@@ -76,6 +77,7 @@ impl<'a> Pictures<'a> {
             }
             files.push((path.as_path(), encoded.bytes));
         }
+        terms::in_warnings(&mut warnings);
         Ok(Pictures { files, warnings })
     }
 

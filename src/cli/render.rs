@@ -10,7 +10,7 @@ use super::progress::Progress;
 use super::report::{Run, Said};
 use super::scene_path;
 use super::settings::{choices, png, without_exr};
-use super::{json, report_json};
+use super::{json, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::{LoadOptions, Loaded, load, load_moments};
@@ -22,7 +22,8 @@ use std::time::Instant;
 
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let cancel = cancel_by_signals()?;
-    in_pool(args.threads.map(usize::from), || run_all(args, &cancel))?
+    in_pool(args.threads.map(usize::from), || run_all(args, &cancel))
+        .map_err(|error| error.with_help("ask for fewer with --threads"))?
 }
 
 /// Renders one picture, or each of a sequence.
@@ -179,6 +180,7 @@ fn prepare(
     start: Instant,
     compiler: &mut Compiler,
 ) -> Result<Prepared> {
+    terms::in_loaded(loaded);
     let mut warnings = std::mem::take(&mut loaded.warnings);
     let mut choices = choices(args);
     if !has_exr {

@@ -1,6 +1,7 @@
 //! What the user reads: errors, warnings and the report at the end.
 
 use super::excerpt::Excerpt;
+use super::shapes::ShapeCounts;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
 use oscura::compile::CompileReport;
 use oscura::error::{Error, Problem, Warning};
@@ -152,13 +153,11 @@ impl Run {
     /// The report for people.
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
-        let disks =
-            if c.analytic[1] > 0 { format!("{}, ", counted(c.analytic[1], "disk")) } else { String::new() };
         eprintln!(
-            "scene    {}, {}, {}, {disks}{}, {:.1} MiB",
+            "scene    {}, {}, {}{}, {:.1} MiB",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
-            counted(c.analytic[0], "sphere"),
+            ShapeCounts(c.analytic).words(),
             counted(c.lights, "light"),
             mib(c.bytes)
         );

@@ -1,6 +1,7 @@
 //! What `--json` says about a run, or about the error that ended it.
 
 use super::report::Run;
+use super::shapes::ShapeCounts;
 use oscura::error::{Error, ErrorKind};
 use serde::Serialize;
 use std::fmt::Display;
@@ -24,8 +25,8 @@ struct RunReport<'a> {
     peak_memory_bytes: Option<u64>,
     triangles: u64,
     quads: u64,
-    spheres: u64,
-    disks: u64,
+    #[serde(flatten)]
+    shapes: ShapeCounts,
     lights: u64,
     scene_bytes: u64,
     interrupted: bool,
@@ -56,8 +57,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         peak_memory_bytes: run.peak_memory,
         triangles: c.triangles,
         quads: c.quads,
-        spheres: c.analytic[0],
-        disks: c.analytic[1],
+        shapes: ShapeCounts(c.analytic),
         lights: c.lights,
         scene_bytes: c.bytes,
         interrupted: s.interrupted,

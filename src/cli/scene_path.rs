@@ -2,11 +2,14 @@
 
 use clap::error::{ContextKind, ContextValue, ErrorKind};
 use oscura::error::{Error, Result};
-use oscura::load::is_named_as_scene;
+use oscura::load::{extensions, is_named_as_scene};
 use std::path::Path;
 
 /// Most files that a message lists.
 const LISTED: usize = 8;
+
+/// Extensions of files that may have been meant as the picture to write.
+const PICTURES: [&str; 5] = ["exr", "hdr", "png", "jpg", "jpeg"];
 
 /// Is there a file? Loading it tells what else may be wrong with it.
 ///
@@ -25,6 +28,12 @@ pub(crate) fn check(path: &Path) -> Result<()> {
                 (format!("the folder {} does not exist", folder.display()), "check the path".to_string())
             }
         };
+        return Err(Error::input(path, message).with_help(help));
+    }
+    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
+    if PICTURES.contains(&extension.as_str()) {
+        let message = format!("files of type '.{extension}' can't be rendered");
+        let help = "it is a picture; the scene comes first: oscura render scene.glb -o picture.png";
         return Err(Error::input(path, message).with_help(help));
     }
     Ok(())
@@ -52,7 +61,10 @@ fn scenes_in(folder: &Path) -> String {
     let more = names.len().saturating_sub(LISTED);
     names.truncate(LISTED);
     match (names.is_empty(), more) {
-        (true, _) => "there are no scenes (.gltf, .glb, .obj, .ply, .toml) in this folder".to_string(),
+        (true, _) => {
+            let types: Vec<String> = extensions().map(|extension| format!(".{extension}")).collect();
+            format!("there are no scenes ({}) in this folder", types.join(", "))
+        }
         (false, 0) => format!("the scenes there: {}", names.join(", ")),
         (false, more) => format!("the scenes there: {}, and {more} more", names.join(", ")),
     }

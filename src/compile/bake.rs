@@ -7,8 +7,8 @@ use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance};
 use crate::math::{Bounds3, DAffine3, DMat3, DVec3, Mat3, Vec3};
-use crate::scene::{MaterialId, Mesh, Scene, Shape, ShapeKind};
-use crate::shape::{Analytic, Disk, Quad, Shape as _, Sphere};
+use crate::scene::{MaterialId, Mesh, Scene};
+use crate::shape::{Analytic, Quad, Shape as _};
 use std::sync::Arc;
 
 /// Where geometry ended up.
@@ -236,22 +236,11 @@ impl Space {
         let turns = scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         for (i, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| is_seen(shape.material)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
-            shapes.analytic.push(analytic(shape, origin));
+            shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
             attributes.materials.push(shape.material.0);
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }
-        }
-    }
-}
-
-/// A shape of a scene whose world's origin moves to `origin`.
-fn analytic(shape: &Shape, origin: DVec3) -> Analytic {
-    let center = (shape.center - origin).as_vec3();
-    match shape.kind {
-        ShapeKind::Sphere => Analytic::Sphere(Sphere { center, radius: shape.radius as f32 }),
-        ShapeKind::Disk => {
-            Analytic::Disk(Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() })
         }
     }
 }

@@ -38,7 +38,7 @@ pub(super) fn outline(scene: &Scene, material: MaterialId) -> Outline {
     }
     let mut shapes = scene.shapes.iter().filter(|s| s.material == material).map(|s| s.kind).peekable();
     let has_shapes = shapes.peek().is_some();
-    let are_closed = shapes.all(|kind| kind.is_closed());
+    let are_closed = shapes.all(|kind| kind.tag().is_closed());
     match count {
         0 if !has_shapes => Outline::None,
         _ if edges.sum == 0 && are_closed => Outline::Closed,

@@ -4,7 +4,7 @@ use super::bake::{self, Baked};
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan};
-use crate::accel::{self, Accel, AccelInput, BuildOptions, Reuse};
+use crate::accel::{self, Accel, AccelInput, Reuse};
 use crate::image::Image;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::DVec3;
@@ -117,7 +117,7 @@ fn build(baked: &Baked, plan: &Plan, reuse: Reuse, earlier: Option<Accel>) -> Ac
         first_changing: plan.first_changing + 1,
     };
     match earlier {
-        Some(earlier) => earlier.rebuild(reuse, &input, &BuildOptions::default()),
-        None => Accel::build_parts(&input, &BuildOptions::default()),
+        Some(earlier) => earlier.rebuild(reuse, &input),
+        None => Accel::build_parts(&input),
     }
 }

@@ -11,8 +11,7 @@ use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::Scene;
-use crate::shape::Analytic;
+use crate::scene::{Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -39,8 +38,8 @@ pub struct CompileReport {
     pub triangles: u64,
     /// Quads.
     pub quads: u64,
-    /// Spheres, disks and the like, in the order of [`Analytic::NAMES`].
-    pub analytic: [u64; Analytic::NAMES.len()],
+    /// Spheres, disks and the like, in the order of [`ShapeTag::ALL`].
+    pub analytic: [u64; ShapeTag::ALL.len()],
     /// Lights, the environment included.
     pub lights: u64,
     /// Memory of the accelerator.

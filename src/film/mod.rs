@@ -16,7 +16,7 @@ pub use filter::FilterSampler;
 pub use sums::Layout;
 pub use tile::FilmTile;
 
-use crate::error::{Error, Result};
+use crate::error::{Choice, Error, Result};
 use std::sync::Arc;
 use sums::Sums;
 
@@ -63,7 +63,7 @@ impl Film {
             Error::usage(format!(
                 "a picture of {width} x {height} pixels takes {gib:.1} GiB of memory, which the system refuses"
             ))
-            .with_help("make it smaller, or leave out --aov")
+            .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
         Ok(Film { width, height, layout: Arc::new(layout), sums, invalid_samples: 0 })
     }

@@ -1,9 +1,11 @@
 //! What bare assets lack: a camera that sees the whole model, and light.
 
 use super::Loaded;
-use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3};
-use crate::scene::{Camera, Environment, Extent, Projection, Scene, instance_extents, scene_extent};
+use crate::error::{Choice, Warning};
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{
+    Camera, Environment, Extent, Projection, Scene, instance_extents, looking_at, scene_extent,
+};
 
 /// Full vertical field of view of the default camera, degrees.
 const VFOV_DEGREES: f64 = 40.0;
@@ -23,7 +25,7 @@ const DEFAULT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1
 pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
     let scene = &mut loaded.scene;
     if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
-        let message = "there is nothing to see: no triangles, quads, spheres or disks";
+        let message = "there is nothing to see: no triangles, quads or other shapes";
         loaded.warnings.push(Warning::general(message));
     }
     let is_bare = scene.cameras.is_empty();
@@ -39,10 +41,11 @@ pub fn complete(loaded: &mut Loaded, brings_environment: bool) {
         return;
     }
     let message = match has_shining_parts(scene) {
-        false => "no light: lit by a soft default sky of mean radiance 0.6",
-        true if is_bare => {
-            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too (--env '' for none)"
-        }
+        false => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
+        true if is_bare => format!(
+            "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
+            Choice::Environment
+        ),
         true => return,
     };
     let (nadir, zenith) = DEFAULT_SKY;
@@ -88,25 +91,18 @@ fn framing_camera(scene: &Scene) -> Camera {
     let distance = 1.02 * radius / half_angle.sin();
     let towards = DVec3::new(1.0, 0.7, 1.6).normalize();
     let eye = center + towards * distance;
-    let mut world_from_camera = looking_at(eye, center, DVec3::Y);
-    if !world_from_camera.is_finite() {
-        // So far from the origin that the eye's distance is lost in rounding.
-        world_from_camera = DAffine3 { translation: eye, ..looking_at(towards, DVec3::ZERO, DVec3::Y) };
-    }
+    // So far from the origin that the eye's distance is lost in rounding, the direction is all there is.
+    let world_from_camera = looking_at(eye, center, DVec3::Y).or_else(|| {
+        let turned = looking_at(towards, DVec3::ZERO, DVec3::Y)?;
+        Some(DAffine3 { translation: eye, ..turned })
+    });
     Camera {
         name: "default".to_string(),
-        world_from_camera,
+        world_from_camera: world_from_camera.unwrap_or(DAffine3::from_translation(eye)),
         projection: Projection::Perspective { vfov_rad },
         aspect_ratio: None,
         lens: None,
     }
-}
-
-/// Placement of a camera at `eye` that looks at `target`. The three must not lie on a line.
-pub(super) fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> DAffine3 {
-    let back = (eye - target).normalize();
-    let right = up.cross(back).normalize();
-    DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye)
 }
 
 #[cfg(test)]

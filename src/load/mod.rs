@@ -2,7 +2,7 @@
 //! with its warnings comes out, or one error with all the problems of the file.
 
 mod decoders;
-mod digits;
+mod formats;
 pub mod framing;
 pub mod gltf;
 mod guard;
@@ -14,45 +14,45 @@ mod polygon;
 pub mod scene_file;
 mod shapes;
 mod uri;
+mod words;
 
+pub use formats::extensions;
 pub use loaded::{LoadOptions, Loaded};
 
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DQuat};
 use crate::scene::Scene;
+use formats::Format;
 use std::ops::ControlFlow;
 use std::path::Path;
 
-/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; the extension says which it is.
+/// Loads a scene from a `.gltf`, `.glb`, `.obj`, `.ply` or `.toml` file; the extension says which it is ([`extensions`]).
 ///
 /// # Errors
 /// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     let path = path.as_ref();
-    let extension = extension(path);
-    let mut loaded = match extension.as_str() {
-        "gltf" | "glb" => gltf::load(path, options)?,
-        "obj" => obj::load(path, options)?,
-        "ply" => ply::load(path, options)?,
-        "toml" => scene_file::load(path, options)?,
-        _ => {
+    let format = formats::of(path);
+    let mut loaded = match format {
+        Format::Model(model) => (model.load)(path, options)?,
+        Format::SceneFile => scene_file::load(path, options)?,
+        Format::Other => {
+            let extension = formats::extension(path);
             return Err(Error::input(path, format!("files of type '.{extension}' can't be rendered"))
                 .with_help(way_to_a_scene(&extension)));
         }
     };
-    if !matches!(extension.as_str(), "gltf" | "glb" | "toml") && options.gltf != gltf::GltfOptions::default()
-    {
+    let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
+    if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
     if options.z_up {
-        match extension.as_str() {
-            "obj" | "ply" => stand_upright(&mut loaded.scene),
-            _ => loaded.warnings.push(Warning::new(
-                path,
-                "",
-                "the choice of the axis that points up changes nothing here",
-            )),
+        if matches!(format, Format::Model(model) if model.leaves_up_open) {
+            stand_upright(&mut loaded.scene);
+        } else {
+            let message = "the choice of the axis that points up changes nothing here";
+            loaded.warnings.push(Warning::new(path, "", message));
         }
     }
     complete(path, options, &mut loaded)?;
@@ -74,7 +74,7 @@ pub fn load_moments(
 ) -> Result<()> {
     let path = path.as_ref();
     let mut moments = moments.into_iter().map(Some);
-    if matches!(extension(path).as_str(), "gltf" | "glb") {
+    if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
             complete(path, options, loaded)?;
             each(loaded)
@@ -104,36 +104,30 @@ fn stand_upright(scene: &mut Scene) {
     }
 }
 
-/// Endings of the files that can be rendered.
-const EXTENSIONS: [&str; 5] = ["gltf", "glb", "obj", "ply", "toml"];
-
 /// Does its name say that a file is a scene?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
-    EXTENSIONS.contains(&extension(path.as_ref()).as_str())
+    !matches!(formats::of(path.as_ref()), Format::Other)
 }
 
 /// The way to a scene from a file of another program, by its ending.
-fn way_to_a_scene(extension: &str) -> &'static str {
-    match extension {
+fn way_to_a_scene(extension: &str) -> String {
+    let way = match extension {
         "blend" => {
             "export it from Blender as glTF (File > Export > glTF 2.0), with cameras and punctual lights"
         }
         "fbx" | "dae" | "3ds" | "max" | "ma" | "mb" | "c4d" | "abc" | "usd" | "usda" | "usdc" | "usdz"
         | "stl" => "import it into Blender and export it as glTF (.glb)",
-        "exr" | "hdr" | "png" | "jpg" | "jpeg" => {
-            "it is a picture; the scene comes first: oscura render scene.glb -o picture.png"
+        "exr" | "hdr" | "png" | "jpg" | "jpeg" => "it is a picture, not a scene",
+        _ => {
+            return format!("oscura renders models ({}) and scene files (.toml)", formats::models_in_words());
         }
-        _ => "oscura reads .gltf, .glb, .obj, .ply and scene files (.toml)",
-    }
-}
-
-fn extension(path: &Path) -> String {
-    path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase()
+    };
+    way.to_string()
 }
 
 /// Adds what lies beside a model and what bare models lack, and checks the whole.
 fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    if extension(path) != "toml" && !options.no_sidecar {
+    if matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar {
         let beside = scene_file::sidecar::path_for(path);
         if beside.is_file() {
             scene_file::sidecar::apply(&beside, options, loaded)?;

@@ -140,63 +140,6 @@ impl Faces {
     }
 }
 
-/// The unit disk that faces z, as 256 triangles around its middle, with texture coordinates: x to the right, y up.
-pub(super) fn disk_mesh(name: &str) -> Mesh {
-    const SECTORS: u32 = 256;
-    let mut mesh = Mesh { name: name.to_string(), positions: vec![[0.0; 3]], ..Mesh::default() };
-    for i in 0..SECTORS {
-        let (sine, cosine) = (std::f64::consts::TAU * f64::from(i) / f64::from(SECTORS)).sin_cos();
-        mesh.positions.push([cosine as f32, sine as f32, 0.0]);
-        mesh.triangles.push([0, i + 1, (i + 1) % SECTORS + 1]);
-    }
-    let uv = |p: &[f32; 3]| [0.5 + 0.5 * p[0], 0.5 - 0.5 * p[1]];
-    mesh.uv_sets = vec![mesh.positions.iter().map(uv).collect()];
-    mesh
-}
-
-/// A sphere as a subdivided icosahedron with smooth normals: 20 * 4^levels triangles, unit radius.
-pub(super) fn icosphere(name: &str, levels: u32) -> Mesh {
-    let g = (1.0 + 5f64.sqrt()) / 2.0;
-    let mut points: Vec<DVec3> = Vec::new();
-    for (a, b) in [(1.0, g), (-1.0, g), (1.0, -g), (-1.0, -g)] {
-        points.extend([DVec3::new(a, b, 0.0), DVec3::new(0.0, a, b), DVec3::new(b, 0.0, a)]);
-    }
-    let mut triangles = Vec::new();
-    for i in 0..12u32 {
-        for j in i + 1..12 {
-            for k in j + 1..12 {
-                let [a, b, c] = [i, j, k].map(|v| points[v as usize]);
-                // Edges of this icosahedron have length 2.
-                if [(a, b), (b, c), (c, a)].iter().all(|(p, q)| (p.distance(*q) - 2.0).abs() < 1e-9) {
-                    let outward = (b - a).cross(c - a).dot(a) > 0.0;
-                    triangles.push(if outward { [i, j, k] } else { [i, k, j] });
-                }
-            }
-        }
-    }
-    points.iter_mut().for_each(|p| *p = p.normalize());
-    for _ in 0..levels {
-        subdivide(&mut points, &mut triangles);
-    }
-    let normals: Vec<[f32; 3]> = points.iter().map(|p| p.as_vec3().to_array()).collect();
-    Mesh { name: name.to_string(), positions: normals.clone(), triangles, normals, ..Mesh::default() }
-}
-
-fn subdivide(points: &mut Vec<DVec3>, triangles: &mut Vec<[u32; 3]>) {
-    let mut middles = std::collections::HashMap::new();
-    let mut next = Vec::with_capacity(triangles.len() * 4);
-    for &[a, b, c] in triangles.iter() {
-        let [ab, bc, ca] = [(a, b), (b, c), (c, a)].map(|(p, q)| {
-            *middles.entry((p.min(q), p.max(q))).or_insert_with(|| {
-                points.push((points[p as usize] + points[q as usize]).normalize());
-                points.len() as u32 - 1
-            })
-        });
-        next.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
-    }
-    *triangles = next;
-}
-
 /// The uniform scale of a transform that only rotates, moves and scales evenly; `None` for any other.
 pub(super) fn uniform_scale(transform: &DAffine3) -> Option<f64> {
     let m = transform.matrix3;
@@ -227,8 +170,5 @@ mod tests {
         let (p, counts) = pyramid_faces(DVec3::Y, [2.0, 3.0], 5.0).to_mesh("p", DVec3::ZERO);
         assert!((volume(&p) - 10.0).abs() < 1e-5);
         assert_eq!(counts, [2, 1, 1, 1, 1]);
-        let s = icosphere("s", 5);
-        assert_eq!(s.triangles.len(), 20 * 4usize.pow(5));
-        assert!((volume(&s) / (4.0 / 3.0 * std::f64::consts::PI) - 1.0).abs() < 2e-3);
     }
 }

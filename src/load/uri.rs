@@ -1,6 +1,7 @@
 //! URIs inside asset files: `data:` URIs are decoded, relative references become paths beside the asset. Nothing is
 //! ever fetched over a network.
 
+use crate::error::Choice;
 use base64::engine::{DecodePaddingMode, Engine, GeneralPurpose, GeneralPurposeConfig};
 use base64::{DecodeError, alphabet};
 use percent_encoding::percent_decode;
@@ -46,9 +47,9 @@ pub(super) fn resolve(uri: &str, asset: &Path, allow_external: bool) -> Result<T
     let relative = Path::new(&decoded);
     if !allow_external && leaves_folder(relative) {
         return Err(format!(
-            "'{}' leads out of the asset's folder; move the file beside the asset, or permit it by \
-             --allow-external",
-            shortened(uri)
+            "'{}' leads out of the asset's folder; move the file beside the asset, or permit it by {}",
+            shortened(uri),
+            Choice::AllowExternal
         ));
     }
     Ok(Target::File(asset.parent().unwrap_or(Path::new("")).join(relative)))

@@ -3,7 +3,7 @@
 
 use super::encoded::Encoded;
 use super::exr_header::sort_attributes;
-use crate::error::Warning;
+use crate::error::{Choice, Warning};
 use crate::film::{Film, PixelType, Plane, Values};
 use crate::math::DMat4;
 use exr::meta::attribute::Chromaticities;
@@ -92,7 +92,8 @@ fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {
 
 fn overflow(clamped: u64) -> Warning {
     Warning::general(format!(
-        "{clamped} values above 65504 don't fit into half floats and were clamped; --float keeps them"
+        "{clamped} values above 65504 don't fit into half floats and were clamped; {} keeps them",
+        Choice::Float
     ))
 }
 

@@ -14,7 +14,7 @@ pub fn in_pool<R: Send>(threads: Option<usize>, work: impl FnOnce() -> R + Send)
     let builder = rayon::ThreadPoolBuilder::new().stack_size(STACK).num_threads(threads.unwrap_or(0));
     let pool = builder.build().map_err(|e| {
         let count = threads.map_or("the".to_string(), |n| n.to_string());
-        Error::usage(format!("can't start {count} threads: {e}")).with_help("ask for fewer with --threads")
+        Error::usage(format!("can't start {count} threads: {e}")).with_help("ask for fewer")
     })?;
     Ok(pool.install(work))
 }

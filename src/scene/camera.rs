@@ -1,6 +1,6 @@
 //! Cameras.
 
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DMat3, DVec3};
 
 /// How points in front of the camera map to the picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -40,4 +40,11 @@ pub struct Camera {
     pub aspect_ratio: Option<f64>,
     /// Depth of field; `None` is a pinhole.
     pub lens: Option<ThinLens>,
+}
+
+/// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.
+pub fn looking_at(eye: DVec3, target: DVec3, up: DVec3) -> Option<DAffine3> {
+    let back = (eye - target).try_normalize()?;
+    let right = up.cross(back).try_normalize()?;
+    Some(DAffine3::from_mat3_translation(DMat3::from_cols(right, back.cross(right), back), eye))
 }

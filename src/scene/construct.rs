@@ -2,7 +2,7 @@
 
 use super::{
     Camera, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, MeshPart, Motion,
-    Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId,
+    Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
 };
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -121,13 +121,15 @@ impl Camera {
     /// A pinhole at `from` that looks at a point with y up; `vfov_deg` is the full vertical angle of view in degrees.
     pub fn look_at(from: impl Into<DVec3>, at: impl Into<DVec3>, vfov_deg: f64) -> Camera {
         let (from, at) = (from.into(), at.into());
-        let back = (from - at).normalize_or(DVec3::Z);
-        // Straight down, -z is at the top of the picture; straight up, z is.
-        let right = DVec3::Y.cross(back).normalize_or(DVec3::X);
-        let rotation = DMat3::from_cols(right, back.cross(right), back);
+        let world_from_camera = looking_at(from, at, DVec3::Y).unwrap_or_else(|| {
+            // Straight down, -z is at the top of the picture; straight up, z is.
+            let back = (from - at).normalize_or(DVec3::Z);
+            let rotation = DMat3::from_cols(DVec3::X, back.cross(DVec3::X), back);
+            DAffine3::from_mat3_translation(rotation, from)
+        });
         Camera {
             name: String::new(),
-            world_from_camera: DAffine3::from_mat3_translation(rotation, from),
+            world_from_camera,
             projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
             aspect_ratio: None,
             lens: None,

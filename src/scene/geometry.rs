@@ -1,4 +1,4 @@
-//! Meshes, their placements, parallelograms, and shapes that are neither.
+//! Meshes, their placements, and parallelograms.
 
 use super::{MaterialId, MeshId};
 use crate::math::{DAffine3, DVec3};
@@ -60,65 +60,6 @@ pub enum Motion {
     Moves,
     /// Its mesh is another, too.
     Deforms,
-}
-
-/// A shape that is no mesh, in world space.
-#[derive(Clone, Debug)]
-pub struct Shape {
-    /// For reports.
-    pub name: String,
-    /// Which shape it is.
-    pub kind: ShapeKind,
-    /// Its middle.
-    pub center: DVec3,
-    /// Radius, above 0.
-    pub radius: f64,
-    /// Turns the shape with its texture coordinates and object-space textures; the identity for most spheres.
-    pub rotation: crate::math::DQuat,
-    /// Its material.
-    pub material: MaterialId,
-}
-
-/// Kinds of shapes that are no meshes. What is said of x, y and z holds before the shape is turned.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[non_exhaustive]
-pub enum ShapeKind {
-    /// A sphere. Textures go around the y axis.
-    Sphere,
-    /// A flat disk whose front faces z. Textures have x to the right and y up, and touch its edge.
-    Disk,
-}
-
-impl ShapeKind {
-    /// What it is called.
-    pub fn name(self) -> &'static str {
-        match self {
-            ShapeKind::Sphere => "sphere",
-            ShapeKind::Disk => "disk",
-        }
-    }
-
-    /// Does it enclose anything?
-    pub fn is_closed(self) -> bool {
-        match self {
-            ShapeKind::Sphere => true,
-            ShapeKind::Disk => false,
-        }
-    }
-}
-
-impl Shape {
-    /// Half the size of the box around it.
-    pub fn half_extent(&self) -> DVec3 {
-        let part = match self.kind {
-            ShapeKind::Sphere => DVec3::ONE,
-            ShapeKind::Disk => {
-                let normal = self.rotation * DVec3::Z;
-                (DVec3::ONE - normal * normal).max(DVec3::ZERO).map(f64::sqrt)
-            }
-        };
-        part * self.radius
-    }
 }
 
 /// A parallelogram in world space; its front is on the side of `edge_u x edge_v`.

@@ -25,20 +25,22 @@ mod material;
 mod model;
 mod pbr;
 mod settings;
+mod shape;
 mod slot;
 mod texture;
 mod validate;
 
 pub use bounds::{Extent, instance_extents, scene_extent};
-pub use camera::{Camera, Projection, ThinLens};
+pub use camera::{Camera, Projection, ThinLens, looking_at};
 pub use environment::Environment;
-pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad, Shape, ShapeKind};
+pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Emission, Material};
 pub use model::{FresnelModel, Model, Transmission};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
+pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
 

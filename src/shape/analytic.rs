@@ -6,29 +6,50 @@ use super::ray::PreparedRay;
 use super::sphere::Sphere;
 use super::traits::{Packed, Parametrization, Shape};
 use crate::math::{Bounds3, Mat3, Vec2, Vec3};
+use crate::scene::{self, Mesh, ShapeKind, ShapeTag};
 
-/// Makes [`Analytic`], and what is done with each shape alike, of a table: the name of each and its type.
+/// Makes [`Analytic`], and what is done with each shape alike, of a table: the type of each shape, named like its kind in
+/// scenes, and the numbers of that kind. The type has `of_scene` and `mesh` beside [`Shape`].
 macro_rules! shapes {
-    ($($name:literal $shape:ident,)*) => {
+    ($($shape:ident $({ $($number:ident),* })?,)*) => {
         /// A shape that is no triangle.
         #[derive(Clone, Copy, Debug, PartialEq)]
         pub enum Analytic {
-            $(#[doc = concat!("A ", $name, ".")] $shape($shape),)*
+            $(#[doc = concat!("A [`", stringify!($shape), "`].")] $shape($shape),)*
         }
 
         impl Analytic {
-            /// What the kinds of shapes are called.
-            pub const NAMES: &[&str] = &[$($name),*];
-
-            const KINDS: &[u8] = &[$($shape::KIND),*];
+            /// A shape of a scene, with its middle in the space of the geometry that it joins.
+            pub fn of_scene(shape: &scene::Shape, center: Vec3) -> Analytic {
+                match shape.kind {
+                    $(ShapeKind::$shape $({ $($number),* })? => {
+                        Analytic::$shape($shape::of_scene(shape, center $($(, $number)*)?))
+                    })*
+                }
+            }
 
             /// The shape of a packed one; `None` for an unknown kind, such as 0.
             #[inline(always)]
             pub fn unpack(packed: &Packed) -> Option<Analytic> {
-                match packed.kind {
-                    $($shape::KIND => Some(Analytic::$shape($shape::unpack(&packed.numbers))),)*
-                    _ => None,
+                $(if packed.kind == packed_kind(ShapeTag::$shape) {
+                    return Some(Analytic::$shape($shape::unpack(&packed.numbers)));
+                })*
+                None
+            }
+
+            /// Which kind it is.
+            pub fn tag(&self) -> ShapeTag {
+                match self {
+                    $(Analytic::$shape(_) => ShapeTag::$shape,)*
                 }
+            }
+        }
+
+        /// Triangles in place of a shape of this kind that has radius 1, its middle at the origin and isn't turned;
+        /// without materials.
+        pub fn mesh_of(kind: ShapeKind) -> Mesh {
+            match kind {
+                $(ShapeKind::$shape $({ $($number),* })? => $shape::mesh($($($number),*)?),)*
             }
         }
 
@@ -44,23 +65,19 @@ macro_rules! shapes {
 }
 
 shapes! {
-    "sphere" Sphere,
-    "disk" Disk,
+    Sphere,
+    Disk,
 }
 
-// Kinds count from 1 in the order of the table.
-const _: () = {
-    let mut i = 0;
-    while i < Analytic::KINDS.len() {
-        assert!(Analytic::KINDS[i] as usize == i + 1, "the kinds of shapes are not those of their places");
-        i += 1;
-    }
-};
+/// The kind in a packed shape: 0 is none.
+const fn packed_kind(tag: ShapeTag) -> u8 {
+    tag as u8 + 1
+}
 
 impl Analytic {
-    /// Which of [`Analytic::NAMES`] it is.
-    pub fn kind_index(&self) -> usize {
-        usize::from(self.pack().kind - 1)
+    /// The form in which leaves hold it.
+    pub fn pack(&self) -> Packed {
+        Packed { kind: packed_kind(self.tag()), numbers: self.numbers() }
     }
 }
 
@@ -125,7 +142,7 @@ impl Shape for Analytic {
         each!(self, shape => shape.pdf_solid_angle(reference, point))
     }
 
-    fn pack(&self) -> Packed {
-        each!(self, shape => shape.pack())
+    fn numbers(&self) -> [f32; 6] {
+        each!(self, shape => shape.numbers())
     }
 }

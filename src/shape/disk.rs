@@ -3,9 +3,10 @@
 
 use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
 use super::ray::PreparedRay;
-use super::traits::{Packed, Parametrization, Shape};
-use crate::math::{Bounds3, Mat3, Vec2, Vec3, gamma, orthonormal_basis};
+use super::traits::{Parametrization, Shape};
+use crate::math::{Bounds3, DVec3, Mat3, Vec2, Vec3, gamma, orthonormal_basis};
 use crate::sampling::warp;
+use crate::scene::{self, Mesh};
 use std::f32::consts::PI;
 
 /// A flat disk.
@@ -18,14 +19,30 @@ pub struct Disk {
 }
 
 impl Disk {
-    /// Marks packed disks.
-    pub const KIND: u8 = 2;
+    /// The disk of a scene around `center`.
+    pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Disk {
+        Disk { center, axis: (shape.rotation * (DVec3::Z * shape.radius)).as_vec3() }
+    }
 
     /// The disk of packed numbers.
     #[inline(always)]
-    pub fn unpack(numbers: &[f32; 6]) -> Disk {
+    pub(super) fn unpack(numbers: &[f32; 6]) -> Disk {
         let [x, y, z, a, b, c] = *numbers;
         Disk { center: Vec3::new(x, y, z), axis: Vec3::new(a, b, c) }
+    }
+
+    /// The unit disk that faces z, as 256 triangles around its middle, with texture coordinates: x to the right, y up.
+    pub(super) fn mesh() -> Mesh {
+        const SECTORS: u32 = 256;
+        let mut mesh = Mesh { positions: vec![[0.0; 3]], ..Mesh::default() };
+        for i in 0..SECTORS {
+            let (sine, cosine) = (std::f64::consts::TAU * f64::from(i) / f64::from(SECTORS)).sin_cos();
+            mesh.positions.push([cosine as f32, sine as f32, 0.0]);
+            mesh.triangles.push([0, i + 1, (i + 1) % SECTORS + 1]);
+        }
+        let uv = |p: &[f32; 3]| [0.5 + 0.5 * p[0], 0.5 - 0.5 * p[1]];
+        mesh.uv_sets = vec![mesh.positions.iter().map(uv).collect()];
+        mesh
     }
 
     /// Its radius.
@@ -130,16 +147,16 @@ impl Shape for Disk {
         pdf_solid_angle_of_area(point - reference, self.normal(), self.area())
     }
 
-    fn pack(&self) -> Packed {
+    fn numbers(&self) -> [f32; 6] {
         let ([x, y, z], [a, b, c]) = (self.center.to_array(), self.axis.to_array());
-        Packed { kind: Disk::KIND, numbers: [x, y, z, a, b, c] }
+        [x, y, z, a, b, c]
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::accel::{Accel, BuildOptions, Geometry};
+    use crate::accel::{Accel, Geometry};
     use crate::math::{Hit, Ray, offset_ray_origin};
     use crate::sampling::chi2::Random;
     use crate::shape::Analytic;
@@ -180,7 +197,7 @@ mod tests {
     fn rays_meet_it_once() {
         let disk = disk();
         let geometry = Geometry { analytic: vec![Analytic::Disk(disk)], ..Geometry::default() };
-        let accel = Accel::build(&[geometry], &[], &BuildOptions::default());
+        let accel = Accel::build(&[geometry], &[]);
         let mut random = Random::new(3);
         let (mut met, mut missed) = (0, 0);
         for _ in 0..20_000 {

@@ -2,11 +2,11 @@
 //! light sources seen from elsewhere.
 //!
 //! Triangles and [`Quad`]s are met by the same vectorised test, four triangles at a time. All others implement [`Shape`]
-//! and are variants of [`Analytic`]: adding one takes a file, the variant, and its line in `each!` and
-//! [`Analytic::unpack`].
+//! and are variants of [`Analytic`], by a row of its table.
 
 mod analytic;
 mod disk;
+mod icosphere;
 mod point;
 mod quad;
 mod ray;
@@ -16,7 +16,7 @@ mod traits;
 pub mod triangle;
 mod triangle_light;
 
-pub use analytic::Analytic;
+pub use analytic::{Analytic, mesh_of};
 pub use disk::Disk;
 pub use point::{LightPoint, Surface, pdf_solid_angle_of_area};
 pub use quad::{Quad, SphericalParallelogram};

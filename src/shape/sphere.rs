@@ -2,11 +2,13 @@
 //! precision; as lights seen from outside the cone that they subtend (Pharr, Jakob, Humphreys 2023, section 6.2.4), from
 //! inside their whole surface.
 
+use super::icosphere::icosphere;
 use super::point::{LightPoint, Surface, pdf_solid_angle_of_area};
 use super::ray::PreparedRay;
-use super::traits::{Packed, Parametrization, Shape};
+use super::traits::{Parametrization, Shape};
 use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
 use crate::sampling::warp;
+use crate::scene::{self, Mesh};
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
 /// A sphere.
@@ -27,14 +29,21 @@ pub fn sphere_coordinates(unit: Vec3) -> Vec2 {
 }
 
 impl Sphere {
-    /// Marks packed spheres.
-    pub const KIND: u8 = 1;
+    /// The sphere of a scene around `center`.
+    pub(super) fn of_scene(shape: &scene::Shape, center: Vec3) -> Sphere {
+        Sphere { center, radius: shape.radius as f32 }
+    }
 
     /// The sphere of packed numbers.
     #[inline(always)]
-    pub fn unpack(numbers: &[f32; 6]) -> Sphere {
+    pub(super) fn unpack(numbers: &[f32; 6]) -> Sphere {
         let [x, y, z, radius, ..] = *numbers;
         Sphere { center: Vec3::new(x, y, z), radius }
+    }
+
+    /// The unit sphere as 81,920 triangles with smooth normals.
+    pub(super) fn mesh() -> Mesh {
+        icosphere(6)
     }
 }
 
@@ -138,9 +147,9 @@ impl Shape for Sphere {
         SphereSampler::new(self.center, self.radius, reference).pdf_solid_angle(point)
     }
 
-    fn pack(&self) -> Packed {
+    fn numbers(&self) -> [f32; 6] {
         let [x, y, z] = self.center.to_array();
-        Packed { kind: Sphere::KIND, numbers: [x, y, z, self.radius, 0.0, 0.0] }
+        [x, y, z, self.radius, 0.0, 0.0]
     }
 }
 

@@ -46,8 +46,8 @@ pub trait Shape {
     /// Density per solid angle with which [`Shape::sample`] returns a point that is seen from `reference`.
     fn pdf_solid_angle(&self, reference: Vec3, point: Vec3) -> f32;
 
-    /// The form in which leaves hold it.
-    fn pack(&self) -> Packed;
+    /// The numbers that it follows from.
+    fn numbers(&self) -> [f32; 6];
 }
 
 /// Where textures lie on a surface.

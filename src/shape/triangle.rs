@@ -81,6 +81,7 @@ fn exact_edge(a: f32, b: f32, c: f32, d: f32) -> f32 {
 }
 
 /// The box around a triangle.
+#[inline]
 pub fn bounds(vertices: [Vec3; 3]) -> Bounds3 {
     Bounds3::of(vertices)
 }

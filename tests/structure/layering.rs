@@ -19,7 +19,7 @@ const RANKS: &[(u32, &[&str])] = &[
 ];
 
 /// Imports inside one rank that are meant.
-const WITHIN_RANK: &[(&str, &str)] = &[("compile", "film")];
+const WITHIN_RANK: &[(&str, &str)] = &[("compile", "film"), ("load", "shape")];
 
 fn rank(module: &str) -> Option<u32> {
     RANKS.iter().find(|(_, modules)| modules.contains(&module)).map(|&(rank, _)| rank)
@@ -129,6 +129,26 @@ fn only_load_and_output_open_files() {
         &["load", "output", "cli/process.rs"],
         &["std :: fs", "File :: open", "File :: create", "OpenOptions", "fs :: read"],
     );
+}
+
+/// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).
+#[test]
+fn only_the_command_line_names_its_options() {
+    let is_option =
+        |text: &str| text.starts_with(|c: char| c.is_ascii_lowercase()) && !text.starts_with("features");
+    let names_option = |line: &&str| line.contains('"') && line.split("--").skip(1).any(is_option);
+    let (mut wrong, mut seen) = (Vec::new(), 0);
+    for source in sources() {
+        let text = std::fs::read_to_string(root().join(&source.path)).expect("a source file");
+        let code = text.lines().take(source.lines).filter(|line| !line.trim_start().starts_with("//"));
+        let found: Vec<&str> = code.filter(names_option).collect();
+        match source.path.starts_with("cli/") {
+            true => seen += found.len(),
+            false => wrong.extend(found.iter().map(|line| format!("{}: {}", source.path, line.trim()))),
+        }
+    }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    assert!(seen > 10, "only {seen} options are named: is the test still right?");
 }
 
 #[test]

@@ -12,6 +12,7 @@ use super::args::InspectArgs;
 use super::json;
 use super::report::print_line;
 use super::scene_path;
+use super::terms;
 use oscura::error::Result;
 use oscura::load::{LoadOptions, load};
 
@@ -24,7 +25,8 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         gltf: args.asset.options(),
         ..LoadOptions::default()
     };
-    let loaded = load(&args.scene, &options)?;
+    let mut loaded = load(&args.scene, &options)?;
+    terms::in_loaded(&mut loaded);
     if args.json {
         json::print(&to_json::of(&args.scene, &loaded));
     } else {

@@ -64,7 +64,7 @@ pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
         }
     });
     let shapes = scene.shapes.iter().map(|s| Object::Shape {
-        kind: s.kind.name(),
+        kind: s.kind.tag().name(),
         name: &s.name,
         center: s.center.to_array(),
         radius: s.radius,

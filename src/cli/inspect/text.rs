@@ -1,11 +1,12 @@
 //! The answer for people.
 
+use super::super::shapes::ShapeCounts;
 use super::facts::{placed_triangles, used_images, used_materials};
 use super::objects::tree;
 use super::words;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::load::Loaded;
-use oscura::scene::{EnergyCompensation, FresnelModel, Scene, ShapeKind, instance_extents, scene_extent};
+use oscura::scene::{EnergyCompensation, FresnelModel, Scene, instance_extents, scene_extent};
 use std::path::Path;
 
 /// Everything, line by line.
@@ -55,19 +56,13 @@ fn section(out: &mut Vec<String>, name: &str, count: usize) {
 }
 
 fn geometry(scene: &Scene, out: &mut Vec<String>) {
-    let count = |kind| scene.shapes.iter().filter(|s| s.kind == kind).count();
-    let disks = match count(ShapeKind::Disk) {
-        0 => String::new(),
-        n => format!(" {n} disks,"),
-    };
     let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
     out.push(format!(
-        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {} spheres,{} {} quads",
+        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {}{} quads",
         scene.meshes.len(),
         scene.instances.len(),
         placed_triangles(scene),
-        count(ShapeKind::Sphere),
-        disks,
+        ShapeCounts::of(scene).words(),
         scene.quads.len()
     ));
     if let Some((low, high)) = scene_extent(scene, &instance_extents(scene)).0 {

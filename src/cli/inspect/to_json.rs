@@ -1,11 +1,12 @@
 //! The answer for programs.
 
+use super::super::shapes::ShapeCounts;
 use super::facts::{material_images, placed_triangles, used_images, used_materials};
 use super::objects_json::{Bounds, Object, bounds, objects};
 use super::words::{environment_name, light_kind};
 use oscura::error::Warning;
 use oscura::load::Loaded;
-use oscura::scene::{Camera, Light, LightKind, Projection, Scene, ShapeKind, instance_extents, scene_extent};
+use oscura::scene::{Camera, Light, LightKind, Projection, Scene, instance_extents, scene_extent};
 use serde::Serialize;
 use std::path::Path;
 
@@ -17,8 +18,8 @@ struct Contents<'a> {
     meshes: usize,
     instances: usize,
     triangles: u64,
-    spheres: usize,
-    disks: usize,
+    #[serde(flatten)]
+    shapes: ShapeCounts,
     quads: usize,
     extent: Option<Bounds>,
     objects: Vec<Object<'a>>,
@@ -36,15 +37,13 @@ struct Contents<'a> {
 pub fn of(path: &Path, loaded: &Loaded) -> impl Serialize {
     let scene = &loaded.scene;
     let extents = instance_extents(scene);
-    let shapes = |kind: ShapeKind| scene.shapes.iter().filter(|s| s.kind == kind).count();
     Contents {
         file: path.display().to_string(),
         name: &scene.name,
         meshes: scene.meshes.len(),
         instances: scene.instances.len(),
         triangles: placed_triangles(scene),
-        spheres: shapes(ShapeKind::Sphere),
-        disks: shapes(ShapeKind::Disk),
+        shapes: ShapeCounts::of(scene),
         quads: scene.quads.len(),
         extent: bounds(scene_extent(scene, &extents)),
         objects: objects(scene, &extents),

@@ -4,6 +4,7 @@ use super::document::{Document, name_of, number_of, numbers_of, pointer, require
 use super::nodes::Node;
 use super::options::LightUnits;
 use super::report::{Report, Sound};
+use crate::error::Choice;
 use crate::math::{DAffine3, DMat3};
 use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
 use gltf::json::camera::Type;
@@ -127,7 +128,7 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
                 1 => "the intensity of 1 light was".to_string(),
                 n => format!("the intensities of {n} lights were"),
             };
-            format!("{intensities} divided by {units} lm/W{origin} (--light-units)")
+            format!("{intensities} divided by {units} lm/W{origin} ({})", Choice::LightUnits)
         }
         // The user knows.
         LightUnits::Spec | LightUnits::Compat | LightUnits::Raw => return,

@@ -2,7 +2,7 @@
 
 use super::document::{Document, pointer};
 use super::report::Report;
-use crate::error::Problem;
+use crate::error::{Choice, Problem};
 use crate::load::decoders::Decoder;
 use serde_json::Value;
 use std::collections::BTreeMap;
@@ -108,9 +108,9 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
                 };
                 let message = format!("the file demands {name}{reason}");
                 if doc.options.force {
-                    report.warn(at, format!("{message}; --force goes on"));
+                    report.warn(at, format!("{message}; {} goes on", Choice::Force));
                 } else {
-                    let help = format!("{remedy}, or go on without it by --force");
+                    let help = format!("{remedy}, or go on without it by {}", Choice::Force);
                     report.add(Problem::new(at, message).with_help(help));
                 }
             }

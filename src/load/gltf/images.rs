@@ -6,7 +6,7 @@ use super::report::{Report, Sound};
 use super::textures::ImageNeed;
 use crate::error::{Problem, Warning};
 use crate::image::{Encoding, Image, Pixels};
-use crate::load::image::{Use, decode};
+use crate::load::image::{Use, decode, unused};
 use rayon::prelude::*;
 use std::path::Path;
 use std::sync::Arc;
@@ -30,15 +30,16 @@ pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> 
     let path = doc.path;
     let decoded: Vec<_> = sources.par_iter().map(|source| decode_source(path, source)).collect();
     let mut images = Vec::with_capacity(needs.len());
-    for (result, warnings) in &decoded {
+    for Decoded { image, warnings, notes } in &decoded {
         report.extend(warnings);
-        if let Err(problem) = result {
+        report.extend_notes(notes);
+        if let Err(problem) = image {
             report.add(problem.clone());
         }
     }
     for need in needs {
         let found = sources.iter().position(|s| s.need.index == need.index);
-        if let Some((Ok(image), _)) = found.and_then(|at| decoded.get(at)) {
+        if let Some(Ok(image)) = found.and_then(|at| decoded.get(at)).map(|decoded| &decoded.image) {
             let encoding = match *image.pixels {
                 Pixels::F32(_) => Encoding::Linear,
                 Pixels::U8(_) | Pixels::U16(_) => need.encoding,
@@ -89,8 +90,15 @@ fn fetch<'d>(doc: &'d Document, need: ImageNeed, report: &mut Report) -> Sound<S
     Ok(Source { need, name, fetched })
 }
 
-/// Decodes an image; an error comes as a problem of the asset.
-fn decode_source(asset: &Path, source: &Source) -> (Result<Image, Problem>, Vec<Warning>) {
+/// An image, or the problem of the asset that it is, and what is to be said of it.
+struct Decoded {
+    image: Result<Image, Problem>,
+    warnings: Vec<Warning>,
+    /// What is left aside as glTF demands.
+    notes: Vec<Warning>,
+}
+
+fn decode_source(asset: &Path, source: &Source) -> Decoded {
     let Fetched { bytes, mime, file } = &source.fetched;
     let purpose = if source.need.encoding == Encoding::Srgb { Use::Color } else { Use::Data };
     let at = pointer("images", source.need.index);
@@ -104,8 +112,12 @@ fn decode_source(asset: &Path, source: &Source) -> (Result<Image, Problem>, Vec<
         Err(error) => {
             let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
             let help = error.problems.into_iter().find_map(|p| p.help);
-            Err(Problem { help, ..Problem::new(at, format!("'{}' {}", source.name, messages.join("; "))) })
+            Err(Problem {
+                help,
+                ..Problem::new(at.as_str(), format!("'{}' {}", source.name, messages.join("; ")))
+            })
         }
     };
-    (image, warnings)
+    let notes = if image.is_ok() { unused(bytes, place, inside, purpose) } else { Vec::new() };
+    Decoded { image, warnings, notes }
 }

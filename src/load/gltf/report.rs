@@ -107,9 +107,17 @@ impl Report {
 
     /// Adds warnings from elsewhere.
     pub fn extend(&mut self, warnings: &[Warning]) {
+        self.append(Kind::Warning, warnings);
+    }
+
+    /// Adds notes that name their place themselves.
+    pub fn extend_notes(&mut self, notes: &[Warning]) {
+        self.append(Kind::Note, notes);
+    }
+
+    fn append(&mut self, kind: Kind, list: &[Warning]) {
         let is_lasting = self.is_lasting;
-        let entry = |said: &Warning| Entry { kind: Kind::Warning, is_lasting, said: said.clone() };
-        self.entries.extend(warnings.iter().map(entry));
+        self.entries.extend(list.iter().map(|said| Entry { kind, is_lasting, said: said.clone() }));
     }
 
     /// All problems, with a last line for those beyond the list.

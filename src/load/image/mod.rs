@@ -9,6 +9,7 @@ mod ktx2;
 mod limits;
 mod openexr;
 mod source;
+mod unused;
 
 pub(crate) use source::Use;
 
@@ -30,7 +31,18 @@ use std::sync::Arc;
 /// justify.
 pub(crate) fn read(path: &Path, purpose: Use, warnings: &mut Vec<Warning>) -> Result<Image> {
     let bytes = read_bytes(path)?;
-    decode(&bytes, path, "", None, purpose, warnings)
+    let image = decode(&bytes, path, "", None, purpose, warnings)?;
+    warnings.extend(unused(&bytes, path, "", purpose));
+    Ok(image)
+}
+
+/// What an image that [`decode`] has read says about its pixels that they are taken without, and further frames and
+/// pages.
+pub(crate) fn unused(bytes: &[u8], file: &Path, pointer: &str, purpose: Use) -> Vec<Warning> {
+    let source = Source { bytes, file, pointer };
+    let format = signature(bytes);
+    let messages = format.map_or(Vec::new(), |format| unused::messages(&source, format, purpose));
+    messages.into_iter().map(|message| source.warning(message)).collect()
 }
 
 /// Decodes an image that lies inside `file` at `pointer` (a JSON pointer; empty for the whole file). `mime` is its

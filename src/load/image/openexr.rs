@@ -7,6 +7,8 @@ use crate::image::{Encoding, Image, Pixels};
 use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer};
 use exr::meta::MetaData;
 use exr::prelude::{ReadChannels, ReadLayers};
+use half::slice::HalfFloatSliceExt;
+use std::borrow::Cow;
 use std::io::Cursor;
 use std::sync::Arc;
 
@@ -132,7 +134,8 @@ fn interleave(planes: &[&FlatSamples]) -> Vec<f32> {
     let count = planes.len();
     let mut out = vec![0f32; planes.first().map_or(0, |p| p.len()) * count];
     for (c, plane) in planes.iter().enumerate() {
-        out.iter_mut().skip(c).step_by(count).zip(plane.values_as_f32()).for_each(|(o, v)| *o = v);
+        let values = numbers(plane);
+        out.iter_mut().skip(c).step_by(count).zip(values.iter()).for_each(|(o, v)| *o = *v);
     }
     if count == 4 {
         for pixel in out.chunks_exact_mut(4) {
@@ -143,4 +146,17 @@ fn interleave(planes: &[&FlatSamples]) -> Vec<f32> {
         }
     }
     out
+}
+
+/// The samples of a channel; half floats are converted many at a time.
+fn numbers(plane: &FlatSamples) -> Cow<'_, [f32]> {
+    match plane {
+        FlatSamples::F32(values) => values.into(),
+        FlatSamples::F16(values) => {
+            let mut numbers = vec![0.0; values.len()];
+            values.convert_to_f32_slice(&mut numbers);
+            numbers.into()
+        }
+        FlatSamples::U32(values) => values.iter().map(|&v| v as f32).collect(),
+    }
 }

@@ -1,5 +1,6 @@
 //! Files that OBJ and MTL files name: relative to their folder, with the names of other systems forgiven.
 
+use crate::error::Choice;
 use std::path::{Component, Path, PathBuf};
 
 /// The file that `name` means beside `file`: as written, with `\` for `/`, its last part alone (for paths of another
@@ -30,7 +31,7 @@ pub(super) fn find(file: &Path, name: &str, allow_external: bool) -> Result<Path
         }
     }
     Err(if leads_out {
-        format!("'{name}' leads out of the folder; permit it by --allow-external")
+        format!("'{name}' leads out of the folder; permit it by {}", Choice::AllowExternal)
     } else {
         format!("'{name}' does not exist")
     })
@@ -79,7 +80,7 @@ mod tests {
         assert_eq!(found("maps\\c.PNG"), Ok(inside("maps/C.png")));
         assert_eq!(found("D:\\work\\A B.png"), Ok(inside("a b.png")));
         assert_eq!(found("back\\slash.png"), Ok(inside("back\\slash.png")));
-        assert!(found("../secret.png").expect_err("outside").contains("--allow-external"));
+        assert!(found("../secret.png").expect_err("outside").contains(&Choice::AllowExternal.to_string()));
         assert!(found("nothing.png").is_err() && found("").is_err());
         let outside = find(&obj, "../secret.png", true).expect("permitted");
         assert!(outside.ends_with("../secret.png"));

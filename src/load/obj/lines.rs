@@ -2,6 +2,7 @@
 //! joined where a `\` says that a line goes on; and what is made of them, for `tobj` to read.
 
 use crate::load::guard;
+use crate::load::words::next_word;
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Result, Seek};
 use std::panic::resume_unwind;
@@ -183,13 +184,7 @@ impl<'a> Iterator for Words<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<&'a [u8]> {
-        let start = self.0.iter().position(|b| !b.is_ascii_whitespace())?;
-        let text = &self.0[start..];
-        if text[0] == b'#' {
-            return None;
-        }
-        let length = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
-        let (word, rest) = text.split_at(length);
+        let (word, rest) = next_word(self.0).filter(|(word, _)| word[0] != b'#')?;
         self.0 = rest;
         Some(word)
     }

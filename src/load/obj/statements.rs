@@ -7,7 +7,7 @@
 
 use super::lines::{Clean, Words, decoded, float};
 use crate::error::Problem;
-use crate::load::digits::integer;
+use crate::load::words::integer;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 

@@ -3,7 +3,7 @@
 use super::elements::{Record, Slot};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
-use crate::load::digits::integer;
+use crate::load::words::{integer, next_word};
 use ply_rs::ply::{ElementDef, Property, PropertyType, ScalarType};
 
 /// The lines of an ascii payload.
@@ -108,10 +108,7 @@ impl<'a> Iterator for Words<'a> {
 
     #[inline]
     fn next(&mut self) -> Option<&'a [u8]> {
-        let start = self.0.iter().position(|b| !b.is_ascii_whitespace())?;
-        let text = &self.0[start..];
-        let length = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
-        let (word, rest) = text.split_at(length);
+        let (word, rest) = next_word(self.0)?;
         self.0 = rest;
         Some(word)
     }

@@ -1,6 +1,6 @@
 //! Point clouds: vertices without faces.
 
-use crate::error::{Error, Result, Warning};
+use crate::error::{Choice, Error, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use crate::math::{DQuat, DVec3};
 use crate::scene::{Material, MaterialId, Mesh, Shape, ShapeKind};
@@ -19,8 +19,10 @@ const LEVELS: f32 = 31.0;
 pub(super) fn spheres(path: &Path, mesh: &Mesh, options: &LoadOptions) -> Result<Loaded> {
     let Some(radius) = options.point_radius else {
         let message = format!("is a point cloud: {} vertices and no faces", mesh.positions.len());
-        return Err(Error::input(path, message)
-            .with_help("show the points as spheres by --point-radius METRES, or mesh them first"));
+        return Err(Error::input(path, message).with_help(format!(
+            "show the points as spheres by {}, or mesh them first",
+            Choice::PointRadius
+        )));
     };
     if !(radius > 0.0 && radius.is_finite()) {
         return Err(Error::usage("the radius of points must be a finite number above 0"));

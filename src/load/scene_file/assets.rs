@@ -2,8 +2,9 @@
 //! of it: materials where an object doesn't replace them, everything but cameras where it isn't placed.
 
 use super::build::Build;
-use crate::error::{Result, Warning};
-use crate::load::{LoadOptions, Loaded, gltf, obj, ply};
+use crate::error::{Error, Result, Warning};
+use crate::load::formats::{self, Format};
+use crate::load::{LoadOptions, Loaded};
 use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Shape, Texture};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -94,14 +95,11 @@ fn key(path: &Path) -> PathBuf {
 }
 
 fn read(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let extension = path.extension().and_then(|e| e.to_str()).unwrap_or_default().to_ascii_lowercase();
-    match extension.as_str() {
-        "gltf" | "glb" => gltf::load(path, options),
-        "obj" => obj::load(path, options),
-        "ply" => ply::load(path, options),
-        _ => {
-            Err(crate::error::Error::input(path, "is no mesh file")
-                .with_help("use .gltf, .glb, .obj or .ply"))
+    match formats::of(path) {
+        Format::Model(model) => (model.load)(path, options),
+        Format::SceneFile | Format::Other => {
+            let help = format!("use one of {}", formats::models_in_words());
+            Err(Error::input(path, "is no mesh file").with_help(help))
         }
     }
 }

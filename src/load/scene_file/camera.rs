@@ -18,9 +18,8 @@
 use super::assets::Assets;
 use super::build::Build;
 use super::fields::{Fields, nearest};
-use crate::load::framing::looking_at;
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Camera, Projection, ThinLens};
+use crate::scene::{Camera, Projection, ThinLens, looking_at};
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
@@ -169,12 +168,11 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let vfov = fields.number_in("vfov", 1e-3..179.999, 40.0);
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let (eye, target) = (eye?, target?.value);
-    let placement = looking_at(eye.value, target, up);
-    if !placement.is_finite() {
+    let Some(placement) = looking_at(eye.value, target, up) else {
         let message = "the camera has no direction: 'look_from' and 'look_at' coincide, or 'view_up' points along the view";
         fields.problems.push(eye.span, message);
         return None;
-    }
+    };
     let lens = lens(fields, &placement, Some(eye.value.distance(target)))?;
     Some(Camera {
         name: "camera".to_string(),

@@ -3,16 +3,12 @@
 //! | Shape | Value |
 //! |---|---|
 //! | `mesh` | a .gltf, .glb, .obj or .ply file; its cameras and, with a note, its lights are ignored, `material` replaces all of its own |
-//! | `sphere` | `{ center, radius }` |
-//! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //! | `quad` | `{ corner, u, v }`; the front is where u x v points |
 //! | `box` | `{ min, max }`; `materials` may name six: -x, +x, -y, +y, -z, +z |
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
 //! | `triangle` | three points |
 //!
-//! Shapes without a material take `[materials.default]`. Quads stay analytic under every transform; spheres and disks
-//! under rotation, translation and even scaling, and become meshes, with a warning, under any other (a sphere one of 81,920
-//! triangles). A texture on a disk touches its edge; its top points up (of a level disk to -z) and turns with it.
+//! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
 
 use super::assets::Assets;
 use super::build::Build;
@@ -26,7 +22,10 @@ use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
 
-const SHAPES: [&str; 7] = ["mesh", "sphere", "disk", "quad", "box", "pyramid", "triangle"];
+/// The keys of shapes.
+fn shapes() -> impl Iterator<Item = &'static str> {
+    ["mesh"].into_iter().chain(round::keys()).chain(["quad", "box", "pyramid", "triangle"])
+}
 
 /// Reads all objects.
 pub(super) fn read<'a>(
@@ -66,11 +65,12 @@ fn read_object<'a>(
     textures: &mut Textures<'a>,
     assets: &mut Assets,
 ) {
-    let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
+    let given: Vec<&'static str> = shapes().filter(|s| fields.has(s)).collect();
     let named = fields.string("material");
     let material = named.clone().and_then(|m| materials.get(build, textures, m.value, m.span));
     let [shape] = given[..] else {
-        let message = format!("{} needs exactly one of {}", object.name, SHAPES.join(", "));
+        let message =
+            format!("{} needs exactly one of {}", object.name, shapes().collect::<Vec<_>>().join(", "));
         fields.problems.push(fields.span(), message);
         return;
     };
@@ -106,14 +106,13 @@ fn read_object<'a>(
     // The shape's own problems are noted even where its material has one.
     let id = material.unwrap_or(MaterialId(0));
     match shape {
-        "sphere" => round::add_sphere(build, fields, object, id),
-        "disk" => round::add_disk(build, fields, object, id),
         "quad" => add_quad(build, fields, object, id),
-        _ => {
+        "box" | "pyramid" | "triangle" => {
             if let Some(faces) = faces {
                 add_faces(build, object, &faces, &vec![id; faces.faces.len()]);
             }
         }
+        round => round::add(build, fields, object, round, id),
     }
 }
 

@@ -25,7 +25,7 @@ pub const CHAPTERS: &[Chapter] = &[
         "[materials]",
         &[include_str!("materials.rs"), include_str!("metals.rs"), include_str!("pbr.rs")],
     ),
-    chapter("[[objects]]", &[include_str!("objects.rs")]),
+    chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
     chapter("[[lights]]", &[include_str!("lights.rs")]),
     chapter("sidecar", &[include_str!("sidecar.rs")]),

@@ -1,39 +1,54 @@
-//! Spheres and disks of `super::objects`.
+//! Shapes with a middle and a radius:
+//!
+//! | Shape | Value |
+//! |---|---|
+//! | `sphere` | `{ center, radius }` |
+//! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
+//!
+//! They stay what they are under rotation, translation and even scaling, and become meshes, with a warning, under any other
+//! transform (a sphere one of 81,920 triangles). A texture on a disk touches its edge; its top points up (of a level disk
+//! to -z) and turns with it.
 
 use super::Build;
 use super::fields::Fields;
 use super::object::{Object, add_placed};
 use crate::error::Warning;
-use crate::load::shapes::{disk_mesh, icosphere, uniform_scale};
+use crate::load::shapes::uniform_scale;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 use crate::scene::{MaterialId, Mesh, MeshPart, Shape, ShapeKind};
+use crate::shape::mesh_of;
 
-/// Adds the sphere of an object.
-pub(super) fn add_sphere(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
-    let Some(fields) = object_fields.table("sphere") else { return };
-    let (center, radius) = center_and_radius(&fields, "sphere");
-    fields.finish();
-    let (Some(center), Some(radius)) = (center, radius) else { return };
-    let (kind, rotation, name) = (ShapeKind::Sphere, DQuat::IDENTITY, object.name.clone());
-    add(build, object, Shape { name, kind, center, radius, rotation, material });
+/// Reads the keys of a kind of shapes that not all have: the kind with its numbers, and how it is turned. `None` where
+/// there is a problem, which has been noted.
+type ReadKind = fn(&Fields) -> Option<(ShapeKind, DQuat)>;
+
+/// The kinds of shapes by their key.
+const KINDS: &[(&str, ReadKind)] = &[
+    ("sphere", |_| Some((ShapeKind::Sphere, DQuat::IDENTITY))),
+    ("disk", |fields| Some((ShapeKind::Disk, facing_normal(fields)?))),
+];
+
+/// Their keys.
+pub(super) fn keys() -> impl Iterator<Item = &'static str> {
+    KINDS.iter().map(|(key, _)| *key)
 }
 
-/// Adds the disk of an object.
-pub(super) fn add_disk(build: &mut Build, object_fields: &Fields, object: &Object, material: MaterialId) {
-    let Some(fields) = object_fields.table("disk") else { return };
-    let (center, radius) = center_and_radius(&fields, "disk");
-    let normal = fields.vector("normal");
+/// Adds the shape of an object by its key; nothing for other keys.
+pub(super) fn add(
+    build: &mut Build,
+    object_fields: &Fields,
+    object: &Object,
+    key: &'static str,
+    material: MaterialId,
+) {
+    let Some((_, read_kind)) = KINDS.iter().find(|(known, _)| *known == key) else { return };
+    let Some(fields) = object_fields.table(key) else { return };
+    let (center, radius) = center_and_radius(&fields, key);
+    let kind = read_kind(&fields);
     fields.finish();
-    let normal = match normal {
-        None => DVec3::Y,
-        Some(given) => match given.value.try_normalize() {
-            Some(unit) => unit,
-            None => return fields.problems.push(given.span, "'normal' of a disk has length 0"),
-        },
-    };
-    let (Some(center), Some(radius)) = (center, radius) else { return };
-    let (kind, rotation, name) = (ShapeKind::Disk, facing(normal), object.name.clone());
-    add(build, object, Shape { name, kind, center, radius, rotation, material });
+    let (Some(center), Some(radius), Some((kind, rotation))) = (center, radius, kind) else { return };
+    let name = object.name.clone();
+    add_shape(build, object, Shape { name, kind, center, radius, rotation, material });
 }
 
 fn center_and_radius(fields: &Fields, shape: &str) -> (Option<DVec3>, Option<f64>) {
@@ -47,6 +62,16 @@ fn center_and_radius(fields: &Fields, shape: &str) -> (Option<DVec3>, Option<f64
         }
     });
     (center.map(|c| c.value), radius)
+}
+
+/// The rotation that takes z to the key `normal`: y without it.
+fn facing_normal(fields: &Fields) -> Option<DQuat> {
+    let Some(normal) = fields.vector("normal") else { return Some(facing(DVec3::Y)) };
+    let unit = normal.value.try_normalize();
+    if unit.is_none() {
+        fields.problems.push(normal.span, "'normal' has length 0");
+    }
+    unit.map(facing)
 }
 
 /// The rotation that takes z to a unit normal and y as nearly up as may be: to -z where the normal is upright.
@@ -71,21 +96,17 @@ pub(super) fn placed(object: &Object, shape: Shape) -> Option<Shape> {
 }
 
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
-fn add(build: &mut Build, object: &Object, shape: Shape) {
+fn add_shape(build: &mut Build, object: &Object, shape: Shape) {
     if let Some(placed) = placed(object, shape.clone()) {
         return build.loaded.scene.shapes.push(placed);
     }
-    let mut mesh: Mesh = match shape.kind {
-        ShapeKind::Sphere => icosphere(&shape.name, 6),
-        ShapeKind::Disk => disk_mesh(&shape.name),
-    };
+    let mut mesh = Mesh { name: shape.name.clone(), ..mesh_of(shape.kind) };
     let triangle_count = mesh.triangles.len() as u32;
     mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material: shape.material });
     let message = format!(
-        "{}: its transform bends the {}, which becomes a mesh of {} triangles",
+        "{}: its transform bends the {}, which becomes a mesh of {triangle_count} triangles",
         shape.name,
-        shape.kind.name(),
-        if triangle_count == 81_920 { "81,920".to_string() } else { triangle_count.to_string() }
+        shape.kind.tag().name(),
     );
     build.loaded.warnings.push(Warning::new(build.file, "", message));
     let scale = DVec3::splat(shape.radius);

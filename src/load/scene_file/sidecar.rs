@@ -14,7 +14,7 @@ use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
 use super::parts::{read_parts, read_text};
-use crate::error::{Result, Warning};
+use crate::error::{Choice, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use crate::scene::Settings;
 use std::path::{Path, PathBuf};
@@ -63,8 +63,9 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         .filter(|p| root.has(p))
         .collect();
     format!(
-        "lies beside the model and was used: {} (--no-sidecar leaves it out)",
-        if parts.is_empty() { "it is empty".to_string() } else { parts.join(", ") }
+        "lies beside the model and was used: {} ({} leaves it out)",
+        if parts.is_empty() { "it is empty".to_string() } else { parts.join(", ") },
+        Choice::NoSidecar
     )
 }
 

@@ -45,7 +45,7 @@ fn draco_meshes_need_their_decoder() {
     warns(&optional, &[DRACO, "is not read", "`--features draco`"]);
     let forced = load(&compressed("extensionsRequired", false), true);
     assert!(forced.scene.meshes.is_empty());
-    warns(&forced, &["the file demands", DRACO, "--force goes on"]);
+    warns(&forced, &["the file demands", DRACO, "`GltfOptions::force` goes on"]);
     warns(&forced, &["/meshes/0/primitives/0", "left out"]);
 }
 

@@ -4,6 +4,7 @@
 
 use super::asset::{load_with, triangle_bytes, triangle_with};
 use super::materials::RED;
+use image::ImageEncoder;
 use oscura::error::Error;
 use oscura::image::Encoding;
 use oscura::load::Loaded;
@@ -145,4 +146,21 @@ fn fifty_images_of_which_two_are_seen() {
         .expect("the program starts");
     let said = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success() && said.contains("48 of 50 images"), "{said}");
+}
+
+/// Pixels are taken as stored, as glTF demands: that is noted, and no warning.
+#[test]
+fn how_an_image_asks_to_be_turned_is_noted() {
+    let exif = b"MM\0\x2a\0\0\0\x08\0\x01\x01\x12\0\x03\0\0\0\x01\0\x06\0\0\0\0\0\0";
+    let mut jpeg = Vec::new();
+    let mut encoder = image::codecs::jpeg::JpegEncoder::new(&mut jpeg);
+    encoder.set_exif_metadata(exif.to_vec()).expect("room for Exif");
+    encoder.write_image(&[9; 24], 4, 2, image::ExtendedColorType::Rgb8).expect("encoded");
+    let asset = textured("a.jpg", json!({"source": 0}));
+    let loaded = load(&asset, "a.jpg", &jpeg).unwrap_or_else(|e| panic!("{e}"));
+    assert_eq!((loaded.scene.images[0].width, loaded.scene.images[0].height), (4, 2));
+    let notes: Vec<String> = loaded.notes.iter().map(ToString::to_string).collect();
+    let expected = "a.jpg: asks to be turned (EXIF orientation 6); its pixels are taken as stored";
+    assert!(notes.len() == 1 && notes[0].ends_with(expected), "{notes:?}");
+    assert!(loaded.warnings.iter().all(|w| !w.message.contains("turned")), "{:?}", loaded.warnings);
 }

@@ -101,7 +101,7 @@ fn point_clouds_become_spheres_of_the_wanted_radius() {
                 property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n\
                 0 0 0 255 255 255\n1 0 0 0 0 0\n0 2 0 255 255 255\nnan 0 0 9 9 9\n";
     let refused = load_ply(text.as_bytes()).expect_err("no radius").to_string();
-    assert!(refused.contains("4 vertices and no faces") && refused.contains("--point-radius"), "{refused}");
+    assert!(refused.contains("4 vertices and no faces") && refused.contains("point_radius"), "{refused}");
     let folder = tempfile::tempdir().expect("a folder");
     let path = folder.path().join("a.ply");
     std::fs::write(&path, text).expect("written");

@@ -7,7 +7,7 @@ mod world;
 
 use cpu_time::ProcessTime;
 use files::Result;
-use oscura::accel::{Accel, BuildOptions};
+use oscura::accel::Accel;
 use oscura::math::{Hit, Ray};
 use oscura::simd::{Level, best_level};
 use rayon::prelude::*;
@@ -122,7 +122,7 @@ fn make_files(name: &str, out: &Path) -> Result<()> {
     };
     std::fs::create_dir_all(out).map_err(|e| format!("{}: {e}", out.display()))?;
     files::write_mesh(&out.join(format!("{stem}.tri")), mesh)?;
-    let accel = Accel::build(&world.geometries, &[], &BuildOptions::default());
+    let accel = Accel::build(&world.geometries, &[]);
     for (set, rays) in world.ray_sets(&accel) {
         files::write_rays(&out.join(format!("{stem}.{set}.rays")), &rays)?;
     }
@@ -136,7 +136,7 @@ fn measure(options: &Options) -> Result<()> {
     let mesh = files::read_mesh(options.tri.as_deref().ok_or_else(|| missing("--tri"))?)?;
     let rays = files::read_rays(options.rays.as_deref().ok_or_else(|| missing("--rays"))?)?;
     let triangles = mesh.triangles.len();
-    let accel = Accel::build(std::slice::from_ref(&mesh), &[], &BuildOptions::default());
+    let accel = Accel::build(std::slice::from_ref(&mesh), &[]);
     drop(mesh);
     let (speeds, hits) = speeds(&accel, options, &rays)?;
     let found = hits.iter().filter(|hit| hit.is_hit()).count();

@@ -1,6 +1,7 @@
 //! The metallic-roughness model, and what all models share: emission, alpha, normal maps.
 
 use super::builder::{Base, Builder};
+use crate::error::Choice;
 use crate::load::gltf::options::Glass;
 use crate::scene::{AlphaMode, ColorSlot, Emission, FloatSlot, NormalMap, PbrMaterial};
 use gltf::json::extensions::material as ext;
@@ -131,8 +132,10 @@ impl Builder<'_, '_> {
             Glass::Solid => make_solid(model),
             Glass::Thin => model.has_volume = false,
             Glass::Auto if !model.has_volume && self.doc.is_from_blender() => {
-                let message =
-                    "is transparent without a volume, as Blender exports glass; taken as solid (--glass)";
+                let message = format!(
+                    "is transparent without a volume, as Blender exports glass; taken as solid ({})",
+                    Choice::Glass
+                );
                 self.report.note(&*self.at, message);
                 make_solid(model);
             }

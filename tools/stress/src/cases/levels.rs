@@ -2,7 +2,7 @@
 
 use super::Row;
 use super::meshes::Random;
-use oscura::accel::{Accel, BuildOptions, Geometry};
+use oscura::accel::{Accel, Geometry};
 use oscura::math::{Hit, Ray};
 use oscura::shape::{Analytic, Quad, Sphere};
 use oscura::simd::{Level, best_level};
@@ -18,7 +18,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     // A level that the CPU has and that did not run is a failure.
     let mut wrong = u64::from(levels.last() != Some(&best_level()));
     for (count, size) in soups {
-        let accel = Accel::build(&[soup(count, size)], &[], &BuildOptions::default());
+        let accel = Accel::build(&[soup(count, size)], &[]);
         let mut random = Random::new(count as u64);
         let rays: Vec<Ray> = (0..each)
             .map(|_| Ray::new((random.signed() * 1.5).as_vec3(), random.signed().as_vec3()))

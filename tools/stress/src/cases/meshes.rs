@@ -1,6 +1,6 @@
 //! Closed meshes around the origin, convex, and random numbers.
 
-use oscura::accel::{Accel, BuildOptions, Geometry};
+use oscura::accel::{Accel, Geometry};
 use oscura::math::{DVec3, Hit, Ray, Vec3};
 use rayon::prelude::*;
 
@@ -104,7 +104,7 @@ fn cube_like(cells: u32) -> Shape {
 
 /// Builds the structure over one geometry.
 pub fn build(geometry: &Geometry) -> Accel {
-    Accel::build(std::slice::from_ref(geometry), &[], &BuildOptions::default())
+    Accel::build(std::slice::from_ref(geometry), &[])
 }
 
 /// Nearest hits, on all threads.

@@ -2,7 +2,7 @@
 
 use super::Row;
 use super::meshes::{Random, Shape, ball, closest};
-use oscura::accel::{Accel, AccelInstance, BuildOptions, Geometry};
+use oscura::accel::{Accel, AccelInstance, Geometry};
 use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Ray, Vec3};
 
 /// Rays of the full run.
@@ -19,7 +19,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     for i in 0..transforms {
         let world_from_object = transform(&mut random, i);
         let instance = AccelInstance { geometry: 1, world_from_object };
-        let accel = Accel::build(&geometries, &[instance], &BuildOptions::default());
+        let accel = Accel::build(&geometries, &[instance]);
         // From inside, in object space, then moved to the world: each ray must hit.
         for _ in 0..EACH {
             let from = world_from_object.transform_point3(random.signed() * 0.3);
@@ -37,7 +37,7 @@ pub fn run(effort: f64) -> Vec<Row> {
     let uneven = uneven(effort, &shape, &geometries);
     let singular =
         AccelInstance { geometry: 1, world_from_object: DAffine3::from_scale(DVec3::new(1.0, 0.0, 1.0)) };
-    let accel = Accel::build(&geometries, &[singular], &BuildOptions::default());
+    let accel = Accel::build(&geometries, &[singular]);
     let dropped = accel.stats().dropped.instances == 1;
     vec![
         Row {
@@ -70,11 +70,7 @@ fn uneven(effort: f64, shape: &Shape, geometries: &[Geometry; 2]) -> Row {
         let scale = DVec3::new(scale(), scale(), scale());
         let rotation = DQuat::from_axis_angle(random.signed().normalize(), random.unit() * 6.0);
         let world_from_object = DAffine3::from_scale_rotation_translation(scale, rotation, DVec3::ZERO);
-        let accel = Accel::build(
-            geometries,
-            &[AccelInstance { geometry: 1, world_from_object }],
-            &BuildOptions::default(),
-        );
+        let accel = Accel::build(geometries, &[AccelInstance { geometry: 1, world_from_object }]);
         let rays: Vec<Ray> = (0..EACH)
             .map(|_| {
                 let to = shape.points[random.bits() as usize % shape.points.len()];

@@ -1,4 +1,13 @@
-//! Whole numbers in text files.
+//! Words and whole numbers in text files.
+
+/// The next word of a text, between blanks, and what is behind it.
+#[inline]
+pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
+    let start = text.iter().position(|b| !b.is_ascii_whitespace())?;
+    let text = &text[start..];
+    let length = text.iter().position(u8::is_ascii_whitespace).unwrap_or(text.len());
+    Some(text.split_at(length))
+}
 
 /// A whole number of at most 18 digits, with or without a sign.
 #[inline]

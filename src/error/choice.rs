@@ -1,0 +1,59 @@
+//! Choices of the caller that messages refer to.
+
+use std::fmt;
+
+/// A choice of the caller that would change what a message is about. Messages name it as the library does; a program with
+/// names of its own for choices puts those in their place.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Choice {
+    /// Files outside an asset's folder may be read.
+    AllowExternal,
+    /// Channels beside the picture's own.
+    Aovs,
+    /// The caller lights the scene, or wants no light.
+    Environment,
+    /// Pixels of full precision.
+    Float,
+    /// Extensions that a file demands may be missing.
+    Force,
+    /// What transparent materials without a volume are.
+    Glass,
+    /// What the numbers of lights mean.
+    LightUnits,
+    /// Settings beside a model don't count.
+    NoSidecar,
+    /// The size of the points of a point cloud.
+    PointRadius,
+}
+
+impl Choice {
+    /// All of them.
+    pub const ALL: [Choice; 9] = [
+        Choice::AllowExternal,
+        Choice::Aovs,
+        Choice::Environment,
+        Choice::Float,
+        Choice::Force,
+        Choice::Glass,
+        Choice::LightUnits,
+        Choice::NoSidecar,
+        Choice::PointRadius,
+    ];
+}
+
+/// What the library calls it, between backticks.
+impl fmt::Display for Choice {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Choice::AllowExternal => "`LoadOptions::allow_external`",
+            Choice::Aovs => "`Renderer::aovs`",
+            Choice::Environment => "`LoadOptions::brings_environment`",
+            Choice::Float => "`OutputOptions::float`",
+            Choice::Force => "`GltfOptions::force`",
+            Choice::Glass => "`GltfOptions::glass`",
+            Choice::LightUnits => "`GltfOptions::light_units`",
+            Choice::NoSidecar => "`LoadOptions::no_sidecar`",
+            Choice::PointRadius => "`LoadOptions::point_radius`",
+        })
+    }
+}
