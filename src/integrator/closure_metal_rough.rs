@@ -2,7 +2,7 @@
 
 use super::closure::{Closure, VertexClass};
 use super::lanes::{PerPath, WAVE, get, get_rgb, set, set_rgb};
-use super::normals::scattering_normal;
+use super::normals::bent_normal;
 use super::wave::{MetalRoughClosures, MetalRoughMaterials, Vertices, Wave};
 use crate::bsdf::{
     BsdfEval, BsdfSample, DielectricCurve, DirectionalAlbedo, Facets, Isotropic, LayerFresnel, MetalRough,
@@ -111,7 +111,8 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for Prepare<'_, COMPENSA
         // The second loop looks up tables, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
-            let ns = scattering_normal(ns, get(&v.ng, i), wo);
+            let (ns, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
+            v.is_bent[i] = if is_bent { 1.0 } else { 0.0 };
             set(&mut v.ns, i, ns);
             [x[i], y[i], z[i]] = above(Frame::from_normal(ns).to_local(wo)).to_array();
         }

@@ -1,15 +1,16 @@
 //! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
 //! traced in batches and loops over paths vectorise.
 //!
-//! A wave starts at the camera; then each bounce is one turn of [`Integrator::trace`]'s loop:
+//! A wave starts at the camera; then each bounce is one turn of a loop:
 //!
 //! ```text
 //! intersect -> surfaces (emission, sorted vertices) -> light samples -> direct light (shadow rays) -> scatter -> next rays
 //! ```
 //!
 //! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
-//! by the power heuristic (Veach 1997, section 9.2). Results depend on nothing but the scene, the options and the
-//! sample: neither on threads nor on how samples are grouped into waves.
+//! by the power heuristic (Veach 1997, section 9.2). Where paths are shared, they are cut at surfaces on their way and
+//! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options and the
+//! sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into waves.
 
 mod alpha;
 mod block;
@@ -66,6 +67,8 @@ pub struct PathOptions<'a> {
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
+    /// Keep what samples have before they share.
+    pub keeps_unshared: bool,
 }
 
 /// One finished path.
@@ -80,7 +83,7 @@ pub struct PathSample<'a> {
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
-    /// The radiance that the path found alone, where paths are shared.
+    /// The radiance that the path found alone, where that is kept.
     pub unshared: [f32; 3],
 }
 

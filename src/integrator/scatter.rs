@@ -15,7 +15,7 @@ use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
 /// The first bounce after which a path may be ended by roulette.
-const FIRST_ROULETTE: u32 = 3;
+pub(super) const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.

@@ -18,12 +18,14 @@ per_path! {
         /// Density per solid angle of the last scattering; 0 after a specular one and at the camera; negative where the
         /// path has ended.
         pub pdf: Lanes,
-        /// Undoes the 1 / eta^2 of refractions for the roulette.
+        /// What the roulette takes the throughput times: undoes the 1 / eta^2 of refractions, and has the throughput
+        /// of the prefix where a suffix began anew with 1.
         pub eta_squared: Lanes,
         /// Sobol point: its two parts.
         pub seed: Words,
         pub shuffled: Words,
-        /// Which sample of the block it is: the index into the radiances.
+        /// The index of its radiance: which sample of the block it is; behind a cut, further indices (see
+        /// [`super::reuse`]).
         pub sample: Words,
     }
 }
@@ -195,6 +197,8 @@ pub struct Vertices {
     pub ns: Lanes3,
     /// Distance along the normal that a secondary ray's origin must keep.
     pub offset: Lanes,
+    /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.
+    pub is_bent: Lanes,
     /// Towards the viewer.
     pub wo: Lanes3,
     /// Solids on the other side of the surface than the viewer's; only where there are some.

@@ -272,6 +272,7 @@ impl Rendering {
             aovs: self.options.aovs.of_first_hits(),
             soft_terminator: self.options.soft_terminator,
             reuse: None,
+            keeps_unshared: false,
         };
         let layout = self.film.layout().clone();
         let work = PassWork {
@@ -289,13 +290,12 @@ impl Rendering {
         let is_finished = match self.sharing {
             Sharing::Decided(shape) => work.run(shape, &[]),
             Sharing::Undecided => {
-                let trials = pilot::trials(&self.view, pass);
-                let results = work.try_all(&trials);
-                let best = results.as_deref().and_then(pilot::best);
+                let mut trials = pilot::trials(&self.view, pass);
+                let best = work.try_all(&mut trials);
                 if !trials.is_empty() {
-                    self.sharing = Sharing::Decided(best);
+                    self.sharing = Sharing::Decided(best.flatten());
                 }
-                results.is_some() && work.run(best, &trials)
+                best.is_some_and(|best| work.run(best, &trials))
             }
         };
         self.schedule.finished(pass, start.elapsed());

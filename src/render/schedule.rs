@@ -1,10 +1,11 @@
 //! How many samples each pass takes: a wave's worth a tile, or what fits into the time that is left.
 
 use crate::integrator::WAVE;
+use crate::integrator::reuse::INTERVAL;
 use std::time::Duration;
 
 /// Samples of a full pass.
-const MOST: u32 = 8;
+const MOST: u32 = INTERVAL;
 /// Share of the time left that a pass may take: a wrong forecast then costs little.
 const SHARE: f64 = 0.1;
 

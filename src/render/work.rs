@@ -35,34 +35,43 @@ impl PassWork<'_> {
     /// Takes all tiles but those of trials, with paths shared in groups of a shape or not at all. False if it was stopped:
     /// then some have not got their samples.
     pub fn run(&self, shape: Option<GroupShape>, trials: &[Trial]) -> bool {
-        let tracer = self.tracer(shape);
+        let tracer = self.tracer(shape, false);
         let blocks = pilot::without(tracer.tiles.blocks(self.view, self.pass), trials);
         let one = |block: &Block| self.take(&tracer, block, None);
         // All of them: stopping is a look at a clock for each tile that is left.
         blocks.par_iter().map(one).reduce(|| true, |a, b| a & b)
     }
 
-    /// Takes the squares of trials; the errors of each, or `None` if it was stopped.
-    pub fn try_all(&self, trials: &[Trial]) -> Option<Vec<(GroupShape, Errors)>> {
-        let one = |trial: &Trial| {
-            let tracer = self.tracer(Some(trial.shape));
-            let blocks: Vec<Block> = trial.squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
-            let try_one = |block: &Block| {
-                let mut tally = Tally::new(block);
-                self.take(&tracer, block, Some(&mut tally)).then(|| tally.finish())
-            };
-            let errors: Vec<Option<Errors>> = blocks.par_iter().map(try_one).collect();
-            // In their order, so that the sum does not depend on threads.
-            let sum = errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)));
-            Some((trial.shape, sum?))
-        };
-        trials.iter().map(one).collect()
+    /// Takes the squares of trials, as far as each is worth it, and leaves the others out of the list. The shape of groups that
+    /// gains most, if any does; `None` if it was stopped.
+    pub fn try_all(&self, trials: &mut Vec<Trial>) -> Option<Option<GroupShape>> {
+        let mut results = Vec::new();
+        for trial in &*trials {
+            if !pilot::is_next_worth_it(&results) {
+                break;
+            }
+            results.push((trial.shape, self.try_one(trial)?));
+        }
+        trials.truncate(results.len());
+        Some(pilot::best(&results))
     }
 
-    fn tracer(&self, shape: Option<GroupShape>) -> Tracer<'_> {
+    fn try_one(&self, trial: &Trial) -> Option<Errors> {
+        let tracer = self.tracer(Some(trial.shape), true);
+        let blocks: Vec<Block> = trial.squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
+        let try_block = |block: &Block| {
+            let mut tally = Tally::new(block);
+            self.take(&tracer, block, Some(&mut tally)).then(|| tally.finish())
+        };
+        let errors: Vec<Option<Errors>> = blocks.par_iter().map(try_block).collect();
+        // In their order, so that the sum does not depend on threads.
+        errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)))
+    }
+
+    fn tracer(&self, shape: Option<GroupShape>, keeps_unshared: bool) -> Tracer<'_> {
         let reuse = shape.map(|shape| Tiling::new(shape, self.pass.first_sample));
         let tiles = Tiles::of(self.pass, reuse.as_ref());
-        let paths = PathOptions { reuse, ..self.paths.clone() };
+        let paths = PathOptions { reuse, keeps_unshared, ..self.paths.clone() };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }
 

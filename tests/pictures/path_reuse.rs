@@ -3,11 +3,11 @@
 use crate::support::sheet::{self, Variant};
 use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere};
 use oscura::film::Film;
-use oscura::math::DVec3;
+use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, in_pool};
 use oscura::scene::{
-    AlphaMode, ColorSlot, Environment, FloatSlot, Interpolation, Material, MaterialId, Model, PbrMaterial,
-    Scene,
+    AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, MaterialId, Mesh,
+    MeshId, MeshPart, Model, Motion, PbrMaterial, Scene,
 };
 use oscura::simd::{Level, limit_level};
 use std::path::Path;
@@ -92,6 +92,41 @@ fn waves() -> Scene {
     scene
 }
 
+/// A corner of rough plastic whose shading normals lean up to 50 degrees: those of many viewers have to be bent.
+fn steep() -> Scene {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let plastic = material(&mut scene, pbr("plastic", [0.8, 0.5, 0.3], 0.0, 0.6));
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    // Two sheets at a right angle: y = 0 and z = -1.
+    for tall in [false, true] {
+        let place = |[a, b]: [f32; 2]| if tall { [a, b + 1.0, -1.0] } else { [a, 0.0, b] };
+        let lean = |[a, b]: [f32; 2]| {
+            let (up, along) = (1.0f32, [0.9 * a, 0.8 * b]);
+            let n = if tall { Vec3::new(along[0], along[1], up) } else { Vec3::new(along[0], up, along[1]) };
+            n.normalize().to_array()
+        };
+        scene.meshes.push(Mesh {
+            name: "sheet".into(),
+            positions: corners.map(place).to_vec(),
+            normals: corners.map(lean).to_vec(),
+            triangles: if tall { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] },
+            parts: vec![MeshPart { first_triangle: 0, triangle_count: 2, material: plastic }],
+            uv_sets: Vec::new(),
+            tangents: Vec::new(),
+            colors: Vec::new(),
+        });
+        scene.instances.push(Instance {
+            name: "sheet".into(),
+            mesh: MeshId(scene.meshes.len() as u32 - 1),
+            world_from_object: DAffine3::IDENTITY,
+            material: None,
+            motion: Motion::Still,
+        });
+    }
+    scene.cameras.push(camera(DVec3::new(0.5, 1.0, 1.5), DVec3::new(0.0, 0.3, -0.6), DVec3::Y, 60.0));
+    scene
+}
+
 const EDGE: u32 = 40;
 const BLOCK: u32 = 8;
 
@@ -144,7 +179,7 @@ fn differences(scene: &Scene, options: &RenderOptions, shape: &str, seeds: u32) 
 /// errors say. Blocks are as large as groups or larger, so that correlation within groups is in those errors.
 #[test]
 fn sharing_changes_no_mean() {
-    for (name, scene) in [("room", room()), ("waves", waves())] {
+    for (name, scene) in [("room", room()), ("waves", waves()), ("steep", steep())] {
         for (depth, shape) in [(100, "4x4/2"), (2, "2x2/1"), (4, "8x8/4")] {
             let found = differences(&scene, &options(EDGE, 32, depth), shape, 16);
             let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
@@ -226,16 +261,29 @@ fn sizes_and_passes_fit() {
     for (width, height) in [(1, 1), (16, 16), (17, 33), (70, 5)] {
         for shape in ["2x1/1", "4x4/4", "8x8/4"] {
             let options = options(1, 21, 3).size(width, height).path_reuse(groups(shape));
-            let mut stepping = rendering(&scene, &options);
-            assert_eq!(stepping.next_pass(), PassOutcome::Progressed);
-            assert_eq!(stepping.next_pass(), PassOutcome::Progressed);
-            assert_eq!(stepping.statistics().path_reuse, Some(shape.parse::<GroupShape>().unwrap()));
-            let fewer = picture(&scene, &options.samples(17));
-            assert_eq!(stepping.next_pass(), PassOutcome::Done);
+            let [mut steps, mut fewer] = [21, 17].map(|samples| rendering(&scene, &options.samples(samples)));
+            for _ in 0..2 {
+                assert_eq!([steps.next_pass(), fewer.next_pass()], [PassOutcome::Progressed; 2]);
+                assert!(bits(steps.film()) == bits(fewer.film()), "{width} {height} {shape}");
+            }
+            assert_eq!(steps.statistics().path_reuse, Some(shape.parse::<GroupShape>().unwrap()));
+            assert_eq!([steps.next_pass(), fewer.next_pass()], [PassOutcome::Done; 2]);
             for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
-                assert_eq!((stepping.film().samples(x, y), fewer.samples(x, y)), (21, 17));
+                assert_eq!((steps.film().samples(x, y), fewer.film().samples(x, y)), (21, 17));
             }
         }
+    }
+}
+
+#[test]
+fn few_bounces_share_nothing_and_say_so() {
+    let scene = room();
+    for depth in [0, 1] {
+        let mut forced = rendering(&scene, &options(20, 8, depth).path_reuse(groups("4x4")));
+        forced.run();
+        assert!(forced.warnings().iter().any(|w| w.to_string().contains("not shared")));
+        let off = picture(&scene, &options(20, 8, depth).path_reuse(PathReuse::Off));
+        assert!(bits(forced.film()) == bits(&off));
     }
 }
 
@@ -248,7 +296,13 @@ fn a_pilot_decides() {
         (rendering.statistics().path_reuse, rendering.statistics().rays)
     };
     let options = options(256, 4, 100);
-    let (shape, _) = chosen(&room(), &options);
+    // Without glass and gloss.
+    let mut room = Scene::default();
+    walls(&mut room, |scene, _| material(scene, Material::lambert("white", [0.8; 3])));
+    let lamp = material(&mut room, Material::emitter("lamp", [20.0; 3], false));
+    quad(&mut room, [-0.3, 0.3, -0.3], [0.0, 0.0, 0.6], [0.6, 0.0, 0.0], lamp);
+    room_camera(&mut room);
+    let (shape, _) = chosen(&room, &options);
     println!("room: {shape:?}");
     assert!(shape.is_some());
     // A convex body in even light: its paths never meet a second surface.

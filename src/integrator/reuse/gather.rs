@@ -2,16 +2,16 @@
 
 use super::super::Integrator;
 use super::super::closure::LambertClass;
-use super::super::closure_metal_rough::{MetalRoughClass, load_material};
+use super::super::closure_metal_rough::MetalRoughClass;
 use super::super::lanes::{WAVE, get, get_rgb, set_rgb};
-use super::super::normals::bends;
+use super::super::normals::bent_normal;
 use super::super::workspace::Workspace;
 use super::Tiling;
+use super::layer::{LEAST_REST, layer_rest};
 use super::pairs::{Connect, RUN};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Prefixes, Reuse, SCATTERED, Suffixes};
-use crate::bsdf::above;
 use crate::color::Rgb;
-use crate::math::{Frame, Ray, Vec3};
+use crate::math::Ray;
 use crate::simd::dispatch;
 
 /// Bounce of prefixes for a suffix that isn't there.
@@ -22,6 +22,8 @@ impl Integrator<'_> {
     pub(in super::super) fn share_paths(&self, tiling: &Tiling, w: &mut Workspace) {
         let Some(mut reuse) = w.reuse.take() else { return };
         self.finish_suffixes(&mut reuse, w);
+        let has = |class| reuse.prefixes.class[..WAVE].contains(&class);
+        let classes = [LAMBERT, METAL_ROUGH].map(has);
         let mut round = Round { group: tiling.group(), ..Round::default() };
         for turn in 0..tiling.group() {
             round.take_turn(turn, &mut reuse);
@@ -29,9 +31,9 @@ impl Integrator<'_> {
                 continue;
             }
             if self.softens_terminator() {
-                connect::<true>(&round.runs, &mut reuse);
+                connect::<true>(classes, &round.runs, &mut reuse);
             } else {
-                connect::<false>(&round.runs, &mut reuse);
+                connect::<false>(classes, &round.runs, &mut reuse);
             }
             self.test_visibility(&round, &mut reuse, w);
             self.add_round(&round, &reuse, w);
@@ -41,7 +43,9 @@ impl Integrator<'_> {
 
     /// Sums up what leaves each suffix. What is not shared goes to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
-        w.sink.keep_unshared();
+        if self.options.keeps_unshared {
+            w.sink.keep_unshared();
+        }
         let Reuse { suffixes: s, samples, .. } = reuse;
         for k in 0..WAVE {
             if s.class[k] == NONE {
@@ -50,14 +54,14 @@ impl Integrator<'_> {
             let sample = u32::from(samples[k]);
             let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
-            w.sink.add_unshared(sample, throughput * (direct + scattered));
+            if self.options.keeps_unshared {
+                w.sink.add_unshared(sample, throughput * (direct + scattered));
+            }
             let (mut radiance, mut own) = (direct + scattered, Rgb::ZERO);
             if s.class[k] == METAL_ROUGH {
                 let shares = [get_rgb(&s.direct_share, k), get_rgb(&s.scattered_share, k)];
                 let diffuse = [direct * shares[0], scattered * shares[1]];
-                // Towards the owner.
-                let let_through = self.let_through(s, k, s.arrival(k));
-                own = radiance - (diffuse[0] + diffuse[1]) * let_through;
+                own = radiance - (diffuse[0] + diffuse[1]) * s.rest[k];
                 radiance = diffuse[0] + diffuse[1];
             }
             let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;
@@ -68,12 +72,6 @@ impl Integrator<'_> {
             set_rgb(&mut s.radiance, k, radiance);
             w.sink.contribute(sample, None, throughput * own);
         }
-    }
-
-    /// The share of its diffuse part that a glTF material's layer lets through towards a viewer.
-    fn let_through(&self, s: &Suffixes, k: usize, wo: Vec3) -> f32 {
-        let material = load_material(&s.material, k, self.scene.shading);
-        material.closure(above(Frame::from_normal(get(&s.ns, k)).to_local(wo))).rest
     }
 
     /// Prefixes that can't reach the suffix of their turn get no density.
@@ -89,7 +87,11 @@ impl Integrator<'_> {
             let origin = get(&prefixes.vertices.next_origin, i);
             if suffixes.class[sender] == METAL_ROUGH {
                 let wo = (origin - get(&suffixes.p, sender)).normalize();
-                if bends(get(&suffixes.ns, sender), get(&suffixes.ng, sender), wo) {
+                let ns = get(&suffixes.ns, sender);
+                pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
+                let (_, is_bent) = bent_normal(ns, get(&suffixes.ng, sender), wo);
+                // As for the owner.
+                if is_bent || pairs.rest[i] < LEAST_REST {
                     pairs.density[i] = 0.0;
                     continue;
                 }
@@ -121,19 +123,17 @@ impl Integrator<'_> {
             let others = (first..first + round.group).filter(|&i| i != sender && pairs.density[i] > 0.0);
             let sum = own + others.clone().map(|i| pairs.density[i]).sum::<f32>();
             let is_layered = s.class[sender] == METAL_ROUGH;
-            let towards = |wo| if is_layered { self.let_through(s, sender, wo) } else { 1.0 };
             let radiance = get_rgb(&s.radiance, sender);
-            let throughput = get_rgb(&s.throughput, sender) * towards(s.arrival(sender));
             // Points next to each other have densities beyond all numbers.
-            let is_number = own > 0.0 && sum < f32::INFINITY;
-            let share = if is_number { own / sum } else { 1.0 };
-            w.sink.contribute(u32::from(samples[sender]), None, throughput * radiance * share);
-            if is_number {
+            let is_finite = own > 0.0 && sum < f32::INFINITY;
+            let share = if is_finite { own / sum } else { 1.0 };
+            let value = get_rgb(&s.throughput, sender) * radiance * (s.rest[sender] * share);
+            w.sink.contribute(u32::from(samples[sender]), None, value);
+            if is_finite {
                 let scaled = radiance * (1.0 / sum);
                 for i in others {
-                    let wo = || (get(&prefixes.vertices.next_origin, i) - get(&s.p, sender)).normalize();
-                    let scale = if is_layered { towards(wo()) } else { 1.0 };
-                    let value = get_rgb(&pairs.value, i) * (scaled * scale);
+                    let rest = if is_layered { pairs.rest[i] } else { 1.0 };
+                    let value = get_rgb(&pairs.value, i) * (scaled * rest);
                     w.sink.contribute(u32::from(samples[i]), None, value);
                 }
             }
@@ -193,34 +193,28 @@ impl Round {
     }
 }
 
-/// Fills the pairs of a round.
-fn connect<const SOFT: bool>(runs: &[u16], reuse: &mut Reuse) {
+/// Fills the pairs of a round, by the loops of the classes that there are.
+fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], reuse: &mut Reuse) {
     let Reuse { prefixes, pairs, .. } = reuse;
     for &run in runs {
         let places = usize::from(run) * RUN..(usize::from(run) + 1) * RUN;
         pairs.density[places].fill(0.0);
     }
-    let has = |number| prefixes.class[..WAVE].contains(&number);
-    if has(LAMBERT) {
-        let (class, number) = (LambertClass, LAMBERT);
-        dispatch(Connect::<_, SOFT> { class, number, runs, prefixes, pairs });
+    if lambert {
+        let (class, class_id) = (LambertClass, LAMBERT);
+        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
     }
-    if has(METAL_ROUGH) {
-        let (class, number) = (MetalRoughClass, METAL_ROUGH);
-        dispatch(Connect::<_, SOFT> { class, number, runs, prefixes, pairs });
+    if metal_rough {
+        let (class, class_id) = (MetalRoughClass, METAL_ROUGH);
+        dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
     }
 }
 
 impl Suffixes {
-    /// Towards where the path came from.
-    fn arrival(&self, k: usize) -> Vec3 {
-        get(&self.wo, k)
-    }
-
     /// Density per area with which the owner found its suffix.
     fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
         let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
-        let cosine = self.arrival(k).dot(get(&self.ng, k));
+        let cosine = get(&self.wo, k).dot(get(&self.ng, k));
         self.pdf[k] * cosine / way.dot(way)
     }
 }

@@ -12,15 +12,22 @@
 //! ```
 //!
 //! which is the balance heuristic between the ways in which the group might have found y. The visibilities `V` in the
-//! denominator are needed for that. The expected value is that of path tracing; no contribution is larger than the one
-//! which the owner of a suffix would have had alone.
+//! denominator are needed for that. The expected value is that of path tracing, but for filtered textures at y, which
+//! have the width that the finder of y covers. Where y is Lambertian, no contribution is larger than the one that the
+//! prefix would have got had it found y by itself.
 //!
 //! What y sends into a direction must be known for every prefix. A Lambertian surface sends the same everywhere. Of glTF
-//! materials the diffuse part is shared, scaled for each viewer by what the layer above lets through, and the glossy part
-//! goes to the owner of the suffix. Other surfaces, and what glass or mirrors show, stay with the owner: that is decided
-//! by the material alone, which keeps the estimate unbiased.
+//! materials the diffuse part is shared, scaled for each viewer by what the layer above leaves of it, and the glossy part
+//! goes to the owner of the suffix. Other surfaces, and what glass or mirrors show, stay with the owner.
+//!
+//! Whether a prefix takes part at some y may depend on y and on the direction of the prefix from there, and on nothing
+//! else; it must be asked for the owner and for all others alike, and prefixes that don't take part have no density.
+//!
+//! Where a prefix ends depends on the random numbers before its last scattering only, and each scattering has a set of
+//! dimensions of its own, scrambled independently. So suffixes are independent of whether others take part.
 
 mod gather;
+mod layer;
 mod pairs;
 mod record;
 mod state;
@@ -37,6 +44,7 @@ use state::NONE;
 impl Integrator<'_> {
     /// Prepares to share the paths of a block that is one wave.
     pub(super) fn begin_reuse(&self, tiling: &Tiling, block: &Block, count: usize, w: &mut Workspace) {
+        debug_assert!(count <= WAVE, "a block is one wave");
         let reuse = w.reuse.get_or_insert_with(|| Box::new(Reuse::new()));
         tiling.number(block, count, &mut reuse.places);
         for (sample, &place) in reuse.places[..count].iter().enumerate() {

@@ -6,9 +6,10 @@ use super::super::closure_metal_rough::{MetalRoughClass, copy_metal_rough};
 use super::super::group::Sorted;
 use super::super::interior::Interior;
 use super::super::lanes::{PerPath, get, get_rgb, set, set_rgb};
-use super::super::normals::bends;
+use super::super::scatter::FIRST_ROULETTE;
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
+use super::layer::{LEAST_REST, layer_rest};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Prefixes, Reuse, SCATTERED, Suffixes};
 use crate::color::Rgb;
 use crate::math::offset_along;
@@ -16,6 +17,7 @@ use std::f32::consts::FRAC_1_PI;
 
 /// The last bounce at which a prefix may end: before roulette begins.
 const LAST_BOUNCE: u32 = 2;
+const _: () = assert!(LAST_BOUNCE < FIRST_ROULETTE);
 
 /// Smallest alpha of facets for which connections to other suffixes are worth their rays, if there is no diffuse part.
 const LEAST_ALPHA: f32 = 0.1;
@@ -47,9 +49,12 @@ impl Integrator<'_> {
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
                 prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
             }
-        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i] > 0.0 && is_shared(v, i, class) {
+        } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i] > 0.0 {
+            let Some(rest) = self.shared_part(v, i, class) else { return };
             let throughput = get_rgb(&path.throughput, i);
             suffixes.keep(k, class, v, i, throughput, path.pdf[i]);
+            suffixes.rest[k] = rest;
+            // The roulette judges paths by all of their throughput.
             path.eta_squared[i] *= throughput.max_element();
             set_rgb(&mut path.throughput, i, Rgb::ONE);
             path.sample[i] += DIRECT;
@@ -82,19 +87,27 @@ impl Integrator<'_> {
     }
 }
 
+impl Integrator<'_> {
+    /// What a layer leaves of the part of what leaves vertex `i` that is shared with others; `None` if none is.
+    #[inline(always)]
+    fn shared_part(&self, v: &Vertices, i: usize, class: u32) -> Option<f32> {
+        if class == LAMBERT {
+            return Some(1.0);
+        }
+        if get_rgb(&v.metal_rough.diffuse, i) == Rgb::ZERO || v.is_bent[i] > 0.0 {
+            return None;
+        }
+        let rest = layer_rest(&v.metal_rough, i, get(&v.ns, i), get(&v.wo, i), self.scene.shading);
+        (rest >= LEAST_REST).then_some(rest)
+    }
+}
+
 /// Does a surface spread light enough for its viewers to be connected to other suffixes?
 #[inline(always)]
 fn spreads(v: &Vertices, i: usize, class: u32) -> bool {
     class == LAMBERT
         || v.metal_rough.alpha[i] >= LEAST_ALPHA
         || v.metal_rough_closures.probability_diffuse[i] > 0.1
-}
-
-/// Is what leaves a vertex shared?
-#[inline(always)]
-fn is_shared(v: &Vertices, i: usize, class: u32) -> bool {
-    let is_diffuse = || get_rgb(&v.metal_rough.diffuse, i) != Rgb::ZERO;
-    class == LAMBERT || is_diffuse() && !bends(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i))
 }
 
 impl Prefixes {

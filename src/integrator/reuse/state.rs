@@ -43,6 +43,8 @@ pub struct Suffixes {
     pub pdf: Lanes,
     /// Of glTF materials.
     pub material: MetalRoughMaterials,
+    /// Which share of the diffuse part the layer leaves towards the end of the prefix.
+    pub rest: Lanes,
     /// Of glTF materials: the diffuse share of the radiance from the light sample, and from where the path goes on, before
     /// what the layer takes.
     pub direct_share: RgbLanes,
@@ -61,6 +63,8 @@ pub struct Pairs {
     pub bounce: Words,
     /// Density per area with which the prefix might have found the suffix.
     pub density: Lanes,
+    /// Which share of the radiance from the suffix the layer there leaves towards the prefix.
+    pub rest: Lanes,
     /// What a radiance of 1 from the suffix would bring to the prefix, with all factors but the density of suffixes.
     pub value: RgbLanes,
 }

@@ -25,15 +25,20 @@ pub struct GroupShape {
 
 impl GroupShape {
     /// Largest edge of a group with what is within it, in pixels.
-    pub const MOST_EDGE: u32 = 32;
+    const MOST_EDGE: u32 = 32;
+    /// Most pixels of a group.
+    pub(super) const MOST_PIXELS: u32 = 64;
 
     /// Groups of `width` by `height` pixels; `None` unless these and `spacing` are powers of two, a group has from 2 to
     /// 64 pixels, and `spacing` times its edges is at most 32.
     pub fn new(width: u32, height: u32, spacing: u32) -> Option<GroupShape> {
         let is_shape = [width, height, spacing].iter().all(|v| v.is_power_of_two());
         let edge = width.max(height).checked_mul(spacing)?;
-        let is_possible = edge <= GroupShape::MOST_EDGE && (2..=64).contains(&(width * height));
-        (is_shape && is_possible).then_some(GroupShape { width, height, spacing })
+        // Both are at most 32 where the first two are true.
+        let is_possible = is_shape
+            && edge <= GroupShape::MOST_EDGE
+            && (2..=GroupShape::MOST_PIXELS).contains(&(width * height));
+        is_possible.then_some(GroupShape { width, height, spacing })
     }
 
     /// Pixels of a group.
@@ -96,7 +101,7 @@ pub struct Tiling {
 }
 
 impl Tiling {
-    /// The groups of the samples from `first_sample` to the next multiple of 8.
+    /// The groups of the samples from `first_sample` to the next multiple of [`INTERVAL`].
     pub fn new(shape: GroupShape, first_sample: u32) -> Tiling {
         let pass = first_sample / INTERVAL;
         let region = shape.region();
@@ -178,7 +183,20 @@ mod tests {
         }
         assert_eq!("8x8".parse::<GroupShape>().unwrap().to_string(), "8x8/4");
         assert_eq!("16x2".parse::<GroupShape>().unwrap().to_string(), "16x2/2");
-        for text in ["", "4", "x", "3x4", "1x1", "4x4/3", "16x16", "8x8/8", "-2x2", "4x4/", "99999999999x2"] {
+        for text in [
+            "",
+            "4",
+            "x",
+            "3x4",
+            "1x1",
+            "4x4/3",
+            "16x16",
+            "8x8/8",
+            "-2x2",
+            "4x4/",
+            "99999999999x2",
+            "70000x70000/0",
+        ] {
             assert!(text.parse::<GroupShape>().is_err(), "{text}");
         }
     }
