@@ -5,6 +5,7 @@ use super::frames::Frames;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use oscura::film::Aov;
+use oscura::render::PathReuse;
 use std::path::PathBuf;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
@@ -206,6 +207,9 @@ pub(crate) struct RenderArgs {
     /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
     #[arg(long, default_value = "soft")]
     pub terminator: TerminatorArg,
+    /// Share paths between neighbouring pixels: auto, off, or groups such as 4x4 [default: auto].
+    #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
+    pub path_reuse: PathReuse,
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,

@@ -161,8 +161,10 @@ impl Run {
             counted(c.lights, "light"),
             mib(c.bytes)
         );
+        let shared =
+            s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         eprintln!(
-            "picture  {} x {}, {} samples a pixel, {}, {}",
+            "picture  {} x {}, {} samples a pixel, {}{shared}, {}",
             self.width,
             self.height,
             // Fractions only come from stopping early.

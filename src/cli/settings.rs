@@ -37,6 +37,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         camera: args.camera.clone(),
         aovs: args.aov.iter().copied().collect(),
         soft_terminator: args.terminator == TerminatorArg::Soft,
+        path_reuse: args.path_reuse,
         time_limit: args.time_limit,
     }
 }

@@ -4,7 +4,7 @@
 use super::Integrator;
 use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
-use super::wave::Workspace;
+use super::workspace::Workspace;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
 use crate::shape::Surface;

@@ -1,8 +1,8 @@
 //! The class of opaque glTF materials: their closures, many at a time.
 
 use super::closure::{Closure, VertexClass};
-use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
-use super::normals::scattering_normal;
+use super::lanes::{PerPath, WAVE, get, get_rgb, set, set_rgb};
+use super::normals::bent_normal;
 use super::wave::{MetalRoughClosures, MetalRoughMaterials, Vertices, Wave};
 use crate::bsdf::{
     BsdfEval, BsdfSample, DielectricCurve, DirectionalAlbedo, Facets, Isotropic, LayerFresnel, MetalRough,
@@ -29,8 +29,9 @@ pub(super) fn store_material(m: &mut MetalRoughMaterials, k: usize, material: &M
     };
 }
 
+/// The material of a vertex.
 #[inline(always)]
-fn load_material(m: &MetalRoughMaterials, k: usize, shading: ShadingModel) -> MetalRough {
+pub(super) fn load_material(m: &MetalRoughMaterials, k: usize, shading: ShadingModel) -> MetalRough {
     MetalRough {
         diffuse: get_rgb(&m.diffuse, k),
         layer_f0: get_rgb(&m.layer_f0, k),
@@ -72,6 +73,14 @@ fn load_closure(m: &MetalRoughClosures, curve: f32, k: usize) -> MetalRoughClosu
     }
 }
 
+/// Copies what the closure of vertex `i` is made of to vertex `k` of others.
+#[inline(always)]
+pub(super) fn copy_metal_rough(from: &Vertices, i: usize, to: &mut Vertices, k: usize) {
+    from.metal_rough_closures.copy_to(i, &mut to.metal_rough_closures, k);
+    to.metal_rough.alpha[k] = from.metal_rough.alpha[i];
+    to.metal_rough.curve[k] = from.metal_rough.curve[i];
+}
+
 /// Makes normals usable for scattering, and closures of materials and viewers.
 pub(super) fn prepare(wave: &mut Wave, range: Range<usize>, shading: ShadingModel) {
     match (shading.energy_compensation, shading.fresnel) {
@@ -102,7 +111,8 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for Prepare<'_, COMPENSA
         // The second loop looks up tables, and has nothing else in it because that does not vectorise.
         for i in range.clone() {
             let (ns, wo) = (get(&v.ns, i), get(&v.wo, i));
-            let ns = scattering_normal(ns, get(&v.ng, i), wo);
+            let (ns, is_bent) = bent_normal(ns, get(&v.ng, i), wo);
+            v.is_bent[i] = if is_bent { 1.0 } else { 0.0 };
             set(&mut v.ns, i, ns);
             [x[i], y[i], z[i]] = above(Frame::from_normal(ns).to_local(wo)).to_array();
         }
@@ -156,6 +166,16 @@ impl VertexClass for MetalRoughClass {
             frame,
             wo,
         }
+    }
+}
+
+impl MetalRoughVertex {
+    /// The share of the light from `wi` that is reflected by a diffuse lobe which is a part of the BSDF.
+    pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
+        let local = self.frame.to_local(wi);
+        let all = self.lobes.eval(&self.surface, self.wo, local).f_cos.to_array();
+        let part = (f * local.z.max(0.0)).to_array();
+        Rgb::from_array(std::array::from_fn(|c| if all[c] > 0.0 { part[c] / all[c] } else { 0.0 }))
     }
 }
 

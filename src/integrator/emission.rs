@@ -3,7 +3,8 @@
 use super::Integrator;
 use super::lanes::{WAVE, get, get_rgb};
 use super::surface::HitPoint;
-use super::wave::{Scratch, Workspace};
+use super::wave::Scratch;
+use super::workspace::Workspace;
 use crate::bsdf::Slots;
 use crate::color::Rgb;
 use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun};

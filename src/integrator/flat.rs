@@ -2,7 +2,8 @@
 
 use super::Integrator;
 use super::lanes::{Lanes3, WAVE, get, get_rgb, set, set_rgb};
-use super::wave::{CornerLanes, Vertices, Workspace};
+use super::wave::{CornerLanes, Vertices};
+use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};

@@ -1,8 +1,10 @@
 //! Paths start: camera rays.
 
+use super::block::{Block, Cursor};
 use super::lanes::{WAVE, get, set, set_rgb};
-use super::wave::{Carried, Scratch, Vertices, Workspace};
-use super::{Block, Integrator, Purpose};
+use super::wave::{Carried, Scratch, Vertices};
+use super::workspace::Workspace;
+use super::{Integrator, Purpose};
 use crate::camera::Camera;
 use crate::color::Rgb;
 use crate::film::FilterSampler;
@@ -55,41 +57,6 @@ impl Integrator<'_> {
             path.sample[i] = i as u32;
             (film_x[i], film_y[i]) = (at.x as f32, at.y as f32);
             at.advance(u64::from(block.samples));
-        }
-    }
-}
-
-/// Walks through the samples of a block, pixel by pixel.
-struct Cursor {
-    x: u32,
-    y: u32,
-    sample: u64,
-    x0: u32,
-    x1: u32,
-}
-
-impl Cursor {
-    fn new(block: &Block, first: u64) -> Cursor {
-        let samples = u64::from(block.samples);
-        let (pixel, width) = (first / samples, u64::from(block.width));
-        Cursor {
-            x: block.x0 + (pixel % width) as u32,
-            y: block.y0 + (pixel / width) as u32,
-            sample: first % samples,
-            x0: block.x0,
-            x1: block.x0 + block.width,
-        }
-    }
-
-    #[inline(always)]
-    fn advance(&mut self, samples: u64) {
-        self.sample += 1;
-        if self.sample == samples {
-            self.sample = 0;
-            self.x += 1;
-            if self.x == self.x1 {
-                (self.x, self.y) = (self.x0, self.y + 1);
-            }
         }
     }
 }

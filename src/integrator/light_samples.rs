@@ -6,7 +6,8 @@
 use super::group::Sorted;
 use super::lanes::{WAVE, get, set, set_rgb};
 use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler};
-use super::wave::{Vertices, Wave, Workspace};
+use super::wave::{Vertices, Wave};
+use super::workspace::Workspace;
 use super::{Integrator, Purpose};
 use crate::light::{LightSample, Lights, Receiver};
 use crate::math::Vec3;

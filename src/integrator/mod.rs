@@ -1,17 +1,19 @@
 //! Path tracing in waves (Laine, Karras, Aila 2013): a few thousand paths take each step together, so that rays are
 //! traced in batches and loops over paths vectorise.
 //!
-//! A wave starts at the camera; then each bounce is one turn of [`Integrator::trace`]'s loop:
+//! A wave starts at the camera; then each bounce is one turn of a loop:
 //!
 //! ```text
 //! intersect -> surfaces (emission, sorted vertices) -> light samples -> direct light (shadow rays) -> scatter -> next rays
 //! ```
 //!
 //! Light that arrives directly is found in two ways, by sampling lights and by hitting them after scattering, weighted
-//! by the power heuristic (Veach 1997, section 9.2). Results depend on nothing but the scene, the options and the
-//! sample: neither on threads nor on how samples are grouped into waves.
+//! by the power heuristic (Veach 1997, section 9.2). Where paths are shared, they are cut at surfaces on their way and
+//! connected to each other at the end of the wave: see [`reuse`]. Results depend on nothing but the scene, the options and the
+//! sample (and its group, where paths are shared): neither on threads nor on how samples are grouped into waves.
 
 mod alpha;
+mod block;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -26,6 +28,7 @@ mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
+pub mod reuse;
 mod scatter;
 mod sink;
 mod surface;
@@ -33,9 +36,11 @@ mod surface;
 mod tests;
 mod textured;
 mod wave;
+mod workspace;
 
+pub use block::Block;
 pub use lanes::WAVE;
-pub use wave::Workspace;
+pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler};
@@ -44,10 +49,11 @@ use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
 use light_samplers::has_vector_sampler;
+use reuse::Tiling;
 use wave::PathParts;
 
 /// Options that concern paths.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PathOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
@@ -59,23 +65,10 @@ pub struct PathOptions<'a> {
     pub aovs: AovSet,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
-}
-
-/// A rectangle of pixels and a range of their samples.
-#[derive(Clone, Copy, Debug)]
-pub struct Block {
-    /// Left column.
-    pub x0: u32,
-    /// Top row.
-    pub y0: u32,
-    /// Columns.
-    pub width: u32,
-    /// Rows.
-    pub height: u32,
-    /// First sample of each pixel.
-    pub first_sample: u32,
-    /// Samples of each pixel.
-    pub samples: u32,
+    /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
+    pub reuse: Option<Tiling>,
+    /// Keep what samples have before they share.
+    pub keeps_unshared: bool,
 }
 
 /// One finished path.
@@ -90,6 +83,8 @@ pub struct PathSample<'a> {
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
+    /// The radiance that the path found alone, where that is kept.
+    pub unshared: [f32; 3],
 }
 
 /// Traces paths through a scene.
@@ -168,7 +163,8 @@ impl<'a> Integrator<'a> {
             }
             for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i) });
+                let unshared = w.sink.unshared(i);
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i), unshared });
             }
             first += count;
         }
@@ -185,6 +181,18 @@ impl<'a> Integrator<'a> {
         stop: &dyn Fn() -> bool,
     ) -> bool {
         self.generate(block, first, count, w);
+        let Some(tiling) = &self.options.reuse else { return self.trace_paths(w, stop) };
+        self.begin_reuse(tiling, block, count, w);
+        let is_done = self.trace_paths(w, stop);
+        if is_done {
+            self.share_paths(tiling, w);
+        }
+        is_done
+    }
+
+    /// Traces the paths of a wave to their ends; false if `stop` said so.
+    fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        let shares = self.options.reuse.is_some();
         for bounce in 0..=self.options.max_depth {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
@@ -198,11 +206,18 @@ impl<'a> Integrator<'a> {
             if sorted.all().is_empty() {
                 return true;
             }
+            if shares {
+                self.cut_paths(bounce, &sorted, w);
+            }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
                 self.direct_light(bounce, &sorted, w);
             }
             self.scatter(bounce, &sorted, w);
+            if shares {
+                self.divide_lobes(bounce, &sorted, w);
+            }
+            self.next_rays(&sorted, w);
             if w.rays.is_empty() {
                 return true;
             }

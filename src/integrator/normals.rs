@@ -14,10 +14,17 @@ const LIFT: f32 = 0.01;
 /// black spots. All vectors have unit length; `ns` is on the side of `ng`.
 #[inline(always)]
 pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
+    bent_normal(ns, ng, wo).0
+}
+
+/// [`scattering_normal`], and whether that is another normal than `ns`, but for rounding.
+#[inline(always)]
+pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     let side = if ng.dot(wo) < 0.0 { -1.0 } else { 1.0 };
     let (n, g) = (ns * side, ng * side);
     let cosine = n.dot(wo);
-    let raised = n + wo * if cosine >= LEAST { 0.0 } else { LEAST - cosine };
+    let is_behind = cosine < LEAST;
+    let raised = n + wo * if is_behind { LEAST - cosine } else { 0.0 };
     let n = raised / raised.length();
     let mirror = n * (2.0 * n.dot(wo)) - wo;
     let (above, seen) = (mirror.dot(g), wo.dot(g));
@@ -30,9 +37,10 @@ pub(super) fn scattering_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> Vec3 {
     // All is computed, then chosen from: loops over many normals vectorise.
     let is_far = length > 1e-12;
     let bent = select(is_far, bent, g);
-    let n = select(above >= least, n, bent);
+    let sinks = above < least;
+    let n = select(sinks, bent, n);
     let is_flat = (ns.x == ng.x) & (ns.y == ng.y) & (ns.z == ng.z);
-    select(is_flat, ns, n * side)
+    (select(is_flat, ns, n * side), !is_flat & (is_behind | sinks))
 }
 
 /// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow
@@ -51,6 +59,35 @@ pub(super) fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
 mod tests {
     use super::*;
     use crate::sampling::chi2::Random;
+
+    /// Where one viewer leaves a normal as it is, what others make of it is what they make of the original.
+    #[test]
+    fn normals_that_are_not_bent_are_the_original() {
+        let mut random = Random::new(12);
+        let (mut straight, mut bent) = (0, 0);
+        for _ in 0..100_000 {
+            let (ng, mut first, mut second) = (random.direction(), random.direction(), random.direction());
+            first *= first.dot(ng).signum();
+            second *= second.dot(ng).signum();
+            let ns = (ng + 0.8 * random.direction()).normalize();
+            if ns.dot(ng) <= 0.0 {
+                continue;
+            }
+            let (of_first, is_bent) = bent_normal(ns, ng, first);
+            if is_bent {
+                bent += 1;
+                continue;
+            }
+            straight += 1;
+            assert!(of_first.distance(ns) < 1e-6, "{ns} {of_first}");
+            let ((a, is_a_bent), (b, is_b_bent)) =
+                (bent_normal(ns, ng, second), bent_normal(of_first, ng, second));
+            // Rounding may decide at the very edge.
+            assert!(is_a_bent == is_b_bent && a.distance(b) < 1e-4 || a.distance(b) < 2e-3, "{ns}: {a} {b}");
+            assert!(is_a_bent || a.distance(ns) < 1e-6);
+        }
+        assert!(straight > 10_000 && bent > 10_000, "{straight} {bent}");
+    }
 
     #[test]
     fn viewers_and_mirror_directions_are_above() {

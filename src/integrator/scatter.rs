@@ -5,7 +5,8 @@ use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
-use super::wave::{Wave, Workspace};
+use super::wave::Wave;
+use super::workspace::Workspace;
 use super::{Integrator, Purpose};
 use crate::color::Rgb;
 use crate::math::{Ray, Vec3, offset_along};
@@ -14,10 +15,10 @@ use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
 /// The first bounce after which a path may be ended by roulette.
-const FIRST_ROULETTE: u32 = 3;
+pub(super) const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
-    /// Scatters each path at its vertex and ends some by roulette; the rest become the arriving paths of the next bounce.
+    /// Scatters each path at its vertex and ends some by roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
         let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE };
@@ -32,11 +33,10 @@ impl Integrator<'_> {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
-        self.next_rays(sorted, w);
     }
 
     /// Makes the paths that go on the arriving ones of the next bounce, with their rays.
-    fn next_rays(&self, sorted: &Sorted, w: &mut Workspace) {
+    pub(super) fn next_rays(&self, sorted: &Sorted, w: &mut Workspace) {
         w.rays.clear();
         let Wave { paths, vertices: v, .. } = &*w.wave;
         for i in sorted.all() {

@@ -1,15 +1,10 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity. Each array means one thing; what a stage
 //! needs for itself is in [`Scratch`].
 
-use super::first_hit::FirstHits;
-use super::group::Group;
 use super::interior::Interior;
-use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, WAVE, Words, per_path};
-use super::sink::Sink;
-use crate::accel::Accel;
-use crate::bsdf::Bsdf;
+use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, Words, per_path};
 use crate::compile::Features;
-use crate::math::{Hit, OriginPrimitive, Ray};
+use crate::math::OriginPrimitive;
 use bytemuck::Zeroable;
 
 /// The solids around each path.
@@ -23,12 +18,14 @@ per_path! {
         /// Density per solid angle of the last scattering; 0 after a specular one and at the camera; negative where the
         /// path has ended.
         pub pdf: Lanes,
-        /// Undoes the 1 / eta^2 of refractions for the roulette.
+        /// What the roulette takes the throughput times: undoes the 1 / eta^2 of refractions, and has the throughput
+        /// of the prefix where a suffix began anew with 1.
         pub eta_squared: Lanes,
         /// Sobol point: its two parts.
         pub seed: Words,
         pub shuffled: Words,
-        /// Which sample of the block it is: the index into the radiances.
+        /// The index of its radiance: which sample of the block it is; behind a cut, further indices (see
+        /// [`super::reuse`]).
         pub sample: Words,
     }
 }
@@ -100,8 +97,8 @@ pub struct CornerLanes {
     pub weights: [Lanes; 2],
 }
 
+per_path! {
 /// Opaque glTF materials ([`crate::bsdf::MetalRough`]).
-#[derive(Zeroable)]
 pub struct MetalRoughMaterials {
     /// Diffuse colour.
     pub diffuse: RgbLanes,
@@ -118,9 +115,10 @@ pub struct MetalRoughMaterials {
     /// GGX alpha.
     pub alpha: Lanes,
 }
+}
 
+per_path! {
 /// What opaque glTF materials are for a viewer ([`crate::bsdf::MetalRoughClosure`]).
-#[derive(Zeroable)]
 pub struct MetalRoughClosures {
     /// Diffuse colour under the layer.
     pub diffuse: RgbLanes,
@@ -136,6 +134,7 @@ pub struct MetalRoughClosures {
     pub probability_specular: Lanes,
     /// Probability of sampling the diffuse lobe.
     pub probability_diffuse: Lanes,
+}
 }
 
 /// What textured vertices are made of besides corners, and where textures are looked up.
@@ -198,6 +197,8 @@ pub struct Vertices {
     pub ns: Lanes3,
     /// Distance along the normal that a secondary ray's origin must keep.
     pub offset: Lanes,
+    /// 1 where the shading normal was bent for the viewer, else 0; at vertices of opaque glTF materials.
+    pub is_bent: Lanes,
     /// Towards the viewer.
     pub wo: Lanes3,
     /// Solids on the other side of the surface than the viewer's; only where there are some.
@@ -222,74 +223,4 @@ pub struct Wave {
     pub paths: Paths,
     pub vertices: Vertices,
     pub scratch: Scratch,
-}
-
-/// All memory that tracing a block of pixels takes; made once a thread.
-pub struct Workspace {
-    pub(super) wave: Box<Wave>,
-    /// Paths in the order of their rays, before their vertices are sorted.
-    pub(super) arriving: Box<Paths>,
-    pub(super) rays: Vec<Ray>,
-    pub(super) hits: Vec<Hit>,
-    /// Shading group of each hit.
-    pub(super) groups: Vec<Group>,
-    /// Paths that left the scene.
-    pub(super) escaped: Vec<u32>,
-    /// Material of each hit.
-    pub(super) materials: Vec<u32>,
-    /// BSDFs of the vertices without a vectorised class.
-    pub(super) bsdfs: Vec<Bsdf>,
-    pub(super) shadow_rays: Vec<Ray>,
-    /// Vertex of each shadow ray.
-    pub(super) shadow_vertices: Vec<u32>,
-    pub(super) occluded: Vec<bool>,
-    /// Results by sample.
-    pub(super) sink: Sink,
-    /// What outputs besides colour show, by sample.
-    pub(super) first_hits: FirstHits,
-    /// For surfaces that are partly absent.
-    pub(super) pending: Vec<u32>,
-    pub(super) pending_rays: Vec<Ray>,
-    pub(super) pending_hits: Vec<Hit>,
-    /// Rays traced so far.
-    pub ray_count: u64,
-}
-
-impl Workspace {
-    /// Empty memory, about a megabyte.
-    pub fn new() -> Workspace {
-        Workspace {
-            wave: bytemuck::zeroed_box(),
-            arriving: bytemuck::zeroed_box(),
-            rays: Vec::with_capacity(WAVE),
-            hits: Vec::with_capacity(WAVE),
-            groups: Vec::with_capacity(WAVE),
-            escaped: Vec::with_capacity(WAVE),
-            materials: Vec::with_capacity(WAVE),
-            bsdfs: Vec::new(),
-            shadow_rays: Vec::with_capacity(WAVE),
-            shadow_vertices: Vec::with_capacity(WAVE),
-            occluded: Vec::with_capacity(WAVE),
-            sink: Sink::new(),
-            first_hits: FirstHits::default(),
-            pending: Vec::new(),
-            pending_rays: Vec::new(),
-            pending_hits: Vec::new(),
-            ray_count: 0,
-        }
-    }
-
-    /// Finds the nearest hits of `rays`.
-    pub(super) fn intersect(&mut self, accel: &Accel) {
-        self.hits.clear();
-        self.hits.resize(self.rays.len(), Hit::MISS);
-        accel.closest(&self.rays, &mut self.hits);
-        self.ray_count += self.rays.len() as u64;
-    }
-}
-
-impl Default for Workspace {
-    fn default() -> Self {
-        Workspace::new()
-    }
 }

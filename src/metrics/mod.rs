@@ -91,7 +91,8 @@ pub fn errors(a: &Image, reference: &Image) -> Errors {
 }
 
 /// Tests whether a picture agrees with a converged reference. `a` and `b` differ by seed only, which gives their own
-/// variance; `variance` is that of the reference's pixels. Blocks of 8x8 pixels make the estimate fair; rows and columns
+/// variance, and their pixels are independent of each other (no paths are shared); `variance` is that of the reference's
+/// pixels. Blocks of 8x8 pixels make the estimate fair; rows and columns
 /// that fill no block count for the means only. All four have the same size. `None` if that is less than a block.
 pub fn z_test(a: &Image, b: &Image, reference: &Image, variance: &Image) -> Option<ZTest> {
     assert_same_size(&[a, b, reference, variance]);

@@ -1,8 +1,26 @@
 //! Everything about a picture that is settled before it is rendered.
 
+use crate::error::{Error, Result};
 use crate::film::AovSet;
+use crate::integrator::reuse::GroupShape;
 use crate::scene::Filter;
+use std::str::FromStr;
 use std::time::Duration;
+
+/// Whether neighbouring pixels share the paths that they find. Pictures have the same mean either way; sharing takes noise
+/// of indirect light out of pixels, but not out of averages over more pixels than a group has.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum PathReuse {
+    /// Where the picture gains by it, as some squares of the first pass with two samples or more tell (among the first
+    /// eight samples, and in pictures of some 200 x 200 pixels or more).
+    #[default]
+    Auto,
+    /// Never.
+    Off,
+    /// Everywhere, in groups of this shape.
+    Groups(GroupShape),
+}
 
 /// How to render, settled in full. [`Renderer`](super::Renderer) has a method for each of these and makes them from
 /// what is chosen there, what the scene says, and the defaults given here.
@@ -32,8 +50,26 @@ pub struct RenderOptions {
     /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
     /// true.
     pub soft_terminator: bool,
+    /// Whether neighbouring pixels share paths. Default [`PathReuse::Auto`].
+    pub path_reuse: PathReuse,
     /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,
+}
+
+impl FromStr for PathReuse {
+    type Err = Error;
+
+    /// Reads `auto`, `off`, or a shape as [`GroupShape`] is written.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<PathReuse> {
+        match text {
+            "auto" => Ok(PathReuse::Auto),
+            "off" => Ok(PathReuse::Off),
+            _ => text.parse().map(PathReuse::Groups),
+        }
+    }
 }
 
 impl Default for RenderOptions {
@@ -47,6 +83,7 @@ impl Default for RenderOptions {
             filter: Filter::default(),
             aovs: AovSet::NONE,
             soft_terminator: true,
+            path_reuse: PathReuse::default(),
             time_limit: None,
         }
     }
@@ -93,6 +130,12 @@ impl RenderOptions {
     #[must_use]
     pub fn soft_terminator(self, soft_terminator: bool) -> RenderOptions {
         RenderOptions { soft_terminator, ..self }
+    }
+
+    /// Sets whether neighbouring pixels share paths.
+    #[must_use]
+    pub fn path_reuse(self, path_reuse: PathReuse) -> RenderOptions {
+        RenderOptions { path_reuse, ..self }
     }
 
     /// Sets the limit on rendering time, or removes it.

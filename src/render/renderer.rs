@@ -1,6 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::cancel::CancelHandle;
+use super::options::PathReuse;
 use super::picture::Picture;
 use super::progress::{Event, Listener};
 use super::rendering::Rendering;
@@ -126,6 +127,12 @@ impl Renderer {
     /// Whether the shadow terminator is softened on surfaces with shading normals.
     pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
         self.choices.soft_terminator = soft_terminator;
+        self
+    }
+
+    /// Whether neighbouring pixels share the paths that they find.
+    pub fn path_reuse(mut self, path_reuse: PathReuse) -> Renderer {
+        self.choices.path_reuse = path_reuse;
         self
     }
 

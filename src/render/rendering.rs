@@ -2,20 +2,21 @@
 
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
-use super::options::RenderOptions;
+use super::options::{PathReuse, RenderOptions};
 use super::picture::{self, Picture};
+use super::pilot;
 use super::progress::{Event, Listener, Progress};
-use super::schedule::{Pass, Schedule};
+use super::schedule::Schedule;
 use super::statistics::{PassOutcome, Statistics};
+use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Film, FilmTile, FilterSampler, Layout};
-use crate::integrator::{Block, Integrator, PathOptions, Workspace};
+use crate::film::{Film, FilterSampler};
+use crate::integrator::PathOptions;
+use crate::integrator::reuse::GroupShape;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Arrangement;
 use crate::scene::Camera;
-use rayon::prelude::*;
-use std::cell::RefCell;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Instant, SystemTime};
@@ -53,10 +54,39 @@ pub struct Rendering {
     /// What came up before the first pass.
     earlier: Vec<Warning>,
     exposure: f32,
+    sharing: Sharing,
 }
 
-thread_local! {
-    static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
+/// In which groups pixels share paths, if they do.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Sharing {
+    /// A pass with enough samples will tell.
+    Undecided,
+    Decided(Option<GroupShape>),
+}
+
+/// Are there surfaces that are partly absent?
+fn has_random_surfaces(scene: &CompiledScene) -> bool {
+    scene.materials.iter().any(|material| material.alpha.is_some())
+}
+
+impl Sharing {
+    fn new(scene: &CompiledScene, options: &RenderOptions) -> Sharing {
+        // Surfaces that are absent at random let visibility be known at random only.
+        let is_possible = !has_random_surfaces(scene) && options.max_depth >= 2;
+        match options.path_reuse {
+            PathReuse::Auto if is_possible => Sharing::Undecided,
+            PathReuse::Groups(shape) if is_possible => Sharing::Decided(Some(shape)),
+            _ => Sharing::Decided(None),
+        }
+    }
+
+    fn shape(self) -> Option<GroupShape> {
+        match self {
+            Sharing::Undecided => None,
+            Sharing::Decided(shape) => shape,
+        }
+    }
 }
 
 impl Rendering {
@@ -77,6 +107,7 @@ impl Rendering {
         let stopwatch = Stopwatch::start(Spent::default());
         let pixels = u64::from(view.width) * u64::from(view.height);
         Ok(Rendering {
+            sharing: Sharing::new(&scene, &options),
             scene,
             view,
             filter: FilterSampler::new(options.filter),
@@ -179,6 +210,14 @@ impl Rendering {
                 warnings.push(Warning::general(message));
             }
         };
+        if let (PathReuse::Groups(_), Sharing::Decided(None)) = (self.options.path_reuse, self.sharing) {
+            let reason = if has_random_surfaces(&self.scene) {
+                "the scene has surfaces that are partly transparent"
+            } else {
+                "there is no indirect light with so few bounces"
+            };
+            warn(1, format!("paths are not shared between pixels: {reason}"));
+        }
         warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
         warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
         warnings
@@ -223,6 +262,7 @@ impl Rendering {
             rays: self.progress.rays(),
             samples,
             samples_per_pixel: samples as f64 / pixels,
+            path_reuse: self.sharing.shape(),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
@@ -240,10 +280,15 @@ impl Rendering {
             filter: &self.filter,
             aovs: self.options.aovs.of_first_hits(),
             soft_terminator: self.options.soft_terminator,
+            reuse: None,
+            keeps_unshared: false,
         };
         let layout = self.film.layout().clone();
         let work = PassWork {
-            integrator: Integrator::new(&self.scene, &self.view, paths),
+            scene: &self.scene,
+            view: &self.view,
+            paths,
+            pass,
             layout: &layout,
             film: Mutex::new(&mut self.film),
             progress: &self.progress,
@@ -251,7 +296,17 @@ impl Rendering {
             stopwatch,
             stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
         };
-        let is_finished = work.run(tiles(&self.view, pass));
+        let is_finished = match self.sharing {
+            Sharing::Decided(shape) => work.run(shape, &[]),
+            Sharing::Undecided => {
+                let mut trials = pilot::trials(&self.view, pass);
+                let best = work.try_all(&mut trials);
+                if !trials.is_empty() {
+                    self.sharing = Sharing::Decided(best.flatten());
+                }
+                best.is_some_and(|best| work.run(best, &trials))
+            }
+        };
         self.schedule.finished(pass, start.elapsed());
         match is_finished {
             true if self.schedule.is_complete() => PassOutcome::Done,
@@ -260,68 +315,4 @@ impl Rendering {
             false => PassOutcome::TimedOut,
         }
     }
-}
-
-/// What all threads share in a pass.
-struct PassWork<'a> {
-    integrator: Integrator<'a>,
-    layout: &'a Arc<Layout>,
-    film: Mutex<&'a mut Film>,
-    progress: &'a Progress,
-    listener: Option<&'a Listener>,
-    stopwatch: &'a Stopwatch,
-    stop: &'a (dyn Fn() -> bool + Sync),
-}
-
-impl PassWork<'_> {
-    /// Takes all tiles. False if it was stopped: then some have not got their samples.
-    fn run(&self, tiles: Vec<Block>) -> bool {
-        let one = |block: &Block| {
-            if (self.stop)() {
-                return false;
-            }
-            let Some((filled, rays)) = self.fill(block) else { return false };
-            self.film.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).merge(filled);
-            let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
-            self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
-            true
-        };
-        // All of them: stopping is a look at a clock for each tile that is left.
-        tiles.par_iter().map(one).reduce(|| true, |a, b| a & b)
-    }
-
-    /// Traces a block into a tile of its own; returns it with the number of rays, or `None` if it was stopped.
-    fn fill(&self, block: &Block) -> Option<(FilmTile, u64)> {
-        let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, self.layout);
-        let has_more = self.layout.has_more_than_color();
-        WORKSPACE.with(|workspace| {
-            let workspace = &mut *workspace.borrow_mut();
-            let before = workspace.ray_count;
-            let is_done = self.integrator.trace(block, workspace, &self.stop, |sample| {
-                if has_more {
-                    tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
-                } else {
-                    tile.add(sample.pixel, sample.rgb, sample.alpha);
-                }
-            });
-            is_done.then_some((tile, workspace.ray_count - before))
-        })
-    }
-}
-
-/// The tiles of a pass, row by row.
-fn tiles(view: &View, pass: Pass) -> Vec<Block> {
-    let (width, height) = pass.tile();
-    let starts = |size: u32, step: u32| (0..size).step_by(step as usize);
-    let row = |y0| {
-        starts(view.width, width).map(move |x0| Block {
-            x0,
-            y0,
-            width: width.min(view.width - x0),
-            height: height.min(view.height - y0),
-            first_sample: pass.first_sample,
-            samples: pass.samples,
-        })
-    };
-    starts(view.height, height).flat_map(row).collect()
 }

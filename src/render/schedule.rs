@@ -1,10 +1,11 @@
 //! How many samples each pass takes: a wave's worth a tile, or what fits into the time that is left.
 
 use crate::integrator::WAVE;
+use crate::integrator::reuse::INTERVAL;
 use std::time::Duration;
 
 /// Samples of a full pass.
-const MOST: u32 = 8;
+const MOST: u32 = INTERVAL;
 /// Share of the time left that a pass may take: a wrong forecast then costs little.
 const SHARE: f64 = 0.1;
 
@@ -38,6 +39,22 @@ impl Pass {
         debug_assert!(width * height * self.samples.min(MOST) <= 2 * WAVE as u32);
         (width, height)
     }
+
+    /// The same where pixels share paths within square regions with this edge, and how many samples of all pixels of a
+    /// tile are a wave: tiles consist of whole regions.
+    pub fn tile_of_regions(self, edge: u32) -> ((u32, u32), u32) {
+        let pixels = edge * edge;
+        let samples = self.samples.min(WAVE as u32 / pixels);
+        let regions = WAVE as u32 / (pixels * samples);
+        // As many as fit, in a row or a square.
+        let (columns, rows) = match regions {
+            8.. => (4, 2),
+            4.. => (2, 2),
+            2.. => (2, 1),
+            _ => (1, 1),
+        };
+        ((columns * edge, rows * edge), samples)
+    }
 }
 
 impl Schedule {
@@ -66,7 +83,9 @@ impl Schedule {
                 ((SHARE * left_s / sample_s) as u32).clamp(1, MOST)
             }
         };
-        let pass = Pass { first_sample: self.next, samples: samples.min(left) };
+        // Passes don't straddle multiples of a full one: which pixels share paths changes there.
+        let samples = samples.min(left).min(MOST - self.next % MOST);
+        let pass = Pass { first_sample: self.next, samples };
         self.next += pass.samples;
         (pass.samples > 0).then_some(pass)
     }
@@ -113,7 +132,7 @@ mod tests {
             assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
         }
         // All samples done long before.
-        assert_eq!(play(Schedule::new(12, Some(Duration::from_secs(10))), 0.001).0, [1, 8, 3]);
+        assert_eq!(play(Schedule::new(12, Some(Duration::from_secs(10))), 0.001).0, [1, 7, 4]);
     }
 
     #[test]

@@ -1,6 +1,6 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::RenderOptions;
+use super::options::{PathReuse, RenderOptions};
 use crate::compile::choose_camera;
 use crate::error::{Error, Result};
 use crate::film::AovSet;
@@ -23,6 +23,8 @@ pub struct Choices {
     pub aovs: AovSet,
     /// See [`RenderOptions::soft_terminator`].
     pub soft_terminator: bool,
+    /// See [`RenderOptions::path_reuse`].
+    pub path_reuse: PathReuse,
     /// See [`RenderOptions::time_limit`].
     pub time_limit: Option<Duration>,
 }
@@ -49,6 +51,7 @@ impl Default for Choices {
             camera: None,
             aovs: options.aovs,
             soft_terminator: options.soft_terminator,
+            path_reuse: options.path_reuse,
             time_limit: options.time_limit,
         }
     }
@@ -72,6 +75,7 @@ impl Choices {
             .filter(settings.filter.unwrap_or(default.filter))
             .aovs(self.aovs)
             .soft_terminator(self.soft_terminator)
+            .path_reuse(self.path_reuse)
             .time_limit(self.time_limit);
         Ok(Settled {
             options,

@@ -1,5 +1,7 @@
 //! Where rendering stands and what it took.
 
+use crate::integrator::reuse::GroupShape;
+
 /// Where rendering stands after a pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[non_exhaustive]
@@ -28,6 +30,8 @@ pub struct Statistics {
     pub samples: u64,
     /// Mean number of samples per pixel.
     pub samples_per_pixel: f64,
+    /// In which groups pixels share paths; `None` if they don't, or that is not decided yet.
+    pub path_reuse: Option<GroupShape>,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
     /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.

@@ -1,0 +1,107 @@
+//! What a wave keeps to share its paths: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
+
+use super::super::lanes::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words};
+use super::super::wave::{MetalRoughMaterials, Vertices};
+use bytemuck::Zeroable;
+
+/// No vertex.
+pub const NONE: u32 = 0;
+/// A Lambertian vertex.
+pub const LAMBERT: u32 = 1;
+/// A vertex of an opaque glTF material.
+pub const METAL_ROUGH: u32 = 2;
+
+/// Ends of prefixes.
+#[derive(Zeroable)]
+pub struct Prefixes {
+    /// The surfaces. `next_origin` is where rays start there; only what closures are made of is there besides.
+    pub vertices: Vertices,
+    /// Throughput from the camera up to the surface.
+    pub throughput: RgbLanes,
+    /// Which class of vertices: [`NONE`], [`LAMBERT`] or [`METAL_ROUGH`].
+    pub class: Words,
+    /// How many times the path scattered before.
+    pub bounce: Words,
+}
+
+/// Starts of suffixes.
+#[derive(Zeroable)]
+pub struct Suffixes {
+    /// Which class of vertices.
+    pub class: Words,
+    pub p: Lanes3,
+    /// Geometric normal, on the side where the path arrived.
+    pub ng: Lanes3,
+    /// Shading normal.
+    pub ns: Lanes3,
+    /// Towards the end of the prefix.
+    pub wo: Lanes3,
+    /// Where shadow rays to the surface end.
+    pub target: Lanes3,
+    /// Throughput of the path there, and the density per solid angle with which its direction was chosen.
+    pub throughput: RgbLanes,
+    pub pdf: Lanes,
+    /// Of glTF materials.
+    pub material: MetalRoughMaterials,
+    /// Which share of the diffuse part the layer leaves towards the end of the prefix.
+    pub rest: Lanes,
+    /// Of glTF materials: the diffuse share of the radiance from the light sample, and from where the path goes on, before
+    /// what the layer takes.
+    pub direct_share: RgbLanes,
+    pub scattered_share: RgbLanes,
+    /// Radiance that leaves towards everybody; of glTF materials, before what the layer takes.
+    pub radiance: RgbLanes,
+}
+
+/// A round: at each place, a prefix and the suffix of its group whose turn it is.
+#[derive(Zeroable)]
+pub struct Pairs {
+    /// Where the suffix starts, and its normal.
+    pub y: Lanes3,
+    pub ng: Lanes3,
+    /// The bounce at which prefixes must have ended; none has where there is no suffix.
+    pub bounce: Words,
+    /// Density per area with which the prefix might have found the suffix.
+    pub density: Lanes,
+    /// Which share of the radiance from the suffix the layer there leaves towards the prefix.
+    pub rest: Lanes,
+    /// What a radiance of 1 from the suffix would bring to the prefix, with all factors but the density of suffixes.
+    pub value: RgbLanes,
+}
+
+/// What a wave keeps to share its paths.
+pub struct Reuse {
+    /// Place of each sample: see `Tiling::number`.
+    pub places: [u16; LENGTH],
+    /// By place: the sample.
+    pub samples: [u16; LENGTH],
+    /// By place.
+    pub prefixes: Box<Prefixes>,
+    /// By place.
+    pub suffixes: Box<Suffixes>,
+    pub pairs: Box<Pairs>,
+}
+
+impl Reuse {
+    /// Without vertices.
+    pub fn new() -> Reuse {
+        Reuse {
+            places: [0; LENGTH],
+            samples: [0; LENGTH],
+            prefixes: bytemuck::zeroed_box(),
+            suffixes: bytemuck::zeroed_box(),
+            pairs: bytemuck::zeroed_box(),
+        }
+    }
+
+    /// The place of a path by the index of its radiance.
+    pub fn place(&self, sample: u32) -> usize {
+        usize::from(self.places[sample as usize % WAVE])
+    }
+}
+
+/// Index of the radiance that arrives at the suffix of a sample from its light samples.
+pub const DIRECT: u32 = WAVE as u32;
+
+/// Index of the radiance that arrives there from where the path goes on.
+pub const SCATTERED: u32 = 2 * WAVE as u32;

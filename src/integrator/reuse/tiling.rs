@@ -1,0 +1,260 @@
+//! Which samples of a picture share their paths.
+
+use super::super::block::{Block, Cursor};
+use super::super::lanes::{LENGTH, WAVE};
+use crate::error::{Error, Result};
+use crate::sampling::hash::hash32;
+use std::fmt;
+use std::str::FromStr;
+
+/// Samples between two changes of the groups.
+pub const INTERVAL: u32 = 8;
+
+/// The shape of groups of pixels that share their paths.
+///
+/// A group has `width` by `height` pixels, one of each cell of `spacing` by `spacing` pixels, so that `spacing * spacing`
+/// groups lie within each other. With a spacing of 1, a group is a solid block. With a larger one, the pixels of each cell
+/// belong to different groups: what groups have in common is spread over a larger area, and what differs between them is
+/// noise of high frequency, which the eye and denoisers take away easily.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct GroupShape {
+    width: u32,
+    height: u32,
+    spacing: u32,
+}
+
+impl GroupShape {
+    /// Largest edge of a group with what is within it, in pixels.
+    const MOST_EDGE: u32 = 32;
+    /// Most pixels of a group.
+    pub(super) const MOST_PIXELS: u32 = 64;
+
+    /// Groups of `width` by `height` pixels; `None` unless these and `spacing` are powers of two, a group has from 2 to
+    /// 64 pixels, and `spacing` times its edges is at most 32.
+    pub fn new(width: u32, height: u32, spacing: u32) -> Option<GroupShape> {
+        let is_shape = [width, height, spacing].iter().all(|v| v.is_power_of_two());
+        let edge = width.max(height).checked_mul(spacing)?;
+        // Both are at most 32 where the first two are true.
+        let is_possible = is_shape
+            && edge <= GroupShape::MOST_EDGE
+            && (2..=GroupShape::MOST_PIXELS).contains(&(width * height));
+        is_possible.then_some(GroupShape { width, height, spacing })
+    }
+
+    /// Pixels of a group.
+    pub fn pixels(self) -> u32 {
+        self.width * self.height
+    }
+
+    /// Edge of the squares of pixels whose samples are traced together: a multiple of the groups.
+    fn region(self) -> u32 {
+        (self.width.max(self.height) * self.spacing).max(16)
+    }
+}
+
+impl fmt::Display for GroupShape {
+    /// `4x4/2`: four by four pixels, one of each cell of two by two.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(f, "{}x{}/{}", self.width, self.height, self.spacing)
+    }
+}
+
+impl FromStr for GroupShape {
+    type Err = Error;
+
+    /// Reads what `Display` writes; a spacing that is left out is the largest up to 4 that is possible.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<GroupShape> {
+        let shape = || {
+            let (size, spacing) = text.split_once('/').map_or((text, None), |(size, s)| (size, Some(s)));
+            let (width, height) = size.split_once('x')?;
+            let (width, height) = (width.parse().ok()?, height.parse().ok()?);
+            match spacing {
+                Some(spacing) => GroupShape::new(width, height, spacing.parse().ok()?),
+                None => [4, 2, 1].into_iter().find_map(|s| GroupShape::new(width, height, s)),
+            }
+        };
+        shape().ok_or_else(|| {
+            Error::usage(format!("'{text}' is no group of pixels")).with_help(
+                "give width and height, powers of two with 2 to 64 pixels together, such as 4x4, and perhaps how far \
+                 pixels lie apart, as in 4x4/2; 32 pixels at most from edge to edge",
+            )
+        })
+    }
+}
+
+/// The groups of some samples: a grid of square regions, each divided alike. The grid is shifted and the groups change from
+/// pass to pass, so that no two pixels are always apart.
+#[derive(Clone, Debug)]
+pub struct Tiling {
+    /// Edge of a region in pixels.
+    region: u32,
+    /// How far the regions are shifted to the left and up, in pixels below the edge.
+    shift: (u32, u32),
+    /// Pixels of a group.
+    group: usize,
+    /// By pixel of a region, row by row: the place of its samples among those of the region with the same index. The
+    /// members of a group follow each other.
+    places: Vec<u16>,
+}
+
+impl Tiling {
+    /// The groups of the samples from `first_sample` to the next multiple of [`INTERVAL`].
+    pub fn new(shape: GroupShape, first_sample: u32) -> Tiling {
+        let pass = first_sample / INTERVAL;
+        let region = shape.region();
+        let places = (0..region * region).map(|i| place(shape, pass, i % region, i / region)).collect();
+        Tiling { region, shift: shift(pass, region), group: shape.pixels() as usize, places }
+    }
+
+    /// Edge of a region in pixels. Blocks begin and end where regions do, or the picture does.
+    pub fn region(&self) -> u32 {
+        self.region
+    }
+
+    /// How far the regions are shifted to the left and up, in pixels.
+    pub fn shift(&self) -> (u32, u32) {
+        self.shift
+    }
+
+    /// Pixels of a group.
+    pub fn group(&self) -> usize {
+        self.group
+    }
+
+    /// The places of all samples of a block that is one wave. Members of a group have places that follow each other, from
+    /// a multiple of their number on; places of pixels beyond the block stay empty.
+    pub(super) fn number(&self, block: &Block, count: usize, places: &mut [u16; LENGTH]) {
+        let (edge, (left, top)) = (self.region, self.shift);
+        let column_of = |x: u32| (x + left) / edge;
+        let (first_column, first_row) = (column_of(block.x0), (block.y0 + top) / edge);
+        let columns = column_of(block.x0 + block.width - 1) - first_column + 1;
+        let mut at = Cursor::new(block, 0);
+        for place in &mut places[..count.min(WAVE)] {
+            let (x, y) = (at.x + left, at.y + top);
+            let region = (y / edge - first_row) * columns + x / edge - first_column;
+            let pixel = self.places[(y % edge * edge + x % edge) as usize];
+            let first = (region * block.samples + at.sample as u32) * edge * edge;
+            *place = first as u16 + pixel;
+            at.advance(u64::from(block.samples));
+        }
+    }
+}
+
+/// The place of a pixel of a region.
+fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
+    let GroupShape { width, height, spacing } = shape;
+    let (column, row) = (x / spacing, y / spacing);
+    let columns = shape.region() / spacing;
+    // The pixels of each cell are dealt to the groups in an order of its own.
+    let key = hash32(pass.wrapping_mul(0x9e37_79b9) ^ hash32(row * columns + column));
+    let (dx, dy) = (x % spacing ^ key % spacing, y % spacing ^ (key >> 8) % spacing);
+    let (dx, dy) = if key >> 16 & 1 == 0 { (dx, dy) } else { (dy, dx) };
+    let block = row / height * (columns / width) + column / width;
+    let group = (block * spacing + dy) * spacing + dx;
+    let member = row % height * width + column % width;
+    (group * shape.pixels() + member) as u16
+}
+
+/// How far the regions are shifted in a pass: points of the plane that fill it evenly (the R2 sequence of Roberts 2018).
+fn shift(pass: u32, region: u32) -> (u32, u32) {
+    let step = |increment: u32| pass.wrapping_mul(increment) >> (32 - region.trailing_zeros());
+    (step(0xc13f_a9a9), step(0x91e1_0da5))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::{HashMap, HashSet};
+
+    const SHAPES: [&str; 7] = ["2x1/1", "2x2/2", "4x4/1", "4x4/4", "8x8/4", "8x2/4", "1x4/8"];
+
+    fn tiling(shape: &str, first_sample: u32) -> (GroupShape, Tiling) {
+        let shape: GroupShape = shape.parse().unwrap();
+        (shape, Tiling::new(shape, first_sample))
+    }
+
+    #[test]
+    fn shapes_are_read_as_they_are_written() {
+        for text in SHAPES {
+            assert_eq!(text.parse::<GroupShape>().unwrap().to_string(), text);
+        }
+        assert_eq!("8x8".parse::<GroupShape>().unwrap().to_string(), "8x8/4");
+        assert_eq!("16x2".parse::<GroupShape>().unwrap().to_string(), "16x2/2");
+        for text in [
+            "",
+            "4",
+            "x",
+            "3x4",
+            "1x1",
+            "4x4/3",
+            "16x16",
+            "8x8/8",
+            "-2x2",
+            "4x4/",
+            "99999999999x2",
+            "70000x70000/0",
+        ] {
+            assert!(text.parse::<GroupShape>().is_err(), "{text}");
+        }
+    }
+
+    /// A group has one pixel of each cell, and its pixels have a range of places of their own.
+    #[test]
+    fn groups_have_a_pixel_of_each_cell() {
+        for (text, pass) in SHAPES.iter().flat_map(|s| [0, 3].map(|pass| (*s, pass))) {
+            let (shape, tiling) = tiling(text, 8 * pass);
+            let all: HashSet<u16> = tiling.places.iter().copied().collect();
+            assert_eq!(all.len() as u32, tiling.region * tiling.region, "{text}");
+            let mut groups: HashMap<u32, Vec<(u32, u32)>> = HashMap::new();
+            for (i, &place) in tiling.places.iter().enumerate() {
+                let (x, y) = (i as u32 % tiling.region, i as u32 / tiling.region);
+                let cell = (x / shape.spacing, y / shape.spacing);
+                groups.entry(u32::from(place) / shape.pixels()).or_default().push(cell);
+            }
+            for cells in groups.values() {
+                let columns: HashSet<u32> = cells.iter().map(|c| c.0).collect();
+                let rows: HashSet<u32> = cells.iter().map(|c| c.1).collect();
+                let different: HashSet<_> = cells.iter().collect();
+                assert_eq!(
+                    (columns.len(), rows.len()),
+                    (shape.width as usize, shape.height as usize),
+                    "{text}"
+                );
+                assert_eq!(different.len(), shape.pixels() as usize, "{text}");
+                let width = columns.iter().max().unwrap() - columns.iter().min().unwrap() + 1;
+                assert_eq!(width, shape.width, "{text}: cells of a group are neighbours");
+            }
+        }
+    }
+
+    /// Samples of blocks, whole or cut off, have places of their own, and groups hold one sample index of one region.
+    #[test]
+    fn samples_of_a_wave_have_places() {
+        for (text, samples) in [("4x4/4", 8), ("4x4/4", 3), ("8x8/4", 2), ("2x1/1", 1), ("8x8/4", 1)] {
+            let (shape, tiling) = tiling(text, 16);
+            let (left, top) = tiling.shift();
+            let regions = (WAVE as u32 / (tiling.region * tiling.region * samples)).min(2);
+            let blocks =
+                [(0, 0, tiling.region * regions - left, tiling.region - top), (64 - left, 32 - top, 7, 9)];
+            for (x0, y0, width, height) in blocks {
+                let block = Block { x0, y0, width, height, first_sample: 16, samples };
+                let count = (width * height * samples) as usize;
+                let mut places = [0; LENGTH];
+                tiling.number(&block, count, &mut places);
+                let mut seen = HashSet::new();
+                let mut groups: HashMap<u32, (u32, u32, u32)> = HashMap::new();
+                for (i, &place) in places[..count].iter().enumerate() {
+                    assert!(usize::from(place) < WAVE && seen.insert(place), "{text}: {place}");
+                    let (pixel, sample) = (i as u32 / samples, i as u32 % samples);
+                    let (x, y) = (x0 + pixel % width + left, y0 + pixel / width + top);
+                    let key = (x / tiling.region, y / tiling.region, sample);
+                    let group = u32::from(place) / shape.pixels();
+                    assert_eq!(*groups.entry(group).or_insert(key), key, "{text}");
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,87 @@
+//! All memory that tracing takes.
+
+use super::first_hit::FirstHits;
+use super::group::Group;
+use super::lanes::WAVE;
+use super::reuse::Reuse;
+use super::sink::Sink;
+use super::wave::{Paths, Wave};
+use crate::accel::Accel;
+use crate::bsdf::Bsdf;
+use crate::math::{Hit, Ray};
+
+/// All memory that tracing a block of pixels takes; made once a thread.
+pub struct Workspace {
+    pub(super) wave: Box<Wave>,
+    /// Paths in the order of their rays, before their vertices are sorted.
+    pub(super) arriving: Box<Paths>,
+    pub(super) rays: Vec<Ray>,
+    pub(super) hits: Vec<Hit>,
+    /// Shading group of each hit.
+    pub(super) groups: Vec<Group>,
+    /// Paths that left the scene.
+    pub(super) escaped: Vec<u32>,
+    /// Material of each hit.
+    pub(super) materials: Vec<u32>,
+    /// BSDFs of the vertices without a vectorised class.
+    pub(super) bsdfs: Vec<Bsdf>,
+    pub(super) shadow_rays: Vec<Ray>,
+    /// Vertex of each shadow ray.
+    pub(super) shadow_vertices: Vec<u32>,
+    pub(super) occluded: Vec<bool>,
+    /// Results by sample.
+    pub(super) sink: Sink,
+    /// What outputs besides colour show, by sample.
+    pub(super) first_hits: FirstHits,
+    /// For surfaces that are partly absent.
+    pub(super) pending: Vec<u32>,
+    pub(super) pending_rays: Vec<Ray>,
+    pub(super) pending_hits: Vec<Hit>,
+    /// Where paths are shared.
+    pub(super) reuse: Option<Box<Reuse>>,
+    /// Rays traced so far.
+    pub ray_count: u64,
+    /// Those of them that connected shared paths.
+    pub connection_count: u64,
+}
+
+impl Workspace {
+    /// Empty memory, about a megabyte.
+    pub fn new() -> Workspace {
+        Workspace {
+            wave: bytemuck::zeroed_box(),
+            arriving: bytemuck::zeroed_box(),
+            rays: Vec::with_capacity(WAVE),
+            hits: Vec::with_capacity(WAVE),
+            groups: Vec::with_capacity(WAVE),
+            escaped: Vec::with_capacity(WAVE),
+            materials: Vec::with_capacity(WAVE),
+            bsdfs: Vec::new(),
+            shadow_rays: Vec::with_capacity(WAVE),
+            shadow_vertices: Vec::with_capacity(WAVE),
+            occluded: Vec::with_capacity(WAVE),
+            sink: Sink::new(),
+            first_hits: FirstHits::default(),
+            pending: Vec::new(),
+            pending_rays: Vec::new(),
+            pending_hits: Vec::new(),
+            reuse: None,
+            ray_count: 0,
+            connection_count: 0,
+        }
+    }
+
+    /// Finds the nearest hits of `rays`.
+    pub(super) fn intersect(&mut self, accel: &Accel) {
+        self.hits.clear();
+        self.hits.resize(self.rays.len(), Hit::MISS);
+        accel.closest(&self.rays, &mut self.hits);
+        self.ray_count += self.rays.len() as u64;
+    }
+}
+
+impl Default for Workspace {
+    fn default() -> Self {
+        Workspace::new()
+    }
+}

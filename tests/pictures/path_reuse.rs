@@ -1,0 +1,340 @@
+//! Pixels that share paths: the same expected picture, less noise, and the same bits whatever the machine.
+
+use crate::support::sheet::{self, Variant};
+use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere};
+use oscura::film::Film;
+use oscura::math::{DAffine3, DVec3, Vec3};
+use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, in_pool};
+use oscura::scene::{
+    AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, MaterialId, Mesh,
+    MeshId, MeshPart, Model, Motion, PbrMaterial, Scene,
+};
+use oscura::simd::{Level, limit_level};
+use std::path::Path;
+
+fn groups(shape: &str) -> PathReuse {
+    shape.parse().expect("a shape of groups")
+}
+
+fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant(color),
+        metallic: FloatSlot::constant(metallic),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material::new(name, Model::Pbr(Box::new(pbr)))
+}
+
+/// Six walls around -1..1, fronts inwards; `of` gives their materials.
+fn walls(scene: &mut Scene, mut of: impl FnMut(&mut Scene, usize) -> MaterialId) {
+    let faces = [
+        ([-1.0, -1.0, -1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
+        ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]),
+        ([-1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0]),
+        ([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
+        ([-1.0, -1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
+        ([-1.0, -1.0, 1.0], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0]),
+    ];
+    for (i, (corner, u, v)) in faces.into_iter().enumerate() {
+        let material = of(scene, i);
+        quad(scene, corner, u, v, material);
+    }
+}
+
+fn room_camera(scene: &mut Scene) {
+    let eye = DVec3::new(0.2, 0.1, 0.95);
+    scene.cameras.push(camera(eye, DVec3::new(0.0, -0.1, 0.0), DVec3::Y, 80.0));
+}
+
+/// A room of all classes of surfaces, lit by a lamp that faces the ceiling: mostly by indirect light.
+fn room() -> Scene {
+    let mut scene = Scene::default();
+    let surfaces = [
+        Material::lambert("red", [0.8, 0.2, 0.1]),
+        pbr("plastic", [0.2, 0.7, 0.3], 0.0, 0.5),
+        pbr("half metal", [0.8, 0.7, 0.6], 0.5, 0.4),
+        Material::lambert("white", [0.8; 3]),
+        pbr("gloss", [0.5, 0.5, 0.8], 0.0, 0.15),
+        Material::lambert("black in green", [0.7, 0.0, 0.7]),
+    ];
+    walls(&mut scene, |scene, i| material(scene, surfaces[i].clone()));
+    let metal = material(&mut scene, pbr("metal", [0.9, 0.6, 0.3], 1.0, 0.45));
+    sphere(&mut scene, [-0.5, -0.7, -0.3], 0.3, metal);
+    let glass = Model::Dielectric {
+        ior: 1.5,
+        tint: ColorSlot::constant([1.0; 3]),
+        fresnel: oscura::scene::FresnelModel::Exact,
+    };
+    let glass = material(&mut scene, Material::new("glass", glass));
+    sphere(&mut scene, [0.4, -0.6, 0.1], 0.25, glass);
+    let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], false));
+    quad(&mut scene, [-0.3, 0.3, -0.3], [0.0, 0.0, 0.6], [0.6, 0.0, 0.0], lamp);
+    room_camera(&mut scene);
+    scene
+}
+
+/// A wavy, textured, normal-mapped sheet of plastic over a floor, in even light from above.
+fn waves() -> Scene {
+    let variant = Variant {
+        colored: false,
+        smooth: true,
+        tangents: true,
+        mirrored: false,
+        from_behind: false,
+        interpolation: Interpolation::Trilinear,
+    };
+    let mut scene = sheet::scene(&variant);
+    let wall = material(&mut scene, pbr("wall", [0.9; 3], 0.0, 0.3));
+    quad(&mut scene, [-2.0, -1.0, -0.5], [4.0, 0.0, 0.0], [0.0, 0.0, 1.5], wall);
+    quad(&mut scene, [1.0, -1.0, -0.5], [0.0, 2.0, 0.0], [0.0, 0.0, 1.5], wall);
+    scene.environment = Environment::Constant([1.0, 0.9, 0.7]);
+    scene
+}
+
+/// A corner of rough plastic whose shading normals lean up to 50 degrees: those of many viewers have to be bent.
+fn steep() -> Scene {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let plastic = material(&mut scene, pbr("plastic", [0.8, 0.5, 0.3], 0.0, 0.6));
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    // Two sheets at a right angle: y = 0 and z = -1.
+    for tall in [false, true] {
+        let place = |[a, b]: [f32; 2]| if tall { [a, b + 1.0, -1.0] } else { [a, 0.0, b] };
+        let lean = |[a, b]: [f32; 2]| {
+            let (up, along) = (1.0f32, [0.9 * a, 0.8 * b]);
+            let n = if tall { Vec3::new(along[0], along[1], up) } else { Vec3::new(along[0], up, along[1]) };
+            n.normalize().to_array()
+        };
+        scene.meshes.push(Mesh {
+            name: "sheet".into(),
+            positions: corners.map(place).to_vec(),
+            normals: corners.map(lean).to_vec(),
+            triangles: if tall { vec![[0, 1, 2], [0, 2, 3]] } else { vec![[0, 2, 1], [0, 3, 2]] },
+            parts: vec![MeshPart { first_triangle: 0, triangle_count: 2, material: plastic }],
+            uv_sets: Vec::new(),
+            tangents: Vec::new(),
+            colors: Vec::new(),
+        });
+        scene.instances.push(Instance {
+            name: "sheet".into(),
+            mesh: MeshId(scene.meshes.len() as u32 - 1),
+            world_from_object: DAffine3::IDENTITY,
+            material: None,
+            motion: Motion::Still,
+        });
+    }
+    scene.cameras.push(camera(DVec3::new(0.5, 1.0, 1.5), DVec3::new(0.0, 0.3, -0.6), DVec3::Y, 60.0));
+    scene
+}
+
+const EDGE: u32 = 40;
+const BLOCK: u32 = 8;
+
+/// Means of square blocks, by channel.
+fn blocks(film: &Film) -> Vec<f64> {
+    let columns = EDGE / BLOCK;
+    let mut sums = vec![0.0; (3 * columns * columns) as usize];
+    for (i, rgba) in film.rgba().iter().enumerate() {
+        let (x, y) = (i as u32 % EDGE / BLOCK, i as u32 / EDGE / BLOCK);
+        for c in 0..3 {
+            sums[(3 * (y * columns + x)) as usize + c] += f64::from(rgba[c]) / f64::from(BLOCK * BLOCK);
+        }
+    }
+    sums
+}
+
+/// How two kinds of pictures differ, over independent seeds.
+struct Difference {
+    /// Of each block: the mean difference, and its standard error.
+    blocks: Vec<(f64, f64)>,
+    /// Of the whole picture, relative to its mean.
+    whole: (f64, f64),
+}
+
+/// Pictures with shared paths less those without, seed by seed: both trace the same paths, so that the differences are
+/// smaller than the noise of either.
+fn differences(scene: &Scene, options: &RenderOptions, shape: &str, seeds: u32) -> Difference {
+    let pictures = |reuse: PathReuse| -> Vec<Vec<f64>> {
+        let of_seed = |seed| blocks(&picture(scene, &options.path_reuse(reuse).seed(seed * 7919 + 3)));
+        (0..seeds).map(of_seed).collect()
+    };
+    let (off, on) = (pictures(PathReuse::Off), pictures(groups(shape)));
+    let n = f64::from(seeds);
+    let mean_and_error = |values: &[f64]| {
+        let mean = values.iter().sum::<f64>() / n;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
+        (mean, (variance / n).sqrt())
+    };
+    let of_block = |i: usize| {
+        let values: Vec<f64> = off.iter().zip(&on).map(|(off, on)| on[i] - off[i]).collect();
+        mean_and_error(&values)
+    };
+    let sum = |picture: &Vec<f64>| picture.iter().sum::<f64>();
+    let total = off.iter().map(sum).sum::<f64>() / n;
+    let whole: Vec<f64> = off.iter().zip(&on).map(|(off, on)| (sum(on) - sum(off)) / total).collect();
+    Difference { blocks: (0..off[0].len()).map(of_block).collect(), whole: mean_and_error(&whole) }
+}
+
+/// Blocks of pictures with and without shared paths have the same means: differences are as large as their standard
+/// errors say. Blocks are as large as groups or larger, so that correlation within groups is in those errors.
+#[test]
+fn sharing_changes_no_mean() {
+    for (name, scene) in [("room", room()), ("waves", waves()), ("steep", steep())] {
+        for (depth, shape) in [(100, "4x4/2"), (2, "2x2/1"), (4, "8x8/4")] {
+            let found = differences(&scene, &options(EDGE, 32, depth), shape, 16);
+            let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
+            let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+            let worst = z.iter().fold(0.0f64, |worst, z| worst.max(z.abs()));
+            let (mean, error) = found.whole;
+            println!(
+                "{name}, depth {depth}, {shape}: z rms {rms:.2}, worst {worst:.2}; whole {mean:.1e} +- {error:.1e}"
+            );
+            // Student's t with 15 degrees of freedom has a deviation of 1.07; there are 75 values.
+            assert!(rms < 1.4, "{name} {shape}: z rms {rms}");
+            assert!(worst < 5.5, "{name} {shape}: worst z {worst}");
+            assert!(mean.abs() < 4.5 * error && error < 1e-3, "{name} {shape}: {mean} +- {error}");
+        }
+    }
+}
+
+/// In a closed box that emits e and reflects p everywhere, L = e + p L, shared or not.
+#[test]
+fn a_closed_box_has_its_closed_form() {
+    for shape in ["2x2/1", "4x4/4", "8x8/2"] {
+        let mut scene = Scene::default();
+        let albedo = 0.7f32;
+        walls(&mut scene, |scene, _| {
+            let mut wall = Material::emitter("wall", [0.25; 3], false);
+            wall.model = Model::Lambert { albedo: ColorSlot::constant([albedo; 3]) };
+            material(scene, wall)
+        });
+        room_camera(&mut scene);
+        let truth = 0.25 / (1.0 - f64::from(albedo));
+        let options = options(32, 32, 2000).path_reuse(groups(shape));
+        assert_radiance(&format!("closed box, {shape}"), &scene, &options, truth, 2e-3);
+    }
+}
+
+/// Mean squared difference of two seeds.
+fn noise(scene: &Scene, options: &RenderOptions) -> f64 {
+    let [a, b] = [1, 2].map(|seed| picture(scene, &options.seed(seed)).rgba());
+    let square = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(a[1] - b[1]).powi(2);
+    a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64
+}
+
+#[test]
+fn sharing_lowers_the_noise_of_indirect_light() {
+    let (scene, options) = (room(), options(64, 8, 100));
+    let off = noise(&scene, &options.path_reuse(PathReuse::Off));
+    let on = noise(&scene, &options.path_reuse(groups("4x4/4")));
+    println!("variance / {:.2}", off / on);
+    assert!(off > 2.0 * on, "{off} {on}");
+}
+
+fn bits(film: &Film) -> Vec<[u32; 4]> {
+    film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+#[test]
+fn threads_and_cpu_levels_agree() {
+    for (name, scene) in [("room", room()), ("waves", waves())] {
+        for reuse in [groups("4x4/4"), groups("8x8/4"), PathReuse::Auto] {
+            let options = options(150, 5, 100).path_reuse(reuse);
+            let with = |threads| {
+                in_pool(Some(threads), || bits(&picture(&scene, &options))).expect("the threads start")
+            };
+            let one = with(1);
+            assert!(one == with(5), "{name}, {reuse:?}: threads");
+            for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+                limit_level(level);
+                assert!(one == with(2), "{name}, {reuse:?}: {}", level.name());
+            }
+            limit_level(Level::Avx512);
+        }
+    }
+}
+
+/// Pictures and passes of any size have all their samples, and a step's film is the picture of that many samples.
+#[test]
+fn sizes_and_passes_fit() {
+    let scene = room();
+    for (width, height) in [(1, 1), (16, 16), (17, 33), (70, 5)] {
+        for shape in ["2x1/1", "4x4/4", "8x8/4"] {
+            let options = options(1, 21, 3).size(width, height).path_reuse(groups(shape));
+            let [mut steps, mut fewer] = [21, 17].map(|samples| rendering(&scene, &options.samples(samples)));
+            for _ in 0..2 {
+                assert_eq!([steps.next_pass(), fewer.next_pass()], [PassOutcome::Progressed; 2]);
+                assert!(bits(steps.film()) == bits(fewer.film()), "{width} {height} {shape}");
+            }
+            assert_eq!(steps.statistics().path_reuse, Some(shape.parse::<GroupShape>().unwrap()));
+            assert_eq!([steps.next_pass(), fewer.next_pass()], [PassOutcome::Done; 2]);
+            for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+                assert_eq!((steps.film().samples(x, y), fewer.film().samples(x, y)), (21, 17));
+            }
+        }
+    }
+}
+
+#[test]
+fn few_bounces_share_nothing_and_say_so() {
+    let scene = room();
+    for depth in [0, 1] {
+        let mut forced = rendering(&scene, &options(20, 8, depth).path_reuse(groups("4x4")));
+        forced.run();
+        assert!(forced.warnings().iter().any(|w| w.to_string().contains("not shared")));
+        let off = picture(&scene, &options(20, 8, depth).path_reuse(PathReuse::Off));
+        assert!(bits(forced.film()) == bits(&off));
+    }
+}
+
+/// Groups are chosen where the picture gains, and nothing is shared where it can't.
+#[test]
+fn a_pilot_decides() {
+    let chosen = |scene: &Scene, options: &RenderOptions| {
+        let mut rendering = rendering(scene, options);
+        rendering.run();
+        (rendering.statistics().path_reuse, rendering.statistics().rays)
+    };
+    let options = options(256, 4, 100);
+    // Without glass and gloss.
+    let mut room = Scene::default();
+    walls(&mut room, |scene, _| material(scene, Material::lambert("white", [0.8; 3])));
+    let lamp = material(&mut room, Material::emitter("lamp", [20.0; 3], false));
+    quad(&mut room, [-0.3, 0.3, -0.3], [0.0, 0.0, 0.6], [0.6, 0.0, 0.0], lamp);
+    room_camera(&mut room);
+    let (shape, _) = chosen(&room, &options);
+    println!("room: {shape:?}");
+    assert!(shape.is_some());
+    // A convex body in even light: its paths never meet a second surface.
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    sphere(&mut scene, [0.0; 3], 1.0, grey);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 60.0));
+    let (shape, rays) = chosen(&scene, &options);
+    let (_, rays_without) = chosen(&scene, &options.path_reuse(PathReuse::Off));
+    assert_eq!((shape, rays), (None, rays_without));
+}
+
+/// Surfaces that are partly absent hide light at random: then paths are not shared, and it is said.
+#[test]
+fn partly_transparent_scenes_share_nothing() {
+    let mut scene = room();
+    let mut paper = Material::lambert("paper", [0.7; 3]);
+    (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));
+    let paper = material(&mut scene, paper);
+    quad(&mut scene, [-0.5, -0.5, -0.8], [0.5, 0.0, 0.0], [0.0, 0.5, 0.0], paper);
+    let options = options(20, 8, 100);
+    let mut forced = rendering(&scene, &options.path_reuse(groups("4x4")));
+    forced.run();
+    assert!(forced.warnings().iter().any(|w| w.to_string().contains("not shared")));
+    assert!(bits(forced.film()) == bits(&picture(&scene, &options.path_reuse(PathReuse::Off))));
+}
+
+#[test]
+fn a_scene_file_renders_alike() {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials.toml");
+    let scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
+    let (mean, error) = differences(&scene, &options(EDGE, 64, 100), "4x4/2", 8).whole;
+    println!("materials: {mean:.1e} +- {error:.1e}");
+    assert!(mean.abs() < 5.0 * error && error < 2e-3, "{mean} +- {error}");
+}
