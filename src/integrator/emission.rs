@@ -40,8 +40,8 @@ impl Integrator<'_> {
         w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
     }
 
-    /// Adds the suns that paths met which left the scene.
-    fn meet_suns(&self, w: &mut Workspace) {
+    /// Adds the light of the suns in whose directions paths left the scene.
+    fn add_suns(&self, w: &mut Workspace) {
         for SelectedSun { sun, selected } in self.scene.lights.suns() {
             let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
             let path = &w.arriving.carried;
@@ -57,7 +57,7 @@ impl Integrator<'_> {
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
         if bounce > 0 {
-            self.meet_suns(w);
+            self.add_suns(w);
         } else if self.scene.features.hidden_environment {
             return;
         }

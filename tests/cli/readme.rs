@@ -12,7 +12,13 @@ use std::process::{Command, Output};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Starts of commands that are not repeated: they build or test the whole project.
-const NOT_REPEATED: [&str; 2] = ["cargo test --release --workspace", "cargo install --path ."];
+const NOT_REPEATED: [&str; 4] = [
+    "cargo test --release --workspace",
+    "cargo install --path .",
+    // They need Blender: the tests of files of Blender run such commands.
+    "oscura render scene.blend",
+    "oscura export scene.blend",
+];
 
 /// What a fenced block holds.
 struct Block {
