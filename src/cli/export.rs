@@ -17,7 +17,10 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         return Err(Error::usage(message));
     }
     scene_path::check(&args.scene)?;
-    place_folder::check(&args.output, args.force)?;
+    place_folder::check(&args.output, args.force).map_err(|error| match error.kind {
+        ErrorKind::Usage => error.with_help("choose another name, or replace its files by --force"),
+        _ => error,
+    })?;
     let options = LoadOptions {
         blender: BlenderOptions { program: args.blender.clone(), frame: args.frame },
         gltf: GltfOptions { scene: args.scene_name.clone(), ..GltfOptions::default() },

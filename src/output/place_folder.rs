@@ -21,7 +21,7 @@ pub fn check(folder: &Path, replaces: bool) -> Result<()> {
     let holds_something = fs::read_dir(folder).is_ok_and(|mut entries| entries.next().is_some());
     if holds_something && !replaces {
         let message = format!("{} is not empty", folder.display());
-        return Err(Error::usage(message).with_help("choose another name, or replace its files by --force"));
+        return Err(Error::usage(message).with_help("choose another name"));
     }
     Ok(())
 }
