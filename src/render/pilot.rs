@@ -77,7 +77,7 @@ pub(super) fn is_next_worth_it(results: &[(GroupShape, Errors)]) -> bool {
 fn places(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
     let scaled = |i: u32, increment: u32, size: u32| {
         let fraction = i.wrapping_mul(increment).wrapping_add(1 << 31);
-        (u64::from(fraction) * u64::from(size) >> 32) as u32
+        ((u64::from(fraction) * u64::from(size)) >> 32) as u32
     };
     (0..).map(move |i| (scaled(i, 0xc13f_a9a9, columns), scaled(i, 0x91e1_0da5, rows)))
 }

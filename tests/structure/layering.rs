@@ -140,7 +140,7 @@ fn only_the_command_line_names_its_options() {
     let names_option = |line: &&str| line.contains('"') && line.split("--").skip(1).any(is_option);
     let (mut wrong, mut seen) = (Vec::new(), 0);
     let runs_blender = "load/blender/process.rs";
-    for source in sources().into_iter().filter(|source| source.path != runs_blender) {
+    for source in sources().iter().filter(|source| source.path != runs_blender) {
         let text = std::fs::read_to_string(root().join(&source.path)).expect("a source file");
         let code = text.lines().take(source.lines).filter(|line| !line.trim_start().starts_with("//"));
         let found: Vec<&str> = code.filter(names_option).collect();

@@ -47,11 +47,11 @@ impl Integrator<'_> {
             w.sink.keep_unshared();
         }
         let Reuse { suffixes: s, samples, .. } = reuse;
-        for k in 0..WAVE {
+        for (k, &sample) in samples[..WAVE].iter().enumerate() {
             if s.class[k] == NONE {
                 continue;
             }
-            let sample = u32::from(samples[k]);
+            let sample = u32::from(sample);
             let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
             if self.options.keeps_unshared {

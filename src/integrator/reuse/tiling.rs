@@ -150,8 +150,8 @@ fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     let columns = shape.region() / spacing;
     // The pixels of each cell are dealt to the groups in an order of its own.
     let key = hash32(pass.wrapping_mul(0x9e37_79b9) ^ hash32(row * columns + column));
-    let (dx, dy) = (x % spacing ^ key % spacing, y % spacing ^ (key >> 8) % spacing);
-    let (dx, dy) = if key >> 16 & 1 == 0 { (dx, dy) } else { (dy, dx) };
+    let (dx, dy) = ((x ^ key) % spacing, (y ^ (key >> 8)) % spacing);
+    let (dx, dy) = if (key >> 16) & 1 == 0 { (dx, dy) } else { (dy, dx) };
     let block = row / height * (columns / width) + column / width;
     let group = (block * spacing + dy) * spacing + dx;
     let member = row % height * width + column % width;
