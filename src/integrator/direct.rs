@@ -42,14 +42,7 @@ impl Integrator<'_> {
                 w.shadow_vertices.push(i as u32);
             }
         }
-        w.occluded.clear();
-        w.occluded.resize(w.shadow_rays.len(), false);
-        if self.scene.features.alpha {
-            self.occluded_by_present_surfaces(bounce, w);
-        } else {
-            self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
-            w.ray_count += w.shadow_rays.len() as u64;
-        }
+        self.test_shadow_rays(bounce, w);
         let Wave { paths, vertices: v, .. } = &*w.wave;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if !occluded {
@@ -58,6 +51,18 @@ impl Integrator<'_> {
                 let value = get_rgb(&v.light.contribution, i);
                 w.sink.contribute(paths.carried.sample[i], Some(light), value);
             }
+        }
+    }
+
+    /// Finds which of the shadow rays are occluded.
+    pub(super) fn test_shadow_rays(&self, bounce: u32, w: &mut Workspace) {
+        w.occluded.clear();
+        w.occluded.resize(w.shadow_rays.len(), false);
+        if self.scene.features.alpha {
+            self.occluded_by_present_surfaces(bounce, w);
+        } else {
+            self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
+            w.ray_count += w.shadow_rays.len() as u64;
         }
     }
 }

@@ -3,7 +3,7 @@
 use super::first_hit::FirstHits;
 use super::group::Group;
 use super::lanes::WAVE;
-use super::reuse::Reuse;
+use super::reuse::state::Reuse;
 use super::sink::Sink;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;

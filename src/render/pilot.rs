@@ -4,6 +4,7 @@ use super::schedule::Pass;
 use crate::compile::View;
 use crate::integrator::reuse::{GroupShape, INTERVAL};
 use crate::integrator::{Block, PathSample};
+use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 
 /// Edge of a square in pixels.
@@ -73,13 +74,13 @@ pub(super) fn is_next_worth_it(results: &[(GroupShape, Errors)]) -> bool {
     last.gain() >= LEAST_GAIN && last.connections_per_ray() < MOST_CONNECTIONS
 }
 
-/// Points that fill a grid evenly, however many are taken (the R2 sequence of Roberts 2018).
+/// Places that fill a grid evenly, however many are taken.
 fn places(columns: u32, rows: u32) -> impl Iterator<Item = (u32, u32)> {
-    let scaled = |i: u32, increment: u32, size: u32| {
-        let fraction = i.wrapping_mul(increment).wrapping_add(1 << 31);
-        ((u64::from(fraction) * u64::from(size)) >> 32) as u32
+    let scaled = |fraction: u32, size: u32| {
+        let from_the_middle = fraction.wrapping_add(1 << 31);
+        ((u64::from(from_the_middle) * u64::from(size)) >> 32) as u32
     };
-    (0..).map(move |i| (scaled(i, 0xc13f_a9a9, columns), scaled(i, 0x91e1_0da5, rows)))
+    (0..).map(r2_sequence).map(move |[x, y]| (scaled(x, columns), scaled(y, rows)))
 }
 
 /// The tiles that no trial has covered.

@@ -50,6 +50,13 @@ impl SplitMix64 {
     }
 }
 
+/// Point `i` of a sequence that fills the unit square evenly, however many are taken, as fractions of 2^32 (the R2 sequence
+/// of Roberts 2018).
+#[inline(always)]
+pub fn r2_sequence(i: u32) -> [u32; 2] {
+    [i.wrapping_mul(0xc13f_a9a9), i.wrapping_mul(0x91e1_0da5)]
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -101,16 +101,10 @@ impl Integrator<'_> {
             w.shadow_rays.push(Ray { origin_primitive, ..ray });
             w.shadow_vertices.push(i as u32);
         }
-        w.occluded.clear();
-        w.occluded.resize(w.shadow_rays.len(), false);
         let before = w.ray_count;
-        if self.scene.features.alpha {
-            // Lamps that stop no light. (Surfaces that are absent at random are in no scene that is shared.)
-            self.occluded_by_present_surfaces(1, w);
-        } else {
-            self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
-            w.ray_count += w.shadow_rays.len() as u64;
-        }
+        // Whatever the bounce: surfaces that are absent at random, whose random numbers differ by it, are in no scene that is
+        // shared; lamps that stop no light may be.
+        self.test_shadow_rays(1, w);
         w.connection_count += w.ray_count - before;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {

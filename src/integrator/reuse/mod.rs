@@ -30,16 +30,15 @@ mod gather;
 mod layer;
 mod pairs;
 mod record;
-mod state;
+pub(super) mod state;
 mod tiling;
 
-pub(super) use state::Reuse;
 pub use tiling::{GroupShape, INTERVAL, Tiling};
 
 use super::lanes::WAVE;
 use super::workspace::Workspace;
 use super::{Block, Integrator};
-use state::NONE;
+use state::{NONE, Reuse};
 
 impl Integrator<'_> {
     /// Prepares to share the paths of a block that is one wave.

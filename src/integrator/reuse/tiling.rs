@@ -3,7 +3,7 @@
 use super::super::block::{Block, Cursor};
 use super::super::lanes::{LENGTH, WAVE};
 use crate::error::{Error, Result};
-use crate::sampling::hash::hash32;
+use crate::sampling::hash::{hash32, r2_sequence};
 use std::fmt;
 use std::str::FromStr;
 
@@ -158,10 +158,10 @@ fn place(shape: GroupShape, pass: u32, x: u32, y: u32) -> u16 {
     (group * shape.pixels() + member) as u16
 }
 
-/// How far the regions are shifted in a pass: points of the plane that fill it evenly (the R2 sequence of Roberts 2018).
+/// How far the regions are shifted in a pass: points that fill the plane evenly.
 fn shift(pass: u32, region: u32) -> (u32, u32) {
-    let step = |increment: u32| pass.wrapping_mul(increment) >> (32 - region.trailing_zeros());
-    (step(0xc13f_a9a9), step(0x91e1_0da5))
+    let [x, y] = r2_sequence(pass).map(|fraction| fraction >> (32 - region.trailing_zeros()));
+    (x, y)
 }
 
 #[cfg(test)]
