@@ -8,6 +8,7 @@ use super::halves;
 use super::input::{AccelInput, AccelInstance, Geometry, Reuse};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
 use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
+use super::scan::Scan;
 use super::slot::DeepSlot;
 use super::structure::Accel;
 use crate::math::{Bounds3, DAffine3, DVec3};
@@ -174,7 +175,8 @@ impl<'a> Builder<'a> {
         stats.build_s = begin.elapsed().as_secs_f64();
         let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
         let bounds = top.map_or(world.bounds, |top| top.bounds);
-        Accel { lines, root, bounds, reach, stack_size: stack_size(depth), expected, stats, parts }
+        let scan = Scan::new(&lines, root);
+        Accel { lines, root, scan, bounds, reach, stack_size: stack_size(depth), expected, stats, parts }
     }
 
     /// Builds the tree of a geometry, together with some instances.

@@ -4,7 +4,7 @@
 //! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
 use crate::shape::Packed;
-use crate::shape::triangle::{LANES, TriangleRows};
+use crate::shape::triangle::{LANES, TriangleRows, Weights};
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
 
@@ -68,6 +68,17 @@ pub const PART_TRIANGLE: u32 = 0;
 pub const PART_QUAD_FIRST: u32 = 1;
 /// The half `corner, corner + u + v, corner + v` of a quad.
 pub const PART_QUAD_SECOND: u32 = 2;
+
+/// The parameters of a triangle's hit on the triangle or quad that it is a part of.
+#[inline(always)]
+pub fn on_primitive(part: u32, weights: Weights) -> (f32, f32) {
+    let Weights { u, v } = weights;
+    match part {
+        PART_TRIANGLE => (u, v),
+        PART_QUAD_FIRST => ((u + v).min(1.0), v),
+        _ => (u, (u + v).min(1.0)),
+    }
+}
 
 /// Four triangles. Unused lanes are NaN, which no ray hits.
 #[repr(C, align(64))]

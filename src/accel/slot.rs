@@ -1,6 +1,6 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
-use super::layout::{DONE, PART_QUAD_FIRST, PART_TRIANGLE, TrianglePacket};
+use super::layout::{DONE, TrianglePacket, on_primitive};
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::shape::{PreparedRay, triangle};
 use crate::simd::{BoxRay, Entry, WIDEN, Wide};
@@ -149,15 +149,8 @@ impl<const N: usize> Slot<N> {
 
     #[inline(always)]
     fn triangle(&mut self, packet: &TrianglePacket, lane: usize, t: f32) {
-        let Some(triangle::Weights { u, v }) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes)
-        else {
-            return;
-        };
-        let (u, v) = match packet.part(lane) {
-            PART_TRIANGLE => (u, v),
-            PART_QUAD_FIRST => ((u + v).min(1.0), v),
-            _ => (u, (u + v).min(1.0)),
-        };
+        let Some(weights) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes) else { return };
+        let (u, v) = on_primitive(packet.part(lane), weights);
         self.offer(t, u, v, packet.id(lane));
     }
 

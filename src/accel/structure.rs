@@ -1,6 +1,7 @@
 //! The structure and its queries.
 
 use super::parts::{BuildStats, Parts, Tree};
+use super::scan::{Scan, ScanAll, ScanWorkspace};
 use super::slot::ShallowSlot;
 use super::stream::{Any, Closest, Occluded, Output, Stream, Workspace};
 use crate::math::{Bounds3, Hit, Ray};
@@ -11,6 +12,8 @@ use std::cell::RefCell;
 pub struct Accel {
     pub(super) lines: Vec<Line>,
     pub(super) root: u32,
+    /// Everything in a list, where that is little: then no ray walks the tree.
+    pub(super) scan: Option<Scan>,
     /// Box around everything.
     pub(super) bounds: Bounds3,
     pub(super) reach: f32,
@@ -23,6 +26,7 @@ pub struct Accel {
 
 thread_local! {
     static WORKSPACE: RefCell<Workspace> = const { RefCell::new(Workspace::new()) };
+    static SCAN_WORKSPACE: RefCell<ScanWorkspace> = const { RefCell::new(ScanWorkspace::new()) };
 }
 
 impl Accel {
@@ -69,7 +73,18 @@ impl Accel {
         hit[0]
     }
 
-    fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+    pub(super) fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
+        match &self.scan {
+            Some(scan) => SCAN_WORKSPACE.with(|workspace| {
+                let workspace = &mut *workspace.borrow_mut();
+                dispatch_wide_at(level, ScanAll { scan, rays, output, workspace });
+            }),
+            None => self.walk(level, rays, output),
+        }
+    }
+
+    /// Walks the tree.
+    pub(super) fn walk<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
         let &Accel { ref lines, root, reach, .. } = self;
         WORKSPACE.with(|workspace| {
             let Workspace { shallow, deep } = &mut *workspace.borrow_mut();

@@ -3,7 +3,7 @@
 use super::first_hit::FirstHits;
 use super::group::Group;
 use super::lanes::WAVE;
-use super::reuse::state::Reuse;
+use super::reuse::state::{Connections, Reuse};
 use super::sink::Sink;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
@@ -42,7 +42,7 @@ pub struct Workspace {
     /// Rays traced so far.
     pub ray_count: u64,
     /// Those of them that connected shared paths.
-    pub connection_count: u64,
+    pub connections: Connections,
 }
 
 impl Workspace {
@@ -67,7 +67,7 @@ impl Workspace {
             pending_hits: Vec::new(),
             reuse: None,
             ray_count: 0,
-            connection_count: 0,
+            connections: Connections::default(),
         }
     }
 

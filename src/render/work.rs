@@ -98,7 +98,7 @@ impl PassWork<'_> {
         let has_more = self.layout.has_more_than_color();
         WORKSPACE.with(|workspace| {
             let workspace = &mut *workspace.borrow_mut();
-            let (rays, connections) = (workspace.ray_count, workspace.connection_count);
+            let (rays, connections) = (workspace.ray_count, workspace.connections);
             let mut sink = |sample: &PathSample<'_>| {
                 if has_more {
                     tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
@@ -113,7 +113,7 @@ impl PassWork<'_> {
                 .all(|part| tracer.integrator.trace(&part, workspace, &self.stop, &mut sink));
             let rays = workspace.ray_count - rays;
             if let Some(tally) = tally {
-                tally.count(rays, workspace.connection_count - connections);
+                tally.count(rays, workspace.connections.since(connections));
             }
             is_done.then_some((tile, rays))
         })

@@ -1,7 +1,7 @@
 //! A ray in the form that the box and primitive tests use.
 
 use crate::math::Ray;
-use crate::simd::BoxRay;
+use crate::simd::{BoxRay, ShearedLine};
 
 /// A ray whose direction is scaled by a power of two so that its largest component lies in [1, 2). All parameters are
 /// in units of this direction; the scaling is exact, so directions of any length behave alike.
@@ -27,6 +27,26 @@ impl PreparedRay {
     /// (In place, since copies in whole vectors would wait for the narrow stores before them.)
     #[inline(always)]
     pub fn set(&mut self, boxes: &mut BoxRay, ray: &Ray, reach: f32) -> Option<(f32, f32)> {
+        let range = self.set_scaled(ray)?;
+        boxes.set(self.origin, self.direction, reach);
+        let [kx, ky, kz] = boxes.axes();
+        let sz = boxes.inverse(kz);
+        self.shear = [self.direction[kx] * sz, self.direction[ky] * sz];
+        Some(range)
+    }
+
+    /// The same for a ray that is tested against no boxes, with its line.
+    #[inline(always)]
+    pub fn set_line(&mut self, ray: &Ray) -> Option<((f32, f32), ShearedLine)> {
+        let range = self.set_scaled(ray)?;
+        let line = ShearedLine::new(self.origin, self.direction);
+        self.shear = line.shear;
+        Some((range, line))
+    }
+
+    /// Sets all but the shear, and returns the bounds of the parameter.
+    #[inline(always)]
+    fn set_scaled(&mut self, ray: &Ray) -> Option<(f32, f32)> {
         let (o, d) = (ray.origin.to_array(), ray.direction.to_array());
         let largest = d[0].abs().max(d[1].abs()).max(d[2].abs());
         // Zero times anything but infinity and NaN is zero.
@@ -37,12 +57,8 @@ impl PreparedRay {
         }
         let (scale, unscale) = power_of_two_scale(largest);
         self.origin = o;
-        self.direction = d.map(|d| d * unscale);
+        self.direction = [d[0] * unscale, d[1] * unscale, d[2] * unscale];
         self.unscale = unscale;
-        boxes.set(o, self.direction, reach);
-        let [kx, ky, kz] = boxes.axes();
-        let sz = boxes.inverse(kz);
-        self.shear = [self.direction[kx] * sz, self.direction[ky] * sz];
         Some((t_min * scale, ray.t_max * scale))
     }
 }

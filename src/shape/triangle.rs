@@ -8,7 +8,7 @@
 use super::point::Surface;
 use super::ray::PreparedRay;
 use crate::math::{Bounds3, Vec3, gamma};
-use crate::simd::{BoxRay, Wide};
+use crate::simd::{BoxRay, ShearedLine, Wide};
 
 /// Triangles that are tested at a time.
 pub const LANES: usize = 4;
@@ -37,13 +37,18 @@ pub fn candidates<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, boxes: 
 #[inline(always)]
 pub fn weights(rows: &TriangleRows, lane: usize, ray: &PreparedRay, boxes: &BoxRay) -> Option<Weights> {
     let lane = lane & 3;
-    let [kx, ky, kz] = boxes.axes();
-    let [ox, oy, oz] = boxes.permute(ray.origin);
-    let [sx, sy] = ray.shear;
+    let line = ShearedLine { axes: boxes.axes(), origin: boxes.permute(ray.origin), shear: ray.shear };
+    weights_of(|axis, k| rows[4 * axis + k][lane], &line)
+}
+
+/// The exact test whether a line meets the triangle with these coordinates, by axis and vertex.
+#[inline(always)]
+pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Option<Weights> {
+    let ShearedLine { axes: [kx, ky, kz], origin: [ox, oy, oz], shear: [sx, sy] } = *line;
     let vertex = |k: usize| {
-        let z = rows[4 * kz + k][lane] - oz;
-        let x = (rows[4 * kx + k][lane] - ox) - sx * z;
-        let y = (rows[4 * ky + k][lane] - oy) - sy * z;
+        let z = at(kz, k) - oz;
+        let x = (at(kx, k) - ox) - sx * z;
+        let y = (at(ky, k) - oy) - sy * z;
         (x, y)
     };
     let ((ax, ay), (bx, by), (cx, cy)) = (vertex(0), vertex(1), vertex(2));

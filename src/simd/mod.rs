@@ -7,6 +7,7 @@
 
 #![allow(unsafe_code)]
 
+mod block;
 mod line;
 mod slab;
 mod table;
@@ -14,8 +15,9 @@ mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
+pub use block::TriangleBlock;
 pub use line::{Line, prefer_huge_pages, prefetch_lines, reserve_lines};
-pub use slab::{BoxRay, Entry, Planes};
+pub use slab::{BoxRay, Entry, Planes, ShearedLine};
 pub use table::Table;
 pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 

@@ -39,6 +39,43 @@ const NEAR: [[u8; 4]; 8] = {
 /// [`BoxRay::axes`] for each longest axis of the direction.
 const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
 
+/// The axes in the order x, y, z of the sheared space: the last is the longest of the direction.
+#[inline(always)]
+fn axes(direction: [f32; 3]) -> [u8; 4] {
+    let [x, y, z] = direction.map(f32::abs);
+    // In numbers, since a branch could not be predicted.
+    let is_z = usize::from((z >= x) & (z >= y));
+    AXES[2 * is_z + (usize::from(y >= x) & (1 - is_z))]
+}
+
+/// The line of a ray in the space that is sheared along it.
+#[derive(Clone, Copy, Debug)]
+pub struct ShearedLine {
+    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    pub axes: [usize; 3],
+    /// The ray's origin, in the order of the sheared space.
+    pub origin: [f32; 3],
+    /// What x and y move by along z.
+    pub shear: [f32; 2],
+}
+
+impl ShearedLine {
+    /// For a direction whose largest component lies in [1, 2).
+    #[inline(always)]
+    pub fn new(origin: [f32; 3], direction: [f32; 3]) -> ShearedLine {
+        let axes = axes(direction);
+        // Without `map`, which would be compiled for the lowest CPU level.
+        let axis = |k: usize| usize::from(axes[k].min(2));
+        let [kx, ky, kz] = [axis(0), axis(1), axis(2)];
+        let inverse = 1.0 / direction[kz];
+        ShearedLine {
+            axes: [kx, ky, kz],
+            origin: [origin[kx], origin[ky], origin[kz]],
+            shear: [direction[kx] * inverse, direction[ky] * inverse],
+        }
+    }
+}
+
 impl BoxRay {
     /// Meets nothing in particular; fills unused slots.
     pub const NONE: BoxRay = BoxRay {
@@ -52,8 +89,6 @@ impl BoxRay {
     /// For a direction whose largest component lies in [1, 2), and boxes within `reach` of the coordinates' origin.
     #[inline(always)]
     pub fn set(&mut self, origin: [f32; 3], direction: [f32; 3], reach: f32) {
-        let [x, y, z] = direction.map(f32::abs);
-        let longest = if (z >= x) & (z >= y) { 2 } else { usize::from(y >= x) };
         let far_away = (origin[0].abs() + origin[1].abs()) + (origin[2].abs() + reach);
         // Four lanes, the last one idle, since that is what vectors hold.
         let (o, d) =
@@ -76,7 +111,7 @@ impl BoxRay {
         self.far_offset = [far[0], far[1], far[2]];
         let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
         self.near = NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)];
-        self.axes = AXES[longest];
+        self.axes = axes(direction);
     }
 
     /// One over a component of the direction that is not tiny.

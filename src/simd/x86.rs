@@ -1,6 +1,7 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
-use super::slab::{BoxRay, Entry, Planes};
+use super::block::{self, TriangleBlock};
+use super::slab::{BoxRay, Entry, Planes, ShearedLine};
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
@@ -43,7 +44,7 @@ const fn lanes_of_masks() -> [u64; 256] {
 /// # Safety
 /// As for [`X86::new`].
 #[inline(always)]
-unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
+pub(super) unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
     // SAFETY: the caller's level has these instructions; the table has an entry for each 8-bit mask.
     unsafe {
         if AVX512 {
@@ -263,6 +264,25 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
                 let positive = _mm_cmpge_ps(_mm_min_ps(_mm_min_ps(u, v), w), zero);
                 let negative = _mm_cmple_ps(_mm_max_ps(_mm_max_ps(u, v), w), zero);
                 _mm_movemask_ps(_mm_or_ps(positive, negative)) as u32
+            }
+        }
+    }
+
+    #[inline(always)]
+    fn list_candidates(
+        self,
+        block: &TriangleBlock,
+        line: &ShearedLine,
+        ignored: u32,
+        first: u32,
+        to: &mut [u32; 16],
+    ) -> usize {
+        // SAFETY: see above; `line.axes` are below 3.
+        unsafe {
+            if AVX512 {
+                block::list16(block, line, ignored, first, to)
+            } else {
+                block::list8_twice(block, line, ignored, first, to)
             }
         }
     }

@@ -8,11 +8,18 @@ use super::super::normals::bent_normal;
 use super::super::workspace::Workspace;
 use super::Tiling;
 use super::layer::{LEAST_REST, layer_rest};
-use super::pairs::{Connect, RUN};
-use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Prefixes, Reuse, SCATTERED, Suffixes};
+use super::pairs::{Connect, RUN, Receive};
+use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
+use crate::accel::{Fan, FanHits};
 use crate::color::Rgb;
 use crate::math::Ray;
 use crate::simd::dispatch;
+
+/// Groups from this size on test visibility together: fewer rays are sooner tested one by one.
+const FAN: usize = 16;
+
+/// So do sets of at least this many rays.
+const LEAST_RAYS: u32 = 5;
 
 /// Bounce of prefixes for a suffix that isn't there.
 const NO_BOUNCE: u32 = u32::MAX;
@@ -24,6 +31,7 @@ impl Integrator<'_> {
         self.finish_suffixes(&mut reuse, w);
         let has = |class| reuse.prefixes.class[..WAVE].contains(&class);
         let classes = [LAMBERT, METAL_ROUGH].map(has);
+        reuse.gained.as_flattened_mut().fill(0.0);
         let mut round = Round { group: tiling.group(), ..Round::default() };
         for turn in 0..tiling.group() {
             round.take_turn(turn, &mut reuse);
@@ -36,7 +44,18 @@ impl Integrator<'_> {
                 connect::<false>(classes, &round.runs, &mut reuse);
             }
             self.test_visibility(&round, &mut reuse, w);
-            self.add_round(&round, &reuse, w);
+            let Reuse { prefixes, suffixes, pairs, gained, .. } = &mut *reuse;
+            dispatch(Receive {
+                senders: &round.senders,
+                group: round.group,
+                prefixes,
+                suffixes,
+                pairs,
+                gained,
+            });
+        }
+        for (k, &sample) in reuse.samples[..WAVE].iter().enumerate() {
+            w.sink.contribute(u32::from(sample), None, get_rgb(&reuse.gained, k));
         }
         w.reuse = Some(reuse);
     }
@@ -74,71 +93,101 @@ impl Integrator<'_> {
         }
     }
 
-    /// Prefixes that can't reach the suffix of their turn get no density.
+    /// Prefixes that can't reach the suffix of their turn get no density; neither does the owner, which needs no test.
     fn test_visibility(&self, round: &Round, reuse: &mut Reuse, w: &mut Workspace) {
-        let Reuse { prefixes, suffixes, pairs, .. } = reuse;
+        for &sender in &round.senders {
+            reuse.pairs.density[usize::from(sender)] = 0.0;
+        }
+        self.test_layers(round, reuse);
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
-        for i in round.places() {
-            let sender = round.sender(i);
-            if i == sender || pairs.density[i] <= 0.0 {
-                continue;
+        for &sender in &round.senders {
+            let sender = usize::from(sender);
+            let first = sender - sender % round.group;
+            let mut asked = bits_of(&reuse.pairs.density[first..first + round.group]);
+            if round.group >= FAN && !self.scene.features.alpha && reuse.fans.are_worth_it() {
+                asked = self.test_fan(sender, round.group, asked, reuse, w);
             }
-            let origin = get(&prefixes.vertices.next_origin, i);
-            if suffixes.class[sender] == METAL_ROUGH {
-                let wo = (origin - get(&suffixes.p, sender)).normalize();
-                let ns = get(&suffixes.ns, sender);
-                pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
-                let (_, is_bent) = bent_normal(ns, get(&suffixes.ng, sender), wo);
-                // As for the owner.
-                if is_bent || pairs.rest[i] < LEAST_REST {
-                    pairs.density[i] = 0.0;
-                    continue;
-                }
+            let Reuse { prefixes, suffixes, .. } = &*reuse;
+            let target = get(&suffixes.target, sender);
+            while asked != 0 {
+                let i = first + asked.trailing_zeros() as usize;
+                asked &= asked - 1;
+                let origin = get(&prefixes.vertices.next_origin, i);
+                let origin_primitive = prefixes.vertices.origin_primitives[i];
+                w.shadow_rays.push(Ray { origin_primitive, ..Ray::segment(origin, target - origin) });
+                w.shadow_vertices.push(i as u32);
             }
-            let ray = Ray::segment(origin, get(&suffixes.target, sender) - origin);
-            let origin_primitive = prefixes.vertices.origin_primitives[i];
-            w.shadow_rays.push(Ray { origin_primitive, ..ray });
-            w.shadow_vertices.push(i as u32);
         }
         let before = w.ray_count;
         // Whatever the bounce: surfaces that are absent at random, whose random numbers differ by it, are in no scene that is
         // shared; lamps that stop no light may be.
         self.test_shadow_rays(1, w);
-        w.connection_count += w.ray_count - before;
+        w.connections.single += w.ray_count - before;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {
-                pairs.density[i as usize] = 0.0;
+                reuse.pairs.density[i as usize] = 0.0;
             }
         }
     }
 
-    /// Adds what the prefixes get from the suffixes of their turn.
-    fn add_round(&self, round: &Round, reuse: &Reuse, w: &mut Workspace) {
-        let Reuse { suffixes: s, pairs, samples, prefixes, .. } = reuse;
+    /// The prefixes of a group together against a suffix. Returns those that must be tested one by one.
+    fn test_fan(&self, sender: usize, group: usize, asked: u64, reuse: &mut Reuse, w: &mut Workspace) -> u64 {
+        if asked.count_ones() < LEAST_RAYS {
+            return asked;
+        }
+        let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
+        let first = sender - sender % group;
+        let places = first..first + group;
+        let vertices = &prefixes.vertices;
+        let fan = Fan {
+            target: get(&suffixes.target, sender),
+            origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
+            origin_primitives: &vertices.origin_primitives[places],
+            rays: asked,
+        };
+        let FanHits { mut stopped, unknown } = self.scene.accel.occluded_fan(&fan);
+        while stopped != 0 {
+            pairs.density[first + stopped.trailing_zeros() as usize] = 0.0;
+            stopped &= stopped - 1;
+        }
+        fans.count(unknown != 0);
+        let known = u64::from((asked & !unknown).count_ones());
+        w.ray_count += known;
+        w.connections.in_fans += known;
+        unknown
+    }
+
+    /// What the layers of glTF materials at the suffixes leave towards the prefixes; too little is as good as hidden.
+    fn test_layers(&self, round: &Round, reuse: &mut Reuse) {
+        let Reuse { prefixes, suffixes, pairs, .. } = reuse;
         for &sender in &round.senders {
             let sender = usize::from(sender);
+            if suffixes.class[sender] != METAL_ROUGH {
+                continue;
+            }
+            let (p, ns, ng) =
+                (get(&suffixes.p, sender), get(&suffixes.ns, sender), get(&suffixes.ng, sender));
             let first = sender - sender % round.group;
-            let own = s.own_density(sender, prefixes);
-            let others = (first..first + round.group).filter(|&i| i != sender && pairs.density[i] > 0.0);
-            let sum = own + others.clone().map(|i| pairs.density[i]).sum::<f32>();
-            let is_layered = s.class[sender] == METAL_ROUGH;
-            let radiance = get_rgb(&s.radiance, sender);
-            // Points next to each other have densities beyond all numbers.
-            let is_finite = own > 0.0 && sum < f32::INFINITY;
-            let share = if is_finite { own / sum } else { 1.0 };
-            let value = get_rgb(&s.throughput, sender) * radiance * (s.rest[sender] * share);
-            w.sink.contribute(u32::from(samples[sender]), None, value);
-            if is_finite {
-                let scaled = radiance * (1.0 / sum);
-                for i in others {
-                    let rest = if is_layered { pairs.rest[i] } else { 1.0 };
-                    let value = get_rgb(&pairs.value, i) * (scaled * rest);
-                    w.sink.contribute(u32::from(samples[i]), None, value);
+            for i in first..first + round.group {
+                if pairs.density[i] <= 0.0 {
+                    continue;
+                }
+                let wo = (get(&prefixes.vertices.next_origin, i) - p).normalize();
+                pairs.rest[i] = layer_rest(&suffixes.material, sender, ns, wo, self.scene.shading);
+                let (_, is_bent) = bent_normal(ns, ng, wo);
+                // As for the owner.
+                if is_bent || pairs.rest[i] < LEAST_REST {
+                    pairs.density[i] = 0.0;
                 }
             }
         }
     }
+}
+
+/// Which numbers are positive, one bit each.
+fn bits_of(densities: &[f32]) -> u64 {
+    densities.iter().enumerate().fold(0, |set, (k, density)| set | u64::from(*density > 0.0) << k)
 }
 
 /// Which suffixes are connected at a time: one of each group.
@@ -181,16 +230,6 @@ impl Round {
             }
         }
     }
-
-    /// The suffix that a place is connected to.
-    fn sender(&self, place: usize) -> usize {
-        place - place % self.group + self.turn
-    }
-
-    /// All places of the runs.
-    fn places(&self) -> impl Iterator<Item = usize> {
-        self.runs.iter().flat_map(|&run| usize::from(run) * RUN..(usize::from(run) + 1) * RUN)
-    }
 }
 
 /// Fills the pairs of a round, by the loops of the classes that there are.
@@ -207,14 +246,5 @@ fn connect<const SOFT: bool>([lambert, metal_rough]: [bool; 2], runs: &[u16], re
     if metal_rough {
         let (class, class_id) = (MetalRoughClass, METAL_ROUGH);
         dispatch(Connect::<_, SOFT> { class, class_id, runs, prefixes, pairs });
-    }
-}
-
-impl Suffixes {
-    /// Density per area with which the owner found its suffix.
-    fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
-        let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
-        let cosine = get(&self.wo, k).dot(get(&self.ng, k));
-        self.pdf[k] * cosine / way.dot(way)
     }
 }

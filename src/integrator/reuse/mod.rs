@@ -33,12 +33,13 @@ mod record;
 pub(super) mod state;
 mod tiling;
 
+pub use state::Connections;
 pub use tiling::{GroupShape, INTERVAL, Tiling};
 
 use super::lanes::WAVE;
 use super::workspace::Workspace;
 use super::{Block, Integrator};
-use state::{NONE, Reuse};
+use state::{Fans, NONE, Reuse};
 
 impl Integrator<'_> {
     /// Prepares to share the paths of a block that is one wave.
@@ -49,6 +50,7 @@ impl Integrator<'_> {
         for (sample, &place) in reuse.places[..count].iter().enumerate() {
             reuse.samples[usize::from(place)] = sample as u16;
         }
+        reuse.fans = Fans::default();
         reuse.prefixes.class.fill(NONE);
         reuse.suffixes.class.fill(NONE);
         w.sink.add_parts(3 * WAVE);

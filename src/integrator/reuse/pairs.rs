@@ -1,9 +1,9 @@
 //! Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
 
 use super::super::closure::{Closure, VertexClass};
-use super::super::lanes::{WAVE, get, get_rgb, set_rgb};
+use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::super::normals::terminator;
-use super::state::{Pairs, Prefixes};
+use super::state::{METAL_ROUGH, Pairs, Prefixes, Suffixes};
 use super::tiling::GroupShape;
 use crate::color::Rgb;
 use crate::simd::Kernel;
@@ -59,5 +59,68 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 set_rgb(&mut pairs.value, i, chosen);
             }
         }
+    }
+}
+
+/// Adds what the prefixes get from the suffixes of a round. (The sum runs in an order that does not depend on the CPU.)
+pub struct Receive<'a> {
+    /// Places of the suffixes.
+    pub senders: &'a [u16],
+    /// Places of a group, a multiple of 4.
+    pub group: usize,
+    pub prefixes: &'a Prefixes,
+    pub suffixes: &'a Suffixes,
+    pub pairs: &'a Pairs,
+    /// By place.
+    pub gained: &'a mut RgbLanes,
+}
+
+impl Kernel for Receive<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Receive { senders, group, prefixes, suffixes: s, pairs, gained } = self;
+        for &sender in senders {
+            let sender = usize::from(sender).min(WAVE - 1);
+            let first = sender - sender % group;
+            let places = first..(first + group).min(WAVE);
+            let mut sums = [0.0; 4];
+            for four in pairs.density[places.clone()].chunks_exact(4) {
+                for k in 0..4 {
+                    sums[k] += four[k];
+                }
+            }
+            let own = s.own_density(sender, prefixes);
+            let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
+            let radiance = get_rgb(&s.radiance, sender);
+            // Points next to each other have densities beyond all numbers.
+            let is_finite = own > 0.0 && sum < f32::INFINITY;
+            let share = if is_finite { own / sum } else { 1.0 };
+            let value = get_rgb(&s.throughput, sender) * radiance * (s.rest[sender] * share);
+            let total = get_rgb(gained, sender) + value;
+            set_rgb(gained, sender, total);
+            if is_finite {
+                let is_layered = s.class[sender] == METAL_ROUGH;
+                let scaled = (radiance * (1.0 / sum)).to_array();
+                for c in 0..3 {
+                    for i in places.clone() {
+                        let rest = if is_layered { pairs.rest[i] } else { 1.0 };
+                        let value = pairs.value[c][i] * (scaled[c] * rest);
+                        gained[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
+                    }
+                }
+            }
+        }
+    }
+}
+
+impl Suffixes {
+    /// Density per area with which the owner found its suffix.
+    #[inline(always)]
+    fn own_density(&self, k: usize, prefixes: &Prefixes) -> f32 {
+        let way = get(&self.p, k) - get(&prefixes.vertices.next_origin, k);
+        let cosine = get(&self.wo, k).dot(get(&self.ng, k));
+        self.pdf[k] * cosine / way.dot(way)
     }
 }

@@ -80,6 +80,32 @@ pub struct Reuse {
     /// By place.
     pub suffixes: Box<Suffixes>,
     pub pairs: Box<Pairs>,
+    /// By place: what prefixes got from the suffixes of their group.
+    pub gained: Box<RgbLanes>,
+    pub fans: Fans,
+}
+
+/// How testing the visibility of whole groups went in a block.
+#[derive(Clone, Copy, Default)]
+pub struct Fans {
+    tried: u32,
+    lost: u32,
+}
+
+impl Fans {
+    /// So many are tried before it is judged whether they help.
+    const TRIED_AT_LEAST: u32 = 32;
+
+    /// Counts one, in which some rays had to be tested one by one or none.
+    pub fn count(&mut self, is_lost: bool) {
+        self.tried += 1;
+        self.lost += u32::from(is_lost);
+    }
+
+    /// Were most of them a help?
+    pub fn are_worth_it(self) -> bool {
+        self.tried < Self::TRIED_AT_LEAST || 2 * self.lost <= self.tried
+    }
 }
 
 impl Reuse {
@@ -91,6 +117,8 @@ impl Reuse {
             prefixes: bytemuck::zeroed_box(),
             suffixes: bytemuck::zeroed_box(),
             pairs: bytemuck::zeroed_box(),
+            gained: bytemuck::zeroed_box(),
+            fans: Fans::default(),
         }
     }
 
@@ -105,3 +133,24 @@ pub const DIRECT: u32 = WAVE as u32;
 
 /// Index of the radiance that arrives there from where the path goes on.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
+
+/// Rays that connected prefixes to suffixes, by the way in which they were tested.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Connections {
+    /// One by one.
+    pub single: u64,
+    /// Together with others to the same suffix.
+    pub in_fans: u64,
+}
+
+impl Connections {
+    /// Both together.
+    pub fn plus(self, other: Connections) -> Connections {
+        Connections { single: self.single + other.single, in_fans: self.in_fans + other.in_fans }
+    }
+
+    /// What came since an earlier count.
+    pub fn since(self, before: Connections) -> Connections {
+        Connections { single: self.single - before.single, in_fans: self.in_fans - before.in_fans }
+    }
+}
