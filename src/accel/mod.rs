@@ -10,6 +10,7 @@
 
 mod binary;
 mod build;
+mod chunks;
 mod collapse;
 mod emit;
 mod gather;
@@ -19,15 +20,19 @@ mod layout;
 mod nearest;
 mod normalize;
 mod parts;
+mod pieces;
 mod prepare;
+mod relocate;
 mod slot;
 mod stream;
 mod structure;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tree_tests;
 mod validate;
 
 pub use gather::{Dropped, is_in_reach};
-pub use input::{AccelInput, AccelInstance, Geometry, Reuse};
+pub use input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
 pub use parts::BuildStats;
 pub use structure::Accel;
