@@ -5,6 +5,9 @@
 //! lines; [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
 //! the CPU level found at start-up. All levels give the same hits bit for bit, and so do batches of any size.
 //!
+//! Many primitives are cut into chunks that are built and written each for itself, and a tree over these joins them: see
+//! `pieces.rs`. Either way, and whatever a tree's quality, rays meet the same primitives (but see [`TreeQuality`]).
+//!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then analytic shapes from
 //! `T + Q` on.
 

@@ -2,8 +2,8 @@
 
 use crate::accel::TreeQuality;
 
-/// How good the trees over a scene's shapes are. Rays meet the same shapes either way, so pictures don't depend on it: a full
-/// tree takes longer to build and makes rays faster.
+/// How good the trees over a scene's shapes are. Rays meet the same shapes either way (see [`TreeQuality`]), so pictures don't
+/// depend on it: a full tree takes longer to build and makes rays faster.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Tree {
     /// Built soon.
