@@ -6,9 +6,9 @@
 //! Two million triangles (a terrain), two threads, processor seconds beside other work, expected cost as [`Collapse`] counts it:
 //! whole 5.0 s and 22.2; in pieces 2.7 s and 22.1; fast 1.9 s and 23.1. Tried for chunks of 2,000, 8,000, 32,000 and 128,000:
 //! 22.6, 22.1, 21.8, 21.8, the larger ones for more memory. Search distances of fast trees, from 1 to 6: 24.3, 23.4, 23.2 (3),
-//! 23.1 (4), 22.9 in 1.6 to 2.0 s. The first round of clustering at distance 1: no sooner, and 0.4 % worse. Reinsertion at a
-//! third of the ratio for fast trees: a tenth of the time for 1.7 % of the cost. Bins of a node handed from one loop step to
-//! the next by value: a quarter of all the time went into copying them.
+//! 23.1 (4), 22.9 in 1.6 to 2.0 s. The first round of clustering at distance 1: no sooner, and 0.4 % worse. Bins handed from one
+//! step of a loop to the next by value: a quarter of all the time went into copying them. Shrinking the buffer at the end:
+//! the allocator copies what is aligned to lines, and for a moment the tree was there twice.
 
 use super::binary::{self, Effort, Workspace};
 use super::chunks;
