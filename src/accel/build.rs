@@ -33,7 +33,7 @@ const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 const fn largest_whole(quality: TreeQuality) -> usize {
     match quality {
         TreeQuality::Fast => 1 << 14,
-        TreeQuality::Full => 1 << 17,
+        TreeQuality::Full => 1 << 18,
     }
 }
 

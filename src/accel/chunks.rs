@@ -146,7 +146,7 @@ fn best_cut(bins: &[Bin; BINS]) -> usize {
 }
 
 /// Moves those for which `is_first` to the front; returns their number.
-fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool) -> usize {
+pub fn partition(primitives: &mut [Primitive], is_first: impl Fn(&Primitive) -> bool) -> usize {
     let (mut low, mut high) = (0, primitives.len());
     loop {
         while low < high && is_first(&primitives[low]) {

@@ -20,16 +20,22 @@ use super::normalize::Space;
 use super::relocate::move_references;
 use crate::math::Bounds3;
 use crate::simd::{Line, reserve_lines};
+use rayon::prelude::*;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 /// There are at least so many chunks, where they may be no smaller than the smallest. (A thread needs some 450 bytes a
 /// primitive of the chunk that it works on.)
-const CHUNKS: usize = 128;
+const CHUNKS: usize = 32;
 /// Primitives of the smallest and the largest chunk.
-const SMALLEST: usize = 1 << 12;
+const SMALLEST: usize = 1 << 13;
 const LARGEST: usize = 1 << 15;
+
+/// A primitive is large whose box has more than this part of a chunk's share of the area of all.
+const LARGE: f64 = 0.25;
+/// At most one primitive of so many counts as large.
+const FEW: usize = 64;
 
 /// Lines that triangles take, at most, but for few scenes: room for them is asked for at once, since a buffer that grows is
 /// there twice for a moment. (What is not written to takes no memory.)
@@ -65,6 +71,8 @@ pub fn build(
     lines: &mut Vec<Line>,
 ) -> Emitted {
     let limit = (primitives.len() / CHUNKS).clamp(SMALLEST, LARGEST);
+    let count = large_to_front(primitives, space, limit);
+    let (large, primitives) = primitives.split_at_mut(count);
     let chunks = chunks::cut(primitives, space, limit);
     let effort = match quality {
         TreeQuality::Fast => Effort::Least,
@@ -73,13 +81,32 @@ pub fn build(
     let pieces = Pieces { primitives, space, shapes, effort }.build(&chunks, lines);
     let of_piece =
         |(i, piece): (usize, &Piece)| Primitive { kind: Kind::Piece, id: i as u32, bounds: piece.bounds };
-    let tops: Vec<Primitive> = pieces.iter().enumerate().map(of_piece).collect();
+    let tops: Vec<Primitive> = pieces.iter().enumerate().map(of_piece).chain(large.iter().copied()).collect();
     let binary = binary::build(&tops, &Space::of(&tops), Effort::Most, &mut Workspace::default());
     let collapse = Collapse::new(&binary, &tops, &pieces);
     let top = Emit { binary: &binary, collapse: &collapse, primitives: &tops, shapes, pieces: &pieces };
     let Emitted { root, depth } = top.write(lines);
     let deepest = pieces.iter().map(|piece| piece.depth).max().unwrap_or(0);
     Emitted { root, depth: depth + deepest }
+}
+
+/// Moves large primitives to the front, and returns their number. In a chunk a wall would make a box as large as the room, and
+/// each ray would look into it: large ones belong beside the chunks.
+fn large_to_front(primitives: &mut [Primitive], space: &Space, limit: usize) -> usize {
+    let area = |bounds: &Bounds3| {
+        let extent = bounds.extent().as_dvec3();
+        extent.x * (extent.y + extent.z) + extent.y * extent.z
+    };
+    let chunks = primitives.len().div_ceil(limit) as f64;
+    let mut least = area(&space.bounds) * LARGE / chunks;
+    loop {
+        let is_large = |p: &Primitive| area(&p.bounds) > least;
+        let count = primitives.par_iter().with_min_len(4096).filter(|p| is_large(p)).count();
+        if count <= primitives.len() / FEW {
+            return chunks::partition(primitives, is_large);
+        }
+        least *= 2.0;
+    }
 }
 
 /// What pieces are made of.

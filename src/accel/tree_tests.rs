@@ -44,9 +44,9 @@ fn sheet(n: u32) -> Geometry {
 /// Small soups are built whole at full quality and in pieces at fast; large ones in pieces at both.
 #[test]
 fn qualities_give_the_same_hits() {
-    let (small, large) = (soup(15_000, 0.05, 11), soup(115_000, 0.02, 12));
+    let (small, large) = (soup(15_000, 0.05, 11), soup(225_000, 0.02, 12));
     let rays = rays(20_000, 13);
-    for (geometry, sizes) in [(&small, 17_000..20_000), (&large, 132_000..140_000)] {
+    for (geometry, sizes) in [(&small, 17_000..20_000), (&large, 265_000..275_000)] {
         let [fast, full] = BOTH.map(|quality| build(&[geometry], &[], quality));
         let stats = full.stats();
         let all = stats.triangles + stats.quads + stats.analytic.iter().sum::<u64>();
@@ -106,7 +106,7 @@ fn placements_are_built_in_pieces_too() {
 
 #[test]
 fn threads_do_not_change_the_buffer() {
-    let geometry = soup(120_000, 0.02, 21);
+    let geometry = soup(225_000, 0.02, 21);
     for quality in BOTH {
         let lines = |threads: usize| -> Vec<Line> {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
@@ -135,10 +135,10 @@ fn what_cannot_be_cut_is_built_all_the_same() {
     };
     let far = |i: usize| if i == 77 { 1e12 } else { 0.5 };
     let cases = [
-        of(200_000, &|_| triangle(Vec3::ZERO, 1.0)),
-        of(200_000, &|i| triangle(Vec3::new(far(i), 0.0, 0.0), 1.0)),
-        of(200_000, &|i| triangle(Vec3::X * i as f32, 0.5)),
-        of(140_000, &|i| triangle(Vec3::splat(-0.5 - i as f32 * 1e-5), 1.0 + i as f32 * 3e-5)),
+        of(270_000, &|_| triangle(Vec3::ZERO, 1.0)),
+        of(270_000, &|i| triangle(Vec3::new(far(i), 0.0, 0.0), 1.0)),
+        of(270_000, &|i| triangle(Vec3::X * i as f32, 0.5)),
+        of(270_000, &|i| triangle(Vec3::splat(-0.5 - i as f32 * 1e-5), 1.0 + i as f32 * 3e-5)),
         of(17_000, &|i| triangle(Vec3::X * 1.004f32.powi(i as i32 % 8_000), 0.5)),
     ];
     for geometry in &cases {

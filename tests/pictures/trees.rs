@@ -30,7 +30,7 @@ fn hills(n: u32) -> Scene {
 #[test]
 fn fast_and_full_trees_give_the_same_pixels() {
     // The full tree is built whole, then in pieces; the fast one in pieces both times.
-    for n in [120, 260] {
+    for n in [120, 370] {
         let scene = hills(n);
         let [fast, full] =
             [(Tree::Fast, TreeQuality::Fast), (Tree::Full, TreeQuality::Full)].map(|(tree, quality)| {
