@@ -1,14 +1,8 @@
 //! The tree of many primitives, built in pieces: the primitives are cut into chunks that lie apart, a tree is built over each
 //! chunk and written at once, and a small tree over these joins them. Threads work on chunks side by side, what they need stays
 //! in their caches, and beyond a few chunks nothing but the primitives' boxes and what is written is ever held: 32 bytes a
-//! primitive and 66 to 78 of the tree, so that 2 million triangles take 107 to 111 bytes each at the peak.
-//!
-//! Two million triangles (a terrain), two threads, processor seconds beside other work, expected cost as [`Collapse`] counts it:
-//! whole 5.0 s and 22.2; in pieces 2.7 s and 22.1; fast 1.9 s and 23.1. Tried for chunks of 2,000, 8,000, 32,000 and 128,000:
-//! 22.6, 22.1, 21.8, 21.8, the larger ones for more memory. Search distances of fast trees, from 1 to 6: 24.3, 23.4, 23.2 (3),
-//! 23.1 (4), 22.9 in 1.6 to 2.0 s. The first round of clustering at distance 1: no sooner, and 0.4 % worse. Bins handed from one
-//! step of a loop to the next by value: a quarter of all the time went into copying them. Shrinking the buffer at the end:
-//! the allocator copies what is aligned to lines, and for a moment the tree was there twice.
+//! primitive and 66 to 78 of the tree, with 15 more for what two threads work on where there are 2 million triangles, and 1.5 where
+//! there are 20. The README of `tools/rays` has the figures, and what was tried and lost.
 
 use super::binary::{self, Effort, Workspace};
 use super::chunks;
