@@ -4,7 +4,7 @@
 
 use super::binary::Binary;
 use super::gather::{Kind, Primitive};
-use super::pieces::Piece;
+use crate::math::Bounds3;
 use rayon::prelude::*;
 
 /// Children of a node.
@@ -30,6 +30,19 @@ struct Choice {
     left_of_node: u8,
     /// Lanes of triangles, analytic shapes and instances below, up to 255.
     lanes: [u8; 3],
+}
+
+/// A tree that is written.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// Where it starts.
+    pub root: u32,
+    /// Wide nodes on the longest path.
+    pub depth: usize,
+    /// The box around it.
+    pub bounds: Bounds3,
+    /// Its expected cost.
+    pub cost: f32,
 }
 
 /// All choices.

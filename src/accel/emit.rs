@@ -2,14 +2,13 @@
 //! nodes, each with the packets of its leaves right behind it, are written in parallel.
 
 use super::binary::Binary;
-use super::collapse::{Collapse, MAX_LANES};
+use super::collapse::{Collapse, MAX_LANES, Piece};
 use super::gather::{Kind, Primitive, triangle_vertices};
 use super::input::Geometry;
 use super::layout::{
     AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, NODE_LINES, Node,
     PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, line_of, view_mut,
 };
-use super::pieces::Piece;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_lines};

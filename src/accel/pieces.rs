@@ -6,7 +6,7 @@
 
 use super::binary::{self, Effort, Workspace};
 use super::chunks;
-use super::collapse::Collapse;
+use super::collapse::{Collapse, Piece};
 use super::emit::{Emit, Emitted, Shapes};
 use super::gather::{Kind, Primitive};
 use super::input::TreeQuality;
@@ -42,19 +42,6 @@ fn room(primitives: &[Primitive]) -> usize {
 ///
 /// [`DONE`]: super::layout::DONE
 const UNUSED: usize = 2;
-
-/// A tree that is written.
-#[derive(Clone, Copy, Debug)]
-pub struct Piece {
-    /// Where it starts.
-    pub root: u32,
-    /// Wide nodes on the longest path.
-    pub depth: usize,
-    /// The box around it.
-    pub bounds: Bounds3,
-    /// Its expected cost, as [`Collapse`] counts it.
-    pub cost: f32,
-}
 
 /// Appends the tree over some primitives, and reorders these.
 pub fn build(
