@@ -1,8 +1,9 @@
 //! The binary tree: obvhs clusters (PLOC) and improves it (parallel reinsertion); here its order and boxes.
 
 use super::gather::Primitive;
-use super::normalize::normalized_boxes;
+use super::normalize::Space;
 use crate::math::Bounds3;
+use obvhs::aabb::Aabb;
 use obvhs::bvh2::Bvh2;
 use obvhs::bvh2::reinsertion::ReinsertionOptimizer;
 use obvhs::ploc::{PlocBuilder, SortPrecision};
@@ -35,31 +36,52 @@ impl Binary {
 /// way. Beyond this expected number of visits (primitives in one heap) it would not end, and could not help.
 const MAX_VISITS_FOR_REINSERTION: f64 = 3000.0;
 
-/// Neighbours on either side, along the curve that orders them, among which a cluster looks for another to join.
-const SEARCH_DISTANCE: usize = 24;
+/// How much is done for the tree: the search distance of the clustering (neighbours on either side, along the curve that
+/// orders them, among which a cluster looks for another to join), and whether reinsertion follows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Effort {
+    /// For chunks that few rays will meet: 4, and left so.
+    Least,
+    /// For chunks that many rays will meet: 14. (24 takes a quarter longer for 0.1 % of expected cost.)
+    Chunk,
+    /// For what is no chunk: 24.
+    Most,
+}
 
-/// The share of all nodes that reinsertion looks at in a round. Ten times as many (with a search distance of 32) take ten
-/// times as long for rays 5 to 15 % faster.
-const REINSERTION_RATIO: f32 = 0.1;
+impl Effort {
+    /// The share of all nodes that reinsertion looks at in a round. Ten times as many (with a search distance of 32) take
+    /// ten times as long for rays 5 to 15 % faster.
+    fn reinsertion_ratio(self) -> f32 {
+        if self == Effort::Least { 0.0 } else { 0.1 }
+    }
+}
+
+/// Memory that is used again from one tree to the next.
+#[derive(Default)]
+pub struct Workspace {
+    boxes: Vec<Aabb>,
+    ploc: PlocBuilder,
+    bvh: Bvh2,
+    optimizer: ReinsertionOptimizer,
+}
 
 /// Builds the tree over at least one primitive.
-pub fn build(primitives: &[Primitive]) -> Binary {
-    let boxes = normalized_boxes(primitives);
+pub fn build(primitives: &[Primitive], space: &Space, effort: Effort, workspace: &mut Workspace) -> Binary {
+    let Workspace { boxes, ploc, bvh, optimizer } = workspace;
+    space.boxes(primitives, boxes);
     let ids = (0..primitives.len() as u32).collect();
-    let mut bvh = Bvh2::zeroed(boxes.len());
-    // By its number: the search distances that obvhs names bring code for six of them.
-    PlocBuilder::with_capacity(boxes.len()).build_ploc::<SEARCH_DISTANCE, _>(
-        &mut bvh,
-        &boxes,
-        ids,
-        SortPrecision::U64,
-        0,
-    );
-    drop(boxes);
-    if expected_visits(&bvh) <= MAX_VISITS_FOR_REINSERTION {
-        ReinsertionOptimizer::default().run(&mut bvh, REINSERTION_RATIO, None);
+    // By their numbers: the search distances that obvhs names bring code for six of them.
+    const PRECISION: SortPrecision = SortPrecision::U64;
+    match effort {
+        Effort::Least => ploc.build_ploc::<4, _>(bvh, boxes, ids, PRECISION, 0),
+        Effort::Chunk => ploc.build_ploc::<14, _>(bvh, boxes, ids, PRECISION, 0),
+        Effort::Most => ploc.build_ploc::<24, _>(bvh, boxes, ids, PRECISION, 0),
     }
-    order(&bvh, primitives)
+    let ratio = effort.reinsertion_ratio();
+    if ratio > 0.0 && expected_visits(bvh) <= MAX_VISITS_FOR_REINSERTION {
+        optimizer.run(bvh, ratio, None);
+    }
+    order(bvh, primitives)
 }
 
 /// Inner nodes that a random ray through the root visits: the sum of areas over that of the root.

@@ -1,13 +1,15 @@
 //! The whole build: each geometry that is reached gets its tree, the world's tree holds the instances too.
 
-use super::binary::{self, Binary};
+use super::binary::{self, Binary, Effort, Workspace};
 use super::collapse::{Collapse, WIDTH};
-use super::emit::{Emit, Emitted};
+use super::emit::{Emit, Emitted, Shapes};
 use super::gather::{Kind, Primitive, gather, is_in_reach};
 use super::halves;
-use super::input::{AccelInput, AccelInstance, Geometry, Reuse};
+use super::input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
+use super::normalize::Space;
 use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
+use super::pieces;
 use super::scan::Scan;
 use super::slot::DeepSlot;
 use super::structure::Accel;
@@ -28,6 +30,14 @@ const fn stack_size(depth: usize) -> usize {
 const MAX_DEPTH: usize = 72;
 const _: () = assert!(stack_size(2 * MAX_DEPTH) <= DeepSlot::STACK);
 
+/// More primitives than these are built in pieces. (For fast trees sooner: it is faster even with one thread.)
+const fn largest_whole(quality: TreeQuality) -> usize {
+    match quality {
+        TreeQuality::Fast => 1 << 14,
+        TreeQuality::Full => 1 << 18,
+    }
+}
+
 struct Builder<'a> {
     input: AccelInput<'a>,
     /// Deeper trees are built anew, in halves.
@@ -44,8 +54,8 @@ impl Accel {
     pub fn build(geometries: &[Geometry], instances: &[AccelInstance]) -> Accel {
         let geometries: Vec<&Geometry> = geometries.iter().collect();
         let (first_moving, first_changing) = (instances.len(), geometries.len());
-        let input = AccelInput { geometries: &geometries, instances, first_moving, first_changing };
-        build(&input)
+        let quality = TreeQuality::Full;
+        build(&AccelInput { geometries: &geometries, instances, first_moving, first_changing, quality })
     }
 
     /// Builds with instances that move apart from those that don't.
@@ -161,16 +171,17 @@ impl<'a> Builder<'a> {
     }
 
     fn into_accel(self, world: Built, top: Option<Built>, begin: Instant) -> Accel {
-        let Builder { mut lines, mut stats, parts, .. } = self;
+        let Builder { input, mut lines, mut stats, parts, .. } = self;
         let shared = || parts.trees.iter().skip(1).flatten();
         let deepest_shared = shared().map(|b| b.tree.depth).max().unwrap_or(0);
         let depth = world.tree.depth + top.map_or(0, |top| top.tree.depth) + deepest_shared;
         let mut expected: Vec<Tree> = top.iter().chain([&world]).map(|b| b.tree).collect();
         expected.extend(shared().map(|b| b.tree));
-        // What moves is built again and again: room is kept for it.
-        if top.is_none() {
+        // What moves is built again and again: room is kept for it. And shrinking copies: little room is left as it is.
+        if top.is_none() && lines.capacity() / 2 > lines.len() {
             lines.shrink_to_fit();
         }
+        stats.quality = input.quality;
         stats.bytes = (lines.len() * size_of::<Line>()) as u64;
         stats.build_s = begin.elapsed().as_secs_f64();
         let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
@@ -201,28 +212,24 @@ impl<'a> Builder<'a> {
             return NOTHING;
         }
         let start = self.lines.len();
-        let mut binary = binary::build(&primitives);
-        let mut emitted = self.emit(&binary, &primitives, geometry, records);
+        let space = Space::of(&primitives);
+        let shapes = Shapes { geometry, records };
+        let quality = self.input.quality;
+        let mut emitted = if primitives.len() > largest_whole(quality) {
+            pieces::build(&mut primitives, &space, shapes, quality, &mut self.lines)
+        } else {
+            let workspace = &mut Workspace::default();
+            let binary = binary::build(&primitives, &space, Effort::Most, workspace);
+            emit_whole(&binary, &primitives, shapes, &mut self.lines)
+        };
         if emitted.depth > self.max_depth {
             self.lines.truncate(start);
-            binary = halves::build(&primitives);
-            emitted = self.emit(&binary, &primitives, geometry, records);
+            emitted = emit_whole(&halves::build(&primitives), &primitives, shapes, &mut self.lines);
         }
         let Emitted { root, depth } = emitted;
         assert!(self.lines.len() <= MAX_LINE, "a scene may have 32 GiB of acceleration structure");
         let tree = Tree { root, depth, primitives: counts.0, instances: counts.1 };
-        Built { tree, bounds: binary.bounds[0] }
-    }
-
-    fn emit(
-        &mut self,
-        binary: &Binary,
-        primitives: &[Primitive],
-        geometry: &Geometry,
-        instances: &[InstanceRecord],
-    ) -> Emitted {
-        let collapse = &Collapse::new(binary, primitives);
-        Emit { binary, collapse, primitives, geometry, instances }.write(&mut self.lines)
+        Built { tree, bounds: space.bounds }
     }
 
     /// The record of an instance and its box in the world.
@@ -262,6 +269,12 @@ impl<'a> Builder<'a> {
         }
         Some((record, bounds))
     }
+}
+
+/// Appends the wide tree that a binary one becomes.
+fn emit_whole(binary: &Binary, primitives: &[Primitive], shapes: Shapes, lines: &mut Vec<Line>) -> Emitted {
+    let collapse = &Collapse::new(binary, primitives, &[]);
+    Emit { binary, collapse, primitives, shapes, pieces: &[] }.write(lines)
 }
 
 /// A box around a transformed one, widened by what transforming a ray to object space in f32 may move it: a few roundings

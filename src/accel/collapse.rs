@@ -4,6 +4,7 @@
 
 use super::binary::Binary;
 use super::gather::{Kind, Primitive};
+use crate::math::Bounds3;
 use rayon::prelude::*;
 
 /// Children of a node.
@@ -16,7 +17,7 @@ const COST_TRIANGLES: f32 = 0.6;
 const COST_SPHERES: f32 = 1.5;
 const COST_INSTANCE: f32 = 3.0;
 /// Lanes of the longest leaf that is chosen.
-const MAX_LANES: u32 = 16;
+pub const MAX_LANES: u32 = 16;
 
 /// The choice for one binary node.
 #[derive(Clone, Copy, Default)]
@@ -31,6 +32,19 @@ struct Choice {
     lanes: [u8; 3],
 }
 
+/// A tree that is written.
+#[derive(Clone, Copy, Debug)]
+pub struct Piece {
+    /// Where it starts.
+    pub root: u32,
+    /// Wide nodes on the longest path.
+    pub depth: usize,
+    /// The box around it.
+    pub bounds: Bounds3,
+    /// Its expected cost.
+    pub cost: f32,
+}
+
 /// All choices.
 pub struct Collapse {
     choices: Vec<Choice>,
@@ -41,7 +55,7 @@ const PARALLEL: u32 = 8192;
 
 impl Collapse {
     /// Chooses for the whole tree.
-    pub fn new(binary: &Binary, primitives: &[Primitive]) -> Collapse {
+    pub fn new(binary: &Binary, primitives: &[Primitive], pieces: &[Piece]) -> Collapse {
         let mut choices = vec![Choice::default(); binary.size.len()];
         let (tops, subtrees) = cut(binary, PARALLEL);
         let mut parts = Vec::with_capacity(subtrees.len());
@@ -56,11 +70,11 @@ impl Collapse {
         }
         parts.into_par_iter().for_each(|(root, part)| {
             for i in (0..part.len()).rev() {
-                part[i] = choose(binary, primitives, root + i, |child| &part[child - root]);
+                part[i] = choose(binary, primitives, pieces, root + i, |child| &part[child - root]);
             }
         });
         for &top in tops.iter().rev() {
-            choices[top] = choose(binary, primitives, top, |child| &choices[child]);
+            choices[top] = choose(binary, primitives, pieces, top, |child| &choices[child]);
         }
         Collapse { choices }
     }
@@ -68,6 +82,11 @@ impl Collapse {
     /// Does the node become a leaf where it is one child?
     pub fn is_leaf(&self, node: usize) -> bool {
         self.choices[node].left_of_node == 0
+    }
+
+    /// The least expected cost of the whole tree as one child.
+    pub fn cost(&self) -> f32 {
+        self.choices[0].cost[0]
     }
 
     /// Lanes of triangles, analytic shapes and instances below a node (up to 255).
@@ -127,31 +146,36 @@ pub fn cut(binary: &Binary, limit: u32) -> (Vec<usize>, Vec<usize>) {
 fn choose<'a>(
     binary: &Binary,
     primitives: &[Primitive],
+    pieces: &[Piece],
     node: usize,
     choice: impl Fn(usize) -> &'a Choice,
 ) -> Choice {
     let extent = binary.bounds[node].extent();
     let area = extent.x * (extent.y + extent.z) + extent.y * extent.z;
     if binary.is_leaf(node) {
-        let lanes = match primitives[binary.primitive[node] as usize].kind {
+        let primitive = &primitives[binary.primitive[node] as usize];
+        if primitive.kind == Kind::Piece {
+            let cost = pieces[primitive.id as usize].cost;
+            return Choice {
+                cost: [cost; WIDTH - 1],
+                lanes: [u8::MAX; 3],
+                left_of_node: 1,
+                ..Choice::default()
+            };
+        }
+        let lanes = match primitive.kind {
             Kind::Triangle => [1, 0, 0],
             Kind::Quad => [2, 0, 0],
             Kind::Analytic => [0, 1, 0],
-            Kind::Instance => [0, 0, 1],
+            _ => [0, 0, 1],
         };
         return Choice { cost: [leaf_cost(area, lanes); WIDTH - 1], lanes, ..Choice::default() };
     }
     let (left, right) = binary.children(node);
     let (l, r) = (choice(left), choice(right));
     let lanes = std::array::from_fn(|k| l.lanes[k].saturating_add(r.lanes[k]));
-    // The best split for each number of children, 2 to 8.
-    let split = |slots: usize| {
-        (1..slots)
-            .filter(|k| *k < WIDTH && slots - k < WIDTH)
-            .map(|k| (l.cost[k - 1] + r.cost[slots - k - 1], k as u8))
-            .fold((f32::INFINITY, 1), |best, next| if next.0 < best.0 { next } else { best })
-    };
-    let (below, left_of_node) = split(WIDTH);
+    let (least, left) = splits(&l.cost, &r.cost);
+    let (below, left_of_node) = (least[WIDTH - 1], left[WIDTH - 1] as u8);
     let as_node = area * COST_NODE + below;
     let total: u32 = lanes.iter().map(|n| u32::from(*n)).sum();
     let as_leaf = if total <= MAX_LANES { leaf_cost(area, lanes) } else { f32::INFINITY };
@@ -159,11 +183,30 @@ fn choose<'a>(
     (chosen.cost[0], chosen.left_of_node) =
         if as_leaf <= as_node { (as_leaf, 0) } else { (as_node, left_of_node) };
     for slots in 2..WIDTH {
-        let (cost, k) = split(slots);
+        let is_better = least[slots - 1] < chosen.cost[slots - 2];
         (chosen.cost[slots - 1], chosen.left[slots - 1]) =
-            if cost < chosen.cost[slots - 2] { (cost, k) } else { (chosen.cost[slots - 2], 0) };
+            if is_better { (least[slots - 1], left[slots - 1] as u8) } else { (chosen.cost[slots - 2], 0) };
     }
     chosen
+}
+
+/// The least cost of two nodes as 1 (infinite), 2, ... 8 children together, and how many of these are the left one's: of
+/// equal ones the fewest. (All numbers of children at once, which the compiler makes vectors of.)
+#[inline(always)]
+fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [u32; WIDTH]) {
+    let mut shifted = [f32::INFINITY; 2 * WIDTH];
+    shifted[WIDTH..2 * WIDTH - 1].copy_from_slice(right);
+    let (mut least, mut of_left) = ([f32::INFINITY; WIDTH], [1; WIDTH]);
+    for k in 1..WIDTH {
+        let right: [f32; WIDTH] = std::array::from_fn(|i| shifted[WIDTH - k + i]);
+        for i in 0..WIDTH {
+            let cost = left[k - 1] + right[i];
+            let is_better = cost < least[i];
+            least[i] = if is_better { cost } else { least[i] };
+            of_left[i] = if is_better { k as u32 } else { of_left[i] };
+        }
+    }
+    (least, of_left)
 }
 
 fn leaf_cost(area: f32, lanes: [u8; 3]) -> f32 {

@@ -2,17 +2,26 @@
 //! nodes, each with the packets of its leaves right behind it, are written in parallel.
 
 use super::binary::Binary;
-use super::collapse::Collapse;
+use super::collapse::{Collapse, MAX_LANES, Piece};
 use super::gather::{Kind, Primitive, triangle_vertices};
 use super::input::Geometry;
 use super::layout::{
-    AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, LEAF, NODE_LINES,
-    Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, view_mut,
+    AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, NODE_LINES, Node,
+    PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, line_of, view_mut,
 };
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
+
+/// Where primitives come from.
+#[derive(Clone, Copy)]
+pub struct Shapes<'a> {
+    /// Vertices, quads and analytic shapes.
+    pub geometry: &'a Geometry,
+    /// Records of the instances, by index.
+    pub records: &'a [InstanceRecord],
+}
 
 /// What is written.
 pub struct Emit<'a> {
@@ -22,10 +31,10 @@ pub struct Emit<'a> {
     pub collapse: &'a Collapse,
     /// What its leaves refer to.
     pub primitives: &'a [Primitive],
-    /// Where vertices, quads and analytic shapes come from.
-    pub geometry: &'a Geometry,
-    /// Records of the instances, by index.
-    pub instances: &'a [InstanceRecord],
+    /// What these stand for.
+    pub shapes: Shapes<'a>,
+    /// Pieces of the tree that are written already, by index.
+    pub pieces: &'a [Piece],
 }
 
 /// A written tree.
@@ -52,13 +61,11 @@ impl Emit<'_> {
     pub fn write(&self, lines: &mut Vec<Line>) -> Emitted {
         let start = lines.len();
         if self.collapse.is_leaf(0) {
-            let prims = self.leaf_primitives(0);
-            lines.resize(start + packet_lines(&self.count(&prims)), Line::ZERO);
-            let root = self.write_leaf(&mut lines[start..], start, &prims);
+            lines.resize(start + packet_lines(&self.collapse.lanes(0)), Line::ZERO);
+            let (root, _) = self.write_leaf(&mut lines[start..], start, 0);
             return Emitted { root, depth: 1 };
         }
-        let (places, line_of_node, depth) = self.places(start);
-        let end = places.last().map_or(start, |last| last.line + self.lines_of(last.node as usize));
+        let (places, line_of_node, depth, end) = self.places(start);
         reserve_lines(lines, end - start);
         lines.resize(end, Line::ZERO);
         let mut jobs = Vec::with_capacity(places.len() / CHUNK + 1);
@@ -79,8 +86,9 @@ impl Emit<'_> {
         Emitted { root: start as u32, depth }
     }
 
-    /// All wide nodes in depth-first order, the line of each binary node that became one, and the tree's depth.
-    fn places(&self, start: usize) -> (Vec<Place>, Vec<u32>, usize) {
+    /// All wide nodes in depth-first order, the line of each binary node that became one, the tree's depth, and the line
+    /// after it.
+    fn places(&self, start: usize) -> (Vec<Place>, Vec<u32>, usize, usize) {
         let mut line_of_node = vec![0u32; self.binary.size.len()];
         let mut places = Vec::new();
         let mut line = start;
@@ -90,23 +98,17 @@ impl Emit<'_> {
             deepest = deepest.max(depth + 1);
             places.push(Place { node: node as u32, line });
             line_of_node[node] = line as u32;
-            line += self.lines_of(node);
             let (children, count) = self.collapse.children(self.binary, node);
-            stack.extend(
-                children[..count]
-                    .iter()
-                    .rev()
-                    .filter(|c| !self.collapse.is_leaf(**c))
-                    .map(|c| (*c, depth + 1)),
-            );
+            line += self.lines_of(&children[..count]);
+            let is_node = |c: &&usize| !self.collapse.is_leaf(**c) && !self.binary.is_leaf(**c);
+            stack.extend(children[..count].iter().rev().filter(is_node).map(|c| (*c, depth + 1)));
         }
-        (places, line_of_node, deepest)
+        (places, line_of_node, deepest, line)
     }
 
-    /// Lines of a wide node and of the packets of its leaves.
-    fn lines_of(&self, node: usize) -> usize {
-        let (children, count) = self.collapse.children(self.binary, node);
-        let leaves = children[..count].iter().filter(|c| self.collapse.is_leaf(**c));
+    /// Lines of a wide node with these children and of the packets of its leaves.
+    fn lines_of(&self, children: &[usize]) -> usize {
+        let leaves = children.iter().filter(|c| self.collapse.is_leaf(**c));
         NODE_LINES + leaves.map(|c| packet_lines(&self.collapse.lanes(*c))).sum::<usize>()
     }
 
@@ -125,10 +127,11 @@ impl Emit<'_> {
                 node.planes[2 * axis + 1][lane] = max[axis];
             }
             node.child[lane] = if self.collapse.is_leaf(*child) {
-                let prims = self.leaf_primitives(*child);
-                let reference = self.write_leaf(&mut region[offset..], place.line + offset, &prims);
-                offset += packet_lines(&self.count(&prims));
+                let (reference, lines) = self.write_leaf(&mut region[offset..], place.line + offset, *child);
+                offset += lines;
                 reference
+            } else if self.binary.is_leaf(*child) {
+                self.pieces[self.primitives[self.binary.primitive[*child] as usize].id as usize].root
             } else {
                 line_of_node[*child]
             };
@@ -137,74 +140,62 @@ impl Emit<'_> {
     }
 
     /// The primitives below a binary node, by kind and id.
-    fn leaf_primitives(&self, node: usize) -> Vec<&Primitive> {
-        let range = node..node + self.binary.size[node] as usize;
-        let mut prims: Vec<&Primitive> = range
-            .filter(|i| self.binary.is_leaf(*i))
-            .map(|i| &self.primitives[self.binary.primitive[i] as usize])
-            .collect();
-        prims.sort_unstable_by_key(|p| (p.kind as u32, p.id));
+    fn leaf_primitives(&self, node: usize) -> Few<&Primitive> {
+        let mut prims = Few::of(&self.primitives[0]);
+        for i in node..node + self.binary.size[node] as usize {
+            if self.binary.is_leaf(i) {
+                prims.push(&self.primitives[self.binary.primitive[i] as usize]);
+            }
+        }
+        prims.items[..prims.count].sort_unstable_by_key(|p| (p.kind as u32, p.id));
         prims
     }
 
-    /// Lanes of triangles, analytic shapes and instances.
-    fn count(&self, prims: &[&Primitive]) -> [u8; 3] {
-        let mut lanes = [0; 3];
-        for prim in prims {
-            match prim.kind {
-                Kind::Triangle => lanes[0] += 1,
-                Kind::Quad => lanes[0] += 2,
-                Kind::Analytic => lanes[1] += 1,
-                Kind::Instance => lanes[2] += 1,
-            }
-        }
-        lanes
-    }
-
-    /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer.
-    fn write_leaf(&self, region: &mut [Line], base: usize, prims: &[&Primitive]) -> u32 {
-        let mut triangles: Vec<([Vec3; 3], u32, u32)> = Vec::new();
-        let mut analytic: Vec<u32> = Vec::new();
-        let mut instances: Vec<u32> = Vec::new();
-        for prim in prims {
+    /// Writes the packets of a leaf to the start of `region`, which is line `base` of the buffer, and returns its reference
+    /// and their lines.
+    fn write_leaf(&self, region: &mut [Line], base: usize, node: usize) -> (u32, usize) {
+        let mut triangles = Few::of(([Vec3::ZERO; 3], 0, PART_TRIANGLE));
+        let (mut analytic, mut instances) = (Few::of(0), Few::of(0));
+        for prim in self.leaf_primitives(node).as_slice() {
             match prim.kind {
                 Kind::Triangle => {
-                    let vertices = triangle_vertices(self.geometry, prim.id as usize);
-                    triangles.extend(vertices.map(|v| (v, prim.id, PART_TRIANGLE)));
+                    if let Some(vertices) = triangle_vertices(self.shapes.geometry, prim.id as usize) {
+                        triangles.push((vertices, prim.id, PART_TRIANGLE));
+                    }
                 }
                 Kind::Quad => {
-                    let quad = &self.geometry.quads[prim.id as usize - self.geometry.triangles.len()];
-                    let [a, b, c, d] = quad.corners();
+                    let geometry = self.shapes.geometry;
+                    let [a, b, c, d] = geometry.quads[prim.id as usize - geometry.triangles.len()].corners();
                     triangles.push(([a, b, c], prim.id, PART_QUAD_FIRST));
                     triangles.push(([a, c, d], prim.id, PART_QUAD_SECOND));
                 }
                 Kind::Analytic => analytic.push(prim.id),
-                Kind::Instance => instances.push(prim.id),
+                _ => instances.push(prim.id),
             }
         }
-        let lanes = [triangles.len(), analytic.len(), instances.len()].map(|n| n as u8);
+        let lanes = [triangles.count, analytic.count, instances.count].map(|n| n as u8);
         let references = packet_references(&lanes, base);
-        let next = |i: usize| references.get(i + 1).copied().unwrap_or(DONE);
+        let next = |i: usize| if i + 1 < references.count { references.items[i + 1] } else { DONE };
+        let at = |written: usize| line_of(references.items[written]) - base;
         let mut written = 0;
-        let at = |written: usize| (references[written] & !LEAF & 0x1fff_ffff) as usize - base;
-        for four in triangles.chunks(LANES) {
+        for four in triangles.as_slice().chunks(LANES) {
             *view_mut(region, at(written)) = triangle_packet(four, next(written));
             written += 1;
         }
-        for four in analytic.chunks(LANES) {
+        for four in analytic.as_slice().chunks(LANES) {
             *view_mut(region, at(written)) = self.analytic_packet(four, next(written));
             written += 1;
         }
-        for instance in instances {
-            let record = self.instances[instance as usize];
+        for instance in instances.as_slice() {
+            let record = self.shapes.records[*instance as usize];
             *view_mut(region, at(written)) = InstanceRecord { next: next(written), ..record };
             written += 1;
         }
-        references.first().copied().unwrap_or(DONE)
+        (if references.count == 0 { DONE } else { references.items[0] }, packet_lines(&lanes))
     }
 
     fn analytic_packet(&self, ids: &[u32], next: u32) -> AnalyticPacket {
-        let first = self.geometry.triangles.len() + self.geometry.quads.len();
+        let first = self.shapes.geometry.triangles.len() + self.shapes.geometry.quads.len();
         let mut packet = AnalyticPacket {
             numbers: [[0.0; 6]; LANES],
             id: [u32::MAX; LANES],
@@ -213,7 +204,7 @@ impl Emit<'_> {
             padding: [0; 2],
         };
         for (lane, id) in ids.iter().enumerate() {
-            let packed = self.geometry.analytic[*id as usize - first].pack();
+            let packed = self.shapes.geometry.analytic[*id as usize - first].pack();
             (packet.kind[lane], packet.numbers[lane]) = (packed.kind, packed.numbers);
             packet.id[lane] = *id;
         }
@@ -246,9 +237,9 @@ fn packet_lines(lanes: &[u8; 3]) -> usize {
 }
 
 /// References to the packets of a leaf that starts at line `base`, in order.
-fn packet_references(lanes: &[u8; 3], base: usize) -> Vec<u32> {
+fn packet_references(lanes: &[u8; 3], base: usize) -> Few<u32> {
     let mut line = base;
-    let mut references = Vec::new();
+    let mut references = Few::of(DONE);
     for ((kind, per, lines), n) in KINDS.iter().zip(lanes) {
         for _ in 0..usize::from(*n).div_ceil(*per) {
             references.push(leaf_ref(*kind, line));
@@ -256,4 +247,26 @@ fn packet_references(lanes: &[u8; 3], base: usize) -> Vec<u32> {
         }
     }
     references
+}
+
+/// What belongs to one leaf: as many as a leaf may have lanes.
+struct Few<T> {
+    items: [T; MAX_LANES as usize],
+    count: usize,
+}
+
+impl<T: Copy> Few<T> {
+    /// None yet; `filler` fills unused places.
+    fn of(filler: T) -> Few<T> {
+        Few { items: [filler; MAX_LANES as usize], count: 0 }
+    }
+
+    fn push(&mut self, item: T) {
+        self.items[self.count] = item;
+        self.count += 1;
+    }
+
+    fn as_slice(&self) -> &[T] {
+        &self.items[..self.count]
+    }
 }

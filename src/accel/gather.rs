@@ -3,6 +3,7 @@
 use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::{Analytic, Quad, Shape, triangle};
+use crate::simd::prefer_huge_pages;
 use rayon::prelude::*;
 
 /// Primitives that were left out, by reason.
@@ -45,6 +46,12 @@ pub enum Kind {
     Quad,
     Analytic,
     Instance,
+    /// A piece of the tree that is written already.
+    Piece,
+    /// Left out: no finite box.
+    NotFinite,
+    /// Left out: nothing to hit.
+    Degenerate,
 }
 
 /// One primitive: its kind, its id in the geometry (or the instance's index) and its box.
@@ -55,12 +62,6 @@ pub struct Primitive {
     pub bounds: Bounds3,
 }
 
-/// Why a primitive is not kept.
-enum Reason {
-    NotFinite,
-    Degenerate,
-}
-
 /// The vertices of a triangle; `None` where an index is out of range.
 pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]> {
     let [a, b, c] = *geometry.triangles.get(index)?;
@@ -68,31 +69,31 @@ pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]>
     Some([at(a)?, at(b)?, at(c)?])
 }
 
-fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Reason> {
-    let vertices = triangle_vertices(geometry, index).ok_or(Reason::NotFinite)?;
+fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Kind> {
+    let vertices = triangle_vertices(geometry, index).ok_or(Kind::NotFinite)?;
     if !vertices.into_iter().all(is_in_reach) {
-        return Err(Reason::NotFinite);
+        return Err(Kind::NotFinite);
     }
     match triangle::is_collapsed(vertices) {
-        true => Err(Reason::Degenerate),
+        true => Err(Kind::Degenerate),
         false => Ok(triangle::bounds(vertices)),
     }
 }
 
-fn quad_bounds(quad: &Quad) -> Result<Bounds3, Reason> {
+fn quad_bounds(quad: &Quad) -> Result<Bounds3, Kind> {
     if !quad.corners().into_iter().all(is_in_reach) {
-        return Err(Reason::NotFinite);
+        return Err(Kind::NotFinite);
     }
-    if quad.is_collapsed() { Err(Reason::Degenerate) } else { Ok(quad.bounds()) }
+    if quad.is_collapsed() { Err(Kind::Degenerate) } else { Ok(quad.bounds()) }
 }
 
-fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, Reason> {
+fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, Kind> {
     let (center, radius) = shape.center_and_radius();
     if !(is_in_reach(center) && radius.abs() <= REACH) {
-        return Err(Reason::NotFinite);
+        return Err(Kind::NotFinite);
     }
     if radius <= 0.0 {
-        return Err(Reason::Degenerate);
+        return Err(Kind::Degenerate);
     }
     // Outwards by one step each, which covers the rounding of the sums.
     let bounds = shape.bounds();
@@ -113,18 +114,20 @@ pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
         } else {
             (Kind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
         };
-        bounds.map(|bounds| Primitive { kind, id: id as u32, bounds })
+        let id = id as u32;
+        bounds.map_or_else(
+            |reason| Primitive { kind: reason, id, bounds: Bounds3::EMPTY },
+            |bounds| Primitive { kind, id, bounds },
+        )
     };
-    let mut dropped = Dropped::default();
-    let all: Vec<Result<Primitive, Reason>> =
-        (0..total).into_par_iter().with_min_len(4096).map(one).collect();
-    let mut kept = Vec::with_capacity(total);
-    for primitive in all {
-        match primitive {
-            Ok(primitive) => kept.push(primitive),
-            Err(Reason::NotFinite) => dropped.not_finite += 1,
-            Err(Reason::Degenerate) => dropped.degenerate += 1,
-        }
+    let mut all: Vec<Primitive> = Vec::new();
+    all.reserve_exact(total);
+    prefer_huge_pages(&mut all);
+    all.par_extend((0..total).into_par_iter().with_min_len(4096).map(one));
+    let count = |kind: Kind| all.par_iter().with_min_len(4096).filter(|p| p.kind == kind).count() as u64;
+    let (not_finite, degenerate) = (count(Kind::NotFinite), count(Kind::Degenerate));
+    if not_finite + degenerate > 0 {
+        all.retain(|p| !matches!(p.kind, Kind::NotFinite | Kind::Degenerate));
     }
-    (kept, dropped)
+    (all, Dropped { not_finite, degenerate, instances: 0 })
 }

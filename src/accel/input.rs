@@ -25,6 +25,19 @@ pub struct AccelInstance {
     pub world_from_object: DAffine3,
 }
 
+/// How good the trees of many primitives are. Rays meet the same primitives at the same distances either way, to the bit: of
+/// nearest hits the order in which boxes are visited decides nothing. (The exception are rays through the very border of a
+/// triangle that they see edge-on: its distance is then less certain than its box, before which it may seem to lie. None of
+/// eight million rays from cameras and surfaces differed, one of 40,000 that were aimed at vertices from all sides did.)
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum TreeQuality {
+    /// Built soon: where few rays follow.
+    Fast,
+    /// The fewest steps a ray.
+    #[default]
+    Full,
+}
+
 /// What a structure is built over.
 #[derive(Clone, Copy, Debug)]
 pub struct AccelInput<'a> {
@@ -36,6 +49,8 @@ pub struct AccelInput<'a> {
     pub first_moving: usize,
     /// The first of the geometries that change: they belong to moving instances, and are built after the world.
     pub first_changing: usize,
+    /// How good trees are.
+    pub quality: TreeQuality,
 }
 
 /// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off

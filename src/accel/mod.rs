@@ -5,11 +5,15 @@
 //! lines; [`Accel::closest`] and [`Accel::occluded`] walk it with up to 32 rays in flight, in a loop compiled for
 //! the CPU level found at start-up. All levels give the same hits bit for bit, and so do batches of any size.
 //!
+//! Many primitives are cut into chunks that are built and written each for itself, and a tree over these joins them: see
+//! `pieces.rs`. Either way, and whatever a tree's quality, rays meet the same primitives (but see [`TreeQuality`]).
+//!
 //! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then analytic shapes from
 //! `T + Q` on.
 
 mod binary;
 mod build;
+mod chunks;
 mod collapse;
 mod emit;
 mod fan;
@@ -20,18 +24,22 @@ mod layout;
 mod nearest;
 mod normalize;
 mod parts;
+mod pieces;
 mod plane;
 mod prepare;
+mod relocate;
 mod scan;
 mod slot;
 mod stream;
 mod structure;
 #[cfg(test)]
 mod tests;
+#[cfg(test)]
+mod tree_tests;
 mod validate;
 
 pub use fan::{Fan, FanHits};
 pub use gather::{Dropped, is_in_reach};
-pub use input::{AccelInput, AccelInstance, Geometry, Reuse};
+pub use input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
 pub use parts::BuildStats;
 pub use structure::Accel;

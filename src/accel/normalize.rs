@@ -6,24 +6,49 @@ use crate::math::{Bounds3, DVec3, Vec3};
 use obvhs::aabb::Aabb;
 use rayon::prelude::*;
 
-/// Boxes for the builder alone, in the order of the primitives.
-pub fn normalized_boxes(primitives: &[Primitive]) -> Vec<Aabb> {
-    let all =
-        primitives.par_iter().with_min_len(4096).map(|p| p.bounds).reduce(|| Bounds3::EMPTY, Bounds3::union);
-    let core = Core::of(primitives);
-    let low = core.draw_nearer(all.min.as_dvec3());
-    let extent = (core.draw_nearer(all.max.as_dvec3()) - low).max_element();
-    let scale = if extent > 0.0 { 1.0 / extent } else { 1.0 };
-    primitives
-        .par_iter()
-        .with_min_len(4096)
-        .enumerate()
-        .map(|(i, p)| {
-            let place = |corner: Vec3| ((core.draw_nearer(corner.as_dvec3()) - low) * scale).as_vec3();
-            let (min, max) = (place(p.bounds.min), place(p.bounds.max));
+/// The way into the unit cube.
+pub struct Space {
+    /// The box around all, in the scene's own space.
+    pub bounds: Bounds3,
+    core: Core,
+    low: DVec3,
+    scale: f64,
+    /// Does nothing lie beyond the margin?
+    is_plain: bool,
+}
+
+impl Space {
+    /// That of some primitives.
+    pub fn of(primitives: &[Primitive]) -> Space {
+        let all = primitives
+            .par_iter()
+            .with_min_len(4096)
+            .map(|p| p.bounds)
+            .reduce(|| Bounds3::EMPTY, Bounds3::union);
+        let core = Core::of(primitives);
+        let low = core.draw_nearer(all.min.as_dvec3());
+        let extent = (core.draw_nearer(all.max.as_dvec3()) - low).max_element();
+        let scale = if extent > 0.0 { 1.0 / extent } else { 1.0 };
+        let is_plain = core.holds(all.min.as_dvec3()) && core.holds(all.max.as_dvec3());
+        Space { bounds: all, core, low, scale, is_plain }
+    }
+
+    /// A point of the scene in the unit cube.
+    #[inline(always)]
+    pub fn place(&self, p: Vec3) -> Vec3 {
+        let p = p.as_dvec3();
+        let p = if self.is_plain { p } else { self.core.draw_nearer(p) };
+        ((p - self.low) * self.scale).as_vec3()
+    }
+
+    /// Boxes for the builder alone, in the order of the primitives.
+    pub fn boxes(&self, primitives: &[Primitive], boxes: &mut Vec<Aabb>) {
+        let of_one = |(i, p): (usize, &Primitive)| {
+            let (min, max) = (self.place(p.bounds.min), self.place(p.bounds.max));
             Aabb::new(min.into(), (max + growth(i as u32, max - min)).into())
-        })
-        .collect()
+        };
+        primitives.par_iter().with_min_len(4096).enumerate().map(of_one).collect_into_vec(boxes);
+    }
 }
 
 /// Boxes smaller than 64 roundings in the unit cube: what they are can't be told.
@@ -84,6 +109,12 @@ impl Core {
         let [x, y, z] = [range(0), range(1), range(2)];
         let (low, high) = (DVec3::new(x.0, y.0, z.0), DVec3::new(x.1, y.1, z.1));
         Core { low, high, margin: MARGIN * (high - low).max_element() }
+    }
+
+    /// Does a point stay as it is?
+    fn holds(&self, p: DVec3) -> bool {
+        let outside = (p - self.high).max(self.low - p).max_element();
+        self.margin <= 0.0 || outside <= self.margin
     }
 
     /// Beyond the margin, distance counts by its logarithm: one vertex at a great distance would leave nothing of the

@@ -1,7 +1,7 @@
 //! The trees that a structure is made of, and what building them took.
 
 use super::gather::{Dropped, Kind, Primitive};
-use super::input::Geometry;
+use super::input::{Geometry, TreeQuality};
 use super::layout::DONE;
 use crate::math::Bounds3;
 use crate::scene::ShapeTag;
@@ -11,6 +11,8 @@ use crate::scene::ShapeTag;
 pub struct BuildStats {
     /// Seconds.
     pub build_s: f64,
+    /// How good the trees are.
+    pub quality: TreeQuality,
     /// Memory of the structure.
     pub bytes: u64,
     /// Triangles in it; shared geometries count once.
@@ -37,7 +39,7 @@ impl BuildStats {
                 Kind::Analytic => {
                     self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
                 }
-                Kind::Instance => {}
+                _ => {}
             }
         }
     }

@@ -104,6 +104,17 @@ pub(crate) enum FresnelArg {
     Schlick,
 }
 
+/// How good the tree over the triangles is.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum TreeArg {
+    /// Fast where few rays will follow, else full.
+    Auto,
+    /// Built soon.
+    Fast,
+    /// Fewest steps a ray.
+    Full,
+}
+
 /// What to do about self-shadowing on shapes with shading normals.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub(crate) enum TerminatorArg {
@@ -210,6 +221,9 @@ pub(crate) struct RenderArgs {
     /// Share paths between neighbouring pixels: auto, off, or groups such as 4x4 [default: auto].
     #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
+    /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
+    #[arg(long, default_value = "auto")]
+    pub tree: TreeArg,
     /// How PNGs look.
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,

@@ -207,6 +207,7 @@ fn prepare(
 
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
+    compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));

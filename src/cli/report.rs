@@ -3,6 +3,7 @@
 use super::excerpt::Excerpt;
 use super::shapes::ShapeCounts;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
+use oscura::accel::TreeQuality;
 use oscura::compile::CompileReport;
 use oscura::error::{Error, Problem, Warning};
 use oscura::render::Statistics;
@@ -154,12 +155,13 @@ impl Run {
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         eprintln!(
-            "scene    {}, {}, {}{}, {:.1} MiB",
+            "scene    {}, {}, {}{}, {:.1} MiB{}",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
             ShapeCounts(c.analytic).words(),
             counted(c.lights, "light"),
-            mib(c.bytes)
+            mib(c.bytes),
+            if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }
         );
         let shared =
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();

@@ -2,6 +2,7 @@
 
 use super::report::Run;
 use super::shapes::ShapeCounts;
+use oscura::accel::TreeQuality;
 use oscura::error::{Error, ErrorKind};
 use serde::Serialize;
 use std::fmt::Display;
@@ -29,6 +30,7 @@ struct RunReport<'a> {
     shapes: ShapeCounts,
     lights: u64,
     scene_bytes: u64,
+    tree: &'static str,
     interrupted: bool,
     timed_out: bool,
     outputs: &'a [String],
@@ -60,6 +62,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         shapes: ShapeCounts(c.analytic),
         lights: c.lights,
         scene_bytes: c.bytes,
+        tree: if c.tree == TreeQuality::Fast { "fast" } else { "full" },
         interrupted: s.interrupted,
         timed_out: s.timed_out,
         outputs: &run.outputs,

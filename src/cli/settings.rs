@@ -1,10 +1,10 @@
 //! What the command line says about a picture.
 
-use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, ViewArg};
+use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg, ViewArg};
 use oscura::error::Warning;
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
-use oscura::render::Choices;
+use oscura::render::{Choices, TreeChoice};
 use oscura::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
 
 /// The choices that the arguments make.
@@ -22,6 +22,11 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         FresnelArg::Exact => FresnelModel::Exact,
         FresnelArg::Schlick => FresnelModel::Schlick,
     });
+    let tree = match args.tree {
+        TreeArg::Auto => TreeChoice::Auto,
+        TreeArg::Fast => TreeChoice::Fast,
+        TreeArg::Full => TreeChoice::Full,
+    };
     Choices {
         settings: Settings {
             width: args.width,
@@ -38,6 +43,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         aovs: args.aov.iter().copied().collect(),
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
+        tree,
         time_limit: args.time_limit,
     }
 }

@@ -3,6 +3,7 @@
 use super::reuse::Sources;
 use super::run::{check, compile_after};
 use super::scene::{CompileOptions, CompileReport, CompiledScene};
+use super::tree::Tree;
 use super::view::View;
 use crate::bsdf::ShadingModel;
 use crate::error::Result;
@@ -16,17 +17,23 @@ use std::sync::Arc;
 pub struct Compiler {
     is_sequence: bool,
     latest: Option<Arc<CompiledScene>>,
+    tree: Tree,
 }
 
 impl Compiler {
     /// For one moment, or for several that have nothing to do with each other.
     pub fn single() -> Compiler {
-        Compiler { is_sequence: false, latest: None }
+        Compiler { is_sequence: false, latest: None, tree: Tree::default() }
     }
 
     /// For the moments of a sequence.
     pub fn sequence() -> Compiler {
-        Compiler { is_sequence: true, latest: None }
+        Compiler { is_sequence: true, latest: None, tree: Tree::default() }
+    }
+
+    /// Chooses how good the trees are that rays walk. Default [`Tree::Full`].
+    pub fn set_tree(&mut self, tree: Tree) {
+        self.tree = tree;
     }
 
     /// Compiles a moment for a camera's picture of `width` x `height` pixels. The anchor stays where it was as long as
@@ -51,7 +58,7 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let options = CompileOptions { shading, anchor };
+        let options = CompileOptions { shading, anchor, tree: self.tree };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;

@@ -17,6 +17,7 @@ mod reuse;
 mod run;
 mod scene;
 mod tangents;
+mod tree;
 mod view;
 
 pub use compiler::Compiler;
@@ -26,4 +27,5 @@ pub use medium::Medium;
 pub use objects::ObjectId;
 pub use run::compile;
 pub use scene::{CompileOptions, CompileReport, CompiledScene, Features};
+pub use tree::Tree;
 pub use view::{View, choose_camera};

@@ -4,6 +4,7 @@ use super::bake::{self, Baked};
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan};
+use super::tree::Tree;
 use crate::accel::{self, Accel, AccelInput, Reuse};
 use crate::image::Image;
 use crate::light::{EnvironmentLight, Lights};
@@ -88,6 +89,7 @@ impl Kept {
         materials: &[CompiledMaterial],
         origin: DVec3,
         plan: &Plan,
+        tree: Tree,
     ) -> Geometry {
         let earlier = self.geometry.take();
         let (reuse, kept, accel) = match (earlier, &plan.keys) {
@@ -101,20 +103,22 @@ impl Kept {
             _ => (Reuse::Nothing, bake::Kept::default(), None),
         };
         let baked = bake::bake(scene, materials, origin, plan, kept);
-        let accel = build(&baked, plan, reuse, accel);
+        let accel = build(&baked, plan, tree, reuse, accel);
         Geometry { geometries: baked.geometries, accel }
     }
 }
 
-fn build(baked: &Baked, plan: &Plan, reuse: Reuse, earlier: Option<Accel>) -> Accel {
+fn build(baked: &Baked, plan: &Plan, tree: Tree, reuse: Reuse, earlier: Option<Accel>) -> Accel {
     let Geometries { world, shared, .. } = &baked.geometries;
     let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
+    let triangles = geometries.iter().map(|g| g.triangles.len() as u64).sum();
     let input = AccelInput {
         geometries: &geometries,
         instances: &baked.instances,
         first_moving: baked.first_moving,
         // The world counts, too.
         first_changing: plan.first_changing + 1,
+        quality: tree.quality(triangles),
     };
     match earlier {
         Some(earlier) => earlier.rebuild(reuse, &input),

@@ -56,7 +56,7 @@ pub(super) fn compile_after(
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
     check_size(scene, &plan)?;
-    let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan);
+    let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);
 
     let emitters = emitters::find(&geometries, &materials);
@@ -135,7 +135,7 @@ fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
 }
 
 fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
-    report.bytes = stats.bytes;
+    (report.tree, report.bytes) = (stats.quality, stats.bytes);
     (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
     let dropped = stats.dropped;
     let mut warn = |count: u64, what: &str, with: &str| {

@@ -6,7 +6,8 @@ use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
-use crate::accel::Accel;
+use super::tree::Tree;
+use crate::accel::{Accel, TreeQuality};
 use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
@@ -23,6 +24,8 @@ pub struct CompileOptions {
     /// around it, so it belongs where the camera is. By default the position of the first camera; without a camera the
     /// origin.
     pub anchor: Option<DVec3>,
+    /// How good the trees are that rays walk. Default [`Tree::Full`].
+    pub tree: Tree,
 }
 
 /// What compiling did.
@@ -42,6 +45,8 @@ pub struct CompileReport {
     pub analytic: [u64; ShapeTag::ALL.len()],
     /// Lights, the environment included.
     pub lights: u64,
+    /// How good the trees are that rays walk.
+    pub tree: TreeQuality,
     /// Memory of the accelerator.
     pub bytes: u64,
 }

@@ -21,7 +21,7 @@ mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
-pub use options::{PathReuse, RenderOptions};
+pub use options::{PathReuse, RenderOptions, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;

@@ -22,6 +22,21 @@ pub enum PathReuse {
     Groups(GroupShape),
 }
 
+/// How good the tree over a scene's triangles is, which rays walk. Pictures don't depend on it; full trees make rays faster
+/// and take longer to build.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum TreeChoice {
+    /// Fast where fewer camera rays will be traced than four for each of 130,000 triangles or more, else full. (With a time
+    /// limit, of which nobody knows how many samples it allows, a million camera rays a second are counted at most.)
+    #[default]
+    Auto,
+    /// The tree that is built soon.
+    Fast,
+    /// The best tree.
+    Full,
+}
+
 /// How to render, settled in full. [`Renderer`](super::Renderer) has a method for each of these and makes them from
 /// what is chosen there, what the scene says, and the defaults given here.
 ///

@@ -1,7 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::cancel::CancelHandle;
-use super::options::PathReuse;
+use super::options::{PathReuse, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
 use super::rendering::Rendering;
@@ -136,6 +136,12 @@ impl Renderer {
         self
     }
 
+    /// How good the tree over the scene's triangles is.
+    pub fn tree(mut self, tree: TreeChoice) -> Renderer {
+        self.choices.tree = tree;
+        self
+    }
+
     /// Stops after rendering for this time, or at the number of samples, whichever comes first; `None` removes the
     /// limit.
     pub fn time_limit(mut self, time_limit: impl Into<Option<Duration>>) -> Renderer {
@@ -165,7 +171,9 @@ impl Renderer {
         let settled = self.choices.settle(&scene)?;
         let camera = settled.camera(&scene)?;
         let size = (settled.options.width, settled.options.height);
-        let (compiled, mut report) = Compiler::single().compile(&scene, settled.shading, camera, size)?;
+        let mut compiler = Compiler::single();
+        compiler.set_tree(settled.tree(1));
+        let (compiled, mut report) = compiler.compile(&scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
         let rendering = Rendering::new(compiled, camera, settled.options)?;
         Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))

@@ -1,7 +1,7 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::{PathReuse, RenderOptions};
-use crate::compile::choose_camera;
+use super::options::{PathReuse, RenderOptions, TreeChoice};
+use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::AovSet;
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
@@ -25,6 +25,8 @@ pub struct Choices {
     pub soft_terminator: bool,
     /// See [`RenderOptions::path_reuse`].
     pub path_reuse: PathReuse,
+    /// How good trees are.
+    pub tree: TreeChoice,
     /// See [`RenderOptions::time_limit`].
     pub time_limit: Option<Duration>,
 }
@@ -37,6 +39,8 @@ pub struct Settled {
     pub options: RenderOptions,
     /// Models that all materials share.
     pub shading: ShadingModel,
+    /// How good trees are.
+    pub tree: TreeChoice,
     /// Which of the scene's cameras.
     pub camera: Option<usize>,
     /// Exposure of PNGs, stops.
@@ -52,6 +56,7 @@ impl Default for Choices {
             aovs: options.aovs,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
+            tree: TreeChoice::default(),
             time_limit: options.time_limit,
         }
     }
@@ -80,6 +85,7 @@ impl Choices {
         Ok(Settled {
             options,
             shading: settings.shading(),
+            tree: self.tree,
             camera,
             exposure: settings.exposure.unwrap_or(0.0),
         })
@@ -123,7 +129,22 @@ impl Choices {
     }
 }
 
+/// Camera rays that a time limit allows for, a second: about what two cores trace of easy scenes.
+const RAYS_A_SECOND: f64 = 1e6;
+
 impl Settled {
+    /// What trees are to be good for, if so many pictures have them in common.
+    pub fn tree(&self, pictures: u64) -> Tree {
+        let RenderOptions { width, height, samples, time_limit, .. } = self.options;
+        let rays = u64::from(width) * u64::from(height) * u64::from(samples);
+        let most = time_limit.map_or(u64::MAX, |limit| (limit.as_secs_f64() * RAYS_A_SECOND) as u64);
+        match self.tree {
+            TreeChoice::Auto => Tree::For { camera_rays: rays.min(most).saturating_mul(pictures) },
+            TreeChoice::Fast => Tree::Fast,
+            TreeChoice::Full => Tree::Full,
+        }
+    }
+
     /// The camera in the scene that this was settled for.
     ///
     /// # Errors

@@ -12,4 +12,5 @@ mod solids;
 mod stepping;
 mod support;
 mod textured;
+mod trees;
 mod validated;

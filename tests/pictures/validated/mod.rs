@@ -66,7 +66,8 @@ fn outcome(scene: &Scene, before: &Scene, dice: &mut Dice) -> Result<Outcome, St
             compiler.compile(before, shading, earlier, (8, 8)).expect("the base compiles");
             compiler.compile(scene, shading, camera, (8, 8)).map(|(compiled, ..)| compiled)
         }
-        _ => compile(scene, &CompileOptions { shading, anchor }).map(|(compiled, _)| compiled.into()),
+        _ => compile(scene, &CompileOptions { shading, anchor, ..CompileOptions::default() })
+            .map(|(compiled, _)| compiled.into()),
     };
     let compiled = match (compiled, problems.is_empty()) {
         (Ok(compiled), true) => compiled,

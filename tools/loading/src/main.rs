@@ -2,11 +2,15 @@
 //! into memory. Every reading runs in a process of its own, so that its peak memory is its own; the readings of a
 //! round follow one another, and the fastest of all rounds counts.
 //!
+//! `--stages` prints what a single file takes on the way to its first ray.
+//!
 //! ```text
 //! oscura-loading FOLDER [ROUNDS]     FOLDER holds mesh.ply, mesh.obj and mesh.glb (oscura-assets mesh); 5 rounds
+//! oscura-loading --stages FILE       load, validate, compile: seconds and bytes a triangle
 //! ```
 
 mod alone;
+mod stages;
 
 use oscura::load::{LoadOptions, load};
 use std::path::Path;
@@ -39,12 +43,13 @@ fn main() -> ExitCode {
     let words: Vec<&str> = arguments.iter().map(String::as_str).collect();
     let done = match words[..] {
         ["--one", reader, file] => one(reader, Path::new(file)),
+        ["--stages", file] => stages::table(Path::new(file)),
         [folder] => table(Path::new(folder), 5),
         [folder, rounds] => match rounds.parse() {
             Ok(n @ 1..=1000) => table(Path::new(folder), n),
             _ => Err(format!("'{rounds}' is no number of rounds")),
         },
-        _ => Err("usage: oscura-loading FOLDER [ROUNDS]".to_string()),
+        _ => Err("usage: oscura-loading FOLDER [ROUNDS] | --stages FILE".to_string()),
     };
     match done {
         Ok(()) => ExitCode::SUCCESS,
@@ -80,11 +85,20 @@ fn report(m: &Measured) -> Result<(), String> {
 
 /// Largest resident size of this process so far, in bytes (Linux).
 fn peak() -> Result<u64, String> {
+    status("VmHWM:")
+}
+
+/// Resident size of this process, in bytes (Linux).
+fn resident() -> Result<u64, String> {
+    status("VmRSS:")
+}
+
+fn status(key: &str) -> Result<u64, String> {
     let status =
         std::fs::read_to_string("/proc/self/status").map_err(|e| format!("/proc/self/status: {e}"))?;
-    let line = status.lines().find_map(|l| l.strip_prefix("VmHWM:"));
+    let line = status.lines().find_map(|l| l.strip_prefix(key));
     let kib = line.and_then(|l| l.trim().trim_end_matches(" kB").parse::<u64>().ok());
-    kib.map(|k| k * 1024).ok_or_else(|| "/proc/self/status has no VmHWM".to_string())
+    kib.map(|k| k * 1024).ok_or_else(|| format!("/proc/self/status has no {key}"))
 }
 
 /// Runs all readings `rounds` times and prints the fastest of each.

@@ -7,7 +7,7 @@ mod world;
 
 use cpu_time::ProcessTime;
 use files::Result;
-use oscura::accel::Accel;
+use oscura::accel::{Accel, TreeQuality};
 use oscura::math::{Hit, Ray};
 use oscura::simd::{Level, best_level};
 use rayon::prelude::*;
@@ -20,7 +20,8 @@ const USAGE: &str =
     "usage: oscura-rays --tri F.tri --rays F.rays --mode closest|any [--threads N] [--reps N] \
 [--level avx512|avx2|scalar] [--batch N] [--hits out.hits]
        oscura-rays --make cornell|rocks|terrain|FILE.obj --out DIR
-       oscura-rays --table cornell,rocks,terrain,field [--reps N] [--level ...] [--batch N]";
+       oscura-rays --table cornell,rocks,terrain,field [--reps N] [--level ...] [--batch N]
+       --tree fast|full with either";
 
 /// What the command line asks for.
 #[derive(Clone)]
@@ -36,6 +37,7 @@ struct Options {
     reps: usize,
     batch: usize,
     level: Level,
+    tree: TreeQuality,
 }
 
 fn parse(mut args: impl Iterator<Item = String>) -> Result<Options> {
@@ -51,6 +53,7 @@ fn parse(mut args: impl Iterator<Item = String>) -> Result<Options> {
         reps: 5,
         batch: 4096,
         level: best_level(),
+        tree: TreeQuality::Full,
     };
     while let Some(key) = args.next() {
         let value = args.next().ok_or_else(|| format!("{key}: a value is missing\n{USAGE}"))?;
@@ -70,6 +73,7 @@ fn parse(mut args: impl Iterator<Item = String>) -> Result<Options> {
             "--reps" => options.reps = number()?,
             "--batch" => options.batch = number()?,
             "--level" => options.level = level(&value)?,
+            "--tree" => options.tree = tree(&value)?,
             _ => return Err(format!("{key}: unknown\n{USAGE}")),
         }
     }
@@ -81,6 +85,14 @@ fn mode(name: &str) -> Result<bool> {
         "closest" => Ok(false),
         "any" => Ok(true),
         _ => Err(format!("--mode: {name:?} is neither closest nor any")),
+    }
+}
+
+fn tree(name: &str) -> Result<TreeQuality> {
+    match name {
+        "fast" => Ok(TreeQuality::Fast),
+        "full" => Ok(TreeQuality::Full),
+        _ => Err(format!("--tree: {name:?} is neither fast nor full")),
     }
 }
 
@@ -136,8 +148,9 @@ fn measure(options: &Options) -> Result<()> {
     let mesh = files::read_mesh(options.tri.as_deref().ok_or_else(|| missing("--tri"))?)?;
     let rays = files::read_rays(options.rays.as_deref().ok_or_else(|| missing("--rays"))?)?;
     let triangles = mesh.triangles.len();
-    let accel = Accel::build(std::slice::from_ref(&mesh), &[]);
-    drop(mesh);
+    let world = World::flat(mesh);
+    let accel = world.build(options.tree);
+    drop(world);
     let (speeds, hits) = speeds(&accel, options, &rays)?;
     let found = hits.iter().filter(|hit| hit.is_hit()).count();
     let sum_t: f64 = hits.iter().filter(|hit| hit.is_hit()).map(|hit| f64::from(hit.t)).sum();

@@ -3,7 +3,6 @@
 use crate::files::Result;
 use crate::make::{SCENES, scene};
 use crate::{Options, speeds};
-use oscura::accel::Accel;
 
 /// Builds each scene, traces its rays and prints a line a set.
 pub fn print(names: &str, options: &Options) -> Result<()> {
@@ -15,7 +14,7 @@ pub fn print(names: &str, options: &Options) -> Result<()> {
     for name in names.split(',') {
         let world =
             scene(name).ok_or_else(|| format!("--table: {name:?} is none of {}", SCENES.join(", ")))?;
-        let accel = Accel::build(&world.geometries, &world.instances);
+        let accel = world.build(options.tree);
         let stats = accel.stats();
         let placed = |i: &oscura::accel::AccelInstance| world.geometries[i.geometry as usize].triangles.len();
         let triangles =

@@ -1,6 +1,6 @@
 //! A scene of meshes and their placements, and the rays that a path tracer would send into it.
 
-use oscura::accel::{Accel, AccelInstance, Geometry};
+use oscura::accel::{Accel, AccelInput, AccelInstance, Geometry, TreeQuality};
 use oscura::math::{Bounds3, Frame, Hit, Ray, Vec3};
 
 /// Rays along an edge of the picture.
@@ -31,6 +31,20 @@ impl World {
     /// A world of one mesh.
     pub fn flat(mesh: Geometry) -> World {
         World { geometries: vec![mesh], instances: Vec::new() }
+    }
+
+    /// What rays are traced against.
+    pub fn build(&self, quality: TreeQuality) -> Accel {
+        let geometries: Vec<&Geometry> = self.geometries.iter().collect();
+        let (first_moving, first_changing) = (self.instances.len(), geometries.len());
+        let instances = &self.instances;
+        Accel::build_parts(&AccelInput {
+            geometries: &geometries,
+            instances,
+            first_moving,
+            first_changing,
+            quality,
+        })
     }
 
     /// The ray sets by their names.
