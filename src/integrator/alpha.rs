@@ -1,5 +1,6 @@
 //! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike. Lamps that stop
-//! no light are absent for all rays, which take what they emit along.
+//! no light are absent for all rays, which take what they emit along. One-sided surfaces are absent for rays that come
+//! from behind: shadow rays start at the eye's side of a path, so that they and scattered rays see the same ones.
 
 use super::Integrator;
 use super::lanes::{get_rgb, set_rgb};
@@ -37,9 +38,9 @@ impl Integrator<'_> {
             let Workspace { pending, pending_rays, pending_hits, rays, hits, .. } = &mut *w;
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
-                // The same ray from behind the surface: its origin stays what densities refer to.
-                rays[i as usize].t_min = hits[i as usize].t;
-                rays[i as usize]
+                let i = i as usize;
+                self.step_past(&mut rays[i], &hits[i]);
+                rays[i]
             }));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
@@ -95,7 +96,7 @@ impl Integrator<'_> {
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit);
+            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_present(&shadow_rays[k], hit);
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
@@ -126,7 +127,7 @@ impl Integrator<'_> {
                     occluded[k] = true;
                     return false;
                 }
-                shadow_rays[k].t_min = hit.t;
+                self.step_past(&mut shadow_rays[k], &hit);
                 true
             });
         }
@@ -138,6 +139,33 @@ impl Integrator<'_> {
         hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
     }
 
+    /// Can a shadow ray end here, wherever it hit the primitive? True on the fronts of surfaces that are absent from behind
+    /// only.
+    #[inline(always)]
+    fn is_surely_present(&self, ray: &Ray, hit: &Hit) -> bool {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        material.alpha.is_none()
+            && material.lamp.is_none()
+            && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
+    }
+
+    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
+    ///
+    /// A sheet that has another material on either side is often two at the same place, turned away from each other:
+    /// behind a back that isn't there, what lies at the same distance still counts.
+    fn step_past(&self, ray: &mut Ray, hit: &Hit) {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let is_back =
+            material.is_absent_from_behind && self.scene.geometries.is_back_of_flat(ray, hit) == Some(true);
+        let is_another = hit.t > ray.t_min.next_up();
+        if is_back && is_another {
+            ray.t_min = hit.t.next_down();
+            ray.origin_primitive = hit.into();
+        } else {
+            ray.t_min = hit.t;
+        }
+    }
+
     /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
     #[inline(always)]
     fn is_present(&self, ray: &Ray, hit: &Hit, is_of_camera: bool, salt: impl Fn() -> u32) -> bool {
@@ -145,6 +173,9 @@ impl Integrator<'_> {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        if material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
+            return false;
+        }
         if let Some(lamp) = material.lamp {
             return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
         }

@@ -142,7 +142,6 @@ impl Integrator<'_> {
     fn gather_plain(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
         let material = &self.scene.materials[w.materials[i] as usize];
-        w.wave.vertices.one_sided[k] = f32::from(u8::from(!material.is_two_sided));
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
     }
 
@@ -197,9 +196,6 @@ impl Integrator<'_> {
                 vertex.surface.ng = -vertex.surface.ng;
                 vertex.surface.ns = -vertex.surface.ns;
             }
-        }
-        if is_back && !material.is_two_sided {
-            vertex.bsdf = Bsdf::Black;
         }
         if bounce == 0 && self.options.aovs.any() {
             let Surface { p, ng, ns, .. } = vertex.surface;

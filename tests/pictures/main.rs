@@ -5,6 +5,7 @@ mod compile_scene;
 mod converged;
 mod determinism;
 mod lamps;
+mod one_sided;
 mod path_reuse;
 mod references;
 mod reuse;

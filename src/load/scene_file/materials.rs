@@ -167,7 +167,7 @@ fn read<'a>(
             let radiance = slot("radiance", 0.0);
             let two_sided = fields.flag("two_sided", false);
             let emission = Some(Emission { radiance, two_sided });
-            Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
+            Material { emission, ..Material::new(name, Model::Black) }
         }
         Kind::Pbr => pbr::material(fields, name, slot),
     };
