@@ -23,6 +23,8 @@ pub struct CompiledMaterial {
     pub emission: Option<CompiledEmission>,
     /// Paths that come from behind pass it, as if it wasn't there.
     pub is_absent_from_behind: bool,
+    /// A smooth thin sheet, which light passes straight on: light samples reach through it.
+    pub passes_straight: bool,
     /// What its solids are filled with; `None` for opaque and thin-walled ones.
     pub medium: Option<Medium>,
     /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
@@ -131,6 +133,8 @@ impl CompiledMaterial {
             constant,
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
+            // What passes would not take its light along.
+            passes_straight: program.may_pass_straight() && emission.is_none(),
             is_absent_from_behind: !material.double_sided && !is_transmissive(&model),
             medium: Medium::of(&model, class),
             medium_index: 0,
@@ -152,7 +156,7 @@ impl CompiledMaterial {
 
     /// May rays pass its surface?
     pub fn may_be_absent(&self) -> bool {
-        self.alpha.is_some() || self.lamp.is_some() || self.is_absent_from_behind
+        self.alpha.is_some() || self.lamp.is_some() || self.is_absent_from_behind || self.passes_straight
     }
 
     /// Do the normals of vertices matter?

@@ -1,10 +1,12 @@
 //! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike. Lamps that stop
 //! no light are absent for all rays, which take what they emit along. One-sided surfaces are absent for rays that come
-//! from behind: shadow rays start at the eye's side of a path, so that they and scattered rays see the same ones.
+//! from behind: shadow rays start at the eye's side of a path, so that they and scattered rays see the same ones. What
+//! smooth thin sheets do is in [`super::sheets`].
 
 use super::Integrator;
 use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
+use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
@@ -26,10 +28,11 @@ impl Integrator<'_> {
             let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                let salt = || {
-                    hash32(arriving.carried.seed[i] ^ hash32(arriving.carried.shuffled[i]) ^ (bounce << 16))
-                };
-                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt().wrapping_add(pass))
+                let carried = &mut arriving.carried;
+                let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
+                let salt = salt.wrapping_add(pass);
+                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt)
+                    || self.passes_sheet(i, &rays[i], &hits[i], salt, carried)
             });
             if pending.is_empty() {
                 return;
@@ -96,12 +99,13 @@ impl Integrator<'_> {
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_present(&shadow_rays[k], hit);
+            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_front(&shadow_rays[k], hit);
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
             }
         }
+        let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
                 return;
@@ -121,9 +125,11 @@ impl Integrator<'_> {
                     return false;
                 }
                 let i = shadow_vertices[k] as usize;
-                let path = &wave.paths.carried;
+                let path = &paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass)) {
+                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass))
+                    && !self.light_passes_sheet(i, &shadow_rays[k], &hit, light)
+                {
                     occluded[k] = true;
                     return false;
                 }
@@ -139,13 +145,13 @@ impl Integrator<'_> {
         hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
     }
 
-    /// Can a shadow ray end here, wherever it hit the primitive? True on the fronts of surfaces that are absent from behind
-    /// only.
+    /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
     #[inline(always)]
-    fn is_surely_present(&self, ray: &Ray, hit: &Hit) -> bool {
+    fn is_surely_front(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
             && material.lamp.is_none()
+            && !material.passes_straight
             && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
     }
 

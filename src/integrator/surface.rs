@@ -14,7 +14,7 @@ use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, SurfaceCoordinates};
-use crate::math::{Frame, Hit, Vec3};
+use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
 
@@ -161,9 +161,13 @@ impl Integrator<'_> {
 
     /// The surface where ray `i` hit.
     fn hit_point(&self, i: usize, w: &Workspace) -> HitPoint<'_> {
-        let (ray, hit) = (w.rays[i], w.hits[i]);
-        let surface = self.scene.geometries.surface(&ray, &hit);
-        let material = &self.scene.materials[w.materials[i] as usize];
+        self.point_of(&w.rays[i], w.hits[i], w.materials[i])
+    }
+
+    /// The surface where a ray hit a material.
+    pub(super) fn point_of(&self, ray: &Ray, hit: Hit, material: u32) -> HitPoint<'_> {
+        let surface = self.scene.geometries.surface(ray, &hit);
+        let material = &self.scene.materials[material as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
         HitPoint { surface, hit, material, is_back }
     }
@@ -178,7 +182,10 @@ impl Integrator<'_> {
         if is_solid && is_back {
             self.assume_inside(material, at.hit.t, i, &mut w.arriving);
         }
-        let (bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo);
+        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo);
+        if material.passes_straight && w.arriving.carried.pdf[i] > 0.0 {
+            bsdf = self.stop_at_sheet(bsdf, i, w);
+        }
         let mut vertex = Vertex {
             surface: Surface { ns, ..at.surface },
             bsdf,
@@ -208,7 +215,7 @@ impl Integrator<'_> {
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.
     #[inline(always)]
-    fn read_material(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
+    pub(super) fn read_material(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
             Some(bsdf) => (bsdf, at.surface.ns),
             None => self.textured(at, width, wo),

@@ -9,6 +9,7 @@ mod one_sided;
 mod path_reuse;
 mod references;
 mod reuse;
+mod sheets;
 mod solids;
 mod stepping;
 mod support;

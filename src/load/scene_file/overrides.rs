@@ -1,0 +1,123 @@
+//! What the file beside a model changes of the model's own materials and objects.
+
+use super::build::Build;
+use super::fields::{Fields, nearest};
+use super::materials::Materials;
+use super::pbr;
+use super::textures::Textures;
+use crate::error::Warning;
+use crate::scene::{AlphaMode, FloatSlot, Material, Model};
+use std::ops::Range;
+
+/// The material of a model, with what the keys say; `None` if it has no parameters to change.
+pub(super) fn adjusted<'a>(
+    build: &mut Build,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    index: usize,
+) -> Option<Material> {
+    let mut material = build.loaded.scene.materials[index].clone();
+    let Model::Pbr(mut model) = material.model.clone() else {
+        let message = format!("material '{}' of the model is unlit and has no parameters", material.name);
+        fields.problems.push_help(fields.span(), message, "give it a 'type'");
+        return None;
+    };
+    let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
+    pbr::adjust(fields, &mut material, &mut model, slot);
+    let modes = [
+        ("opaque", AlphaMode::Opaque),
+        ("mask", AlphaMode::Mask { cutoff: 0.5 }),
+        ("blend", AlphaMode::Blend),
+    ];
+    if let Some(mode) = fields.choice("alpha", &modes) {
+        if material.alpha_mode == AlphaMode::Opaque {
+            let texture = model.base_color.texture.map(|texture| (texture, 3));
+            material.alpha = FloatSlot { factor: 1.0, texture };
+        }
+        material.alpha_mode = mode;
+    }
+    fields.finish();
+    Some(Material { model: Model::Pbr(model), ..material })
+}
+
+/// Warns of a table that is named as no material of the model and that no object refers to.
+pub(super) fn warn_of_unknown(build: &mut Build, name: &str) {
+    let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
+    let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
+    let message = format!("the model has no material '{name}' and no object asks for it{help}");
+    build.loaded.warnings.push(Warning::new(build.file, "", message));
+}
+
+/// Reads `[objects.NAME]`: changes of the model's own objects.
+pub(super) fn objects<'a>(
+    build: &mut Build,
+    all: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    for (name, value) in all.entries() {
+        match value.get_ref().as_table() {
+            Some(table) => {
+                let fields = Fields::new(format!("object '{name}'"), table, value.span(), all.problems);
+                object(build, &fields, (name, value.span()), materials, textures);
+            }
+            None => all.problems.push(value.span(), format!("object '{name}' must be a table")),
+        }
+    }
+}
+
+/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, or another `material`.
+pub(super) fn object<'a>(
+    build: &mut Build,
+    fields: &Fields<'a>,
+    (name, span): (&str, Range<usize>),
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    let is_hidden = fields.flag("hidden", false);
+    let wanted = fields.string("material");
+    let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    fields.finish();
+    let scene = &mut build.loaded.scene;
+    let is_meant = |path: &str| is_on_path(name, path);
+    let is_there =
+        scene.instances.iter().any(|i| is_meant(&i.name)) || scene.lights.iter().any(|l| l.name == name);
+    if !is_there {
+        let nodes = scene.instances.iter().flat_map(|i| i.name.split('/'));
+        let help = match nearest(name, nodes.chain(scene.lights.iter().map(|l| l.name.as_str()))) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("it has {} placed meshes", scene.instances.len()),
+        };
+        return fields.problems.push_help(span, format!("the model has no object '{name}'"), help);
+    }
+    if is_hidden {
+        scene.instances.retain(|i| !is_meant(&i.name));
+        scene.lights.retain(|l| l.name != name);
+    }
+    if let Some(material) = material {
+        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
+        own.for_each(|instance| instance.material = Some(material));
+    }
+}
+
+/// Is a name, or several joined by slashes, on the way of names to a node?
+fn is_on_path(name: &str, path: &str) -> bool {
+    format!("/{path}/").contains(&format!("/{name}/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_nodes_on_the_way() {
+        assert!(
+            is_on_path("Fog", "Fog") && is_on_path("Fog", "Room/Fog") && is_on_path("Room", "Room/Fog/3")
+        );
+        assert!(
+            is_on_path("Room/Fog", "House/Room/Fog")
+                && !is_on_path("Fo", "Fog")
+                && !is_on_path("Fog", "Foggy/x")
+        );
+    }
+}
