@@ -16,13 +16,19 @@ use crate::shape::Surface;
 const MAX_PASSES: u32 = 4096;
 
 impl Integrator<'_> {
-    /// Moves hits on absent surfaces to the next present one.
+    /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         w.pending.clear();
+        w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
-            if self.is_doubtful(hit) {
-                w.pending.push(i as u32);
+            let mut material = 0;
+            if hit.is_hit() {
+                material = self.scene.geometries.material(hit);
+                if self.may_be_absent[material as usize] {
+                    w.pending.push(i as u32);
+                }
             }
+            w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
             let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
@@ -38,7 +44,7 @@ impl Integrator<'_> {
                 return;
             }
             self.take_light_along(bounce, w);
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, .. } = &mut *w;
+            let Workspace { pending, pending_rays, pending_hits, rays, hits, materials, .. } = &mut *w;
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
                 let i = i as usize;
@@ -50,6 +56,7 @@ impl Integrator<'_> {
             self.scene.accel.closest(pending_rays, pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
+                materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
             }
             w.ray_count += w.pending.len() as u64;
         }

@@ -47,10 +47,12 @@ impl Integrator<'_> {
     /// Does the light of the sample of vertex `i` pass the sheet that its shadow ray hit, if it is one? The contribution
     /// becomes what is left.
     pub(super) fn light_passes_sheet(&self, i: usize, ray: &Ray, hit: &Hit, light: &mut LightLanes) -> bool {
-        let passing = self.straight(ray, hit);
-        let contribution = get_rgb(&light.contribution, i) * passing;
-        set_rgb(&mut light.contribution, i, contribution);
-        contribution.max_element() > 0.0
+        let contribution = get_rgb(&light.contribution, i) * self.straight(ray, hit);
+        let passes = contribution.max_element() > 0.0;
+        if passes {
+            set_rgb(&mut light.contribution, i, contribution);
+        }
+        passes
     }
 
     /// Share of light that passes straight on where a ray hit; zero at all but smooth thin sheets.

@@ -52,7 +52,11 @@ impl Integrator<'_> {
         if self.scene.features.absorption {
             self.absorb(w);
         }
-        let sorted = self.classify(bounce, is_last, w).sorted();
+        let counts = match self.scene.features.alpha {
+            true => self.classify::<true>(bounce, is_last, w),
+            false => self.classify::<false>(bounce, is_last, w),
+        };
+        let sorted = counts.sorted();
         self.sort(bounce, &sorted, w);
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
@@ -61,16 +65,23 @@ impl Integrator<'_> {
         sorted
     }
 
-    /// Finds each hit's material and group.
-    fn classify(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> GroupCounts {
+    /// Finds each hit's material, where it is not known yet, and its group.
+    fn classify<const KNOWS_MATERIALS: bool>(
+        &self,
+        bounce: u32,
+        is_last: bool,
+        w: &mut Workspace,
+    ) -> GroupCounts {
         let mut counts = GroupCounts::new();
         let needs_details = bounce == 0 && self.options.aovs.any();
         w.groups.clear();
-        w.materials.clear();
-        for hit in &w.hits {
+        if !KNOWS_MATERIALS {
+            w.materials.clear();
+        }
+        for (i, hit) in w.hits.iter().enumerate() {
             let (mut material, mut group) = (0, Group::None);
             if hit.is_hit() {
-                material = self.scene.geometries.material(hit);
+                material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
                     Group::Textured if !self.scene.geometries.is_plainly_textured(hit) => Group::MetalRough,
@@ -80,7 +91,9 @@ impl Integrator<'_> {
             }
             counts.add(group);
             w.groups.push(group);
-            w.materials.push(material);
+            if !KNOWS_MATERIALS {
+                w.materials.push(material);
+            }
         }
         counts
     }

@@ -119,7 +119,7 @@ fn the_picture_that_a_ply_file_names_is_its_colour() {
     std::fs::write(folder.path().join("a.ply"), text).expect("written");
     let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, 10, 20, 30];
     std::fs::write(folder.path().join("wall.tga"), picture).expect("written");
-    let loaded = oscura::load::load(folder.path().join("a.ply"), &LoadOptions::default());
+    let loaded = load(folder.path().join("a.ply"), &LoadOptions::default());
     let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
     assert!(!loaded.warnings.iter().any(|w| w.message.contains("wall")), "{:?}", loaded.warnings);
     let Model::Lambert { albedo } = &loaded.scene.materials[0].model else { panic!("not diffuse") };
