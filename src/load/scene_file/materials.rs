@@ -20,7 +20,7 @@
 use super::build::Build;
 use super::fields::{Fields, named};
 use super::textures::Textures;
-use super::{metals, overrides, pbr};
+use super::{adjusted, metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };
@@ -91,7 +91,7 @@ impl<'a> Materials<'a> {
                 let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
                 let changed = match fields.has("type") {
                     true => read(build, textures, &fields, name),
-                    false => overrides::adjusted(build, textures, &fields, index),
+                    false => adjusted::adjusted(build, textures, &fields, index),
                 };
                 if let Some(changed) = changed {
                     build.loaded.scene.materials[index] = changed;
@@ -114,7 +114,7 @@ impl<'a> Materials<'a> {
                 None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
             }
             match build.is_beside_model {
-                true => overrides::warn_of_unknown(build, name),
+                true => adjusted::warn_of_unknown(build, name),
                 false => build.loaded.left_out.push(format!("material '{name}': nothing refers to it")),
             }
         }

@@ -14,6 +14,7 @@
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
 //! What nothing refers to is not loaded. A file beside a model may say what the model can't (`sidecar`).
 
+mod adjusted;
 mod assets;
 mod build;
 mod camera;
