@@ -127,6 +127,11 @@ impl Transmissive for Dielectric {
     fn with_ior(self, ior: f32) -> Self {
         Dielectric { ior, ..self }
     }
+
+    #[inline(always)]
+    fn crossing_tint(&self) -> Rgb {
+        self.tint
+    }
 }
 
 impl Transmissive for ThinDielectric {
@@ -138,6 +143,16 @@ impl Transmissive for ThinDielectric {
     fn with_ior(self, _ior: f32) -> Self {
         // Thin walls disperse nothing.
         self
+    }
+
+    #[inline(always)]
+    fn crossing_tint(&self) -> Rgb {
+        self.tint
+    }
+
+    #[inline(always)]
+    fn straight(&self, wo: Vec3) -> Rgb {
+        self.tint * (1.0 - self.reflectance(wo.z))
     }
 }
 

@@ -165,6 +165,24 @@ macro_rules! bsdfs {
                 }
             }
 
+            /// See [`Transmissive::crossing_tint`].
+            pub fn crossing_tint(&self) -> Rgb {
+                match self {
+                    Bsdf::Black => Rgb::ONE,
+                    $(Bsdf::$opaque(_) => Rgb::ONE,)*
+                    $(Bsdf::$transmissive(lobe) => lobe.crossing_tint(),)*
+                }
+            }
+
+            /// See [`Transmissive::straight`].
+            pub fn straight(&self, wo: Vec3) -> Rgb {
+                match self {
+                    Bsdf::Black => Rgb::ZERO,
+                    $(Bsdf::$opaque(_) => Rgb::ZERO,)*
+                    $(Bsdf::$transmissive(lobe) => lobe.straight(with_side(wo)),)*
+                }
+            }
+
             /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
             #[inline]
             pub fn albedo(&self) -> Rgb {

@@ -57,6 +57,9 @@ struct LayeredClosure {
 
 const PARTS: usize = 5;
 
+/// The last part.
+const GLASS: usize = 4;
+
 impl Layered {
     #[inline]
     fn closure(&self, wo: Vec3) -> LayeredClosure {
@@ -223,6 +226,17 @@ impl Transmissive for Layered {
     fn with_ior(mut self, ior: f32) -> Self {
         self.glass.ior = ior;
         self
+    }
+
+    #[inline(always)]
+    fn crossing_tint(&self) -> Rgb {
+        self.glass.tint
+    }
+
+    #[inline]
+    fn straight(&self, wo: Vec3) -> Rgb {
+        let closure = self.closure(wo);
+        closure.weights[GLASS] * closure.glass.straight(wo)
     }
 }
 

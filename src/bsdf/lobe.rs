@@ -37,4 +37,13 @@ pub trait Transmissive: Lobe {
 
     /// With another index of refraction of its glass, for one wavelength of a dispersive material.
     fn with_ior(self, ior: f32) -> Self;
+
+    /// Factor on the light that crosses the surface, whatever is reflected.
+    fn crossing_tint(&self) -> Rgb;
+
+    /// Share of the light that passes straight on, as if nothing but a filter was there; zero for what bends or blurs it.
+    #[inline(always)]
+    fn straight(&self, _wo: Vec3) -> Rgb {
+        Rgb::ZERO
+    }
 }

@@ -90,7 +90,36 @@ dispatch::bsdfs! {
     }
 }
 
+impl Bsdf {
+    /// All but what passes [straight on](Bsdf::straight).
+    pub fn without_straight(self) -> Bsdf {
+        let without = |glass: RoughDielectric| RoughDielectric { tint: Rgb::ZERO, ..glass };
+        match self {
+            Bsdf::ThinDielectric(ThinDielectric { ior, .. }) => Bsdf::RoughDielectric(RoughDielectric {
+                surface: Microsurface::isotropic(0.0),
+                ior,
+                walls: Walls::Thin,
+                tint: Rgb::ZERO,
+                reflectance: GlassReflectance::Plain,
+                energy_compensation: EnergyCompensation::Off,
+            }),
+            Bsdf::RoughDielectric(glass) => Bsdf::RoughDielectric(without(glass)),
+            Bsdf::Layered(layered) => Bsdf::Layered(Layered { glass: without(layered.glass), ..layered }),
+            other => other,
+        }
+    }
+}
+
 impl BsdfProgram {
+    /// May light pass [straight on](Bsdf::straight)? Where only a texture makes a sheet smooth it is not looked for.
+    pub fn may_pass_straight(&self) -> bool {
+        match self {
+            BsdfProgram::ThinDielectric(_) => true,
+            BsdfProgram::Layered(layered) => layered.is_smooth_sheet(),
+            _ => false,
+        }
+    }
+
     /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = shading.energy_compensation;

@@ -133,6 +133,13 @@ impl LayeredProgram {
     }
 }
 
+impl LayeredProgram {
+    /// Is it a thin wall that light passes without being blurred?
+    pub(super) fn is_smooth_sheet(&self) -> bool {
+        self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
+    }
+}
+
 impl MaterialProgram for LayeredProgram {
     type Lobe = Layered;
 

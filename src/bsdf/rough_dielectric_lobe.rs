@@ -137,4 +137,17 @@ impl Transmissive for RoughDielectric {
     fn with_ior(self, ior: f32) -> Self {
         RoughDielectric { ior, ..self }
     }
+
+    #[inline(always)]
+    fn crossing_tint(&self) -> Rgb {
+        self.tint
+    }
+
+    #[inline(always)]
+    fn straight(&self, wo: Vec3) -> Rgb {
+        if self.walls != Walls::Thin || !self.is_smooth() {
+            return Rgb::ZERO;
+        }
+        self.facet(ggx::above(wo).z.min(1.0), self.ior).transmitted
+    }
 }

@@ -53,7 +53,11 @@ pub(crate) enum ShellArg {
 #[derive(Args, Debug)]
 pub(crate) struct NewArgs {
     /// The file to write, .toml.
-    pub scene: PathBuf,
+    #[arg(required_unless_present = "beside", conflicts_with = "beside")]
+    pub scene: Option<PathBuf>,
+    /// Write MODEL.oscura.toml beside a model: what its format can't carry, with what it tells filled in.
+    #[arg(long, value_name = "MODEL")]
+    pub beside: Option<PathBuf>,
     /// Replace a file that exists.
     #[arg(long)]
     pub force: bool,

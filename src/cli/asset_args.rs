@@ -20,12 +20,14 @@ pub(crate) enum LightUnitsArg {
 /// What transparent materials without a volume are.
 #[derive(Clone, Copy, Debug, Default, ValueEnum)]
 pub(crate) enum GlassArg {
-    /// Solid in files by Blender, thin in others.
+    /// Solid in files by Blender where meshes are closed, thin else.
     #[default]
     Auto,
     /// Refracting solids.
     Solid,
-    /// Thin walls.
+    /// As auto, and flat solid panes of windows are single sheets, which light samples pass.
+    Panes,
+    /// Thin walls, as the specification says.
     Thin,
 }
 
@@ -71,6 +73,7 @@ impl AssetArgs {
             glass: match self.glass {
                 GlassArg::Auto => Glass::Auto,
                 GlassArg::Solid => Glass::Solid,
+                GlassArg::Panes => Glass::Panes,
                 GlassArg::Thin => Glass::Thin,
             },
             force: self.force,

@@ -3,6 +3,7 @@
 
 mod args;
 mod asset_args;
+mod beside;
 mod compare;
 mod environment;
 mod excerpt;

@@ -1,7 +1,7 @@
-//! `oscura new`: a commented scene to start from.
+//! `oscura new`: a commented scene to start from, or settings for a model ([`beside`]).
 
-use super::Outcome;
 use super::args::NewArgs;
+use super::{Outcome, beside};
 use oscura::error::{Error, Result};
 use oscura::output::{check_target, write_atomically};
 
@@ -9,7 +9,11 @@ use oscura::output::{check_target, write_atomically};
 const STARTER: &str = include_str!("starter.toml");
 
 pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
-    let path = &args.scene;
+    let path = match (&args.beside, &args.scene) {
+        (Some(model), _) => return beside::run(model, args),
+        (None, Some(path)) => path,
+        (None, None) => return Err(Error::usage("name the file to write")),
+    };
     if path.extension().is_none_or(|e| !e.eq_ignore_ascii_case("toml")) {
         return Err(Error::usage(format!("{}: scene files end in .toml", path.display())));
     }

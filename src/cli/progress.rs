@@ -12,7 +12,11 @@ const PAUSE: Duration = Duration::from_secs(2);
 /// Shows how far rendering is.
 pub(crate) enum Progress {
     Silent,
-    Bar(ProgressBar),
+    Bar {
+        bar: ProgressBar,
+        /// When rendering ends at the latest.
+        limit: Option<Duration>,
+    },
     Lines {
         /// When the last line was printed.
         last: Mutex<Duration>,
@@ -31,11 +35,11 @@ impl Progress {
             return Progress::Lines { last: Mutex::new(Duration::ZERO), limit };
         }
         let bar = ProgressBar::new(1000);
-        let style = "{bar:40} {percent:>3} %  {elapsed} elapsed, {eta} left  {msg}";
+        let style = "{bar:40} {percent:>3} %  {elapsed} elapsed{msg}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
-        Progress::Bar(bar)
+        Progress::Bar { bar, limit }
     }
 
     /// Takes the renderer's news; may be called from any thread.
@@ -46,9 +50,11 @@ impl Progress {
         let speed = rays as f64 / seconds / 1e6;
         match self {
             Progress::Silent => {}
-            Progress::Bar(bar) => {
+            Progress::Bar { bar, limit } => {
                 bar.set_position((share * 1000.0) as u64);
-                bar.set_message(format!("{speed:.1} M rays/s"));
+                let left = left(share, elapsed, *limit);
+                let left = left.map_or_else(String::new, |left| format!(", about {left} left"));
+                bar.set_message(format!("{left}  {speed:.1} M rays/s"));
             }
             Progress::Lines { last, limit } => {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
@@ -56,20 +62,50 @@ impl Progress {
                     return;
                 }
                 *last = elapsed;
-                let until = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());
-                let left = if share > 0.0 { (seconds / share - seconds).min(until) } else { 0.0 };
-                eprintln!(
-                    "{:.1} %  {seconds:.0} s elapsed, about {left:.0} s left, {speed:.1} M rays/s",
-                    share * 100.0
-                );
+                let left = left(share, elapsed, *limit);
+                let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
+                eprintln!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s", share * 100.0);
             }
         }
     }
 
     /// Takes the bar off the screen.
     pub fn finish(&self) {
-        if let Progress::Bar(bar) = self {
+        if let Progress::Bar { bar, .. } = self {
             bar.finish_and_clear();
         }
+    }
+}
+
+/// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
+const LEAST_KNOWN: Duration = Duration::from_millis(500);
+
+/// How long a picture will take of which a share is done; `None` where too little of it is.
+fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String> {
+    if elapsed < LEAST_KNOWN || share <= 0.0 {
+        return None;
+    }
+    let until = limit.map_or(f64::INFINITY, |limit| limit.saturating_sub(elapsed).as_secs_f64());
+    let seconds = (elapsed.as_secs_f64() * (1.0 / share - 1.0)).min(until).max(0.0);
+    Some(match seconds {
+        ..90.0 => format!("{:.0} s", seconds.ceil()),
+        ..5400.0 => format!("{:.0} min", seconds / 60.0),
+        _ => format!("{:.1} h", seconds / 3600.0),
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn nothing_is_said_of_the_rest_before_something_is_known() {
+        let (second, minute) = (Duration::from_secs(1), Duration::from_secs(60));
+        assert_eq!(left(0.5, Duration::from_millis(100), None), None);
+        assert_eq!(left(0.0, second, None), None);
+        assert_eq!(left(0.25, second, None).as_deref(), Some("3 s"));
+        assert_eq!(left(0.001, second, Some(minute)).as_deref(), Some("59 s"));
+        assert_eq!(left(0.1, minute, None).as_deref(), Some("9 min"));
+        assert_eq!(left(0.999, second, None).as_deref(), Some("1 s"));
     }
 }

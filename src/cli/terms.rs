@@ -8,6 +8,7 @@ fn option(choice: Choice) -> &'static str {
     match choice {
         Choice::AllowExternal => "--allow-external",
         Choice::Aovs => "--aov",
+        Choice::Beside => "the file that 'oscura new --beside FILE' writes",
         Choice::Blender => "--blender PATH",
         Choice::Environment => "--env ''",
         Choice::Float => "--float",

@@ -239,6 +239,29 @@ impl Geometries {
         surface
     }
 
+    /// Does a ray hit the back of a flat primitive? `None` for others, where it depends on where they are hit.
+    #[inline]
+    pub fn is_back_of_flat(&self, ray: &Ray, hit: &Hit) -> Option<bool> {
+        let shapes = &self.space(hit).shapes;
+        let corners = match primitive(shapes, hit.prim) {
+            Primitive::Triangle(t) => vertices(&shapes.positions, t),
+            Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
+            Primitive::Analytic(..) => return None,
+        };
+        let mut ng = triangle_surface(corners, 0.0, 0.0).ng;
+        if hit.instance != 0 {
+            let placement = &self.placements[hit.instance as usize - 1];
+            ng = (placement.world_from_object.normal_from_object * ng).normalize();
+        }
+        Some(ng.dot(ray.direction) > 0.0)
+    }
+
+    /// Does a ray hit a surface from behind?
+    pub fn is_back(&self, ray: &Ray, hit: &Hit) -> bool {
+        let of_flat = self.is_back_of_flat(ray, hit);
+        of_flat.unwrap_or_else(|| self.surface(ray, hit).ng.dot(ray.direction) > 0.0)
+    }
+
     /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
     /// so.
     pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> SurfaceCoordinates {

@@ -21,8 +21,10 @@ pub struct CompiledMaterial {
     pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
-    /// The back scatters as the front does (or is the inside of something transparent); otherwise it is black.
-    pub is_two_sided: bool,
+    /// Paths that come from behind pass it, as if it wasn't there.
+    pub is_absent_from_behind: bool,
+    /// A smooth thin sheet, which light passes straight on: light samples reach through it.
+    pub passes_straight: bool,
     /// What its solids are filled with; `None` for opaque and thin-walled ones.
     pub medium: Option<Medium>,
     /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
@@ -131,7 +133,9 @@ impl CompiledMaterial {
             constant,
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
-            is_two_sided: material.double_sided || is_transmissive(&model),
+            // What passes would not take its light along.
+            passes_straight: program.may_pass_straight() && emission.is_none(),
+            is_absent_from_behind: !material.double_sided && !is_transmissive(&model),
             medium: Medium::of(&model, class),
             medium_index: 0,
             normal_map,
@@ -152,7 +156,7 @@ impl CompiledMaterial {
 
     /// May rays pass its surface?
     pub fn may_be_absent(&self) -> bool {
-        self.alpha.is_some() || self.lamp.is_some()
+        self.alpha.is_some() || self.lamp.is_some() || self.is_absent_from_behind || self.passes_straight
     }
 
     /// Do the normals of vertices matter?

@@ -1,10 +1,9 @@
 //! The media of a scene's solids, numbered.
 
-use super::closed::{Outline, outline};
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use crate::error::Warning;
-use crate::scene::{MaterialId, Scene};
+use crate::scene::{MaterialId, Outline, Scene, outline};
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
 ///

@@ -2,7 +2,6 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
-mod closed;
 mod compiler;
 mod content;
 mod emitters;

@@ -80,7 +80,7 @@ pub struct CompiledScene {
 /// What a scene makes use of.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Features {
-    /// Some surface is partly absent.
+    /// Some surface is absent in places or for some rays.
     pub alpha: bool,
     /// Some vertices have shading normals.
     pub normals: bool,

@@ -10,6 +10,8 @@ pub enum Choice {
     AllowExternal,
     /// Channels beside the picture's own.
     Aovs,
+    /// A file beside the model says what its format can't.
+    Beside,
     /// Where Blender is.
     Blender,
     /// The caller lights the scene, or wants no light.
@@ -30,9 +32,10 @@ pub enum Choice {
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 10] = [
+    pub const ALL: [Choice; 11] = [
         Choice::AllowExternal,
         Choice::Aovs,
+        Choice::Beside,
         Choice::Blender,
         Choice::Environment,
         Choice::Float,
@@ -50,6 +53,7 @@ impl fmt::Display for Choice {
         f.write_str(match self {
             Choice::AllowExternal => "`LoadOptions::allow_external`",
             Choice::Aovs => "`Renderer::aovs`",
+            Choice::Beside => "`scene_file::sidecar`",
             Choice::Blender => "`BlenderOptions::program`",
             Choice::Environment => "`LoadOptions::brings_environment`",
             Choice::Float => "`OutputOptions::float`",

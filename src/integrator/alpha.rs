@@ -1,9 +1,12 @@
 //! Surfaces that are partly absent: rays pass there at random. Unbiased for paths and shadow rays alike. Lamps that stop
-//! no light are absent for all rays, which take what they emit along.
+//! no light are absent for all rays, which take what they emit along. One-sided surfaces are absent for rays that come
+//! from behind: shadow rays start at the eye's side of a path, so that they and scattered rays see the same ones. What
+//! smooth thin sheets do is in [`super::sheets`].
 
 use super::Integrator;
 use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
+use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
@@ -13,39 +16,47 @@ use crate::shape::Surface;
 const MAX_PASSES: u32 = 4096;
 
 impl Integrator<'_> {
-    /// Moves hits on absent surfaces to the next present one.
+    /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
         w.pending.clear();
+        w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
-            if self.is_doubtful(hit) {
-                w.pending.push(i as u32);
+            let mut material = 0;
+            if hit.is_hit() {
+                material = self.scene.geometries.material(hit);
+                if self.may_be_absent[material as usize] {
+                    w.pending.push(i as u32);
+                }
             }
+            w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
             let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                let salt = || {
-                    hash32(arriving.carried.seed[i] ^ hash32(arriving.carried.shuffled[i]) ^ (bounce << 16))
-                };
-                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt().wrapping_add(pass))
+                let carried = &mut arriving.carried;
+                let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
+                let salt = salt.wrapping_add(pass);
+                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt)
+                    || self.passes_sheet(i, &rays[i], &hits[i], salt, carried)
             });
             if pending.is_empty() {
                 return;
             }
             self.take_light_along(bounce, w);
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, .. } = &mut *w;
+            let Workspace { pending, pending_rays, pending_hits, rays, hits, materials, .. } = &mut *w;
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
-                // The same ray from behind the surface: its origin stays what densities refer to.
-                rays[i as usize].t_min = hits[i as usize].t;
-                rays[i as usize]
+                let i = i as usize;
+                self.step_past(&mut rays[i], &hits[i]);
+                rays[i]
             }));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
             self.scene.accel.closest(pending_rays, pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
+                materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
             }
             w.ray_count += w.pending.len() as u64;
         }
@@ -95,12 +106,13 @@ impl Integrator<'_> {
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit);
+            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_front(&shadow_rays[k], hit);
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
             }
         }
+        let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
                 return;
@@ -120,13 +132,15 @@ impl Integrator<'_> {
                     return false;
                 }
                 let i = shadow_vertices[k] as usize;
-                let path = &wave.paths.carried;
+                let path = &paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass)) {
+                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass))
+                    && !self.light_passes_sheet(i, &shadow_rays[k], &hit, light)
+                {
                     occluded[k] = true;
                     return false;
                 }
-                shadow_rays[k].t_min = hit.t;
+                self.step_past(&mut shadow_rays[k], &hit);
                 true
             });
         }
@@ -138,6 +152,33 @@ impl Integrator<'_> {
         hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
     }
 
+    /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
+    #[inline(always)]
+    fn is_surely_front(&self, ray: &Ray, hit: &Hit) -> bool {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        material.alpha.is_none()
+            && material.lamp.is_none()
+            && !material.passes_straight
+            && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
+    }
+
+    /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
+    ///
+    /// A sheet that has another material on either side is often two at the same place, turned away from each other:
+    /// behind a back that isn't there, what lies at the same distance still counts.
+    fn step_past(&self, ray: &mut Ray, hit: &Hit) {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let is_back =
+            material.is_absent_from_behind && self.scene.geometries.is_back_of_flat(ray, hit) == Some(true);
+        let is_another = hit.t > ray.t_min.next_up();
+        if is_back && is_another {
+            ray.t_min = hit.t.next_down();
+            ray.origin_primitive = hit.into();
+        } else {
+            ray.t_min = hit.t;
+        }
+    }
+
     /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
     #[inline(always)]
     fn is_present(&self, ray: &Ray, hit: &Hit, is_of_camera: bool, salt: impl Fn() -> u32) -> bool {
@@ -145,6 +186,9 @@ impl Integrator<'_> {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        if material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
+            return false;
+        }
         if let Some(lamp) = material.lamp {
             return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
         }

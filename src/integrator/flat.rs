@@ -1,10 +1,9 @@
 //! Vertices on triangles and quads: their corners are gathered path by path, their surfaces made in vectorised loops.
 
 use super::Integrator;
-use super::lanes::{Lanes3, WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{Lanes3, WAVE, get, set};
 use super::wave::{CornerLanes, Vertices};
 use super::workspace::Workspace;
-use crate::color::Rgb;
 use crate::shape::{Surface, shading_normal, triangle_surface};
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
@@ -37,7 +36,7 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes plain vertices: surfaces, black backs, normals towards the viewer.
+    /// Makes plain vertices: surfaces, normals towards the viewer.
     pub(super) fn make_plain(&self, range: Range<usize>, vertices: &mut Vertices) {
         self.make_surfaces(range.clone(), vertices);
         dispatch(Orient { vertices, range });
@@ -82,7 +81,7 @@ impl<const SMOOTH: bool> Kernel for Surfaces<'_, SMOOTH> {
     }
 }
 
-/// Turns the normals of plain vertices to the viewers, and makes the backs of one-sided ones black.
+/// Turns the normals of plain vertices to the viewers.
 struct Orient<'a> {
     vertices: &'a mut Vertices,
     range: Range<usize>,
@@ -96,13 +95,9 @@ impl Kernel for Orient<'_> {
         let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
             let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
-            let is_back = ng.dot(get(&v.wo, i)) < 0.0;
-            let side = if is_back { -1.0 } else { 1.0 };
+            let side = if ng.dot(get(&v.wo, i)) < 0.0 { -1.0 } else { 1.0 };
             set(&mut v.ng, i, ng * side);
             set(&mut v.ns, i, ns * side);
-            let is_dark = is_back & (v.one_sided[i] > 0.0);
-            let albedo: Rgb = get_rgb(&v.albedo, i) * if is_dark { 0.0 } else { 1.0 };
-            set_rgb(&mut v.albedo, i, albedo);
         }
     }
 }

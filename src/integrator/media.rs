@@ -28,8 +28,10 @@ pub(super) struct Boundary {
     pub beyond: Interior,
 }
 
-/// A surface that isn't there: within other solids of the same medium, or within one that displaces it.
-const HIDDEN: Bsdf = Bsdf::Dielectric(Dielectric { ior: 1.0, tint: Rgb::ONE, fresnel: FresnelModel::Exact });
+/// A surface that isn't there, but for the colour that it gives to light.
+fn hidden(tint: Rgb) -> Bsdf {
+    Bsdf::Dielectric(Dielectric { ior: 1.0, tint, fresnel: FresnelModel::Exact })
+}
 
 impl Integrator<'_> {
     /// Applies absorption to the ways to the hits. What ends nowhere in a solid was not closed, and absorbs nothing.
@@ -92,8 +94,12 @@ impl Integrator<'_> {
         let beyond = if is_back { here.left(medium) } else { here.entered(medium) };
         let outer = if is_back { beyond } else { here };
         let is_displaced = is_back && here.medium() != medium;
+        // Within other solids of the same medium nothing is there. Within one that displaces it a solid ends unseen, but
+        // its colour, which began where it was entered, is that of the light that has left it.
         if is_displaced || outer.medium() == medium {
-            return Boundary { bsdf: HIDDEN, is_inverted: false, beyond };
+            let ends = is_displaced && !beyond.contains(medium);
+            let tint = if ends { bsdf.crossing_tint() } else { Rgb::ONE };
+            return Boundary { bsdf: hidden(tint), is_inverted: false, beyond };
         }
         let media = &self.scene.media;
         let (inside, outside) = (&media[usize::from(medium)], &media[usize::from(outer.medium())]);

@@ -30,6 +30,7 @@ mod media;
 mod normals;
 pub mod reuse;
 mod scatter;
+mod sheets;
 mod sink;
 mod surface;
 #[cfg(test)]

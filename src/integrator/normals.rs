@@ -43,15 +43,25 @@ pub(super) fn bent_normal(ns: Vec3, ng: Vec3, wo: Vec3) -> (Vec3, bool) {
     (select(is_flat, ns, n * side), !is_flat & (is_behind | sinks))
 }
 
+/// The height over the geometric surface at which light is whole, over the sine of the angle between the normals.
+const WHOLE: f32 = 0.5;
+
 /// The share of light from `wi` that a surface shaded with `ns` keeps (Chiang, Li, Burley 2019, "Taming the Shadow
 /// Terminator", eq. 3 and 4): falls to 0 where the light sinks below the geometric surface, which otherwise cuts it off
 /// along the edges of triangles. 1 where both normals are the same or `wi` is on the far side.
+///
+/// Deviation: the paper's term takes light from far above the horizon as well, in even light 3.5 % where the normals are
+/// 10 degrees apart and 9.5 % at 25. Here light that is higher than [`WHOLE`] times the sine of that angle keeps all, and
+/// of the paper's term and a ramp up to there the larger counts: 0.5 % and 2.9 % are lost.
 #[inline(always)]
 pub(super) fn terminator(ns: Vec3, ng: Vec3, wi: Vec3) -> f32 {
-    let (of_surface, of_shading) = (wi.dot(ng), wi.dot(ns));
-    let below = of_shading * ng.dot(ns);
-    let ratio = of_surface / if below > 0.0 { below } else { 1.0 };
-    let g = if (of_surface > 0.0) & (below > 0.0) & (ratio < 1.0) { ratio } else { 1.0 };
+    let (of_surface, of_shading, cosine) = (wi.dot(ng), wi.dot(ns), ng.dot(ns));
+    let below = of_shading * cosine;
+    let squared = 1.0 - cosine * cosine;
+    let whole = WHOLE * (if squared > 0.0 { squared } else { 0.0 }).sqrt();
+    let height = if below < whole { below } else { whole };
+    let ratio = of_surface / if height > 0.0 { height } else { 1.0 };
+    let g = if (of_surface > 0.0) & (height > 0.0) & (ratio < 1.0) { ratio } else { 1.0 };
     g * (1.0 + g * (1.0 - g))
 }
 
@@ -115,6 +125,25 @@ mod tests {
         let ns = Vec3::new(-0.1, 0.2, 1.0).normalize();
         assert!((scattering_normal(ns, Vec3::Z, wo) - ns).length() < 1e-6);
         assert_eq!(scattering_normal(Vec3::Z, Vec3::Z, wo), Vec3::Z);
+    }
+
+    /// Little of even light is lost, beside what lies below the surface.
+    #[test]
+    fn the_terminator_keeps_even_light() {
+        let mut random = Random::new(13);
+        for (degrees, least) in [(10.0f32, 0.993), (25.0, 0.965)] {
+            let angle = degrees.to_radians();
+            let (ng, ns) = (Vec3::Z, Vec3::new(angle.sin(), 0.0, angle.cos()));
+            let (mut cut, mut soft) = (0.0f64, 0.0f64);
+            for _ in 0..200_000 {
+                let mut wi = random.direction();
+                wi.z = wi.z.abs();
+                let light = f64::from(wi.dot(ns).max(0.0));
+                cut += light;
+                soft += light * f64::from(terminator(ns, ng, wi));
+            }
+            assert!(soft > least * cut, "{degrees}: {}", soft / cut);
+        }
     }
 
     #[test]

@@ -14,7 +14,7 @@ use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::compile::{CompiledMaterial, SurfaceCoordinates};
-use crate::math::{Frame, Hit, Vec3};
+use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
 
@@ -52,7 +52,11 @@ impl Integrator<'_> {
         if self.scene.features.absorption {
             self.absorb(w);
         }
-        let sorted = self.classify(bounce, is_last, w).sorted();
+        let counts = match self.scene.features.alpha {
+            true => self.classify::<true>(bounce, is_last, w),
+            false => self.classify::<false>(bounce, is_last, w),
+        };
+        let sorted = counts.sorted();
         self.sort(bounce, &sorted, w);
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
@@ -61,16 +65,23 @@ impl Integrator<'_> {
         sorted
     }
 
-    /// Finds each hit's material and group.
-    fn classify(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> GroupCounts {
+    /// Finds each hit's material, where it is not known yet, and its group.
+    fn classify<const KNOWS_MATERIALS: bool>(
+        &self,
+        bounce: u32,
+        is_last: bool,
+        w: &mut Workspace,
+    ) -> GroupCounts {
         let mut counts = GroupCounts::new();
         let needs_details = bounce == 0 && self.options.aovs.any();
         w.groups.clear();
-        w.materials.clear();
-        for hit in &w.hits {
+        if !KNOWS_MATERIALS {
+            w.materials.clear();
+        }
+        for (i, hit) in w.hits.iter().enumerate() {
             let (mut material, mut group) = (0, Group::None);
             if hit.is_hit() {
-                material = self.scene.geometries.material(hit);
+                material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
                     Group::Textured if !self.scene.geometries.is_plainly_textured(hit) => Group::MetalRough,
@@ -80,7 +91,9 @@ impl Integrator<'_> {
             }
             counts.add(group);
             w.groups.push(group);
-            w.materials.push(material);
+            if !KNOWS_MATERIALS {
+                w.materials.push(material);
+            }
         }
         counts
     }
@@ -142,7 +155,6 @@ impl Integrator<'_> {
     fn gather_plain(&self, i: usize, k: usize, w: &mut Workspace) {
         self.gather_corners(i, k, w);
         let material = &self.scene.materials[w.materials[i] as usize];
-        w.wave.vertices.one_sided[k] = f32::from(u8::from(!material.is_two_sided));
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
     }
 
@@ -162,9 +174,13 @@ impl Integrator<'_> {
 
     /// The surface where ray `i` hit.
     fn hit_point(&self, i: usize, w: &Workspace) -> HitPoint<'_> {
-        let (ray, hit) = (w.rays[i], w.hits[i]);
-        let surface = self.scene.geometries.surface(&ray, &hit);
-        let material = &self.scene.materials[w.materials[i] as usize];
+        self.point_of(&w.rays[i], w.hits[i], w.materials[i])
+    }
+
+    /// The surface where a ray hit a material.
+    pub(super) fn point_of(&self, ray: &Ray, hit: Hit, material: u32) -> HitPoint<'_> {
+        let surface = self.scene.geometries.surface(ray, &hit);
+        let material = &self.scene.materials[material as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
         HitPoint { surface, hit, material, is_back }
     }
@@ -179,7 +195,10 @@ impl Integrator<'_> {
         if is_solid && is_back {
             self.assume_inside(material, at.hit.t, i, &mut w.arriving);
         }
-        let (bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo);
+        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo);
+        if material.passes_straight && w.arriving.carried.pdf[i] > 0.0 {
+            bsdf = self.stop_at_sheet(bsdf, i, w);
+        }
         let mut vertex = Vertex {
             surface: Surface { ns, ..at.surface },
             bsdf,
@@ -198,9 +217,6 @@ impl Integrator<'_> {
                 vertex.surface.ns = -vertex.surface.ns;
             }
         }
-        if is_back && !material.is_two_sided {
-            vertex.bsdf = Bsdf::Black;
-        }
         if bounce == 0 && self.options.aovs.any() {
             let Surface { p, ng, ns, .. } = vertex.surface;
             let albedo = || vertex.bsdf.albedo();
@@ -212,7 +228,7 @@ impl Integrator<'_> {
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.
     #[inline(always)]
-    fn read_material(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
+    pub(super) fn read_material(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
             Some(bsdf) => (bsdf, at.surface.ns),
             None => self.textured(at, width, wo),

@@ -80,14 +80,14 @@ impl Integrator<'_> {
         };
         let reader = PointReader::new(&self.scene.textures, point);
         set(&mut v.textured.mapped, k, material.mapped(&reader));
-        let is_back = ng.dot(get(&v.wo, k)) < 0.0;
         let read = match material.bsdf(&reader, &LocalFrame::STRAIGHT, Rgb::ONE) {
-            Bsdf::MetalRough(m) if material.is_two_sided || !is_back => m,
+            Bsdf::MetalRough(m) => m,
             _ => MetalRough::BLACK,
         };
         store_material(&mut v.metal_rough, k, &read);
         set_rgb(&mut v.albedo, k, read.albedo());
         if material.emission.is_some() {
+            let is_back = ng.dot(get(&v.wo, k)) < 0.0;
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];
             self.emit(i, &HitPoint { surface, hit, material, is_back }, w);

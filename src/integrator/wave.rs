@@ -186,8 +186,6 @@ pub struct LightLanes {
 pub struct Vertices {
     /// At vertices on flat primitives.
     pub corners: CornerLanes,
-    /// 1 if the back is black, else 0; at plain vertices.
-    pub one_sided: Lanes,
     pub p: Lanes3,
     /// What a ray from here leaves.
     pub origin_primitives: [OriginPrimitive; LENGTH],

@@ -42,6 +42,23 @@ pub struct Loaded {
     /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
     /// put lights, as exporters leave such nodes in the place of what glTF can't carry.
     pub empties: Vec<(String, DAffine3)>,
+    /// What Blender's own exporter left out of the file, where it wrote it.
+    pub blender: Option<BlenderExport>,
+}
+
+/// What tells in a glTF file by Blender that its exporter left something out. All by name.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct BlenderExport {
+    /// Empty nodes with names of lamps: what becomes of area lights.
+    pub lamps: Vec<String>,
+    /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
+    pub white: Vec<String>,
+    /// Materials without any parameters, as those become that are made of other nodes than Principled BSDF.
+    pub lost: Vec<String>,
+    /// Opaque materials whose base colour has an image with alpha.
+    pub unused_alpha: Vec<String>,
+    /// Objects of such lost materials that enclose a camera or a lamp, as the cubes of fogs do: with the name of that.
+    pub enclosing: Vec<(String, String)>,
 }
 
 impl From<Scene> for Loaded {

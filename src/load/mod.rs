@@ -9,6 +9,7 @@ pub mod gltf;
 mod guard;
 pub mod image;
 mod loaded;
+mod losses;
 pub mod obj;
 pub mod ply;
 mod polygon;
@@ -18,7 +19,7 @@ mod uri;
 mod words;
 
 pub use formats::extensions;
-pub use loaded::{LoadOptions, Loaded};
+pub use loaded::{BlenderExport, LoadOptions, Loaded};
 
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DQuat};
@@ -159,8 +160,9 @@ fn way_to_a_scene(extension: &str) -> String {
 fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
     if matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar {
         let beside = scene_file::sidecar::path_for(path);
-        if beside.is_file() {
-            scene_file::sidecar::apply(&beside, options, loaded)?;
+        match beside.is_file() {
+            true => scene_file::sidecar::apply(&beside, options, loaded)?,
+            false => losses::say(path, loaded),
         }
     }
     framing::complete(loaded, options.brings_environment);

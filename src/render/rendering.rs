@@ -65,9 +65,9 @@ enum Sharing {
     Decided(Option<GroupShape>),
 }
 
-/// Are there surfaces that are partly absent?
+/// Are there surfaces that some paths pass, by chance?
 fn has_random_surfaces(scene: &CompiledScene) -> bool {
-    scene.materials.iter().any(|material| material.alpha.is_some())
+    scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
 }
 
 impl Sharing {

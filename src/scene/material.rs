@@ -14,7 +14,7 @@ use crate::math::DVec3;
 pub struct Emission {
     /// Radiance: factor and optional texture.
     pub radiance: ColorSlot,
-    /// Emits from the back as well.
+    /// Emits from the back as well; else the back is dark, where [`Material::double_sided`] says that there is one.
     pub two_sided: bool,
 }
 
@@ -87,8 +87,9 @@ pub struct Material {
     pub model: Model,
     /// What it emits.
     pub emission: Option<Emission>,
-    /// False: the back of the surface is black, but still stops light. Transmissive materials scatter on both sides
-    /// whatever this says, and whether the back emits is decided by [`Emission::two_sided`] alone.
+    /// False: seen from behind the surface isn't there (glTF 2.0, section 3.9.5: back faces are culled). What counts is the
+    /// direction in which paths from the eye arrive, those that ask whether a light is hidden included. Transmissive
+    /// materials scatter on both sides whatever this says.
     pub double_sided: bool,
     /// What alpha does.
     pub alpha_mode: AlphaMode,
@@ -128,10 +129,10 @@ impl Material {
         Material::new(name, Model::Pbr(Box::new(parameters)))
     }
 
-    /// A black emitter of constant radiance.
+    /// A black emitter of constant radiance. Its back, where that is dark, is there all the same.
     pub fn emitter(name: impl Into<String>, radiance: [f32; 3], two_sided: bool) -> Material {
         let emission = Some(Emission { radiance: ColorSlot::constant(radiance), two_sided });
-        Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
+        Material { emission, ..Material::new(name, Model::Black) }
     }
 }
 

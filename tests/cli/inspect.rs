@@ -56,7 +56,7 @@ fn people_get_a_tree_with_units_and_places() {
         "\n    ball: sphere of radius 0.5, 'clay'\n",
         "\n    panel: quad of 1.0000 x 2.0000 m, 'panel'\n",
         "'clay': lambert, colour (0.5, 0.25, 0)\n",
-        "'panel': black; emits (3, 3, 3) W/sr/m2 from its front; one-sided\n",
+        "'panel': black; emits (3, 3, 3) W/sr/m2 from its front\n",
         "'bulb': point, (4, 4, 4) W/sr, at (1, 2, 3)\n",
         "environment constant, (0, 0, 1) W/sr/m2\n",
         "0 'camera': perspective, 60 degrees high, at (0, 0, 4) towards (0, 0, -1), lens of radius 34.9075 mm",

@@ -1,5 +1,6 @@
 //! The program from outside: exit codes, messages, files, and every command of the README.
 
+mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;

@@ -1,6 +1,7 @@
 //! What a file says and the scene doesn't hold is named.
 
 use oscura::load::{LoadOptions, Loaded, load};
+use oscura::scene::Model;
 
 const TRIANGLE: &str = "v 0 0 0\nv 1 0 0\nv 0 1 0\n";
 
@@ -91,14 +92,38 @@ fn properties_of_ply_files_that_are_not_read() {
     let textured = said(ply("comment TextureFile wall.png\n", "", "", wedges, "2 0.5 0.5"));
     assert_eq!(
         textured.0,
-        ["property 'texcoord' of 'face': left out", "the texture 'wall.png' of a comment: left out"]
+        [
+            "the texture 'wall.png' of a comment: left out, since the vertices have no texture coordinates",
+            "property 'texcoord' of 'face': left out"
+        ]
     );
+    let coordinates = "property float s\nproperty float t\n";
+    let missing = said(ply("comment TextureFile wall.png\n", coordinates, "0.5 0.5", "", ""));
+    assert_eq!(missing.0, ["the texture 'wall.png' of a comment: left out, 'wall.png' does not exist"]);
+    let stray = said(ply("made by hand\n", "", "", "", ""));
+    assert_eq!(stray.0, ["line 3 of the header, 'made by hand', which means nothing: left out"]);
     let quality = said(ply("", "property float quality\n", "0.5", "", ""));
     assert!(quality.0.is_empty());
     assert_eq!(quality.1, ["property 'quality' of 'vertex': no picture shows it"]);
     assert!(said(ply("", &color, "1 2 3 255", "", "")).0.is_empty());
     let clear = said(ply("", &color, "1 2 3 100", "", ""));
     assert_eq!(clear.0, ["the alpha of 3 vertex colours, which are taken as opaque: left out"]);
+}
+
+/// MeshLab names the picture in a comment.
+#[test]
+fn the_picture_that_a_ply_file_names_is_its_colour() {
+    let coordinates = "property float s\nproperty float t\n";
+    let text = ply("comment TextureFile wall.tga\n", coordinates, "0.5 0.5", "", "");
+    let folder = tempfile::tempdir().expect("a folder");
+    std::fs::write(folder.path().join("a.ply"), text).expect("written");
+    let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, 10, 20, 30];
+    std::fs::write(folder.path().join("wall.tga"), picture).expect("written");
+    let loaded = load(folder.path().join("a.ply"), &LoadOptions::default());
+    let loaded = loaded.unwrap_or_else(|e| panic!("{e}"));
+    assert!(!loaded.warnings.iter().any(|w| w.message.contains("wall")), "{:?}", loaded.warnings);
+    let Model::Lambert { albedo } = &loaded.scene.materials[0].model else { panic!("not diffuse") };
+    assert!(albedo.texture.is_some() && loaded.scene.images[0].width == 1);
 }
 
 const SCENE: &str = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\

@@ -289,10 +289,10 @@ fn colours_of_solids() {
     }
 }
 
-/// The back of a one-sided surface is black, and emission stays on the front.
+/// From behind a one-sided surface isn't there: the sky of 1 is seen through it.
 #[test]
-fn one_sided_surfaces_are_black_behind() {
-    for (from_front, seen) in [(true, 0.5), (false, 0.0)] {
+fn one_sided_surfaces_are_absent_from_behind() {
+    for (from_front, seen) in [(true, 0.5), (false, 1.0)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let mut wall = Material::lambert("wall", [0.5; 3]);
         wall.double_sided = false;

@@ -176,3 +176,36 @@ fn a_sheet_of_glass_is_a_window() {
     let (without, with) = (radiance(false), radiance(true));
     assert!(with > without + 0.05, "{without} {with}");
 }
+
+/// Liquid that overlaps its glass a little shows all of its colour, as it does alone or with a gap.
+#[test]
+fn liquid_that_overlaps_its_glass_keeps_its_colour() {
+    for (what, top, bottom) in [("gap", 0.9, 0.1), ("overlap", 1.03, -0.03)] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut solid = |share: f32| {
+            let pbr = PbrMaterial {
+                base_color: oscura::scene::ColorSlot::constant([share; 3]),
+                metallic: FloatSlot::constant(0.0),
+                roughness: FloatSlot::constant(0.0),
+                transmission: FloatSlot::constant(1.0),
+                has_volume: true,
+                tints_once: true,
+                ior: 1.0,
+                ..PbrMaterial::default()
+            };
+            material(&mut scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
+        };
+        let (wall, liquid) = (solid(0.8), solid(0.05));
+        // The vessel's lid and floor are 0.1 m thick.
+        for (top, bottom, of) in [(1.1, 1.0, wall), (0.0, -0.1, wall), (top, bottom, liquid)] {
+            quad(&mut scene, [-50.0, top, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], of);
+            quad(&mut scene, [-50.0, bottom, 50.0], [0.0, 0.0, -100.0], [100.0, 0.0, 0.0], of);
+        }
+        // As bodies they are open at the sides; what closes them is out of sight.
+        for of in [wall, liquid] {
+            sphere(&mut scene, [900.0, 0.0, 0.0], 1.0, of);
+        }
+        look(&mut scene, [0.0, 3.0, 0.0], [0.0; 3]);
+        assert_radiance(what, &scene, &options(16, 256, 16), 0.05 * 0.8 * 0.8, 1e-2);
+    }
+}

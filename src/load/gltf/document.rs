@@ -95,6 +95,30 @@ impl<'a> Document<'a> {
         generator.is_some_and(|g| g.contains("Blender I/O"))
     }
 
+    /// A JSON pointer in words, where it leads to something that has a name, or into it.
+    pub fn in_names(&self, pointer: &str) -> String {
+        const LISTS: [(&str, &str); 7] = [
+            ("/materials/", "material"),
+            ("/nodes/", "node"),
+            ("/meshes/", "mesh"),
+            ("/images/", "image"),
+            ("/cameras/", "camera"),
+            ("/animations/", "animation"),
+            ("/extensions/KHR_lights_punctual/lights/", "light"),
+        ];
+        let named = LISTS.iter().find_map(|(list, kind)| {
+            let rest = pointer.strip_prefix(list)?;
+            let (index, inside) = rest.split_once('/').unwrap_or((rest, ""));
+            let name =
+                self.json.pointer(&format!("{list}{index}/name"))?.as_str().filter(|n| !n.is_empty())?;
+            Some(match inside {
+                "" => format!("{kind} '{name}'"),
+                inside => format!("{kind} '{name}', {inside}"),
+            })
+        });
+        named.unwrap_or_else(|| pointer.to_string())
+    }
+
     /// How many entries a list of the document has; `list` is its pointer without the leading slash.
     pub fn count(&self, list: &str) -> usize {
         self.list(list).map_or(0, Vec::len)

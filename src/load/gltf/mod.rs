@@ -15,6 +15,7 @@ mod cameras;
 mod container;
 mod document;
 mod draco;
+mod exported;
 mod extensions;
 mod images;
 mod instancing;
@@ -39,7 +40,7 @@ mod vertices;
 pub use options::{Glass, GltfOptions, LightUnits};
 
 use super::{LoadOptions, Loaded};
-use crate::error::{Error, Result};
+use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
 use crate::simd::prefer_huge_pages;
 use animation::Pose;
@@ -122,17 +123,21 @@ fn at(
     let hierarchy = nodes::walk(doc, &pose, &family, report);
     let mut builder = Builder::new(doc, &pose, &family, kept);
     builder.add(&hierarchy, report);
-    let empties = hierarchy.empties(doc);
+    let empties = hierarchy.empties(doc).into_iter().map(|(_, name, place)| (name, place)).collect();
     let left_out = left_out(doc, &builder, &pose);
     let (mut scene, still) = builder.finish(report);
     read_scene(doc, hierarchy.scene, &mut scene, report);
+    let blender = exported::signs_of_loss(doc, &hierarchy, &scene, &kept.materials.signs, report);
     extensions::warn_unread(doc, report);
     let problems = report.take_problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(doc.path, problems));
     }
-    let (warnings, notes) = (report.warnings(), report.notes());
-    Ok((Loaded { scene, warnings, notes, left_out, empties }, still))
+    let named = |list: Vec<Warning>| {
+        list.into_iter().map(|said| Warning { place: doc.in_names(&said.place), ..said }).collect()
+    };
+    let (warnings, notes) = (named(report.warnings()), named(report.notes()));
+    Ok((Loaded { scene, warnings, notes, left_out, empties, blender }, still))
 }
 
 /// What the scene's `extras` say about the picture.

@@ -51,12 +51,12 @@ pub(super) struct Hierarchy {
 const PATH_NAMES: usize = 8;
 
 impl Hierarchy {
-    /// The names and placements of nodes that hold neither a mesh nor a camera nor a light.
-    pub fn empties(&self, doc: &Document) -> Vec<(String, DAffine3)> {
+    /// Nodes that hold neither a mesh nor a camera nor a light: their numbers, names and placements.
+    pub fn empties(&self, doc: &Document) -> Vec<(usize, String, DAffine3)> {
         let empty = |n: &&Node| n.mesh.is_none() && n.camera.is_none() && n.light.is_none();
         let named = |n: &Node| {
             let raw = doc.json.pointer(&n.pointer())?;
-            Some((raw.get("name")?.as_str()?.to_string(), n.world_from_node))
+            Some((n.index, raw.get("name")?.as_str()?.to_string(), n.world_from_node))
         };
         self.nodes.iter().filter(empty).filter_map(named).collect()
     }

@@ -39,13 +39,17 @@ pub enum LightUnits {
 /// met at each crossing of their surface, as the specification says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Glass {
-    /// Solid in files by Blender, which leaves the volume out for ordinary glass; thin in all others, as the
-    /// specification says.
+    /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
+    /// where they don't, and in all other files, as the specification says.
     #[default]
     Auto,
-    /// All transparent materials refract like the surface of a solid body.
+    /// They refract like the surface of a solid body.
     Solid,
-    /// All transparent materials are thin walls that do not refract.
+    /// As [`Glass::Auto`]; and flat closed meshes, the panes of windows, become single sheets, whether a volume is declared or
+    /// not: light samples pass those, where a solid leaves light behind it to chance. They don't bend light and have no
+    /// edges.
+    Panes,
+    /// They are thin walls that do not refract, as the specification says.
     Thin,
 }
 

@@ -206,6 +206,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         let further = report.lasting(|report| images::read(doc, &needs[kept.images.len()..], report));
         kept.images.extend(further);
         scene.images = kept.images.clone();
+        kept.materials.settle_glass(&mut scene.meshes, doc.options.glass, report);
         scene.materials = kept.materials.list.clone();
         scene.textures = kept.materials.textures.list.clone();
         let still = shapes.into_iter().filter(|(shape, _)| shape.is_still());

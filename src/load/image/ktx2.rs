@@ -1,5 +1,5 @@
 //! KTX2 to pixels: Basis Universal textures (ETC1S, UASTC and their relatives, KHR_texture_basisu), and plain 8-bit
-//! pixels. The first level of the first layer is read.
+//! pixels, also deflated by Zstandard or ZLIB. The first level of the first layer is read.
 
 use super::limits;
 use super::source::{Source, Use};
@@ -94,17 +94,48 @@ fn plain_channels(format: u32) -> Option<u32> {
 
 /// Pixels as they stand in the file.
 fn plain(source: &Source, header: &Header, channels: u32) -> Result<Pixels> {
-    if header.supercompression != 0 {
-        return Err(source.error("is a KTX2 file of plain pixels under a compression that is not supported"));
-    }
     let [offset, length, _] = header.level;
     let size = u64::from(header.width) * u64::from(header.height.max(1)) * u64::from(channels);
-    let range = usize::try_from(offset).ok().zip(usize::try_from(size).ok());
-    let pixels = range.and_then(|(start, size)| source.bytes.get(start..start.checked_add(size)?));
-    match pixels {
-        Some(pixels) if length >= size => Ok(Pixels::U8(pixels.to_vec())),
-        _ => Err(source.error(format!("promises {size} bytes of pixels that are not there"))),
+    let range = usize::try_from(offset).ok().zip(usize::try_from(length).ok());
+    let held = range.and_then(|(start, length)| source.bytes.get(start..start.checked_add(length)?));
+    let missing = || source.error(format!("promises {size} bytes of pixels that are not there"));
+    let (held, size) = (held.ok_or_else(missing)?, usize::try_from(size).map_err(|_| missing())?);
+    let mut pixels = match header.supercompression {
+        0 => held.to_vec(),
+        ZSTANDARD => unzstd(source, held, size)?,
+        ZLIB => miniz_oxide::inflate::decompress_to_vec_zlib_with_limit(held, size)
+            .map_err(|e| source.error(format!("holds ZLIB data that can't be inflated: {e}")))?,
+        other => {
+            return Err(
+                source.error(format!("is a KTX2 file of plain pixels under the unknown compression {other}"))
+            );
+        }
+    };
+    if pixels.len() < size {
+        return Err(missing());
     }
+    pixels.truncate(size);
+    Ok(Pixels::U8(pixels))
+}
+
+/// Schemes of supercompression (KTX 2.0, section 3.9).
+const ZSTANDARD: u32 = 2;
+const ZLIB: u32 = 3;
+
+/// At most so many bytes of what Zstandard holds.
+#[cfg(feature = "ktx2")]
+fn unzstd(source: &Source, held: &[u8], size: usize) -> Result<Vec<u8>> {
+    use std::io::Read;
+    let broken = |e: String| source.error(format!("holds Zstandard data that can't be inflated: {e}"));
+    let decoder = ruzstd::StreamingDecoder::new(held).map_err(|e| broken(e.to_string()))?;
+    let mut pixels = Vec::new();
+    decoder.take(size as u64).read_to_end(&mut pixels).map_err(|e| broken(e.to_string()))?;
+    Ok(pixels)
+}
+
+#[cfg(not(feature = "ktx2"))]
+fn unzstd(source: &Source, _: &[u8], _: usize) -> Result<Vec<u8>> {
+    Err(source.lacks(crate::load::decoders::Decoder::Ktx2))
 }
 
 /// Basis Universal as RGB(A), 8-bit or float.

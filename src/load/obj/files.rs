@@ -8,7 +8,7 @@ use std::path::{Component, Path, PathBuf};
 ///
 /// # Errors
 /// Says why there is none.
-pub(super) fn find(file: &Path, name: &str, allow_external: bool) -> Result<PathBuf, String> {
+pub(in crate::load) fn find(file: &Path, name: &str, allow_external: bool) -> Result<PathBuf, String> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let slashed = name.replace('\\', "/");
     let last = slashed.rsplit('/').next().unwrap_or_default();

@@ -16,6 +16,8 @@ mod materials;
 mod mtl;
 mod statements;
 
+pub(in crate::load) use files::find as find_file;
+
 use super::shapes::Repairs;
 use super::{LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};
@@ -70,6 +72,13 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
+/// Does UTF-16 text begin like that? It has a mark of its byte order, or a zero beside each letter.
+fn is_utf_16(start: &[u8]) -> bool {
+    let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
+    matches!(start, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
+        || start.len() >= 4 && start.chunks_exact(2).all(is_letter)
+}
+
 /// The objects of a file, and what else its statements say.
 ///
 /// # Errors
@@ -78,8 +87,8 @@ fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let mut file = File::open(path).map_err(unreadable)?;
     let mut start = Vec::new();
-    file.by_ref().take(2).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
-    if let [0xff, 0xfe] | [0xfe, 0xff] = start[..] {
+    file.by_ref().take(16).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
+    if is_utf_16(&start) {
         return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
     }
     // Corners with the same indices become one vertex; polygons stay what they are.

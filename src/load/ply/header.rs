@@ -23,7 +23,24 @@ pub(super) struct Source<'a> {
     rest: &'a [u8],
     /// What is left of an ascii payload.
     lines: Lines<'a>,
+    /// Lines of the header that mean nothing.
+    strays: Vec<String>,
 }
+
+/// A header's text.
+struct HeaderText {
+    /// With plain line ends, ASCII only, without lines that mean nothing.
+    text: String,
+    /// Its length in the file, bytes.
+    length: usize,
+    /// Its lines in the file.
+    lines: usize,
+    /// Those that mean nothing, with their numbers.
+    strays: Vec<String>,
+}
+
+/// Words that lines of headers begin with.
+const KEYWORDS: [&str; 7] = ["ply", "format", "comment", "obj_info", "element", "property", "end_header"];
 
 /// Which attributes the vertex element defines completely.
 pub(super) struct VertexLayout {
@@ -41,6 +58,8 @@ pub(super) struct Unread {
     pub shown: Vec<String>,
     /// It would not.
     pub rest: Vec<String>,
+    /// Pictures that comments name.
+    pub texture_files: Vec<String>,
 }
 
 /// Names of texture coordinates and of colours.
@@ -51,12 +70,12 @@ const COLORS: [[&str; 3]; 3] =
 impl<'a> Source<'a> {
     /// Checks and reads the header.
     pub fn open(bytes: &'a [u8]) -> Result<Source<'a>> {
-        let (text, length, lines) = header_text(bytes)?;
+        let HeaderText { text, length, lines, strays } = header_text(bytes)?;
         let header = Parser::<super::Skipped>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
-        let source = Source { header, rest, lines: Lines::new(rest, lines) };
+        let source = Source { header, rest, lines: Lines::new(rest, lines), strays };
         source.check_counts()?;
         source.check_types()?;
         Ok(source)
@@ -85,12 +104,19 @@ impl<'a> Source<'a> {
         VertexLayout { position, normal, uv, color, incomplete }
     }
 
+    /// The pictures that comments name, as MeshLab writes them.
+    fn texture_files(&self) -> Vec<String> {
+        let named = self.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
+        named.map(|file| file.trim().to_string()).collect()
+    }
+
     /// Properties that nothing is taken from, with their element: what the file has that shows in a picture, and the rest.
-    /// Also textures that comments name, as MeshLab writes them.
+    /// Also lines of the header that mean nothing.
     pub fn unread(&self, layout: &VertexLayout) -> Unread {
         let incomplete = layout.incomplete.iter();
         let shown = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
-        let mut unread = Unread { shown, rest: Vec::new() };
+        let texture_files = self.texture_files();
+        let mut unread = Unread { shown, rest: Vec::new(), texture_files };
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
             ("vertex", PropertyType::Scalar(_)) => Vertex::slot(name).is_some(),
             ("face" | "tristrips", PropertyType::List(..)) => Face::new().list(name).is_some(),
@@ -106,8 +132,7 @@ impl<'a> Source<'a> {
                 if is_shown { unread.shown.push(what) } else { unread.rest.push(what) }
             }
         }
-        let textures = self.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
-        unread.shown.extend(textures.map(|file| format!("the texture '{}' of a comment", file.trim())));
+        unread.shown.extend(self.strays.iter().cloned());
         unread
     }
 
@@ -176,12 +201,11 @@ fn first_line(text: &str) -> String {
     text.replace("\n\t", "; ").lines().next().unwrap_or_default().trim().to_string()
 }
 
-/// The header with plain line ends and ASCII only, its length in bytes, and its number of lines.
-fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
+fn header_text(bytes: &[u8]) -> Result<HeaderText> {
     if !bytes.starts_with(b"ply") {
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }
-    let (mut text, mut at, mut lines) = (String::new(), 0, 0);
+    let (mut text, mut at, mut lines, mut strays) = (String::new(), 0, 0, Vec::new());
     let limit = bytes.len().min(LONGEST_HEADER);
     while at < limit {
         let (content, next) = split_line(&bytes[at..]);
@@ -195,6 +219,11 @@ fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
         }
         let mut words = line.split_ascii_whitespace();
         let first = words.next().unwrap_or_default();
+        if !KEYWORDS.contains(&first) {
+            let shown: String = line.chars().take(40).collect();
+            strays.push(format!("line {lines} of the header, '{shown}', which means nothing"));
+            continue;
+        }
         if !matches!(first, "comment" | "obj_info")
             // The parser reads digits wherever they stand, also before letters.
             && words.any(|w| w.split(|c: char| !c.is_ascii_digit()).any(|n| n.len() > 18))
@@ -204,7 +233,7 @@ fn header_text(bytes: &[u8]) -> Result<(String, usize, usize)> {
         text.push_str(line);
         text.push('\n');
         if line == "end_header" {
-            return Ok((text, at, lines));
+            return Ok(HeaderText { text, length: at, lines, strays });
         }
     }
     Err(Problem::new("header", "does not end: 'end_header' is missing"))

@@ -4,7 +4,8 @@
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
 //! (`vertex_index` or `vertex_indices`) and `tristrips`. Other elements, and properties of faces that a picture would show,
-//! are left out with a warning, and any other property without. Vertices without faces are a point
+//! are left out with a warning, and any other property without. Where a comment names a picture (`TextureFile`, as MeshLab
+//! writes it) and vertices have texture coordinates, it is the colour. Vertices without faces are a point
 //! cloud, which becomes spheres if the caller gives their radius.
 
 mod ascii;
@@ -14,6 +15,7 @@ mod faces;
 mod header;
 mod lines;
 mod points;
+mod texture;
 
 use super::shapes::Repairs;
 use super::{LoadOptions, Loaded};
@@ -31,6 +33,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let (mesh, left_out) = parse(path, &bytes)?;
     drop(bytes);
     let mut loaded = finish(path, mesh, options)?;
+    texture::add(path, &left_out.texture_files, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.shown.into_iter().map(warning));
     loaded.left_out.extend(left_out.rest.into_iter().map(|what| format!("{what}: no picture shows it")));

@@ -12,6 +12,8 @@ pub(super) struct Build<'a> {
     pub options: &'a LoadOptions,
     /// What is wrong with the file.
     pub problems: &'a Problems<'a>,
+    /// The file lies beside a model, whose parts it may change.
+    pub is_beside_model: bool,
     /// The scene so far.
     pub loaded: Loaded,
 }

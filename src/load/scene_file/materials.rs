@@ -20,7 +20,7 @@
 use super::build::Build;
 use super::fields::{Fields, named};
 use super::textures::Textures;
-use super::{metals, pbr};
+use super::{adjusted, metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };
@@ -54,6 +54,13 @@ impl<'a> Materials<'a> {
         if let Some(done) = self.done.get(name) {
             return *done;
         }
+        // Beside a model its own materials are known, too.
+        if build.is_beside_model && !self.contains(name) {
+            let own = build.loaded.scene.materials.iter().position(|m| m.name == name);
+            if let Some(index) = own {
+                return Some(MaterialId(index as u32));
+            }
+        }
         let value = named(self.fields.as_ref(), "material", name, span, build.problems)?;
         let id = match (value.get_ref().as_table(), &self.fields) {
             (Some(table), Some(all)) => {
@@ -72,6 +79,28 @@ impl<'a> Materials<'a> {
         id
     }
 
+    /// Changes the materials of a model that tables are named as: all of a material where there is a `type`, else what the
+    /// keys say.
+    pub fn override_model(&mut self, build: &mut Build, textures: &mut Textures<'a>) {
+        let Some(all) = &self.fields else { return };
+        for (name, value) in all.entries() {
+            let own = 0..build.loaded.scene.materials.len();
+            let own: Vec<usize> = own.filter(|&i| build.loaded.scene.materials[i].name == name).collect();
+            let (Some(&first), Some(table)) = (own.first(), value.get_ref().as_table()) else { continue };
+            for &index in &own {
+                let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
+                let changed = match fields.has("type") {
+                    true => read(build, textures, &fields, name),
+                    false => adjusted::adjusted(build, textures, &fields, index),
+                };
+                if let Some(changed) = changed {
+                    build.loaded.scene.materials[index] = changed;
+                }
+            }
+            self.done.insert(name.to_string(), Some(MaterialId(first as u32)));
+        }
+    }
+
     /// Notes materials that nothing refers to. Their keys are checked, but their images not opened.
     pub fn check_unused(&self, build: &mut Build, textures: &mut Textures<'a>) {
         textures.only_check();
@@ -84,7 +113,10 @@ impl<'a> Materials<'a> {
                 }
                 None => build.problems.push(value.span(), format!("material '{name}' must be a table")),
             }
-            build.loaded.left_out.push(format!("material '{name}': nothing refers to it"));
+            match build.is_beside_model {
+                true => adjusted::warn_of_unknown(build, name),
+                false => build.loaded.left_out.push(format!("material '{name}': nothing refers to it")),
+            }
         }
     }
 }
@@ -167,9 +199,12 @@ fn read<'a>(
             let radiance = slot("radiance", 0.0);
             let two_sided = fields.flag("two_sided", false);
             let emission = Some(Emission { radiance, two_sided });
-            Material { emission, double_sided: two_sided, ..Material::new(name, Model::Black) }
+            Material { emission, ..Material::new(name, Model::Black) }
         }
-        Kind::Pbr => pbr::material(fields, name, slot),
+        Kind::Pbr => {
+            let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
+            pbr::material(fields, name, slot)
+        }
     };
     fields.finish();
     Some(material)

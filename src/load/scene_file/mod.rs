@@ -14,6 +14,7 @@
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
 //! What nothing refers to is not loaded. A file beside a model may say what the model can't (`sidecar`).
 
+mod adjusted;
 mod assets;
 mod build;
 mod camera;
@@ -26,6 +27,7 @@ mod materials;
 mod metals;
 mod object;
 mod objects;
+mod overrides;
 mod parts;
 mod pbr;
 mod placement;
@@ -66,7 +68,8 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         }
         return Loaded::default();
     }
-    let mut build = Build { file: path, options, problems, loaded: Loaded::default() };
+    let mut build =
+        Build { file: path, options, problems, loaded: Loaded::default(), is_beside_model: false };
     build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
     root.require("objects", root.list("objects"));

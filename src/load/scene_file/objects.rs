@@ -16,9 +16,9 @@ use super::build::Build;
 use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};
-use super::round;
 use super::textures::Textures;
 use super::transform;
+use super::{overrides, round};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
@@ -36,6 +36,10 @@ pub(super) fn read<'a>(
     textures: &mut Textures<'a>,
     assets: &mut Assets,
 ) {
+    if build.is_beside_model && root.raw("objects").is_some_and(|v| v.get_ref().is_table()) {
+        let changed = root.table("objects");
+        return changed.into_iter().for_each(|all| overrides::objects(build, &all, materials, textures));
+    }
     let Some(list) = root.list("objects") else { return };
     for table in list.iter().filter_map(|v| v.get_ref().as_table()) {
         let file = table.get("mesh").and_then(|v| v.get_ref().as_str());
@@ -49,6 +53,12 @@ pub(super) fn read<'a>(
             continue;
         };
         let fields = Fields::new(format!("object {}", i + 1), table, value.span(), root.problems);
+        if build.is_beside_model
+            && let Some(node) = fields.string("node")
+        {
+            overrides::object(build, &fields, (node.value, node.span), materials, textures);
+            continue;
+        }
         let object = Object {
             name: fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string()),
             world_from_object: transform::read(&fields),

@@ -41,6 +41,7 @@ pub(super) fn read_parts<'a>(
     if let Some(fields) = root.table("environment") {
         environment::read(build, &fields);
     }
+    materials.override_model(build, &mut textures);
     objects::read(build, root, &mut materials, &mut textures, assets);
     lights::read(build, root);
     camera(build, assets);

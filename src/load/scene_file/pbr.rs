@@ -18,7 +18,7 @@
 //! | `iridescence_ior`, `iridescence_thickness` | 1.3, 400 | the film's index of refraction and its thickness in nanometres |
 //! | `diffuse_transmission`, `diffuse_transmission_color` | 0, 1 | share and colour of diffuse light that passes |
 //! | `emission` | none | radiance |
-//! | `two_sided` | true | the back scatters as the front does |
+//! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
 
 use super::fields::Fields;
 use crate::scene::{
@@ -30,32 +30,52 @@ use crate::scene::{
 pub(super) fn material(
     fields: &Fields,
     name: &str,
-    mut slot: impl FnMut(&'static str, f32) -> ColorSlot,
+    slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) -> Material {
-    let mut model = PbrMaterial {
-        base_color: slot("base_color", 1.0),
-        metallic: share(fields, "metallic", 0.0),
-        roughness: share(fields, "roughness", 1.0),
-        ior: fields.number_in("ior", 1.0..10.0, 1.5) as f32,
-        specular: share(fields, "specular", 1.0),
-        specular_color: slot("specular_color", 1.0),
-        transmission: share(fields, "transmission", 0.0),
-        ..PbrMaterial::default()
-    };
+    let metallic = FloatSlot::constant(0.0);
+    let model = PbrMaterial { metallic, ..PbrMaterial::default() };
     check_layers(fields);
-    volume(fields, &mut model);
-    layers(fields, &mut model, &mut slot);
-    let two_sided = fields.flag("two_sided", true);
-    let emission = fields.has("emission").then(|| Emission { radiance: slot("emission", 0.0), two_sided });
-    Material { emission, double_sided: two_sided, ..Material::new(name, Model::Pbr(Box::new(model))) }
+    let (mut model, mut material) = (model, Material::new(name, Model::Black));
+    adjust(fields, &mut material, &mut model, slot);
+    Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
-fn share(fields: &Fields, key: &'static str, default: f64) -> FloatSlot {
-    FloatSlot::constant(fields.number_in(key, 0.0..1.0, default) as f32)
+/// Changes a glTF material and its model in what the keys say; all else stays.
+pub(super) fn adjust(
+    fields: &Fields,
+    material: &mut Material,
+    model: &mut PbrMaterial,
+    mut slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
+) {
+    model.base_color = slot("base_color", model.base_color);
+    model.metallic = share(fields, "metallic", model.metallic);
+    model.roughness = share(fields, "roughness", model.roughness);
+    model.ior = fields.number_in("ior", 1.0..10.0, model.ior.into()) as f32;
+    model.specular = share(fields, "specular", model.specular);
+    model.specular_color = slot("specular_color", model.specular_color);
+    model.transmission = share(fields, "transmission", model.transmission);
+    volume(fields, model);
+    layers(fields, model, &mut slot);
+    material.double_sided = fields.flag("two_sided", material.double_sided);
+    let two_sided = material.double_sided;
+    if let Some(emission) = &mut material.emission {
+        emission.two_sided = two_sided;
+    }
+    if fields.has("emission") {
+        let radiance = slot("emission", ColorSlot::constant([0.0; 3]));
+        material.emission = Some(Emission { radiance, two_sided });
+    }
+}
+
+fn share(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
+    match fields.has(key) {
+        true => FloatSlot::constant(fields.number_in(key, 0.0..1.0, otherwise.factor.into()) as f32),
+        false => otherwise,
+    }
 }
 
 fn volume(fields: &Fields, model: &mut PbrMaterial) {
-    model.has_volume = fields.flag("volume", false);
+    model.has_volume = fields.flag("volume", model.has_volume);
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
             fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");
@@ -66,7 +86,7 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
         let distance = fields.number_in("attenuation_distance", 1e-9..f64::INFINITY, 1.0);
         model.attenuation_distance = distance as f32;
     }
-    model.dispersion = fields.number_in("dispersion", 0.0..100.0, 0.0) as f32;
+    model.dispersion = fields.number_in("dispersion", 0.0..100.0, model.dispersion.into()) as f32;
     let inside = ["attenuation_color", "attenuation_distance", "dispersion"];
     if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
@@ -90,33 +110,54 @@ fn check_layers(fields: &Fields) {
     }
 }
 
-fn layers(fields: &Fields, model: &mut PbrMaterial, slot: &mut impl FnMut(&'static str, f32) -> ColorSlot) {
-    let coat = Clearcoat {
-        factor: share(fields, "clearcoat", 0.0),
-        roughness: share(fields, "clearcoat_roughness", 0.0),
-        normal_map: None,
-    };
+fn layers(
+    fields: &Fields,
+    model: &mut PbrMaterial,
+    slot: &mut impl FnMut(&'static str, ColorSlot) -> ColorSlot,
+) {
+    const NONE: FloatSlot = FloatSlot::constant(0.0);
+    let coat = model.clearcoat.unwrap_or(Clearcoat { factor: NONE, roughness: NONE, normal_map: None });
+    let factor = share(fields, "clearcoat", coat.factor);
+    let coat = Clearcoat { factor, roughness: share(fields, "clearcoat_roughness", coat.roughness), ..coat };
     model.clearcoat = (coat.factor.factor > 0.0).then_some(coat);
-    let sheen = Sheen { color: slot("sheen_color", 0.0), roughness: share(fields, "sheen_roughness", 0.0) };
+    let sheen = model.sheen.unwrap_or(Sheen { color: ColorSlot::constant([0.0; 3]), roughness: NONE });
+    let color = slot("sheen_color", sheen.color);
+    let sheen = Sheen { color, roughness: share(fields, "sheen_roughness", sheen.roughness) };
     model.sheen = (sheen.color.factor != [0.0; 3]).then_some(sheen);
+    let anisotropy =
+        model.anisotropy.unwrap_or(Anisotropy { strength: 0.0, rotation_rad: 0.0, texture: None });
+    let degrees = f64::from(anisotropy.rotation_rad).to_degrees();
     let anisotropy = Anisotropy {
-        strength: fields.number_in("anisotropy", 0.0..1.0, 0.0) as f32,
-        rotation_rad: fields.number_in("anisotropy_rotation", -1e4..1e4, 0.0).to_radians() as f32,
-        texture: None,
+        strength: fields.number_in("anisotropy", 0.0..1.0, anisotropy.strength.into()) as f32,
+        rotation_rad: fields.number_in("anisotropy_rotation", -1e4..1e4, degrees).to_radians() as f32,
+        ..anisotropy
     };
     model.anisotropy = (anisotropy.strength > 0.0).then_some(anisotropy);
-    let thickness_nm = fields.number_in("iridescence_thickness", 0.0..1e5, 400.0) as f32;
-    let film = Iridescence {
-        factor: share(fields, "iridescence", 0.0),
-        ior: fields.number_in("iridescence_ior", 1.0..10.0, 1.3) as f32,
-        thickness_min_nm: thickness_nm,
-        thickness_max_nm: thickness_nm,
-        thickness_texture: None,
-    };
-    model.iridescence = (film.factor.factor > 0.0).then_some(film);
-    let through = DiffuseTransmission {
-        factor: share(fields, "diffuse_transmission", 0.0),
-        color: slot("diffuse_transmission_color", 1.0),
-    };
+    film(fields, model);
+    let white = ColorSlot::constant([1.0; 3]);
+    let through = model.diffuse_transmission.unwrap_or(DiffuseTransmission { factor: NONE, color: white });
+    let factor = share(fields, "diffuse_transmission", through.factor);
+    let through = DiffuseTransmission { factor, color: slot("diffuse_transmission_color", through.color) };
     model.diffuse_transmission = (through.factor.factor > 0.0).then_some(through);
+}
+
+fn film(fields: &Fields, model: &mut PbrMaterial) {
+    let film = model.iridescence.unwrap_or(Iridescence {
+        factor: FloatSlot::constant(0.0),
+        ior: 1.3,
+        thickness_min_nm: 400.0,
+        thickness_max_nm: 400.0,
+        thickness_texture: None,
+    });
+    let mut film = Iridescence {
+        factor: share(fields, "iridescence", film.factor),
+        ior: fields.number_in("iridescence_ior", 1.0..10.0, film.ior.into()) as f32,
+        ..film
+    };
+    if fields.has("iridescence_thickness") {
+        let thickness_nm = fields.number_in("iridescence_thickness", 0.0..1e5, 400.0) as f32;
+        (film.thickness_min_nm, film.thickness_max_nm) = (thickness_nm, thickness_nm);
+        film.thickness_texture = None;
+    }
+    model.iridescence = (film.factor.factor > 0.0).then_some(film);
 }

@@ -5,6 +5,8 @@
 //! |---|---|
 //! | `[environment]` | the world |
 //! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
+//! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does |
+//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model; among `[[objects]]`, `node = "NAME"` says which node is meant |
 //! | `[camera]` with `look_from` | a camera before those of the model |
 //! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
@@ -49,7 +51,8 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         return String::new();
     }
     let own = std::mem::take(&mut loaded.scene.settings);
-    let mut build = Build { file: path, options, problems, loaded: std::mem::take(loaded) };
+    let mut build =
+        Build { file: path, options, problems, loaded: std::mem::take(loaded), is_beside_model: true };
     let root = Fields::new("the file", root.get_ref(), 0..0, problems);
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {
@@ -59,7 +62,7 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
     });
     *loaded = build.loaded;
     loaded.scene.settings = either(std::mem::take(&mut loaded.scene.settings), own);
-    let parts: Vec<&str> = ["environment", "lights", "objects", "camera", "render"]
+    let parts: Vec<&str> = ["environment", "materials", "lights", "objects", "camera", "render"]
         .into_iter()
         .filter(|p| root.has(p))
         .collect();

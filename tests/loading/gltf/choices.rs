@@ -1,6 +1,6 @@
 //! What options choose: scenes, nodes, variants, units of lights, kinds of glass, demanded extensions.
 
-use super::asset::{load_by, triangle_bytes, triangle_with};
+use super::asset::{corners, load_by, triangle_bytes, triangle_with};
 use oscura::load::gltf::{Glass, GltfOptions, LightUnits};
 use oscura::load::{LoadOptions, Loaded};
 use oscura::math::DVec3;
@@ -103,9 +103,14 @@ fn body(loaded: &Loaded) -> (bool, bool) {
 
 #[test]
 fn glass_without_a_volume() {
-    let asset = |generator: &str, thickness: f64| {
+    let asset = |generator: &str, thickness: f64, is_closed: bool| {
         triangle_with(|a| {
             a["asset"]["generator"] = json!(generator);
+            if is_closed {
+                // A second triangle at the place of the first: each edge belongs to two.
+                let twin = a["meshes"][0]["primitives"][0].clone();
+                a["meshes"][0]["primitives"].as_array_mut().expect("a list").push(twin);
+            }
             a["materials"][0] = json!({"extensions": {
                 "KHR_materials_transmission": {"transmissionFactor": 1},
                 "KHR_materials_volume": {"thicknessFactor": thickness}
@@ -113,19 +118,24 @@ fn glass_without_a_volume() {
         })
     };
     let blender = "Khronos glTF Blender I/O v5.0.21";
-    for (glass, generator, thickness, solid) in [
-        (Glass::Auto, "other", 0.0, false),
-        (Glass::Auto, "other", 0.1, true),
-        (Glass::Auto, blender, 0.0, true),
-        (Glass::Solid, "other", 0.0, true),
-        (Glass::Thin, blender, 0.1, false),
+    for (glass, generator, thickness, is_closed, solid) in [
+        (Glass::Auto, "other", 0.0, true, false),
+        (Glass::Auto, "other", 0.1, false, true),
+        (Glass::Auto, blender, 0.0, true, true),
+        // A pane of one sheet.
+        (Glass::Auto, blender, 0.0, false, false),
+        (Glass::Auto, blender, 0.1, false, true),
+        (Glass::Solid, "other", 0.0, false, true),
+        (Glass::Thin, blender, 0.0, true, false),
+        // What the file itself declares stays.
+        (Glass::Thin, blender, 0.1, true, true),
     ] {
         let options = GltfOptions { glass, ..GltfOptions::default() };
-        let loaded = load(&asset(generator, thickness), options).expect("it loads");
+        let loaded = load(&asset(generator, thickness, is_closed), options).expect("it loads");
         // A body that the file itself gives has the colour of the specification, at each crossing.
         let tints_once = solid && thickness == 0.0;
-        assert_eq!(body(&loaded), (solid, tints_once), "{glass:?} {generator} {thickness}");
-        let guessed = glass == Glass::Auto && solid && thickness == 0.0;
+        assert_eq!(body(&loaded), (solid, tints_once), "{glass:?} {generator} {thickness} {is_closed}");
+        let guessed = glass == Glass::Auto && generator == blender && thickness == 0.0;
         assert_eq!(loaded.notes.iter().any(|w| w.message.contains("GltfOptions::glass")), guessed);
         assert!(loaded.warnings.iter().all(|w| !w.message.contains("GltfOptions::glass")));
     }
@@ -158,4 +168,61 @@ fn demanded_extensions_may_be_ignored_by_force() {
     assert!(message.contains("ACME_x") && message.contains("GltfOptions::force"), "{message}");
     let loaded = load(&asset, GltfOptions { force: true, ..GltfOptions::default() }).expect("it loads");
     assert!(loaded.warnings.iter().any(|w| w.message.contains("ACME_x")));
+}
+
+/// The triangles of a box from the origin, outwards.
+fn box_bytes(size: [f32; 3]) -> Vec<u8> {
+    let mut floats: Vec<f32> = Vec::new();
+    for axis in 0..3 {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        for is_far in [false, true] {
+            let corner = |a: f32, b: f32| {
+                let mut p = [0.0; 3];
+                (p[axis], p[u], p[v]) = (f32::from(u8::from(is_far)) * size[axis], a * size[u], b * size[v]);
+                p
+            };
+            let (b, d) = if is_far { ((1.0, 0.0), (0.0, 1.0)) } else { ((0.0, 1.0), (1.0, 0.0)) };
+            let quad = [corner(0.0, 0.0), corner(b.0, b.1), corner(1.0, 1.0), corner(d.0, d.1)];
+            floats.extend([0, 1, 2, 0, 2, 3].map(|i| quad[i]).as_flattened());
+        }
+    }
+    floats.iter().flat_map(|f| f.to_le_bytes()).collect()
+}
+
+#[test]
+fn flat_panes_become_sheets_where_that_is_wanted() {
+    let shown = |size: [f32; 3], glass: Glass| {
+        let bytes = box_bytes(size);
+        let mut asset = corners(36, bytes.len());
+        asset["accessors"][0]
+            .as_object_mut()
+            .expect("an object")
+            .retain(|key, _| key != "min" && key != "max");
+        asset["materials"] = json!([{
+            "name": "window", "pbrMetallicRoughness": {"baseColorFactor": [0.9, 1, 1, 1], "metallicFactor": 0, "roughnessFactor": 0},
+            "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": 1},
+                "KHR_materials_volume": {"thicknessFactor": 0.1, "attenuationColor": [1, 0.25, 1], "attenuationDistance": 0.04}
+            }
+        }]);
+        asset["meshes"][0]["primitives"][0]["material"] = json!(0);
+        let options =
+            LoadOptions { gltf: GltfOptions { glass, ..GltfOptions::default() }, ..LoadOptions::default() };
+        load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let pane = shown([1.0, 2.0, 0.02], Glass::Panes);
+    let Model::Pbr(model) = &pane.scene.materials[0].model else { panic!("no glTF material") };
+    assert!(!model.has_volume && model.attenuation_distance.is_infinite());
+    // Both crossings' colour, and half the distance's attenuation.
+    let [r, g, b] = model.base_color.factor;
+    assert!((r - 0.81).abs() < 1e-5 && (g - 0.5).abs() < 1e-4 && b == 1.0, "{r} {g} {b}");
+    assert_eq!((pane.scene.meshes[0].triangles.len(), pane.scene.meshes[0].parts[0].triangle_count), (2, 2));
+    let said = pane.notes.iter().find(|n| n.message.contains("single sheets")).expect("it is said");
+    assert!(said.message.contains("'window', 0.020 m thick"), "{said}");
+    // Other bodies stay, and so do panes that nobody asked about.
+    for (size, glass) in [([1.0, 1.0, 0.5], Glass::Panes), ([1.0, 2.0, 0.02], Glass::Auto)] {
+        let loaded = shown(size, glass);
+        let Model::Pbr(model) = &loaded.scene.materials[0].model else { panic!("no glTF material") };
+        assert!(model.has_volume && loaded.scene.meshes[0].triangles.len() == 12);
+    }
 }

@@ -164,3 +164,28 @@ fn how_an_image_asks_to_be_turned_is_noted() {
     assert!(notes.len() == 1 && notes[0].ends_with(expected), "{notes:?}");
     assert!(loaded.warnings.iter().all(|w| !w.message.contains("turned")), "{:?}", loaded.warnings);
 }
+
+/// Plain pixels as they are, and deflated by ZLIB and by Zstandard.
+#[cfg(feature = "ktx2")]
+#[test]
+fn plain_pixels_under_supercompression() {
+    let pixels: Vec<u8> = (0..4 * 2 * 4).map(|i| (i * 7) as u8).collect();
+    let zlib = miniz_oxide::deflate::compress_to_vec_zlib(&pixels, 6);
+    // A frame of one raw block: magic number, one segment of so many bytes, the block's header.
+    let mut zstd = vec![0x28, 0xb5, 0x2f, 0xfd, 0x20, pixels.len() as u8];
+    zstd.extend(&((pixels.len() as u32) << 3 | 1).to_le_bytes()[..3]);
+    zstd.extend(&pixels);
+    let asset = textured("a.ktx2", json!({"source": 1, "extensions": {"KHR_texture_basisu": {"source": 0}}}));
+    for (scheme, level) in [(0, &pixels), (3, &zlib), (2, &zstd)] {
+        let mut bytes = ktx2(37, 4, 2, level);
+        bytes[44] = scheme;
+        bytes[96..104].copy_from_slice(&(pixels.len() as u64).to_le_bytes());
+        let scene = load(&asset, "a.ktx2", &bytes).unwrap_or_else(|e| panic!("scheme {scheme}: {e}")).scene;
+        let oscura::image::Pixels::U8(read) = &*scene.images[0].pixels else { panic!("not bytes") };
+        assert_eq!(read, &pixels, "scheme {scheme}");
+        // Cut short it is an error.
+        let mut cut = ktx2(37, 4, 2, &level[..level.len() - 9]);
+        cut[44] = scheme;
+        assert!(load(&asset, "a.ktx2", &cut).is_err(), "scheme {scheme}");
+    }
+}

@@ -5,6 +5,7 @@ mod choices;
 mod collections;
 mod damage;
 mod decoders;
+mod exported;
 mod geometry;
 mod images;
 mod layers;

@@ -36,6 +36,13 @@ fn utf_16_is_called_by_its_name() {
         let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read");
         assert!(error.to_string().contains("UTF-16"), "{error}");
     }
+    // Without a mark there is a zero beside each letter.
+    let text = "# a triangle\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    for bytes in [u16::to_le_bytes, u16::to_be_bytes] {
+        let text: Vec<u8> = text.encode_utf16().flat_map(bytes).collect();
+        let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read").to_string();
+        assert!(error.contains("UTF-16") && !error.contains('\0'), "{error}");
+    }
 }
 
 #[test]

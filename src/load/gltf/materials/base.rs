@@ -1,7 +1,6 @@
 //! The metallic-roughness model, and what all models share: emission, alpha, normal maps.
 
 use super::builder::{Base, Builder};
-use crate::error::Choice;
 use crate::load::gltf::options::Glass;
 use crate::scene::{AlphaMode, ColorSlot, Emission, FloatSlot, NormalMap, PbrMaterial};
 use gltf::json::extensions::material as ext;
@@ -105,7 +104,7 @@ impl Builder<'_, '_> {
     }
 
     /// Does the material say nothing about how its surface scatters?
-    fn says_nothing(&self) -> bool {
+    pub fn says_nothing(&self) -> bool {
         let extensions = self.raw.get("extensions").and_then(Value::as_object);
         let emits_at_most = |name: &String| name == "KHR_materials_emissive_strength";
         self.raw.get("pbrMetallicRoughness").is_none()
@@ -128,18 +127,14 @@ impl Builder<'_, '_> {
 
     /// Decides whether a transparent material is solid or a thin wall.
     fn glass(&mut self, model: &mut PbrMaterial) {
+        self.needs.glass = true;
         match self.doc.options.glass {
             Glass::Solid => make_solid(model),
-            Glass::Thin => model.has_volume = false,
-            Glass::Auto if !model.has_volume && self.doc.is_from_blender() => {
-                let message = format!(
-                    "is transparent without a volume, as Blender exports glass; taken as solid ({})",
-                    Choice::Glass
-                );
-                self.report.note(&*self.at, message);
+            Glass::Auto | Glass::Panes if !model.has_volume && self.doc.is_from_blender() => {
+                self.needs.body = true;
                 make_solid(model);
             }
-            Glass::Auto => {}
+            Glass::Thin | Glass::Auto | Glass::Panes => {}
         }
     }
 

@@ -5,9 +5,12 @@ mod base;
 mod builder;
 mod layers;
 mod needs;
+mod panes;
+mod signs;
 mod specular_glossiness;
 
 pub(super) use needs::Needs;
+pub(super) use signs::Signs;
 
 use super::document::{Document, name_of, pointer};
 use super::report::{Report, Sound};
@@ -25,7 +28,11 @@ pub(super) struct Materials {
     pub textures: Textures,
     /// The caller replaces all materials: none is read, and the default stands for each.
     pub geometry_only: bool,
+    /// What tells that they lost something, in the order of the list.
+    pub signs: Vec<Signs>,
     needs: Vec<Needs>,
+    /// Those that are on panes, which became sheets.
+    panes: Vec<MaterialId>,
     known: HashMap<Option<usize>, Sound<MaterialId>>,
 }
 
@@ -44,10 +51,11 @@ impl Materials {
         }
         let built = match index {
             Some(index) => report.lasting(|report| build(doc, index, from, &mut self.textures, report)),
-            None => Ok((default_material(), Needs::default())),
+            None => Ok((default_material(), Needs::default(), Signs::default())),
         };
-        let id = built.map(|(material, needs)| {
+        let id = built.map(|(material, needs, signs)| {
             self.list.push(material);
+            self.signs.push(signs);
             self.needs.push(needs);
             MaterialId(self.list.len() as u32 - 1)
         });
@@ -87,7 +95,7 @@ fn build(
     from: &str,
     textures: &mut Textures,
     report: &mut Report,
-) -> Sound<(Material, Needs)> {
+) -> Sound<(Material, Needs, Signs)> {
     let json: gltf::json::Material = doc.entry("materials", index, from, report)?;
     let raw = doc.raw("materials", index, from, report)?;
     let name = name_of(raw, "material", index);
@@ -126,5 +134,6 @@ fn build(
         _ => false,
     };
     let needs = Needs { tangents: tangents || material.normal_map.is_some(), ..builder.needs };
-    Ok((material, needs))
+    let signs = Signs::of(&builder, base.color, material.alpha_mode);
+    Ok((material, needs, signs))
 }

@@ -26,4 +26,8 @@ pub(in crate::load::gltf) struct Needs {
     pub uv_slots: UvSlots,
     /// Tangents.
     pub tangents: bool,
+    /// A body: it is glass that is solid where the meshes enclose one, and thin else.
+    pub body: bool,
+    /// To be looked at for whether they are panes: it is glass.
+    pub glass: bool,
 }

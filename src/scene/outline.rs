@@ -1,11 +1,12 @@
 //! Whether the surfaces of a material enclose something.
 
+use super::{Instance, MaterialId, Mesh, Scene};
+use crate::math::DVec3;
 use crate::sampling::hash::mix64;
-use crate::scene::{Instance, MaterialId, Mesh, Scene};
 
 /// What the surfaces of a material are like together.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Outline {
+pub enum Outline {
     /// There are none.
     None,
     /// Some end at an edge.
@@ -16,7 +17,7 @@ pub(super) enum Outline {
 
 /// The outline of all that has a material. Meshes count as wholes, since a body may have several materials; quads of one
 /// material belong together, spheres are always closed.
-pub(super) fn outline(scene: &Scene, material: MaterialId) -> Outline {
+pub fn outline(scene: &Scene, material: MaterialId) -> Outline {
     let has = |i: &&Instance| match (i.material, scene.meshes.get(i.mesh.index())) {
         (Some(own), _) => own == material,
         (None, Some(mesh)) => mesh.parts.iter().any(|part| part.material == material),
@@ -44,6 +45,29 @@ pub(super) fn outline(scene: &Scene, material: MaterialId) -> Outline {
         _ if edges.sum == 0 && are_closed => Outline::Closed,
         _ => Outline::Open,
     }
+}
+
+/// The largest opening of a body, over its surface.
+const LARGEST_OPENING: f64 = 0.05;
+
+/// Does a mesh enclose a body, but for holes that are small beside it? A bottle does, a window pane of one sheet or a bowl
+/// without thickness does not. The openings are measured by the sum of the triangles' vector areas, which is zero for
+/// closed meshes.
+pub(crate) fn encloses(mesh: &Mesh) -> bool {
+    let mut edges = Edges::default();
+    edges.add_mesh(mesh);
+    if edges.sum == 0 {
+        return true;
+    }
+    let (mut open, mut area) = (DVec3::ZERO, 0.0);
+    for triangle in &mesh.triangles {
+        let corner = |i: u32| mesh.positions.get(i as usize).copied().unwrap_or_default().map(f64::from);
+        let [a, b, c] = triangle.map(|i| DVec3::from_array(corner(i)));
+        let vector = (b - a).cross(c - a);
+        open += vector;
+        area += vector.length();
+    }
+    open.length() <= LARGEST_OPENING * area
 }
 
 /// The exclusive or of a number for each edge: 0 if each belongs to an even number of faces (by chance once in 2^64).
@@ -101,6 +125,28 @@ mod tests {
         assert_eq!([0, 1, 5, 6].map(outline_of_box), {
             [Outline::None, Outline::Open, Outline::Open, Outline::Closed]
         });
+    }
+
+    #[test]
+    fn a_hole_makes_no_sheet_of_a_body() {
+        let n = 12;
+        let at = |i: u32, j: u32| {
+            let (theta, phi) =
+                (f64::from(j) * std::f64::consts::PI / 12.0, f64::from(i) * std::f64::consts::TAU / 12.0);
+            let p = [theta.sin() * phi.cos(), theta.sin() * phi.sin(), theta.cos()];
+            p.map(|c| c as f32)
+        };
+        let ball = |first_ring: u32| {
+            let mut mesh = Mesh::default();
+            for (i, j) in (first_ring..n).flat_map(|j| (0..n).map(move |i| (i, j))) {
+                let start = mesh.positions.len() as u32;
+                let next = (i + 1) % n;
+                mesh.positions.extend([at(i, j), at(i, j + 1), at(next, j + 1), at(next, j)]);
+                mesh.triangles.extend([[start, start + 1, start + 2], [start, start + 2, start + 3]]);
+            }
+            mesh
+        };
+        assert!(encloses(&ball(1)) && !encloses(&ball(6)) && !encloses(&ball(11)));
     }
 
     #[test]

@@ -1,0 +1,180 @@
+//! `oscura new --beside MODEL`: a file of settings for what the model can't carry, with what the model tells filled in.
+
+use super::Outcome;
+use super::args::NewArgs;
+use super::terms;
+use oscura::error::{Error, Result};
+use oscura::load::scene_file::sidecar;
+use oscura::load::{BlenderExport, LoadOptions, Loaded, load};
+use oscura::output::{check_target, write_atomically};
+use oscura::scene::Scene;
+use std::fmt::Write;
+use std::path::Path;
+
+pub(crate) fn run(model: &Path, args: &NewArgs) -> Result<Outcome> {
+    let path = sidecar::path_for(model);
+    if path == model || model.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml")) {
+        let message = format!("{} is no model", model.display());
+        return Err(Error::usage(message).with_help("name a .glb, .gltf, .obj or .ply file"));
+    }
+    if path.exists() && !args.force {
+        let message = format!("{} exists already", path.display());
+        return Err(Error::usage(message).with_help("replace it by --force"));
+    }
+    check_target(&path)?;
+    let options = LoadOptions { no_sidecar: true, brings_environment: true, ..LoadOptions::default() };
+    let loaded = load(model, &options).map_err(terms::in_error)?;
+    write_atomically(&path, text(model, &loaded).as_bytes())?;
+    if !args.quiet {
+        eprintln!("wrote    {}", path.display());
+        let picture = model.with_extension("png");
+        let picture = picture.file_name().unwrap_or_default().to_string_lossy();
+        eprintln!("next     oscura render {} -o {picture}", model.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// The whole file. Lines of prose begin with "# ", those to be used when wanted with "#" alone.
+fn text(model: &Path, loaded: &Loaded) -> String {
+    let name = model.file_name().unwrap_or_default().to_string_lossy();
+    let lost = loaded.blender.clone().unwrap_or_default();
+    let mut parts = vec![head(&name, loaded.blender.is_some())];
+    parts.push(PICTURE.to_string());
+    parts.push(WORLD.to_string());
+    parts.extend(cameras(&loaded.scene));
+    parts.extend(lamps(&lost));
+    parts.extend(materials(&lost));
+    parts.extend(objects(&lost));
+    parts.join("\n")
+}
+
+fn head(name: &str, is_of_blender: bool) -> String {
+    let mut text = format!(
+        "# What {name} can't carry. It lies beside the model and is used with it; `oscura help sidecar` explains each key.\n\
+         # Lines with a # right before a word are proposals: take the # away to use them.\n"
+    );
+    if is_of_blender {
+        text.push_str(
+            "# Blender's glTF files never hold: the world, area lights, sizes of lamps, depth of field, shift, the picture's\n\
+             # size, volumes, subsurface scattering, and nodes beside Principled BSDF. `oscura render x.blend` needs none of this.\n",
+        );
+    }
+    text
+}
+
+const PICTURE: &str = "\
+#[render]
+#width = 1920
+#height = 1080
+#samples = 256
+#exposure = 0.0
+";
+
+const WORLD: &str = "\
+# The world: a colour, or a picture around the scene.
+#[environment]
+#background = [0.05, 0.05, 0.05]
+# or: image = \"studio.exr\", rotation = 0, strength = 1
+";
+
+/// Most cameras with a proposal.
+const MOST_CAMERAS: usize = 8;
+
+fn cameras(scene: &Scene) -> Vec<String> {
+    let proposal = |name: &str| {
+        format!(
+            "# Depth of field and shift (in heights of the picture) of a camera.\n\
+             #[[camera]]\n#name = {}\n#f_stop = 2.8\n#focal_length = 50\n#focus_distance = 5.0\n#shift = [0.0, 0.0]\n",
+            quoted(name)
+        )
+    };
+    // The one that the whole model is framed by is none of its own.
+    let own = scene.cameras.iter().filter(|c| c.name != "default").take(MOST_CAMERAS);
+    own.map(|camera| proposal(&camera.name)).collect()
+}
+
+fn lamps(lost: &BlenderExport) -> Option<String> {
+    let mut text = String::from(
+        "# Empty nodes with names of lamps: area lights become such nodes. Their sizes (metres) and power (watts) are lost:\n\
+         # these are guesses.\n",
+    );
+    for name in &lost.lamps {
+        let name = quoted(name);
+        let _ = write!(
+            text,
+            "[[lights]]\nname = {name}\narea = {{ node = {name}, size = [1.0, 1.0], power = 100.0 }}\n\
+             visible_to_camera = false\nobstacle = false\n"
+        );
+    }
+    (!lost.lamps.is_empty()).then_some(text)
+}
+
+fn materials(lost: &BlenderExport) -> Vec<String> {
+    let with = |names: &[String], why: &str, lines: &str| {
+        let part = |name: &String| format!("# {why}\n#[materials.{}]\n{lines}", key(name));
+        names.iter().map(part).collect::<Vec<_>>()
+    };
+    let color = "#base_color = [0.8, 0.8, 0.8]\n#roughness = 0.5\n";
+    [
+        with(
+            &lost.white,
+            "Pure white without a texture: nodes that could not be exported may be lost.",
+            color,
+        ),
+        with(
+            &lost.lost,
+            "Made of other nodes than Principled BSDF, which are lost: white and diffuse.",
+            color,
+        ),
+        with(
+            &lost.unused_alpha,
+            "The image of its base colour has alpha, which it does not use; or \"mask\", for sharp edges.",
+            "#alpha = \"blend\"\n",
+        ),
+    ]
+    .concat()
+}
+
+fn objects(lost: &BlenderExport) -> Vec<String> {
+    let part = |(name, inside): &(String, String)| {
+        format!(
+            "# Its material is lost and it encloses the {inside}: it may have been a volume, and hides all else.\n\
+             [objects.{}]\nhidden = true\n",
+            key(name)
+        )
+    };
+    lost.enclosing.iter().map(part).collect()
+}
+
+/// A name as a TOML string.
+fn quoted(name: &str) -> String {
+    let mut text = String::from("\"");
+    for c in name.chars() {
+        match c {
+            '"' | '\\' => text.extend(['\\', c]),
+            c if c.is_control() => {
+                let _ = write!(text, "\\u{:04X}", u32::from(c));
+            }
+            c => text.push(c),
+        }
+    }
+    text + "\""
+}
+
+/// A name as a key of a TOML table.
+fn key(name: &str) -> String {
+    let is_bare = !name.is_empty() && name.chars().all(|c| c.is_ascii_alphanumeric() || c == '_' || c == '-');
+    if is_bare { name.to_string() } else { quoted(name) }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_of_all_kinds_are_keys() {
+        assert_eq!(key("Wood_2-a"), "Wood_2-a");
+        assert_eq!(key("Wood.001"), "\"Wood.001\"");
+        assert_eq!(key("a \"b\"\n\\"), "\"a \\\"b\\\"\\u000A\\\\\"");
+    }
+}

@@ -1,0 +1,135 @@
+//! What Blender's own exporter left out of a file, as far as the file shows it.
+
+use super::document::{Document, list_of_indices};
+use super::materials::Signs;
+use super::nodes::Hierarchy;
+use super::report::Report;
+use crate::image::{Image, Pixels};
+use crate::load::BlenderExport;
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{Extent, LightKind, Scene, Texture, TextureId, instance_extents};
+use serde_json::Value;
+use std::collections::HashSet;
+
+/// What the file shows; `None` where Blender did not write it. `signs` are those of the scene's materials.
+pub(super) fn signs_of_loss(
+    doc: &Document,
+    hierarchy: &Hierarchy,
+    scene: &Scene,
+    signs: &[Signs],
+    report: &mut Report,
+) -> Option<BlenderExport> {
+    if !doc.is_from_blender() {
+        return None;
+    }
+    let lamps = lamps(doc, hierarchy, report);
+    let named = |is_meant: &dyn Fn(&Signs) -> bool| {
+        let materials = scene.materials.iter().zip(signs);
+        each_once(materials.filter(|(_, signs)| is_meant(signs)).map(|(m, _)| m.name.clone()))
+    };
+    Some(BlenderExport {
+        white: named(&|s| s.is_white),
+        lost: named(&|s| s.is_lost),
+        unused_alpha: named(&|s| s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))),
+        enclosing: enclosing(scene, signs, &lamps),
+        lamps: lamps.into_iter().map(|(name, _)| name).collect(),
+    })
+}
+
+/// Words in the names of lamps; by the first two alone a name is known.
+const PARTS_OF_NAMES: [&str; 3] = ["light", "lamp", "softbox"];
+const NAMES: [&str; 6] = ["area", "sun", "spot", "key", "fill", "rim"];
+
+/// Is it a name that lamps have?
+fn is_of_lamp(name: &str) -> bool {
+    let lower = name.to_lowercase();
+    let mut words = lower.split(|c: char| !c.is_alphabetic());
+    PARTS_OF_NAMES.iter().any(|part| lower.contains(part)) || words.any(|word| NAMES.contains(&word))
+}
+
+/// The empty nodes that are named like lamps, with their places. Joints of skins and nodes with others below them are none.
+fn lamps(doc: &Document, hierarchy: &Hierarchy, report: &mut Report) -> Vec<(String, DAffine3)> {
+    let skins = doc.json.get("skins").and_then(Value::as_array).into_iter().flatten();
+    let joints: HashSet<usize> =
+        skins.flat_map(|skin| list_of_indices(skin, "joints", "/skins", report)).collect();
+    let is_leaf = |index: usize| {
+        let children = doc.json.pointer(&format!("/nodes/{index}/children")).and_then(Value::as_array);
+        children.is_none_or(Vec::is_empty) && !joints.contains(&index)
+    };
+    let empties = hierarchy.empties(doc);
+    empties
+        .into_iter()
+        .filter(|(index, name, _)| is_leaf(*index) && is_of_lamp(name))
+        .map(|(_, n, m)| (n, m))
+        .collect()
+}
+
+/// Is alpha below 1 somewhere in a texture's image?
+fn has_alpha(scene: &Scene, texture: TextureId) -> bool {
+    let Some(Texture::Image { image, .. }) = scene.textures.get(texture.index()) else { return false };
+    let Some(Image { channels, pixels, .. }) = scene.images.get(image.index()) else { return false };
+    let n = *channels as usize;
+    if n != 2 && n != 4 {
+        return false;
+    }
+    match &**pixels {
+        Pixels::U8(data) => data.chunks_exact(n).any(|p| p[n - 1] < u8::MAX),
+        Pixels::U16(data) => data.chunks_exact(n).any(|p| p[n - 1] < u16::MAX),
+        Pixels::F32(data) => data.chunks_exact(n).any(|p| p[n - 1] < 1.0),
+    }
+}
+
+/// Objects all of whose materials are lost, with a camera or a lamp inside.
+fn enclosing(scene: &Scene, signs: &[Signs], lamps: &[(String, DAffine3)]) -> Vec<(String, String)> {
+    if !signs.iter().any(|s| s.is_lost) {
+        return Vec::new();
+    }
+    let is_lost = |index: usize| {
+        let parts = &scene.meshes[scene.instances[index].mesh.index()].parts;
+        parts.iter().all(|part| signs.get(part.material.index()).is_some_and(|s| s.is_lost))
+    };
+    let cameras =
+        scene.cameras.iter().map(|c| (format!("camera '{}'", c.name), c.world_from_camera.translation));
+    let lights = scene.lights.iter().filter_map(|light| match light.kind {
+        LightKind::Point { position } | LightKind::Spot { position, .. } => {
+            Some((format!("light '{}'", light.name), position))
+        }
+        _ => None,
+    });
+    let lamps = lamps.iter().map(|(name, place)| (format!("lamp '{name}'"), place.translation));
+    let inside: Vec<(String, DVec3)> = cameras.chain(lights).chain(lamps).collect();
+    let extents = instance_extents(scene);
+    let found = extents.iter().enumerate().filter_map(|(index, Extent(extent))| {
+        let (low, high) = (*extent)?;
+        let (what, _) = inside.iter().find(|(_, p)| p.cmpgt(low).all() && p.cmplt(high).all())?;
+        is_lost(index).then(|| (scene.instances[index].name.clone(), what.clone()))
+    });
+    each_once(found)
+}
+
+/// Things without those that came before.
+fn each_once<T: PartialEq>(all: impl Iterator<Item = T>) -> Vec<T> {
+    all.fold(Vec::new(), |mut list, item| {
+        if !list.contains(&item) {
+            list.push(item);
+        }
+        list
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::is_of_lamp;
+
+    #[test]
+    fn lamps_are_known_by_their_names() {
+        let lamps =
+            ["Area", "Area.001", "key_light", "KeyLight", "Rim", "Lamp.003", "SOFTBOX left", "fill-2"];
+        assert!(lamps.iter().all(|name| is_of_lamp(name)));
+        assert!(
+            !["Empty", "Keyboard", "Rimini", "Sunday", "target", "arena", "spine.001"]
+                .iter()
+                .any(|n| is_of_lamp(n))
+        );
+    }
+}

@@ -1,0 +1,153 @@
+//! Glass whose kind depends on the meshes that it is on: bodies, sheets and panes.
+
+use super::Materials;
+use crate::error::Choice;
+use crate::load::gltf::options::Glass;
+use crate::load::gltf::report::Report;
+use crate::math::DVec3;
+use crate::scene::{MaterialId, Mesh, Model, PbrMaterial, encloses};
+
+/// Share of a pane's surface that lies in its two planes, and the cosine within which a triangle counts to them.
+const FLAT_SHARE: f64 = 0.8;
+const FLAT_COSINE: f64 = 0.999;
+
+impl Materials {
+    /// Decides on glass that is solid where its meshes enclose a body, and says so; makes sheets of panes where the user
+    /// wants that.
+    pub fn settle_glass(&mut self, meshes: &mut [Mesh], glass: Glass, report: &mut Report) {
+        for index in 0..self.needs.len() {
+            let id = MaterialId(index as u32);
+            if std::mem::take(&mut self.needs[index].body) {
+                self.settle_body(id, meshes, report);
+            }
+            if self.needs[index].glass && glass == Glass::Panes {
+                self.settle_panes(id, meshes, report);
+            }
+        }
+    }
+
+    fn settle_body(&mut self, id: MaterialId, meshes: &[Mesh], report: &mut Report) {
+        let material = &mut self.list[id.index()];
+        let is_solid = meshes.iter().any(|mesh| has(mesh, id) && encloses(mesh));
+        if !is_solid && let Model::Pbr(model) = &mut material.model {
+            (model.has_volume, model.tints_once) = (false, false);
+        }
+        let how = if is_solid { "solid" } else { "a thin sheet, since its meshes enclose nothing" };
+        let message = format!(
+            "material '{}' is transparent without a volume, as Blender exports glass; taken as {how} ({})",
+            material.name,
+            Choice::Glass
+        );
+        report.lasting(|report| report.note("", message));
+    }
+
+    /// Makes single sheets of the panes of a material that is on nothing else.
+    fn settle_panes(&mut self, id: MaterialId, meshes: &mut [Mesh], report: &mut Report) {
+        let Model::Pbr(model) = &self.list[id.index()].model else { return };
+        // A picture that each crossing takes would have to be squared.
+        if model.base_color.texture.is_some() && !model.tints_once {
+            return;
+        }
+        let is_known = self.panes.contains(&id);
+        let its = || meshes.iter().filter(|mesh| has(mesh, id));
+        let thickest = its()
+            .map(|mesh| Pane::of(mesh, id))
+            .try_fold(0.0f64, |most, pane| pane.map(|pane| most.max(pane.thickness)));
+        let (Some(thickness), true) = (thickest.or(is_known.then_some(0.0)), is_known || model.has_volume)
+        else {
+            return;
+        };
+        if !is_known {
+            let sheet = sheet_of(model, thickness);
+            let material = &mut self.list[id.index()];
+            material.model = Model::Pbr(Box::new(sheet));
+            material.double_sided = true;
+            self.panes.push(id);
+            let message = format!(
+                "the panes of material '{}', {:.3} m thick, are single sheets: they let light samples pass, and neither bend \
+                 light nor show edges ({})",
+                material.name,
+                thickness,
+                Choice::Glass
+            );
+            report.lasting(|report| report.note("", message));
+        }
+        for mesh in meshes.iter_mut().filter(|mesh| has(mesh, id)) {
+            if let Some(pane) = Pane::of(mesh, id) {
+                pane.leave_one_face(mesh);
+            }
+        }
+    }
+}
+
+fn has(mesh: &Mesh, id: MaterialId) -> bool {
+    mesh.parts.iter().any(|part| part.material == id)
+}
+
+/// A flat closed body.
+struct Pane {
+    /// Normal of its faces, of unit length.
+    axis: DVec3,
+    /// Metres in the mesh's own space.
+    thickness: f64,
+}
+
+impl Pane {
+    /// A mesh as a pane; `None` if it isn't one of a single material.
+    fn of(mesh: &Mesh, id: MaterialId) -> Option<Pane> {
+        if mesh.parts.iter().any(|part| part.material != id) || !encloses(mesh) {
+            return None;
+        }
+        let vectors: Vec<DVec3> = mesh.triangles.iter().map(|&t| vector_area(mesh, t)).collect();
+        let largest = vectors.iter().copied().max_by(|a, b| a.length().total_cmp(&b.length()))?;
+        let axis = largest.try_normalize()?;
+        let area: f64 = vectors.iter().map(|v| v.length()).sum();
+        let is_of_face = |v: &&DVec3| v.dot(axis).abs() >= FLAT_COSINE * v.length();
+        let flat: f64 = vectors.iter().filter(is_of_face).map(|v| v.length()).sum();
+        // The volume, by tetrahedra from the origin, over one of the two faces.
+        let thrice: f64 = mesh.triangles.iter().map(|&t| corners(mesh, t)[0].dot(vector_area(mesh, t))).sum();
+        let thickness = (thrice / 3.0 / (flat / 2.0)).abs();
+        (flat >= FLAT_SHARE * area && thickness.is_finite()).then_some(Pane { axis, thickness })
+    }
+
+    /// Removes all triangles but those of one face.
+    fn leave_one_face(&self, mesh: &mut Mesh) {
+        let mut kept = Vec::new();
+        let mut parts = mesh.parts.clone();
+        for part in &mut parts {
+            let first = part.first_triangle as usize;
+            let of_part = &mesh.triangles[first..first + part.triangle_count as usize];
+            part.first_triangle = kept.len() as u32;
+            let is_front = |t: &&[u32; 3]| {
+                let v = vector_area(mesh, **t);
+                v.dot(self.axis) >= FLAT_COSINE * v.length()
+            };
+            kept.extend(of_part.iter().filter(is_front).copied());
+            part.triangle_count = kept.len() as u32 - part.first_triangle;
+        }
+        (mesh.triangles, mesh.parts) = (kept, parts);
+    }
+}
+
+fn corners(mesh: &Mesh, triangle: [u32; 3]) -> [DVec3; 3] {
+    let corner = |i: u32| mesh.positions.get(i as usize).copied().unwrap_or_default().map(f64::from);
+    triangle.map(|i| DVec3::from_array(corner(i)))
+}
+
+/// Half the cross product of two edges.
+fn vector_area(mesh: &Mesh, triangle: [u32; 3]) -> DVec3 {
+    let [a, b, c] = corners(mesh, triangle);
+    (b - a).cross(c - a) / 2.0
+}
+
+/// A thin sheet that lets as much light pass, straight on, as a pane of glass of a thickness.
+fn sheet_of(glass: &PbrMaterial, thickness: f64) -> PbrMaterial {
+    let ways = if glass.tints_once { 1 } else { 2 };
+    let share = (thickness / f64::from(glass.attenuation_distance)) as f32;
+    let mut sheet = PbrMaterial { has_volume: false, tints_once: false, dispersion: 0.0, ..glass.clone() };
+    for (color, attenuation) in sheet.base_color.factor.iter_mut().zip(glass.attenuation_color) {
+        *color = color.powi(ways) * attenuation.powf(share);
+    }
+    (sheet.attenuation_color, sheet.attenuation_distance) = ([1.0; 3], f32::INFINITY);
+    sheet
+}

@@ -1,0 +1,47 @@
+//! What the file beside a model changes of the model's own materials.
+
+use super::build::Build;
+use super::fields::{Fields, nearest};
+use super::pbr;
+use super::textures::Textures;
+use crate::error::Warning;
+use crate::scene::{AlphaMode, FloatSlot, Material, Model};
+
+/// The material of a model, with what the keys say; `None` if it has no parameters to change.
+pub(super) fn adjusted<'a>(
+    build: &mut Build,
+    textures: &mut Textures<'a>,
+    fields: &Fields<'a>,
+    index: usize,
+) -> Option<Material> {
+    let mut material = build.loaded.scene.materials[index].clone();
+    let Model::Pbr(mut model) = material.model.clone() else {
+        let message = format!("material '{}' of the model is unlit and has no parameters", material.name);
+        fields.problems.push_help(fields.span(), message, "give it a 'type'");
+        return None;
+    };
+    let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
+    pbr::adjust(fields, &mut material, &mut model, slot);
+    let modes = [
+        ("opaque", AlphaMode::Opaque),
+        ("mask", AlphaMode::Mask { cutoff: 0.5 }),
+        ("blend", AlphaMode::Blend),
+    ];
+    if let Some(mode) = fields.choice("alpha", &modes) {
+        if material.alpha_mode == AlphaMode::Opaque {
+            let texture = model.base_color.texture.map(|texture| (texture, 3));
+            material.alpha = FloatSlot { factor: 1.0, texture };
+        }
+        material.alpha_mode = mode;
+    }
+    fields.finish();
+    Some(Material { model: Model::Pbr(model), ..material })
+}
+
+/// Warns of a table that is named as no material of the model and that no object refers to.
+pub(super) fn warn_of_unknown(build: &mut Build, name: &str) {
+    let names = build.loaded.scene.materials.iter().map(|m| m.name.as_str());
+    let help = nearest(name, names).map_or_else(String::new, |near| format!(" (did you mean '{near}'?)"));
+    let message = format!("the model has no material '{name}' and no object asks for it{help}");
+    build.loaded.warnings.push(Warning::new(build.file, "", message));
+}

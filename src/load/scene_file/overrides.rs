@@ -1,0 +1,81 @@
+//! What the file beside a model changes of the model's own objects.
+
+use super::build::Build;
+use super::fields::{Fields, nearest};
+use super::materials::Materials;
+use super::textures::Textures;
+use std::ops::Range;
+
+/// Reads `[objects.NAME]`: changes of the model's own objects.
+pub(super) fn objects<'a>(
+    build: &mut Build,
+    all: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    for (name, value) in all.entries() {
+        match value.get_ref().as_table() {
+            Some(table) => {
+                let fields = Fields::new(format!("object '{name}'"), table, value.span(), all.problems);
+                object(build, &fields, (name, value.span()), materials, textures);
+            }
+            None => all.problems.push(value.span(), format!("object '{name}' must be a table")),
+        }
+    }
+}
+
+/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, or another `material`.
+pub(super) fn object<'a>(
+    build: &mut Build,
+    fields: &Fields<'a>,
+    (name, span): (&str, Range<usize>),
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    let is_hidden = fields.flag("hidden", false);
+    let wanted = fields.string("material");
+    let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    fields.finish();
+    let scene = &mut build.loaded.scene;
+    let is_meant = |path: &str| is_on_path(name, path);
+    let is_there =
+        scene.instances.iter().any(|i| is_meant(&i.name)) || scene.lights.iter().any(|l| l.name == name);
+    if !is_there {
+        let nodes = scene.instances.iter().flat_map(|i| i.name.split('/'));
+        let help = match nearest(name, nodes.chain(scene.lights.iter().map(|l| l.name.as_str()))) {
+            Some(near) => format!("did you mean '{near}'?"),
+            None => format!("it has {} placed meshes", scene.instances.len()),
+        };
+        return fields.problems.push_help(span, format!("the model has no object '{name}'"), help);
+    }
+    if is_hidden {
+        scene.instances.retain(|i| !is_meant(&i.name));
+        scene.lights.retain(|l| l.name != name);
+    }
+    if let Some(material) = material {
+        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
+        own.for_each(|instance| instance.material = Some(material));
+    }
+}
+
+/// Is a name, or several joined by slashes, on the way of names to a node?
+fn is_on_path(name: &str, path: &str) -> bool {
+    format!("/{path}/").contains(&format!("/{name}/"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_are_those_of_nodes_on_the_way() {
+        assert!(
+            is_on_path("Fog", "Fog") && is_on_path("Fog", "Room/Fog") && is_on_path("Room", "Room/Fog/3")
+        );
+        assert!(
+            is_on_path("Room/Fog", "House/Room/Fog")
+                && !is_on_path("Fo", "Fog")
+                && !is_on_path("Fog", "Foggy/x")
+        );
+    }
+}

@@ -1,0 +1,82 @@
+//! `oscura new --beside`: settings for a model, with what it tells filled in.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+
+/// A room as Blender's exporter writes it: a lamp that became an empty node, a white material, a lost one on a box that
+/// encloses the camera.
+const ROOM: &str = r#"{
+    "asset": {"version": "2.0", "generator": "Khronos glTF Blender I/O v5.0.21"}, "scene": 0,
+    "scenes": [{"nodes": [0, 1, 2, 3]}],
+    "nodes": [
+        {"name": "Table", "mesh": 0}, {"name": "Fog box", "mesh": 1, "scale": [9, 9, 9], "translation": [-3, -3, -3], "rotation": [0.5, 0.5, 0.1, 0.7]},
+        {"name": "Area \"soft\"", "translation": [0, 3, 0], "rotation": [-0.70710678, 0, 0, 0.70710678]},
+        {"name": "Camera", "camera": 0, "translation": [0, 0, 1]}
+    ],
+    "cameras": [{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}],
+    "materials": [{"name": "Wood.001", "pbrMetallicRoughness": {"metallicFactor": 0}}, {"name": "Fog"}],
+    "meshes": [
+        {"primitives": [{"attributes": {"POSITION": 0}, "material": 0}]},
+        {"primitives": [{"attributes": {"POSITION": 0}, "material": 1}]}
+    ],
+    "accessors": [{"bufferView": 0, "componentType": 5126, "count": 3, "type": "VEC3", "min": [0, 0, 0], "max": [1, 1, 0]}],
+    "bufferViews": [{"buffer": 0, "byteLength": 36}],
+    "buffers": [{"byteLength": 36, "uri": "data:application/octet-stream;base64,AAAAAAAAAAAAAAAAAACAPwAAAAAAAAAAAAAAAAAAgD8AAAAA"}]
+}"#;
+
+fn renders(folder: &Path, more: &[&str]) -> String {
+    let args = [&["render", "room.gltf", "-o", "room.png", "--width", "16", "--spp", "1"], more].concat();
+    let output = oscura(folder, &args);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    stderr(&output)
+}
+
+#[test]
+fn settings_beside_a_model_are_filled_in_and_used() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    fs::write(folder.join("room.gltf"), ROOM).unwrap();
+    let before = renders(folder, &[]);
+    for words in ["oscura new --beside", "'Area \"soft\"'", "'Wood.001'", "'Fog box'"] {
+        assert!(before.contains(words), "'{words}' is not in {before}");
+    }
+    let made = oscura(folder, &["new", "--beside", "room.gltf"]);
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let path = folder.join("room.oscura.toml");
+    let text = fs::read_to_string(&path).unwrap();
+    for line in [
+        "area = { node = \"Area \\\"soft\\\"\", size = [1.0, 1.0], power = 100.0 }",
+        "#[materials.\"Wood.001\"]",
+        "[objects.\"Fog box\"]\nhidden = true",
+        "#name = \"Camera\"",
+        "#[environment]",
+    ] {
+        assert!(text.contains(line), "'{line}' is not in\n{text}");
+    }
+    // Its lamp shines, its fog is gone, and who has the file knows the rest.
+    let after = renders(folder, &[]);
+    assert!(after.contains("room.oscura.toml"), "{after}");
+    for words in ["encloses", "area lights", "pure white", "no light"] {
+        assert!(!after.contains(words), "'{words}' is in {after}");
+    }
+
+    // With every proposal taken it is a file of settings as well.
+    let taken: Vec<&str> = text
+        .lines()
+        .map(|line| match line.strip_prefix('#') {
+            Some(proposal) if !proposal.starts_with(' ') => proposal,
+            _ => line,
+        })
+        .collect();
+    fs::write(&path, taken.join("\n")).unwrap();
+    renders(folder, &[]);
+
+    fs::write(&path, "precious").unwrap();
+    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.gltf"])), 2);
+    assert_eq!(fs::read_to_string(&path).unwrap(), "precious");
+    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.gltf", "--force", "--quiet"])), 0);
+    assert_eq!(code(&oscura(folder, &["new", "--beside", "none.glb"])), 3);
+    assert_eq!(code(&oscura(folder, &["new", "--beside", "room.oscura.toml"])), 2);
+    assert_eq!(code(&oscura(folder, &["new"])), 2);
+}
