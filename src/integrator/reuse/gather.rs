@@ -105,7 +105,7 @@ impl Integrator<'_> {
             let sender = usize::from(sender);
             let first = sender - sender % round.group;
             let mut asked = bits_of(&reuse.pairs.density[first..first + round.group]);
-            if round.group >= FAN && !self.scene.features.alpha && reuse.fans.are_worth_it() {
+            if round.group >= FAN && reuse.fans.are_worth_it() {
                 asked = self.test_fan(sender, round.group, asked, reuse, w);
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
@@ -146,12 +146,17 @@ impl Integrator<'_> {
             origin_primitives: &vertices.origin_primitives[places],
             rays: asked,
         };
-        let FanHits { mut stopped, unknown } = self.scene.accel.occluded_fan(&fan);
+        let FanHits { mut stopped, mut unknown } = self.scene.accel.occluded_fan(&fan);
+        fans.count(unknown != 0);
+        if self.scene.features.alpha {
+            // What is in the way may be absent.
+            unknown |= stopped;
+            stopped = 0;
+        }
         while stopped != 0 {
             pairs.density[first + stopped.trailing_zeros() as usize] = 0.0;
             stopped &= stopped - 1;
         }
-        fans.count(unknown != 0);
         let known = u64::from((asked & !unknown).count_ones());
         w.ray_count += known;
         w.connections.in_fans += known;
