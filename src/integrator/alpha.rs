@@ -148,7 +148,7 @@ impl Integrator<'_> {
 
     /// Is there a hit, on a surface that may be absent?
     #[inline(always)]
-    fn is_doubtful(&self, hit: &Hit) -> bool {
+    pub(super) fn is_doubtful(&self, hit: &Hit) -> bool {
         hit.is_hit() && self.may_be_absent[self.scene.geometries.material(hit) as usize]
     }
 

@@ -31,8 +31,8 @@ const CONNECTION_COST: f64 = 0.85;
 const FIXED_COST: f64 = 0.05;
 
 /// The same of a connection that was tested together with the others to the same suffix. (The Cornell box: 1.4 times at 1.5
-/// connections for each other ray, 2.5 times at 7.)
-const FAN_CONNECTION_COST: f64 = 0.2;
+/// connections for each other ray, 2.0 times at 7.)
+const FAN_CONNECTION_COST: f64 = 0.17;
 
 /// Time of connections, as above, up to which larger groups are tried.
 const MOST_COST: f64 = 0.5;

@@ -12,7 +12,7 @@ use super::pairs::{Connect, RUN, Receive};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
 use crate::accel::{Fan, FanHits};
 use crate::color::Rgb;
-use crate::math::Ray;
+use crate::math::{Hit, Ray};
 use crate::simd::dispatch;
 
 /// Groups from this size on test visibility together: fewer rays are sooner tested one by one.
@@ -146,13 +146,14 @@ impl Integrator<'_> {
             origin_primitives: &vertices.origin_primitives[places],
             rays: asked,
         };
-        let FanHits { mut stopped, mut unknown } = self.scene.accel.occluded_fan(&fan);
-        fans.count(unknown != 0);
-        if self.scene.features.alpha {
-            // What is in the way may be absent.
-            unknown |= stopped;
-            stopped = 0;
-        }
+        let accel = &self.scene.accel;
+        let FanHits { mut stopped, unknown } = match self.scene.features.alpha {
+            true => {
+                accel.occluded_fan(&fan, |prim| self.is_doubtful(&Hit { prim, instance: 0, ..Hit::MISS }))
+            }
+            false => accel.occluded_fan(&fan, |_| false),
+        };
+        fans.count(2 * unknown.count_ones() > asked.count_ones());
         while stopped != 0 {
             pairs.density[first + stopped.trailing_zeros() as usize] = 0.0;
             stopped &= stopped - 1;
