@@ -200,11 +200,12 @@ impl ScanWorkspace {
         let listed = self.pairs[..pairs].iter().zip(&self.t);
         for (pair, t) in listed.filter(|(pair, _)| (**pair >> 16) as usize == id) {
             let triangle = (pair & 0xffff) as usize;
-            if *t > state.t_min && *t < nearest {
-                if let Some(weights) = scan.weights(triangle, &state.line) {
-                    nearest = *t;
-                    hit = scan.hit(triangle, t * state.ray.unscale, weights);
-                }
+            if *t > state.t_min
+                && *t < nearest
+                && let Some(weights) = scan.weights(triangle, &state.line)
+            {
+                nearest = *t;
+                hit = scan.hit(triangle, t * state.ray.unscale, weights);
             }
         }
         hit

@@ -11,7 +11,7 @@ use std::collections::HashSet;
 const EDGE: u32 = 32;
 
 /// One square of so many tries.
-const SQUARES: u32 = 16;
+const SQUARES: u32 = 24;
 
 /// Fewest squares for each shape of groups: one alone could be a special place.
 const LEAST_SQUARES: u32 = 3;

@@ -1,8 +1,8 @@
 //! Sixteen triangles against the line of a ray, one lane a triangle.
 
-use super::slab::ShearedLine;
 #[cfg(target_arch = "x86_64")]
-use super::x86::compress;
+use super::compress::compress;
+use super::slab::ShearedLine;
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 

@@ -8,6 +8,8 @@
 #![allow(unsafe_code)]
 
 mod block;
+#[cfg(target_arch = "x86_64")]
+mod compress;
 mod line;
 mod slab;
 mod table;

@@ -24,8 +24,7 @@ impl Hull {
         for axis in 0..3 {
             // Against the lower plane of a box counts how far the segments go up, and the other way round.
             let ways = [max[axis] - from[axis] + margin, min[axis] - from[axis] - margin];
-            for upper in 0..2 {
-                let way = ways[upper];
+            for (upper, &way) in ways.iter().enumerate() {
                 let plane = 2 * axis + upper;
                 let is_tiny = way.abs() < SMALLEST;
                 let inverse = 1.0 / if is_tiny { SMALLEST.copysign(way) } else { way };
@@ -45,11 +44,11 @@ impl Hull {
     #[inline(always)]
     pub fn boxes(&self, planes: &[[f32; 8]; 6]) -> u32 {
         let (mut near, mut far) = ([0.0f32; 8], [1.0f32; 8]);
-        for plane in 0..6 {
+        for (plane, boxes) in planes.iter().enumerate() {
             let (inverse, begin, end) =
                 (self.inverse[plane], self.near_offset[plane], self.far_offset[plane]);
             for k in 0..8 {
-                let t = planes[plane][k] * inverse;
+                let t = boxes[k] * inverse;
                 let (entry, exit) = (t + begin, t + end);
                 near[k] = if entry > near[k] { entry } else { near[k] };
                 far[k] = if exit < far[k] { exit } else { far[k] };

@@ -218,7 +218,7 @@ impl<'a> State<'a> {
             stopped: 0,
             unsure: 0,
             // What overflows is left to others.
-            is_lost: !(farthest < GREATEST),
+            is_lost: farthest >= GREATEST,
             patience: PATIENCE + rays.count_ones() / RAYS_FOR_PATIENCE,
             stack: [DONE; STACK],
             top: 0,
@@ -346,9 +346,10 @@ impl<'a> State<'a> {
             let most = if u > v { u } else { v };
             let most = if most > w { most } else { w };
             let is_outside = (least < -edge_margin) & (most > edge_margin);
+            let is_beside = start > side_margin;
             let is_inside = (least > edge_margin) | (most < -edge_margin);
             let is_new = self.ignored[ray] != id;
-            met.possible |= u32::from(!(start > side_margin) & !is_outside & is_new) << k;
+            met.possible |= u32::from(!is_beside & !is_outside & is_new) << k;
             met.certain |= u32::from((start < sure) & is_inside & is_new) << k;
         }
         met
@@ -362,13 +363,15 @@ impl<'a> State<'a> {
                 let mut prepared = PreparedRay::NONE;
                 let Some(((t_min, t_max), _)) = prepared.set_line(&self.fan.ray(k)) else { continue };
                 let leaves = shape.is_flat() && packet.id[lane] == self.ignored[k];
-                if let Some(t) = shape.intersect(&prepared, t_min, t_max) {
-                    if t > t_min && t < t_max && !leaves {
-                        if is_doubtful(packet.id[lane]) {
-                            self.unsure |= 1 << k;
-                        } else {
-                            self.stop(k);
-                        }
+                if let Some(t) = shape.intersect(&prepared, t_min, t_max)
+                    && t > t_min
+                    && t < t_max
+                    && !leaves
+                {
+                    if is_doubtful(packet.id[lane]) {
+                        self.unsure |= 1 << k;
+                    } else {
+                        self.stop(k);
                     }
                 }
             }
@@ -381,8 +384,8 @@ impl<'a> State<'a> {
 fn all_of(lanes: &[[f32; RUN]; 3], better: impl Fn(f32, f32) -> f32 + Copy) -> [f32; 3] {
     let mut all = [lanes[0][0], lanes[1][0], lanes[2][0]];
     for axis in 0..3 {
-        for k in 1..RUN {
-            all[axis] = better(all[axis], lanes[axis][k]);
+        for &lane in &lanes[axis] {
+            all[axis] = better(all[axis], lane);
         }
     }
     all

@@ -1,0 +1,40 @@
+//! Lanes moved to the front.
+
+use core::arch::x86_64::*;
+
+/// For each mask of lanes the numbers of its lanes, in order, one a byte.
+static LANES_OF_MASK: [u64; 256] = lanes_of_masks();
+
+const fn lanes_of_masks() -> [u64; 256] {
+    let mut table = [0u64; 256];
+    let mut mask = 0;
+    while mask < 256 {
+        let (mut lane, mut count) = (0u32, 0u32);
+        while lane < 8 {
+            if mask >> lane & 1 == 1 {
+                table[mask] |= (lane as u64) << (8 * count);
+                count += 1;
+            }
+            lane += 1;
+        }
+        mask += 1;
+    }
+    table
+}
+
+/// Moves the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2: see `keep_first`).
+///
+/// # Safety
+/// The CPU must have AVX2 (`AVX512`: AVX-512 VL too).
+#[inline(always)]
+pub unsafe fn compress<const AVX512: bool>(x: __m256i, mask: u32) -> __m256i {
+    // SAFETY: the caller's level has these instructions; the table has an entry for each 8-bit mask.
+    unsafe {
+        if AVX512 {
+            _mm256_maskz_compress_epi32(mask as u8, x)
+        } else {
+            let order = _mm_cvtsi64_si128(LANES_OF_MASK[(mask & 255) as usize] as i64);
+            _mm256_permutevar8x32_epi32(x, _mm256_cvtepu8_epi32(order))
+        }
+    }
+}
