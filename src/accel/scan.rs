@@ -60,7 +60,7 @@ fn key(t: f32, triangle: u32) -> u64 {
 impl ScanWorkspace {
     /// Without memory yet.
     pub const fn new() -> ScanWorkspace {
-        let line = ShearedLine { axes: [0, 1, 2], origin: [0.0; 3], shear: [0.0; 2] };
+        let line = ShearedLine::NONE;
         let ray = ScanRay { ray: PreparedRay::NONE, line, t_min: 0.0, t_max: 0.0, nearest: 0 };
         ScanWorkspace { rays: [ray; BATCH], pairs: Vec::new(), t: Vec::new() }
     }

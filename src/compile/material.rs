@@ -98,6 +98,7 @@ impl Slots for PointReader<'_> {
 impl CompiledMaterial {
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
+        let is_absent_from_behind = !material.double_sided && !is_transmissive(&model);
         let program = BsdfProgram::of(&model, shading);
         let class = program.class();
         let emission = material.emission.and_then(|e| {
@@ -105,7 +106,8 @@ impl CompiledMaterial {
             let beam = Beam::new(material.lamp.unwrap_or_default().beam);
             (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
                 radiance,
-                two_sided: e.two_sided,
+                // Nothing shines where nothing is.
+                two_sided: e.two_sided && !is_absent_from_behind,
                 beam,
             })
         });
@@ -135,7 +137,7 @@ impl CompiledMaterial {
             emission,
             // What passes would not take its light along.
             passes_straight: program.may_pass_straight() && emission.is_none(),
-            is_absent_from_behind: !material.double_sided && !is_transmissive(&model),
+            is_absent_from_behind,
             medium: Medium::of(&model, class),
             medium_index: 0,
             normal_map,

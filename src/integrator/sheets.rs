@@ -26,7 +26,7 @@ impl Integrator<'_> {
             return false;
         }
         let passing = self.straight(ray, hit);
-        let probability = passing.max_element();
+        let probability = passing.max_element().min(1.0);
         let passes = unit(hash32(salt ^ SHEET)) < probability;
         if passes {
             let throughput = get_rgb(&path.throughput, i);

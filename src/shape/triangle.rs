@@ -37,14 +37,14 @@ pub fn candidates<W: Wide>(w: W, rows: &TriangleRows, ray: &PreparedRay, boxes: 
 #[inline(always)]
 pub fn weights(rows: &TriangleRows, lane: usize, ray: &PreparedRay, boxes: &BoxRay) -> Option<Weights> {
     let lane = lane & 3;
-    let line = ShearedLine { axes: boxes.axes(), origin: boxes.permute(ray.origin), shear: ray.shear };
-    weights_of(|axis, k| rows[4 * axis + k][lane], &line)
+    weights_of(|axis, k| rows[4 * axis + k][lane], &boxes.line(ray.origin, ray.shear))
 }
 
 /// The exact test whether a line meets the triangle with these coordinates, by axis and vertex.
 #[inline(always)]
 pub fn weights_of(at: impl Fn(usize, usize) -> f32, line: &ShearedLine) -> Option<Weights> {
-    let ShearedLine { axes: [kx, ky, kz], origin: [ox, oy, oz], shear: [sx, sy] } = *line;
+    let [kx, ky, kz] = line.axes();
+    let ([ox, oy, oz], [sx, sy]) = (line.origin, line.shear);
     let vertex = |k: usize| {
         let z = at(kz, k) - oz;
         let x = (at(kx, k) - ox) - sx * z;

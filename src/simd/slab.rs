@@ -52,7 +52,7 @@ fn axes(direction: [f32; 3]) -> [u8; 4] {
 #[derive(Clone, Copy, Debug)]
 pub struct ShearedLine {
     /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
-    pub axes: [usize; 3],
+    pub(super) axes: [usize; 3],
     /// The ray's origin, in the order of the sheared space.
     pub origin: [f32; 3],
     /// What x and y move by along z.
@@ -60,6 +60,15 @@ pub struct ShearedLine {
 }
 
 impl ShearedLine {
+    /// Meets nothing in particular; fills unused places.
+    pub const NONE: ShearedLine = ShearedLine { axes: [0, 1, 2], origin: [0.0; 3], shear: [0.0; 2] };
+
+    /// The axes of the world that are x, y and z there; a permutation of 0, 1, 2.
+    #[inline(always)]
+    pub fn axes(&self) -> [usize; 3] {
+        self.axes
+    }
+
     /// For a direction whose largest component lies in [1, 2).
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> ShearedLine {
@@ -124,6 +133,12 @@ impl BoxRay {
     #[inline(always)]
     pub fn permute(&self, v: [f32; 3]) -> [f32; 3] {
         self.axes().map(|axis| v[axis])
+    }
+
+    /// The line of the ray, with its origin and shear.
+    #[inline(always)]
+    pub fn line(&self, origin: [f32; 3], shear: [f32; 2]) -> ShearedLine {
+        ShearedLine { axes: self.axes(), origin: self.permute(origin), shear }
     }
 
     /// The axes in the order of the sheared space.

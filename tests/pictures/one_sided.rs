@@ -190,3 +190,21 @@ fn a_doll_house_is_open_to_viewers_and_closed_to_its_light() {
     scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 10.0));
     assert_radiance("from outside", &scene, &options(16, 256, 40), 0.5, 2e-3);
 }
+
+/// A one-sided surface whose emission is said to have two sides shines to its front alone.
+#[test]
+fn nothing_shines_where_nothing_is() {
+    let under_lamp = |faces_up: bool| {
+        let mut scene = Scene::default();
+        let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+        quad(&mut scene, [-4.0, 0.0, 4.0], [8.0, 0.0, 0.0], [0.0, 0.0, -8.0], grey);
+        let lamp = material(&mut scene, one_sided(Material::emitter("lamp", [5.0; 3], true)));
+        let (u, v) = ([0.0, 0.0, 2.0], [2.0, 0.0, 0.0]);
+        let (u, v) = if faces_up { (u, v) } else { (v, u) };
+        quad(&mut scene, [-1.0, 2.0, -1.0], u, v, lamp);
+        scene.cameras.push(camera(DVec3::new(0.0, 1.5, 3.0), DVec3::ZERO, DVec3::Y, 50.0));
+        mean(&picture(&scene, &options(16, 4, 3)))
+    };
+    assert!(under_lamp(false) > 0.1);
+    assert_eq!(under_lamp(true), 0.0);
+}

@@ -64,8 +64,11 @@ impl Sides {
             // How far the roundings of a ray's direction move its end.
             let moved = |k: usize| n[k].abs() * f64::from(low[k].abs().max(high[k].abs()));
             let moved = moved(0) + moved(1) + moved(2);
-            let is_off = height.abs() > moved * f64::from(1.25 * ROUNDING);
-            let is_well_off = height.abs() > moved * f64::from(4.0 * ROUNDING);
+            // Roundings of the exact test, which count where the triangle reaches much farther than the rays.
+            let far = |k: usize| (f64::from(target[k]) - at(k, 0)).abs();
+            let exact = (far(0) + far(1) + far(2) + moved) * (1.0 / (1u64 << 49) as f64);
+            let is_off = height.abs() > moved * f64::from(1.25 * ROUNDING) + exact;
+            let is_well_off = height.abs() > moved * f64::from(4.0 * ROUNDING) + exact;
             let sign = if height > 0.0 { 1.0 } else { -1.0 };
             let (side, mut least) = (height.abs() as f32, height.abs() as f32);
             for k in 0..3 {
@@ -74,7 +77,7 @@ impl Sides {
                 least += if a < b { a } else { b };
                 sides.normal[k][lane] = normal;
             }
-            let margin = 8.0 * ROUNDING * (moved + height.abs()) as f32;
+            let margin = 8.0 * ROUNDING * (moved + height.abs()) as f32 + exact as f32;
             sides.side[lane] = side;
             sides.margin[lane] = if is_off { margin } else { f32::INFINITY };
             sides.certain_margin[lane] = if is_well_off { -margin } else { f32::NEG_INFINITY };

@@ -66,7 +66,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
 pub struct Receive<'a> {
     /// Places of the suffixes.
     pub senders: &'a [u16],
-    /// Places of a group, a multiple of 4.
+    /// Places of a group.
     pub group: usize,
     pub prefixes: &'a Prefixes,
     pub suffixes: &'a Suffixes,
@@ -86,10 +86,14 @@ impl Kernel for Receive<'_> {
             let first = sender - sender % group;
             let places = first..(first + group).min(WAVE);
             let mut sums = [0.0; 4];
-            for four in pairs.density[places.clone()].chunks_exact(4) {
+            let (fours, rest) = pairs.density[places.clone()].as_chunks::<4>();
+            for four in fours {
                 for k in 0..4 {
                     sums[k] += four[k];
                 }
+            }
+            for (sum, density) in sums.iter_mut().zip(rest) {
+                *sum += density;
             }
             let own = s.own_density(sender, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
