@@ -38,7 +38,7 @@ mod tests;
 mod tree_tests;
 mod validate;
 
-pub use fan::{Fan, FanHits};
+pub use fan::{Bits, Fan, FanHits};
 pub use gather::{Dropped, is_in_reach};
 pub use input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
 pub use parts::BuildStats;

@@ -14,7 +14,7 @@ use super::stream::Output;
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::shape::PreparedRay;
 use crate::shape::triangle::{LANES, Weights, weights_of};
-use crate::simd::{Line, ShearedLine, TriangleBlock, Wide, WideKernel};
+use crate::simd::{BlockQuery, Line, ShearedLine, TriangleBlock, Wide, WideKernel};
 
 /// Up to this many triangles (a quad is two) are tested without a tree.
 pub const MAX_TRIANGLES: usize = 64;
@@ -155,7 +155,7 @@ impl ScanWorkspace {
             let mut first = (id as u32) << 16;
             for block in &scan.blocks {
                 let Some(to) = self.pairs[count..].first_chunk_mut() else { return count };
-                count += w.list_candidates(block, &line, ignored, first, to);
+                count += w.list_candidates(block, &BlockQuery { line: &line, ignored, first }, to);
                 first += BLOCK as u32;
             }
         }

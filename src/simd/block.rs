@@ -16,6 +16,17 @@ pub struct TriangleBlock {
     pub ids: [u32; 16],
 }
 
+/// What a block is asked for: the triangles that a line meets.
+#[derive(Clone, Copy, Debug)]
+pub struct BlockQuery<'a> {
+    /// The line.
+    pub line: &'a ShearedLine,
+    /// Triangles with this id are left out.
+    pub ignored: u32,
+    /// Number of the first lane.
+    pub first: u32,
+}
+
 impl TriangleBlock {
     /// A block without triangles.
     pub const EMPTY: TriangleBlock = TriangleBlock { rows: [[f32::NAN; 16]; 9], ids: [u32::MAX; 16] };
@@ -23,13 +34,8 @@ impl TriangleBlock {
 
 /// [`super::Wide::list_candidates`], one lane after the other.
 #[inline(always)]
-pub(super) fn list(
-    block: &TriangleBlock,
-    line: &ShearedLine,
-    ignored: u32,
-    first: u32,
-    to: &mut [u32; 16],
-) -> usize {
+pub(super) fn list(block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
+    let BlockQuery { line, ignored, first } = *query;
     let ShearedLine { axes: [kx, ky, kz], origin: [ox, oy, oz], shear: [sx, sy] } = *line;
     let vertex = |k: usize, lane: usize| {
         let z = block.rows[3 * kz + k][lane] - oz;
@@ -77,13 +83,8 @@ macro_rules! edge_functions {
 /// The CPU must have it, and `line.axes` must be below 3.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-pub(super) unsafe fn list16(
-    block: &TriangleBlock,
-    line: &ShearedLine,
-    ignored: u32,
-    first: u32,
-    to: &mut [u32; 16],
-) -> usize {
+pub(super) unsafe fn list16(block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
+    let BlockQuery { line, ignored, first } = *query;
     // SAFETY: the caller's level has these instructions. An axis has 48 floats; other loads and stores are of whole arrays.
     unsafe {
         let (least, greatest) = edge_functions!(
@@ -115,13 +116,8 @@ pub(super) unsafe fn list16(
 /// The CPU must have it, and `line.axes` must be below 3.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
-pub(super) unsafe fn list8_twice(
-    block: &TriangleBlock,
-    line: &ShearedLine,
-    ignored: u32,
-    first: u32,
-    to: &mut [u32; 16],
-) -> usize {
+pub(super) unsafe fn list8_twice(block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
+    let BlockQuery { line, ignored, first } = *query;
     let mut count = 0;
     for half in [0, 8] {
         // SAFETY: as above; at most 8 numbers come before the last 8.

@@ -17,7 +17,7 @@ mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
 
-pub use block::TriangleBlock;
+pub use block::{BlockQuery, TriangleBlock};
 pub use line::{Line, prefer_huge_pages, prefetch_lines, reserve_lines};
 pub use slab::{BoxRay, Entry, Planes, ShearedLine};
 pub use table::Table;

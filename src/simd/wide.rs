@@ -2,8 +2,8 @@
 //! They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds alike
 //! on all levels.
 
-use super::block::{self, TriangleBlock};
-use super::slab::{BoxRay, Entry, Planes, ShearedLine};
+use super::block::{self, BlockQuery, TriangleBlock};
+use super::slab::{BoxRay, Entry, Planes};
 
 /// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
 /// test's own on either side; the shear of the triangle test moves each vertex by at most five more.
@@ -31,16 +31,9 @@ pub trait Wide: Copy {
     /// The triangles whose three edge functions have no two opposite signs, seen along the ray: see
     /// `accel::triangle`. `rows` are those of a packet: for each axis four times vertex 0, 1, 2 and something else.
     fn candidates(self, rows: &[[f32; 4]; 12], ray: &BoxRay, origin: &[f32; 3], shear: &[f32; 2]) -> u32;
-    /// Lists the triangles of a block that `candidates` would accept, but for those with the id `ignored`: writes `first` plus
-    /// the number of the lane for each, in order, and returns how many. What follows the last one is unspecified.
-    fn list_candidates(
-        self,
-        block: &TriangleBlock,
-        line: &ShearedLine,
-        ignored: u32,
-        first: u32,
-        to: &mut [u32; 16],
-    ) -> usize;
+    /// Lists the triangles of a block that `candidates` would accept and the query does not leave out: writes their numbers in
+    /// order, and returns how many. What follows the last one is unspecified.
+    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize;
     /// The lanes that hold these bits.
     fn equal(self, row: &[f32; 4], number: u32) -> u32;
     /// Where a ray meets the planes of four triangles: `n . (a - o) / n . d` in f64, rounded once, the same bits on all
@@ -148,15 +141,8 @@ impl Wide for ScalarWide {
     }
 
     #[inline(always)]
-    fn list_candidates(
-        self,
-        block: &TriangleBlock,
-        line: &ShearedLine,
-        ignored: u32,
-        first: u32,
-        to: &mut [u32; 16],
-    ) -> usize {
-        block::list(block, line, ignored, first, to)
+    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
+        block::list(block, query, to)
     }
 
     #[inline(always)]

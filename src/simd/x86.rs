@@ -1,8 +1,8 @@
 //! The x86 levels of [`Wide`]: the same registers and instructions, but for AVX-512's compression.
 
-use super::block::{self, TriangleBlock};
+use super::block::{self, BlockQuery, TriangleBlock};
 use super::compress::compress;
-use super::slab::{BoxRay, Entry, Planes, ShearedLine};
+use super::slab::{BoxRay, Entry, Planes};
 use super::wide::{WIDEN_UNITS, Wide};
 use core::arch::x86_64::*;
 
@@ -233,22 +233,9 @@ impl<const AVX512: bool> Wide for X86<AVX512> {
     }
 
     #[inline(always)]
-    fn list_candidates(
-        self,
-        block: &TriangleBlock,
-        line: &ShearedLine,
-        ignored: u32,
-        first: u32,
-        to: &mut [u32; 16],
-    ) -> usize {
+    fn list_candidates(self, block: &TriangleBlock, query: &BlockQuery, to: &mut [u32; 16]) -> usize {
         // SAFETY: see above; `line.axes` are below 3.
-        unsafe {
-            if AVX512 {
-                block::list16(block, line, ignored, first, to)
-            } else {
-                block::list8_twice(block, line, ignored, first, to)
-            }
-        }
+        unsafe { if AVX512 { block::list16(block, query, to) } else { block::list8_twice(block, query, to) } }
     }
 
     #[inline(always)]

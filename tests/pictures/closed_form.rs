@@ -1,6 +1,6 @@
 //! Light transport against answers that are known in closed form.
 
-use crate::support::{assert_radiance, camera, disk, material, options, quad, sphere};
+use crate::support::{assert_radiance, camera, disk, material, options, quad, sphere, walls};
 use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Light, LightKind, Material, Model,
@@ -66,18 +66,7 @@ fn closed_emitting_box() {
         shiny.model = Model::Lambert { albedo: ColorSlot::constant([albedo; 3]) };
         shiny.double_sided = true;
         let wall = material(&mut scene, shiny);
-        // A box of 2 x 3 x 4, fronts inwards: each face spans corner, u, v with u x v pointing in.
-        let faces = [
-            ([-1.0, -1.5, -2.0], [0.0, 3.0, 0.0], [0.0, 0.0, 4.0]),
-            ([1.0, -1.5, -2.0], [0.0, 0.0, 4.0], [0.0, 3.0, 0.0]),
-            ([-1.0, -1.5, -2.0], [0.0, 0.0, 4.0], [2.0, 0.0, 0.0]),
-            ([-1.0, 1.5, -2.0], [2.0, 0.0, 0.0], [0.0, 0.0, 4.0]),
-            ([-1.0, -1.5, -2.0], [2.0, 0.0, 0.0], [0.0, 3.0, 0.0]),
-            ([-1.0, -1.5, 2.0], [0.0, 3.0, 0.0], [2.0, 0.0, 0.0]),
-        ];
-        for (corner, u, v) in faces {
-            quad(&mut scene, corner, u, v, wall);
-        }
+        walls(&mut scene, [1.0, 1.5, 2.0], |_, _| wall);
         let eye = DVec3::new(0.3, -0.2, 0.5);
         scene.cameras.push(camera(eye, eye + DVec3::new(0.5, 0.3, -1.0), DVec3::Y, 90.0));
         let truth = 0.25 / (1.0 - f64::from(albedo));

@@ -1,7 +1,7 @@
 //! One-sided surfaces: seen from behind they aren't there, for whatever finds light.
 
 use crate::compile_scene::square;
-use crate::support::{assert_radiance, camera, disk, material, mean, options, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, disk, material, mean, options, picture, quad, sphere, walls};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::PathReuse;
 use oscura::scene::{
@@ -166,17 +166,7 @@ fn a_doll_house_is_open_to_viewers_and_closed_to_its_light() {
         let model = Model::Lambert { albedo: ColorSlot::constant([0.5; 3]) };
         let wall = Material { model, double_sided: !is_one_sided, ..wall };
         let wall = material(&mut scene, wall);
-        let faces = [
-            ([-1.0, -1.0, -1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
-            ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]),
-            ([-1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0]),
-            ([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
-            ([-1.0, -1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-            ([-1.0, -1.0, 1.0], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0]),
-        ];
-        for (corner, u, v) in faces {
-            quad(&mut scene, corner, u, v, wall);
-        }
+        walls(&mut scene, [1.0; 3], |_, _| wall);
         scene
     };
     let mut within = [room(false), room(true)];

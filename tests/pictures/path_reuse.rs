@@ -1,13 +1,13 @@
 //! Pixels that share paths: the same expected picture, less noise, and the same bits whatever the machine.
 
 use crate::support::sheet::{self, Variant};
-use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere};
+use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, in_pool};
 use oscura::scene::{
-    AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, MaterialId, Mesh,
-    MeshId, MeshPart, Model, Motion, PbrMaterial, Scene,
+    AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
+    Model, Motion, PbrMaterial, Scene,
 };
 use oscura::simd::{Level, limit_level};
 use std::path::Path;
@@ -26,22 +26,6 @@ fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
     Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
-/// Six walls around -1..1, fronts inwards; `of` gives their materials.
-fn walls(scene: &mut Scene, mut of: impl FnMut(&mut Scene, usize) -> MaterialId) {
-    let faces = [
-        ([-1.0, -1.0, -1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 2.0]),
-        ([1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0]),
-        ([-1.0, -1.0, -1.0], [0.0, 0.0, 2.0], [2.0, 0.0, 0.0]),
-        ([-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0]),
-        ([-1.0, -1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0]),
-        ([-1.0, -1.0, 1.0], [0.0, 2.0, 0.0], [2.0, 0.0, 0.0]),
-    ];
-    for (i, (corner, u, v)) in faces.into_iter().enumerate() {
-        let material = of(scene, i);
-        quad(scene, corner, u, v, material);
-    }
-}
-
 fn room_camera(scene: &mut Scene) {
     let eye = DVec3::new(0.2, 0.1, 0.95);
     scene.cameras.push(camera(eye, DVec3::new(0.0, -0.1, 0.0), DVec3::Y, 80.0));
@@ -58,7 +42,7 @@ fn room() -> Scene {
         pbr("gloss", [0.5, 0.5, 0.8], 0.0, 0.15),
         Material::lambert("black in green", [0.7, 0.0, 0.7]),
     ];
-    walls(&mut scene, |scene, i| material(scene, surfaces[i].clone()));
+    walls(&mut scene, [1.0; 3], |scene, i| material(scene, surfaces[i].clone()));
     let metal = material(&mut scene, pbr("metal", [0.9, 0.6, 0.3], 1.0, 0.45));
     sphere(&mut scene, [-0.5, -0.7, -0.3], 0.3, metal);
     let glass = Model::Dielectric {
@@ -203,7 +187,7 @@ fn a_closed_box_has_its_closed_form() {
     for shape in ["1x2/1", "2x2/1", "4x4/4", "8x8/2"] {
         let mut scene = Scene::default();
         let albedo = 0.7f32;
-        walls(&mut scene, |scene, _| {
+        walls(&mut scene, [1.0; 3], |scene, _| {
             let mut wall = Material::emitter("wall", [0.25; 3], false);
             wall.model = Model::Lambert { albedo: ColorSlot::constant([albedo; 3]) };
             material(scene, wall)
@@ -298,7 +282,7 @@ fn a_pilot_decides() {
     let options = options(256, 4, 100);
     // Without glass and gloss.
     let mut room = Scene::default();
-    walls(&mut room, |scene, _| material(scene, Material::lambert("white", [0.8; 3])));
+    walls(&mut room, [1.0; 3], |scene, _| material(scene, Material::lambert("white", [0.8; 3])));
     let lamp = material(&mut room, Material::emitter("lamp", [20.0; 3], false));
     quad(&mut room, [-0.3, 0.3, -0.3], [0.0, 0.0, 0.6], [0.6, 0.0, 0.0], lamp);
     room_camera(&mut room);

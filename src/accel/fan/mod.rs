@@ -76,14 +76,8 @@ impl Accel {
     }
 }
 
-/// The numbers of the bits of a set.
-#[inline(always)]
-fn bits(set: u64) -> Bits {
-    Bits(set)
-}
-
 /// Iterates over the numbers of the bits of a set.
-struct Bits(u64);
+pub struct Bits(pub u64);
 
 impl Iterator for Bits {
     type Item = usize;
@@ -120,7 +114,7 @@ impl<F: Fn(u32) -> bool> Kernel for Walk<'_, F> {
             if reference & LEAF != 0 {
                 state.leaf(lines, reference, &is_doubtful);
             } else if let Some(node) = view::<Node, NODE_LINES>(lines, line_of(reference)) {
-                for child in bits(u64::from(state.hull.boxes(&node.planes))) {
+                for child in Bits(u64::from(state.hull.boxes(&node.planes))) {
                     state.push(node.child[child % 8]);
                 }
             }
@@ -319,7 +313,7 @@ impl<'a> State<'a> {
         let certain = u64::from(met.certain & asked) << (run * RUN);
         self.rays &= !certain;
         self.stopped |= certain;
-        for k in bits(u64::from(met.possible & !met.certain & asked) << (run * RUN)) {
+        for k in Bits(u64::from(met.possible & !met.certain & asked) << (run * RUN)) {
             if stops(packet, lane, &self.fan.ray(k)) {
                 self.stop(k);
             }
@@ -359,7 +353,7 @@ impl<'a> State<'a> {
     fn analytic(&mut self, packet: &AnalyticPacket, is_doubtful: &impl Fn(u32) -> bool) {
         for lane in 0..LANES {
             let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
-            for k in bits(self.rays) {
+            for k in Bits(self.rays) {
                 let mut prepared = PreparedRay::NONE;
                 let Some(((t_min, t_max), _)) = prepared.set_line(&self.fan.ray(k)) else { continue };
                 let leaves = shape.is_flat() && packet.id[lane] == self.ignored[k];

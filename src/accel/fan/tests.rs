@@ -38,11 +38,11 @@ fn check(accel: &Accel, geometry: &Geometry, fans: usize, width: f32) -> (usize,
             origin_primitives: &origin_primitives,
             rays,
         };
-        let list: Vec<Ray> = bits(rays).map(|k| fan.ray(k)).collect();
+        let list: Vec<Ray> = Bits(rays).map(|k| fan.ray(k)).collect();
         let mut occluded = vec![false; list.len()];
         accel.occluded(&list, &mut occluded);
         let expected =
-            bits(rays).zip(&occluded).fold(0, |set, (k, occluded)| set | u64::from(*occluded) << k);
+            Bits(rays).zip(&occluded).fold(0, |set, (k, occluded)| set | u64::from(*occluded) << k);
         for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
             let FanHits { stopped, unknown } = accel.occluded_fan_at(level, &fan, |_| false);
             assert_eq!(stopped, expected & !unknown, "{number} {}", level.name());

@@ -8,9 +8,9 @@ use super::super::normals::bent_normal;
 use super::super::workspace::Workspace;
 use super::Tiling;
 use super::layer::{LEAST_REST, layer_rest};
-use super::pairs::{Connect, RUN, Receive};
+use super::pairs::{Connect, RUN, Receive, group_of};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
-use crate::accel::{Fan, FanHits};
+use crate::accel::{Bits, Fan, FanHits};
 use crate::color::Rgb;
 use crate::math::{Hit, Ray};
 use crate::simd::dispatch;
@@ -103,16 +103,15 @@ impl Integrator<'_> {
         w.shadow_vertices.clear();
         for &sender in &round.senders {
             let sender = usize::from(sender);
-            let first = sender - sender % round.group;
-            let mut asked = bits_of(&reuse.pairs.density[first..first + round.group]);
+            let places = group_of(sender, round.group);
+            let mut asked = positive(&reuse.pairs.density[places.clone()]);
             if round.group >= FAN && reuse.fans.are_worth_it() {
                 asked = self.test_fan(sender, round.group, asked, reuse, w);
             }
             let Reuse { prefixes, suffixes, .. } = &*reuse;
             let target = get(&suffixes.target, sender);
-            while asked != 0 {
-                let i = first + asked.trailing_zeros() as usize;
-                asked &= asked - 1;
+            for k in Bits(asked) {
+                let i = places.start + k;
                 let origin = get(&prefixes.vertices.next_origin, i);
                 let origin_primitive = prefixes.vertices.origin_primitives[i];
                 w.shadow_rays.push(Ray { origin_primitive, ..Ray::segment(origin, target - origin) });
@@ -137,26 +136,24 @@ impl Integrator<'_> {
             return asked;
         }
         let Reuse { prefixes, suffixes, pairs, fans, .. } = reuse;
-        let first = sender - sender % group;
-        let places = first..first + group;
+        let places = group_of(sender, group);
         let vertices = &prefixes.vertices;
         let fan = Fan {
             target: get(&suffixes.target, sender),
             origins: vertices.next_origin.each_ref().map(|lanes| &lanes[places.clone()]),
-            origin_primitives: &vertices.origin_primitives[places],
+            origin_primitives: &vertices.origin_primitives[places.clone()],
             rays: asked,
         };
         let accel = &self.scene.accel;
-        let FanHits { mut stopped, unknown } = match self.scene.features.alpha {
+        let FanHits { stopped, unknown } = match self.scene.features.alpha {
             true => {
                 accel.occluded_fan(&fan, |prim| self.is_doubtful(&Hit { prim, instance: 0, ..Hit::MISS }))
             }
             false => accel.occluded_fan(&fan, |_| false),
         };
         fans.count(2 * unknown.count_ones() > asked.count_ones());
-        while stopped != 0 {
-            pairs.density[first + stopped.trailing_zeros() as usize] = 0.0;
-            stopped &= stopped - 1;
+        for k in Bits(stopped) {
+            pairs.density[places.start + k] = 0.0;
         }
         let known = u64::from((asked & !unknown).count_ones());
         w.ray_count += known;
@@ -174,8 +171,7 @@ impl Integrator<'_> {
             }
             let (p, ns, ng) =
                 (get(&suffixes.p, sender), get(&suffixes.ns, sender), get(&suffixes.ng, sender));
-            let first = sender - sender % round.group;
-            for i in first..first + round.group {
+            for i in group_of(sender, round.group) {
                 if pairs.density[i] <= 0.0 {
                     continue;
                 }
@@ -192,7 +188,7 @@ impl Integrator<'_> {
 }
 
 /// Which numbers are positive, one bit each.
-fn bits_of(densities: &[f32]) -> u64 {
+fn positive(densities: &[f32]) -> u64 {
     densities.iter().enumerate().fold(0, |set, (k, density)| set | u64::from(*density > 0.0) << k)
 }
 

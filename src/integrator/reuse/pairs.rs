@@ -7,6 +7,7 @@ use super::state::{METAL_ROUGH, Pairs, Prefixes, Suffixes};
 use super::tiling::GroupShape;
 use crate::color::Rgb;
 use crate::simd::Kernel;
+use std::ops::Range;
 
 /// Places that loops take together: of one group or of several.
 pub const RUN: usize = 16;
@@ -62,6 +63,13 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
     }
 }
 
+/// The places of the group of `group` places that a place belongs to.
+#[inline(always)]
+pub fn group_of(place: usize, group: usize) -> Range<usize> {
+    let first = place - place % group;
+    first..(first + group).min(WAVE)
+}
+
 /// Adds what the prefixes get from the suffixes of a round. (The sum runs in an order that does not depend on the CPU.)
 pub struct Receive<'a> {
     /// Places of the suffixes.
@@ -83,8 +91,7 @@ impl Kernel for Receive<'_> {
         let Receive { senders, group, prefixes, suffixes: s, pairs, gained } = self;
         for &sender in senders {
             let sender = usize::from(sender).min(WAVE - 1);
-            let first = sender - sender % group;
-            let places = first..(first + group).min(WAVE);
+            let places = group_of(sender, group);
             let mut sums = [0.0; 4];
             let (fours, rest) = pairs.density[places.clone()].as_chunks::<4>();
             for four in fours {

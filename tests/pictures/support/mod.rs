@@ -107,3 +107,21 @@ pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: Materi
 pub fn disk(scene: &mut Scene, center: [f64; 3], normal: [f64; 3], radius: f64, material: MaterialId) {
     scene.shapes.push(Shape { name: "disk".into(), ..Shape::disk(center, normal, radius, material) });
 }
+
+/// Six walls around the box from `-half` to `half`, fronts inwards (each spans corner, u, v with u x v pointing in); `of` gives
+/// their materials.
+pub fn walls(scene: &mut Scene, [x, y, z]: [f64; 3], mut of: impl FnMut(&mut Scene, usize) -> MaterialId) {
+    let (u, v, w) = ([2.0 * x, 0.0, 0.0], [0.0, 2.0 * y, 0.0], [0.0, 0.0, 2.0 * z]);
+    let faces = [
+        ([-x, -y, -z], v, w),
+        ([x, -y, -z], w, v),
+        ([-x, -y, -z], w, u),
+        ([-x, y, -z], u, w),
+        ([-x, -y, -z], u, v),
+        ([-x, -y, z], v, u),
+    ];
+    for (i, (corner, u, v)) in faces.into_iter().enumerate() {
+        let material = of(scene, i);
+        quad(scene, corner, u, v, material);
+    }
+}
