@@ -5,7 +5,7 @@ use super::frames::Frames;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use oscura::film::Aov;
-use oscura::render::PathReuse;
+use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
@@ -225,6 +225,12 @@ pub(crate) struct RenderArgs {
     /// Share paths between neighbouring pixels: auto, off, or groups such as 4x4 [default: auto].
     #[arg(long, value_name = "REUSE", default_value = "auto", hide_default_value = true)]
     pub path_reuse: PathReuse,
+    /// Let several paths go on from the first surface of each sample: auto, off, 2, 4, 8 or 16 [default: auto].
+    #[arg(long, value_name = "PATHS", default_value = "auto", hide_default_value = true)]
+    pub splitting: Splitting,
+    /// Give noisy pixels more samples and others fewer: auto or off [default: auto].
+    #[arg(long, value_name = "CHOICE", default_value = "auto", hide_default_value = true)]
+    pub adaptive: Adaptive,
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,

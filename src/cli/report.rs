@@ -165,8 +165,10 @@ impl Run {
         );
         let shared =
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
+        let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
+        let mean = if s.is_adaptive { " on average" } else { "" };
         eprintln!(
-            "picture  {} x {}, {} samples a pixel, {}{shared}, {}",
+            "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}, {}",
             self.width,
             self.height,
             // Fractions only come from stopping early.

@@ -43,6 +43,8 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         aovs: args.aov.iter().copied().collect(),
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
+        splitting: args.splitting,
+        adaptive: args.adaptive,
         tree,
         time_limit: args.time_limit,
     }

@@ -58,7 +58,7 @@ impl Integrator<'_> {
                 hits[i as usize] = hit;
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
             }
-            w.ray_count += w.pending.len() as u64;
+            w.ray_counts.all += w.pending.len() as u64;
         }
     }
 
@@ -92,7 +92,7 @@ impl Integrator<'_> {
             shadow_rays,
             shadow_vertices,
             occluded,
-            ray_count,
+            ray_counts,
             pending,
             pending_rays,
             pending_hits,
@@ -102,7 +102,7 @@ impl Integrator<'_> {
             pending_hits.resize(shadow_rays.len(), Hit::MISS);
         }
         self.scene.accel.any(shadow_rays, pending_hits);
-        *ray_count += shadow_rays.len() as u64;
+        ray_counts.all += shadow_rays.len() as u64;
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
@@ -122,7 +122,7 @@ impl Integrator<'_> {
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
             self.scene.accel.closest(pending_rays, pending_hits);
-            *ray_count += pending.len() as u64;
+            ray_counts.all += pending.len() as u64;
             let mut at = 0;
             pending.retain(|&k| {
                 let hit = pending_hits[at];

@@ -18,9 +18,9 @@ impl Integrator<'_> {
     /// Adds the light that reaches the vertices from their light samples.
     pub(super) fn direct_light(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         if self.softens_terminator() {
-            direct::<true>(sorted, w);
+            direct::<true>(self.branches(bounce) as f32, sorted, w);
         } else {
-            direct::<false>(sorted, w);
+            direct::<false>(self.branches(bounce) as f32, sorted, w);
         }
         if self.scene.features.absorption {
             self.absorb_light(sorted, &mut w.wave);
@@ -62,19 +62,19 @@ impl Integrator<'_> {
             self.occluded_by_present_surfaces(bounce, w);
         } else {
             self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
-            w.ray_count += w.shadow_rays.len() as u64;
+            w.ray_counts.all += w.shadow_rays.len() as u64;
         }
     }
 }
 
 /// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
-fn direct<const SOFT: bool>(sorted: &Sorted, w: &mut Workspace) {
+fn direct<const SOFT: bool>(branches: f32, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
-    dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert() });
-    dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough() });
+    dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
+    dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
     let range = sorted.rough();
     // Its loop has no use for a higher CPU level.
-    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range }.run();
+    Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, branches }.run();
 }
 
 /// What the light samples bring to the vertices of a class.
@@ -82,6 +82,8 @@ pub(super) struct Direct<'a, C, const SOFT: bool> {
     pub wave: &'a mut Wave,
     pub class: C,
     pub range: Range<usize>,
+    /// How many paths the density of scattering counts for.
+    pub branches: f32,
 }
 
 impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
@@ -101,7 +103,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let eval = closure.eval(wi);
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
-            let mut weight = light_weight(light_pdf, eval.pdf_solid_angle);
+            let mut weight = light_weight(light_pdf, eval.pdf_solid_angle * self.branches);
             if SOFT && !closure.crosses(wi) {
                 weight *= terminator(ns * side, ng * side, wi);
             }

@@ -1,7 +1,7 @@
 //! Paths start: camera rays.
 
-use super::block::{Block, Cursor};
 use super::lanes::{WAVE, get, set, set_rgb};
+use super::samples::Samples;
 use super::wave::{Carried, Scratch, Vertices};
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
@@ -13,17 +13,28 @@ use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
-    /// Starts samples `first .. first + count` of a block, counted pixel by pixel.
-    pub(super) fn generate(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
+    /// Starts the next samples of a block, as many as fit into a wave; none once all were started.
+    pub(super) fn generate(&self, samples: &mut Samples<'_>, w: &mut Workspace) {
+        self.number_samples(samples, w);
+        let count = w.pixels.len();
         w.rays.clear();
+        w.rays_before_split = None;
         w.sink.begin(count);
         w.first_hits.reset(count, self.options.aovs);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
-        self.number_samples(block, first, count, &mut paths.carried, scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);
-        let path = &mut paths.carried;
-        dispatch(StartPaths { path, vertices, scratch, count, dimensions: &dimensions, camera, filter });
+        let (path, branch_bits) = (&mut paths.carried, self.options.branches.trailing_zeros());
+        dispatch(StartPaths {
+            path,
+            vertices,
+            scratch,
+            count,
+            branch_bits,
+            dimensions: &dimensions,
+            camera,
+            filter,
+        });
         if self.parts.footprints {
             let (width, spread) = camera.pixel_cone();
             paths.footprints.width[..count].fill(width);
@@ -36,27 +47,16 @@ impl Integrator<'_> {
         w.rays.extend((0..count).map(start));
     }
 
-    /// Gives each path its pixel's seed and its sample's number in the sequence of that seed, and the first lanes of the
-    /// scratch memory the pixel's corner.
-    fn number_samples(
-        &self,
-        block: &Block,
-        first: u64,
-        count: usize,
-        path: &mut Carried,
-        [film_x, film_y, ..]: &mut Scratch,
-    ) {
-        let mut at = Cursor::new(block, first);
-        let (mut seed, mut start) = self.options.arrangement.first(at.x, at.y);
-        for i in 0..count {
-            if at.sample == 0 {
-                (seed, start) = self.options.arrangement.first(at.x, at.y);
-            }
-            path.seed[i] = seed;
-            path.shuffled[i] = start + block.first_sample + at.sample as u32;
+    /// Gives each path its sequence's seed and its sample's number there, and the first lanes of the scratch memory the
+    /// pixel's corner.
+    fn number_samples(&self, samples: &mut Samples<'_>, w: &mut Workspace) {
+        let (path, [film_x, film_y, ..]) = (&mut w.arriving.carried, &mut w.wave.scratch);
+        w.pixels.clear();
+        for (i, sample) in samples.take(self.samples_per_wave()).enumerate() {
+            w.pixels.push(sample.pixel);
+            (path.seed[i], path.shuffled[i]) = (sample.seed, sample.index);
             path.sample[i] = i as u32;
-            (film_x[i], film_y[i]) = (at.x as f32, at.y as f32);
-            at.advance(u64::from(block.samples));
+            (film_x[i], film_y[i]) = (sample.x as f32, sample.y as f32);
         }
     }
 }
@@ -68,6 +68,7 @@ struct StartPaths<'a> {
     vertices: &'a mut Vertices,
     scratch: &'a mut Scratch,
     count: usize,
+    branch_bits: u32,
     dimensions: &'a Dimensions,
     camera: &'a Camera,
     filter: &'a FilterSampler,
@@ -83,7 +84,7 @@ impl Kernel for StartPaths<'_> {
         let count = self.count.min(WAVE);
         // Loops of one kind each vectorise; together they don't.
         for i in 0..count {
-            let point = SobolPoint::new(path.seed[i], path.shuffled[i]);
+            let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], self.branch_bits);
             [filter_u[i], filter_v[i], lens_u[i], lens_v[i]] = point.sample_4d(self.dimensions);
             set_rgb(&mut path.throughput, i, Rgb::ONE);
             path.pdf[i] = 0.0;

@@ -59,6 +59,14 @@ pub struct Sorted {
 }
 
 impl Sorted {
+    /// The same with each vertex several times.
+    pub fn times(mut self, times: usize) -> Sorted {
+        for start in &mut self.starts {
+            *start *= times;
+        }
+        self
+    }
+
     /// The first place of each group.
     pub fn starts(&self) -> [usize; GROUPS] {
         self.starts

@@ -49,12 +49,23 @@ pub fn set_rgb(v: &mut RgbLanes, i: usize, value: Rgb) {
 pub trait PerPath {
     /// Copies element `i` to element `k` of `other`.
     fn copy_to(&self, i: usize, other: &mut Self, k: usize);
+
+    /// Makes each of the first `count` elements several, one after the other.
+    fn repeat(&mut self, count: usize, times: usize);
 }
 
 impl<T: Copy> PerPath for [T; LENGTH] {
     #[inline(always)]
     fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
         other[k] = self[i];
+    }
+
+    fn repeat(&mut self, count: usize, times: usize) {
+        // From the end, so that each is read before something else is in its place.
+        for i in (0..count).rev() {
+            let element = self[i];
+            self[i * times..(i + 1) * times].fill(element);
+        }
     }
 }
 
@@ -63,6 +74,12 @@ impl PerPath for Lanes3 {
     fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
         for c in 0..3 {
             other[c][k] = self[c][i];
+        }
+    }
+
+    fn repeat(&mut self, count: usize, times: usize) {
+        for component in self {
+            component.repeat(count, times);
         }
     }
 }
@@ -82,6 +99,10 @@ macro_rules! per_path {
             #[inline(always)]
             fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
                 $($crate::integrator::lanes::PerPath::copy_to(&self.$field, i, &mut other.$field, k);)*
+            }
+
+            fn repeat(&mut self, count: usize, times: usize) {
+                $($crate::integrator::lanes::PerPath::repeat(&mut self.$field, count, times);)*
             }
         }
     };

@@ -28,10 +28,13 @@ mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
+mod ray_counts;
 pub mod reuse;
+mod samples;
 mod scatter;
 mod sheets;
 mod sink;
+mod split;
 mod surface;
 #[cfg(test)]
 mod tests;
@@ -41,16 +44,18 @@ mod workspace;
 
 pub use block::Block;
 pub use lanes::WAVE;
+pub use ray_counts::RayCounts;
+pub use samples::SamplePlan;
 pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler};
-use crate::sampling::Arrangement;
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
 use light_samplers::has_vector_sampler;
 use reuse::Tiling;
+use samples::Samples;
 use wave::PathParts;
 
 /// Options that concern paths.
@@ -58,8 +63,8 @@ use wave::PathParts;
 pub struct PathOptions<'a> {
     /// Largest number of scattering events; 0 shows emission only.
     pub max_depth: u32,
-    /// Which random points each sample takes.
-    pub arrangement: Arrangement,
+    /// How many samples pixels take, and which random points.
+    pub plan: SamplePlan<'a>,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
     /// AOVs of first hits that are asked for.
@@ -68,6 +73,8 @@ pub struct PathOptions<'a> {
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
     pub reuse: Option<Tiling>,
+    /// How many paths go on from the first surface of each sample; a power of two, and 1 where samples share paths.
+    pub branches: u32,
     /// Keep what samples have before they share.
     pub keeps_unshared: bool,
 }
@@ -155,35 +162,32 @@ impl<'a> Integrator<'a> {
         stop: &dyn Fn() -> bool,
         mut sink: impl FnMut(&PathSample<'_>),
     ) -> bool {
-        let total = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
-        let mut first = 0;
-        while first < total {
-            let count = (total - first).min(WAVE as u64);
-            if !self.trace_wave(block, first, count as usize, w, stop) {
+        let mut samples = Samples::new(self.options.plan, block, self.options.branches.trailing_zeros());
+        loop {
+            self.generate(&mut samples, w);
+            if w.pixels.is_empty() {
+                return true;
+            }
+            if !self.trace_wave(block, w, stop) {
                 return false;
             }
-            for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
-                let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
+            for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
                 let unshared = w.sink.unshared(i);
                 sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i), unshared });
             }
-            first += count;
         }
-        true
     }
 
-    /// Traces one wave; false if `stop` said so.
-    fn trace_wave(
-        &self,
-        block: &Block,
-        first: u64,
-        count: usize,
-        w: &mut Workspace,
-        stop: &dyn Fn() -> bool,
-    ) -> bool {
-        self.generate(block, first, count, w);
-        let Some(tiling) = &self.options.reuse else { return self.trace_paths(w, stop) };
-        self.begin_reuse(tiling, block, count, w);
+    /// Traces the wave that was generated; false if `stop` said so.
+    fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
+        let Some(tiling) = &self.options.reuse else {
+            let is_done = self.trace_paths(w, stop);
+            if is_done && self.options.branches > 1 && self.options.keeps_unshared {
+                self.join_branches(w);
+            }
+            return is_done;
+        };
+        self.begin_reuse(tiling, block, w.pixels.len(), w);
         let is_done = self.trace_paths(w, stop);
         if is_done {
             self.share_paths(tiling, w);
@@ -214,6 +218,7 @@ impl<'a> Integrator<'a> {
                 self.sample_lights(bounce, &sorted, w);
                 self.direct_light(bounce, &sorted, w);
             }
+            let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
             if shares {
                 self.divide_lobes(bounce, &sorted, w);

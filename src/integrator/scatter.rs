@@ -21,7 +21,8 @@ impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.
     pub(super) fn scatter(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Scatter);
-        let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE };
+        let branches = self.branches(bounce) as f32;
+        let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
         if self.softens_terminator() {
             scatter::<true>(how, sorted, w);
         } else {
@@ -72,6 +73,8 @@ pub(super) struct How<'a> {
     pub dimensions: &'a Dimensions,
     /// May paths end?
     pub roulette: bool,
+    /// How many paths the density of a direction counts for.
+    pub branches: f32,
 }
 
 /// Scatters at all classes of vertices; with softened shadow terminators or without.
@@ -129,7 +132,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
                 (closure.crosses(wi) == s.is_transmission) & (height != 0.0)
             };
             let goes_on = survives & (s.pdf_solid_angle > 0.0) & is_right;
-            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle };
+            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * self.how.branches };
             path.pdf[i] = if goes_on { pdf } else { -1.0 };
         }
     }

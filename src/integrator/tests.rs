@@ -78,8 +78,8 @@ fn assert_close(a: Rgb, b: Rgb, what: &str) {
 fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) {
     let mut general_wave = copy(&wave);
     let general = || GeneralClass { bsdfs, first: 0 };
-    dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT });
-    Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT }.run();
+    dispatch(Direct::<_, true> { wave: &mut wave, class, range: 0..COUNT, branches: 1.0 });
+    Direct::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, branches: 1.0 }.run();
     let mut lit = 0;
     for i in 0..COUNT {
         let of = |w: &Wave| get_rgb(&w.vertices.light.contribution, i);
@@ -95,7 +95,7 @@ fn compare(mut wave: Box<Wave>, class: impl VertexClass + Copy, bsdfs: &[Bsdf]) 
     }
     assert!(lit > COUNT / 8, "{lit} lit");
 
-    let how = How { dimensions: &Dimensions::new(2), roulette: true };
+    let how = How { dimensions: &Dimensions::new(2), roulette: true, branches: 1.0 };
     dispatch(Scatter::<_, true> { wave: &mut wave, class, range: 0..COUNT, how });
     Scatter::<_, true> { wave: &mut general_wave, class: general(), range: 0..COUNT, how }.run();
     let (mut scattered, mut borderline) = (0, 0);

@@ -3,7 +3,8 @@
 use super::first_hit::FirstHits;
 use super::group::Group;
 use super::lanes::WAVE;
-use super::reuse::state::{Connections, Reuse};
+use super::ray_counts::RayCounts;
+use super::reuse::state::Reuse;
 use super::sink::Sink;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
@@ -15,6 +16,8 @@ pub struct Workspace {
     pub(super) wave: Box<Wave>,
     /// Paths in the order of their rays, before their vertices are sorted.
     pub(super) arriving: Box<Paths>,
+    /// The pixel of each sample of the wave.
+    pub(super) pixels: Vec<u32>,
     pub(super) rays: Vec<Ray>,
     pub(super) hits: Vec<Hit>,
     /// Shading group of each hit.
@@ -39,10 +42,10 @@ pub struct Workspace {
     pub(super) pending_hits: Vec<Hit>,
     /// Where paths are shared.
     pub(super) reuse: Option<Box<Reuse>>,
+    /// Rays that had been traced when the samples of the wave split, if they did.
+    pub(super) rays_before_split: Option<u64>,
     /// Rays traced so far.
-    pub ray_count: u64,
-    /// Those of them that connected shared paths.
-    pub connections: Connections,
+    pub ray_counts: RayCounts,
 }
 
 impl Workspace {
@@ -51,6 +54,7 @@ impl Workspace {
         Workspace {
             wave: bytemuck::zeroed_box(),
             arriving: bytemuck::zeroed_box(),
+            pixels: Vec::with_capacity(WAVE),
             rays: Vec::with_capacity(WAVE),
             hits: Vec::with_capacity(WAVE),
             groups: Vec::with_capacity(WAVE),
@@ -66,8 +70,8 @@ impl Workspace {
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
             reuse: None,
-            ray_count: 0,
-            connections: Connections::default(),
+            rays_before_split: None,
+            ray_counts: RayCounts::default(),
         }
     }
 
@@ -76,7 +80,7 @@ impl Workspace {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
         accel.closest(&self.rays, &mut self.hits);
-        self.ray_count += self.rays.len() as u64;
+        self.ray_counts.all += self.rays.len() as u64;
     }
 }
 

@@ -4,8 +4,10 @@
 //! the film when it is done; tiles share no pixels and passes follow each other, so every pixel's sum has one order at
 //! any number of threads.
 
+mod adaptive;
 mod cancel;
 mod clock;
+mod halves;
 mod options;
 mod picture;
 mod pilot;
@@ -16,12 +18,13 @@ mod rendering;
 mod schedule;
 mod settle;
 mod statistics;
+mod technique;
 mod tiles;
 mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
-pub use options::{PathReuse, RenderOptions, TreeChoice};
+pub use options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;

@@ -22,6 +22,39 @@ pub enum PathReuse {
     Groups(GroupShape),
 }
 
+/// Whether several paths go on from the first surface of each sample, which lowers the noise of what follows for less than
+/// more samples would.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Splitting {
+    /// As many as the picture gains most by, as some squares of the first pass tell, where it gains more than by sharing
+    /// paths: see [`PathReuse::Auto`].
+    #[default]
+    Auto,
+    /// So many: 2, 4, 8 or 16, and then paths are not shared; or 1.
+    Into(u32),
+}
+
+impl Splitting {
+    /// One path from each sample.
+    pub const OFF: Splitting = Splitting::Into(1);
+
+    /// Most paths.
+    pub const MOST: u32 = 16;
+}
+
+/// Which pixels get how many samples.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Adaptive {
+    /// After the first eight samples of all pixels, more where neighbouring pixels are noisy and fewer elsewhere, if there
+    /// are sixteen samples or more, the picture gains by it, has no time limit, and its pixels don't share paths.
+    #[default]
+    Auto,
+    /// All pixels the same number.
+    Off,
+}
+
 /// How good the tree over a scene's triangles is, which rays walk. Pictures don't depend on it; full trees make rays faster
 /// and take longer to build.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,6 +100,10 @@ pub struct RenderOptions {
     pub soft_terminator: bool,
     /// Whether neighbouring pixels share paths. Default [`PathReuse::Auto`].
     pub path_reuse: PathReuse,
+    /// Into how many paths samples split. Default [`Splitting::Auto`].
+    pub splitting: Splitting,
+    /// Whether noisy pixels get more samples. Default [`Adaptive::Auto`].
+    pub adaptive: Adaptive,
     /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,
 }
@@ -87,6 +124,40 @@ impl FromStr for PathReuse {
     }
 }
 
+impl FromStr for Splitting {
+    type Err = Error;
+
+    /// Reads `auto`, `off`, or a number of paths.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<Splitting> {
+        match (text, text.parse()) {
+            ("auto", _) => Ok(Splitting::Auto),
+            ("off", _) => Ok(Splitting::OFF),
+            (_, Ok(branches @ (1 | 2 | 4 | 8 | Splitting::MOST))) => Ok(Splitting::Into(branches)),
+            _ => Err(Error::usage(format!("'{text}' is no way to split paths"))
+                .with_help("give auto, off, 2, 4, 8 or 16")),
+        }
+    }
+}
+
+impl FromStr for Adaptive {
+    type Err = Error;
+
+    /// Reads `auto` or `off`.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<Adaptive> {
+        match text {
+            "auto" => Ok(Adaptive::Auto),
+            "off" => Ok(Adaptive::Off),
+            _ => Err(Error::usage(format!("'{text}' is neither auto nor off"))),
+        }
+    }
+}
+
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
         RenderOptions {
@@ -99,6 +170,8 @@ impl Default for RenderOptions {
             aovs: AovSet::NONE,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
+            splitting: Splitting::default(),
+            adaptive: Adaptive::default(),
             time_limit: None,
         }
     }
@@ -151,6 +224,18 @@ impl RenderOptions {
     #[must_use]
     pub fn path_reuse(self, path_reuse: PathReuse) -> RenderOptions {
         RenderOptions { path_reuse, ..self }
+    }
+
+    /// Sets into how many paths samples split.
+    #[must_use]
+    pub fn splitting(self, splitting: Splitting) -> RenderOptions {
+        RenderOptions { splitting, ..self }
+    }
+
+    /// Sets whether noisy pixels get more samples.
+    #[must_use]
+    pub fn adaptive(self, adaptive: Adaptive) -> RenderOptions {
+        RenderOptions { adaptive, ..self }
     }
 
     /// Sets the limit on rendering time, or removes it.

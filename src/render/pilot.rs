@@ -1,9 +1,11 @@
-//! Whether a picture gains by sharing paths between its pixels: some squares of its first pass try.
+//! Which technique a picture gains by: some squares of its first pass try.
 
+use super::halves::Halves;
 use super::schedule::Pass;
+use super::technique::{Choice, Technique};
 use crate::compile::View;
-use crate::integrator::reuse::{Connections, GroupShape, INTERVAL};
-use crate::integrator::{Block, PathSample};
+use crate::integrator::reuse::{GroupShape, INTERVAL};
+use crate::integrator::{Block, PathSample, RayCounts};
 use crate::sampling::hash::r2_sequence;
 use std::collections::HashSet;
 
@@ -13,15 +15,24 @@ const EDGE: u32 = 32;
 /// One square of so many tries.
 const SQUARES: u32 = 24;
 
-/// Fewest squares for each shape of groups: one alone could be a special place.
+/// Fewest squares for each candidate: one alone could be a special place.
 const LEAST_SQUARES: u32 = 3;
 
 /// Width, height and spacing of the groups that are tried. Those of the last are large, and tried only where connections
 /// are few.
-const CANDIDATES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
+const SHAPES: [(u32, u32, u32); 3] = [(2, 2, 2), (4, 4, 4), (8, 8, 4)];
 
-/// Sharing must be more efficient than not sharing by this factor.
+/// Paths that samples of a trial of splitting go on in; what other numbers would bring follows.
+const BRANCHES: u32 = 4;
+
+/// Most paths that samples go on in by a trial.
+const MOST_BRANCHES: u32 = 8;
+
+/// Sharing must be more efficient than not sharing by this factor, and splitting than not splitting.
 const LEAST_GAIN: f64 = 1.25;
+
+/// Where sharing gains more than this, splitting is not tried: it seldom gains as much.
+const CLEAR_GAIN: f64 = 3.0;
 
 /// Time that a connection takes, as a part of the time of another ray with all that belongs to it; and what sharing takes
 /// besides, as a part of the time without.
@@ -37,32 +48,42 @@ const FAN_CONNECTION_COST: f64 = 0.17;
 /// Time of connections, as above, up to which larger groups are tried.
 const MOST_COST: f64 = 0.5;
 
-/// Largest error that a pixel may count for, relative to its value: rare bright samples would else decide alone.
-const LARGEST_ERROR: f64 = 3.0;
-
-/// The squares that try a shape of groups.
+/// The squares that try a technique.
 pub(super) struct Trial {
-    pub shape: GroupShape,
+    pub technique: Technique,
     pub squares: Vec<Block>,
 }
 
-/// The trials of a pass, of the candidates in their order; none if it has a single sample or the picture is too small.
-pub(super) fn trials(view: &View, pass: Pass) -> Vec<Trial> {
+/// The trials of a pass, in their order; none if it has a single sample or the picture is too small.
+pub(super) fn trials(choice: Choice, view: &View, pass: Pass) -> Vec<Trial> {
     let (columns, rows) = (view.width / EDGE, view.height / EDGE);
-    let of_each = (columns * rows).div_ceil(SQUARES * CANDIDATES.len() as u32).max(LEAST_SQUARES);
-    let count = of_each * CANDIDATES.len() as u32;
+    let shapes = SHAPES.len() as u32;
+    let of_each = (columns * rows).div_ceil(SQUARES * shapes).max(LEAST_SQUARES);
     // From the next change of groups on, these would lie across squares.
-    if pass.samples < 2 || pass.first_sample >= INTERVAL || columns * rows < 3 * count {
+    let is_possible = pass.samples >= 2 && pass.first_sample < INTERVAL;
+    if !is_possible || columns * rows < 3 * shapes * of_each {
         return Vec::new();
     }
     let mut taken = HashSet::new();
-    let new = places(columns, rows).filter(|&place| taken.insert(place)).take(count as usize);
-    let squares: Vec<Block> = new.map(|(x, y)| square(x, y, pass)).collect();
-    let shapes =
-        CANDIDATES.iter().filter_map(|&(width, height, spacing)| GroupShape::new(width, height, spacing));
-    // In turn, so that the squares of each are spread evenly.
-    let of_turn = |turn| squares.iter().skip(turn).step_by(CANDIDATES.len()).copied().collect();
-    shapes.enumerate().map(|(turn, shape)| Trial { shape, squares: of_turn(turn) }).collect()
+    let new = places(columns, rows).filter(|&place| taken.insert(place));
+    let squares: Vec<Block> =
+        new.take(((shapes + 1) * of_each) as usize).map(|(x, y)| square(x, y, pass)).collect();
+    let (of_shapes, of_splitting) = squares.split_at((shapes * of_each) as usize);
+    let shape = |&(width, height, spacing): &(u32, u32, u32)| GroupShape::new(width, height, spacing);
+    let mut trials = Vec::new();
+    if choice.may_share {
+        // In turn, so that the squares of each are spread evenly.
+        let of_turn = |turn| of_shapes.iter().skip(turn).step_by(SHAPES.len()).copied().collect();
+        let shared = SHAPES.iter().filter_map(shape).enumerate();
+        trials.extend(
+            shared.map(|(turn, s)| Trial { technique: Technique::Shared(s), squares: of_turn(turn) }),
+        );
+    }
+    if choice.may_split {
+        let technique = Technique::Alone { branches: BRANCHES };
+        trials.push(Trial { technique, squares: of_splitting.to_vec() });
+    }
+    trials
 }
 
 fn square(x: u32, y: u32, pass: Pass) -> Block {
@@ -70,12 +91,17 @@ fn square(x: u32, y: u32, pass: Pass) -> Block {
     Block { x0: x * EDGE, y0: y * EDGE, width: EDGE, height: EDGE, first_sample, samples }
 }
 
-/// Is the next candidate, which has four times as many connections as the last one, worth a trial?
-pub(super) fn is_next_worth_it(results: &[(GroupShape, Errors)]) -> bool {
-    let Some((_, last)) = results.last().filter(|_| results.len() == CANDIDATES.len() - 1) else {
-        return true;
-    };
-    last.gain() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+/// Is a trial worth while after what the earlier ones showed?
+pub(super) fn is_worth_it(trial: &Trial, results: &[(Technique, Errors)]) -> bool {
+    match trial.technique {
+        // Its groups have four times as many connections as the last ones.
+        Technique::Shared(_) if results.len() == SHAPES.len() - 1 => {
+            let last = &results[results.len() - 1].1;
+            last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+        }
+        Technique::Shared(_) => true,
+        Technique::Alone { .. } => best(results).gain < CLEAR_GAIN,
+    }
 }
 
 /// Places that fill a grid evenly, however many are taken.
@@ -97,63 +123,73 @@ pub(super) fn without(mut tiles: Vec<Block>, trials: &[Trial]) -> Vec<Block> {
     tiles
 }
 
-/// The two halves of a pixel's samples, with paths shared and without.
+/// What a pixel has got, with the technique that is tried and without it.
 #[derive(Clone, Copy, Default)]
-struct Halves {
-    shared: [[f64; 3]; 2],
-    unshared: [[f64; 3]; 2],
+struct PixelTally {
+    tried: Halves,
+    plain: Halves,
     count: u32,
 }
 
-/// What a square has shown.
+/// What a block has shown.
 pub(super) struct Tally {
-    pixels: Vec<Halves>,
+    pixels: Vec<PixelTally>,
     /// Half the samples of a pixel.
     half: u32,
-    rays: u64,
-    connections: Connections,
+    rays: RayCounts,
 }
 
 impl Tally {
     pub fn new(block: &Block) -> Tally {
-        let pixels = vec![Halves::default(); (block.width * block.height) as usize];
-        Tally { pixels, half: block.samples / 2, rays: 0, connections: Connections::default() }
+        let pixels = vec![PixelTally::default(); (block.width * block.height) as usize];
+        Tally { pixels, half: block.samples / 2, rays: RayCounts::default() }
     }
 
     pub fn add(&mut self, sample: &PathSample<'_>) {
         let pixel = &mut self.pixels[sample.pixel as usize];
         let half = pixel.count / self.half;
         pixel.count += 1;
-        let add = |sums: &mut [[f64; 3]; 2], rgb: [f32; 3]| {
-            if let Some(sum) = sums.get_mut(half as usize) {
-                sum.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
-            }
-        };
-        add(&mut pixel.shared, sample.rgb);
-        add(&mut pixel.unshared, sample.unshared);
+        pixel.tried.add(half, sample.rgb);
+        pixel.plain.add(half, sample.unshared);
     }
 
-    /// Counts rays, and those of them that connected paths.
-    pub fn count(&mut self, rays: u64, connections: Connections) {
-        (self.rays, self.connections) = (self.rays + rays, self.connections.plus(connections));
+    /// Counts rays.
+    pub fn count(&mut self, rays: RayCounts) {
+        self.rays = self.rays.plus(rays);
+    }
+
+    /// Rays of a sample.
+    pub fn rays_per_sample(&self) -> f64 {
+        self.rays.all as f64 / f64::from(self.samples().max(1))
+    }
+
+    fn samples(&self) -> u32 {
+        self.pixels.iter().map(|pixel| pixel.count).sum()
+    }
+
+    /// Rays of a sample without the technique that is tried.
+    pub fn plain_rays_per_sample(&self) -> f64 {
+        let RayCounts { all, single, in_fans, in_branches } = self.rays;
+        let others = (all - single - in_fans - in_branches) as f64;
+        (others + in_branches as f64 / f64::from(BRANCHES)) / f64::from(self.samples().max(1))
+    }
+
+    /// Squared errors of the pixels of the picture.
+    pub fn of_picture(&self) -> Vec<f32> {
+        self.pixels.iter().map(|pixel| pixel.tried.squared_error(self.half, &pixel.tried) as f32).collect()
+    }
+
+    /// The same without the technique that is tried.
+    pub fn of_plain(&self) -> Vec<f32> {
+        self.pixels.iter().map(|pixel| pixel.plain.squared_error(self.half, &pixel.tried) as f32).collect()
     }
 
     /// Sums of squared errors relative to the pixels' values, from the difference of the halves.
     pub fn finish(&self) -> Errors {
-        let mut errors = Errors { rays: self.rays, connections: self.connections, ..Errors::default() };
+        let mut errors = Errors { rays: self.rays, ..Errors::default() };
         for pixel in &self.pixels {
-            for c in 0..3 {
-                let scale = 1.0 / f64::from(self.half);
-                let mean = 0.5 * scale * (pixel.shared[0][c] + pixel.shared[1][c]);
-                let error = |sums: &[[f64; 3]; 2]| {
-                    let difference = (sums[0][c] - sums[1][c]) * scale;
-                    let squared = difference * difference / (mean * mean + 0.01);
-                    // NaN counts as nothing.
-                    if squared > 0.0 { squared.min(LARGEST_ERROR * LARGEST_ERROR) } else { 0.0 }
-                };
-                errors.shared += error(&pixel.shared);
-                errors.unshared += error(&pixel.unshared);
-            }
+            errors.tried += pixel.tried.squared_error(self.half, &pixel.tried);
+            errors.plain += pixel.plain.squared_error(self.half, &pixel.tried);
         }
         errors
     }
@@ -162,43 +198,84 @@ impl Tally {
 /// Squared errors of some pixels, and the rays that they took.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Errors {
-    pub shared: f64,
-    pub unshared: f64,
-    /// All, and those that connected paths.
-    pub rays: u64,
-    pub connections: Connections,
+    pub tried: f64,
+    pub plain: f64,
+    pub rays: RayCounts,
 }
 
 impl Errors {
     pub fn plus(self, other: Errors) -> Errors {
         Errors {
-            shared: self.shared + other.shared,
-            unshared: self.unshared + other.unshared,
-            rays: self.rays + other.rays,
-            connections: self.connections.plus(other.connections),
+            tried: self.tried + other.tried,
+            plain: self.plain + other.plain,
+            rays: self.rays.plus(other.rays),
         }
     }
 
     /// Time that connections take, as a part of the time of all else.
     fn cost_of_connections(&self) -> f64 {
-        let Connections { single, in_fans } = self.connections;
-        let others = (self.rays - single - in_fans).max(1) as f64;
+        let RayCounts { all, single, in_fans, .. } = self.rays;
+        let others = (all - single - in_fans).max(1) as f64;
         (CONNECTION_COST * single as f64 + FAN_CONNECTION_COST * in_fans as f64) / others
     }
 
     /// How many times more efficient sharing is.
-    fn gain(&self) -> f64 {
-        if self.shared <= 0.0 {
+    fn gain_of_sharing(&self) -> f64 {
+        if self.tried <= 0.0 {
             return 0.0;
         }
         let cost = 1.0 + FIXED_COST + self.cost_of_connections();
-        self.unshared / self.shared / cost
+        self.plain / self.tried / cost
+    }
+
+    /// What splitting into so many paths brings: the part of the error that comes from them falls with their number, and
+    /// their rays grow with it.
+    fn splitting_into(&self, branches: u32) -> Best {
+        let (tried, number) = (f64::from(BRANCHES), f64::from(branches));
+        let suffixes = (1.0 - self.tried / self.plain.max(1e-30)) / (1.0 - 1.0 / tried);
+        let suffixes = suffixes.clamp(0.0, 1.0);
+        let suffix_rays = self.rays.in_branches as f64 / tried;
+        let prefix_rays = (self.rays.all - self.rays.in_branches) as f64;
+        let change = Change {
+            error: 1.0 - suffixes + suffixes / number,
+            cost: (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0),
+        };
+        Best { technique: Technique::Alone { branches }, change, gain: 1.0 / (change.error * change.cost) }
     }
 }
 
-/// The shape of groups that gains most; `None` if none gains enough.
-pub(super) fn best(results: &[(GroupShape, Errors)]) -> Option<GroupShape> {
-    let gains = results.iter().map(|(shape, errors)| (*shape, errors.gain()));
-    let best = gains.max_by(|a, b| a.1.total_cmp(&b.1));
-    best.filter(|(_, gain)| *gain >= LEAST_GAIN).map(|(shape, _)| shape)
+/// Factors by which a technique changes the squared error and the rays of a sample.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Change {
+    pub error: f64,
+    pub cost: f64,
+}
+
+impl Change {
+    pub const NONE: Change = Change { error: 1.0, cost: 1.0 };
+}
+
+/// A technique, and what it brings.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Best {
+    pub technique: Technique,
+    /// What splitting changes.
+    pub change: Change,
+    /// How many times more efficient it is than the plain one.
+    gain: f64,
+}
+
+/// The technique that gains most, or the plain one if none gains enough.
+pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
+    let plain = Best { technique: Technique::PLAIN, change: Change::NONE, gain: LEAST_GAIN };
+    let candidates = results.iter().flat_map(|(technique, errors)| match *technique {
+        Technique::Shared(_) => {
+            vec![Best { technique: *technique, change: Change::NONE, gain: errors.gain_of_sharing() }]
+        }
+        Technique::Alone { .. } => {
+            let numbers = (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits);
+            numbers.map(|branches| errors.splitting_into(branches)).collect()
+        }
+    });
+    candidates.fold(plain, |best, next| if next.gain > best.gain { next } else { best })
 }

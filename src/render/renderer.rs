@@ -1,7 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::cancel::CancelHandle;
-use super::options::{PathReuse, TreeChoice};
+use super::options::{Adaptive, PathReuse, Splitting, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
 use super::rendering::Rendering;
@@ -133,6 +133,20 @@ impl Renderer {
     /// Whether neighbouring pixels share the paths that they find.
     pub fn path_reuse(mut self, path_reuse: PathReuse) -> Renderer {
         self.choices.path_reuse = path_reuse;
+        self
+    }
+
+    /// Sets into how many paths samples split. Default [`Splitting::Auto`].
+    #[must_use]
+    pub fn splitting(mut self, splitting: Splitting) -> Renderer {
+        self.choices.splitting = splitting;
+        self
+    }
+
+    /// Sets whether noisy pixels get more samples. Default [`Adaptive::Auto`].
+    #[must_use]
+    pub fn adaptive(mut self, adaptive: Adaptive) -> Renderer {
+        self.choices.adaptive = adaptive;
         self
     }
 

@@ -1,21 +1,21 @@
 //! Rendering: takes one pass at a time, and has a picture after each.
 
+use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
-use super::options::{PathReuse, RenderOptions};
+use super::options::RenderOptions;
 use super::picture::{self, Picture};
 use super::pilot;
 use super::progress::{Event, Listener, Progress};
 use super::schedule::Schedule;
 use super::statistics::{PassOutcome, Statistics};
+use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Film, FilterSampler};
-use crate::integrator::PathOptions;
-use crate::integrator::reuse::GroupShape;
 use crate::output::{Metadata, OutputOptions, PngOptions};
-use crate::sampling::Arrangement;
+use crate::sampling::Allotment;
 use crate::scene::Camera;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
@@ -54,39 +54,8 @@ pub struct Rendering {
     /// What came up before the first pass.
     earlier: Vec<Warning>,
     exposure: f32,
-    sharing: Sharing,
-}
-
-/// In which groups pixels share paths, if they do.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Sharing {
-    /// A pass with enough samples will tell.
-    Undecided,
-    Decided(Option<GroupShape>),
-}
-
-/// Are there surfaces that some paths pass, by chance?
-fn has_random_surfaces(scene: &CompiledScene) -> bool {
-    scene.materials.iter().any(|material| material.alpha.is_some() || material.passes_straight)
-}
-
-impl Sharing {
-    fn new(scene: &CompiledScene, options: &RenderOptions) -> Sharing {
-        // Surfaces that are absent at random let visibility be known at random only.
-        let is_possible = !has_random_surfaces(scene) && options.max_depth >= 2;
-        match options.path_reuse {
-            PathReuse::Auto if is_possible => Sharing::Undecided,
-            PathReuse::Groups(shape) if is_possible => Sharing::Decided(Some(shape)),
-            _ => Sharing::Decided(None),
-        }
-    }
-
-    fn shape(self) -> Option<GroupShape> {
-        match self {
-            Sharing::Undecided => None,
-            Sharing::Decided(shape) => shape,
-        }
-    }
+    choice: Choice,
+    allotment: Option<Allotment>,
 }
 
 impl Rendering {
@@ -107,7 +76,8 @@ impl Rendering {
         let stopwatch = Stopwatch::start(Spent::default());
         let pixels = u64::from(view.width) * u64::from(view.height);
         Ok(Rendering {
-            sharing: Sharing::new(&scene, &options),
+            choice: Choice::new(&scene, &options),
+            allotment: None,
             scene,
             view,
             filter: FilterSampler::new(options.filter),
@@ -205,19 +175,12 @@ impl Rendering {
         let unsampled = if has_stopped { self.film.unsampled_pixels() } else { 0 };
         let all = u64::from(self.film.width()) * u64::from(self.film.height());
         let mut warnings = self.earlier.clone();
+        warnings.extend(self.choice.warning(&self.scene, &self.options));
         let mut warn = |count: u64, message: String| {
             if count > 0 {
                 warnings.push(Warning::general(message));
             }
         };
-        if let (PathReuse::Groups(_), Sharing::Decided(None)) = (self.options.path_reuse, self.sharing) {
-            let reason = if has_random_surfaces(&self.scene) {
-                "the scene has surfaces that are partly transparent"
-            } else {
-                "there is no indirect light with so few bounces"
-            };
-            warn(1, format!("paths are not shared between pixels: {reason}"));
-        }
         warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
         warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
         warnings
@@ -262,7 +225,9 @@ impl Rendering {
             rays: self.progress.rays(),
             samples,
             samples_per_pixel: samples as f64 / pixels,
-            path_reuse: self.sharing.shape(),
+            path_reuse: self.choice.now.shape(),
+            branches: self.choice.now.branches(),
+            is_adaptive: self.allotment.is_some(),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
@@ -274,39 +239,36 @@ impl Rendering {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
-        let paths = PathOptions {
-            max_depth: self.options.max_depth,
-            arrangement: Arrangement::new(self.options.seed, self.options.samples),
-            filter: &self.filter,
-            aovs: self.options.aovs.of_first_hits(),
-            soft_terminator: self.options.soft_terminator,
-            reuse: None,
-            keeps_unshared: false,
-        };
         let layout = self.film.layout().clone();
         let work = PassWork {
             scene: &self.scene,
             view: &self.view,
-            paths,
+            options: &self.options,
+            filter: &self.filter,
             pass,
             layout: &layout,
             film: Mutex::new(&mut self.film),
+            allotment: self.allotment.as_ref(),
+            errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
             stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
         };
-        let is_finished = match self.sharing {
-            Sharing::Decided(shape) => work.run(shape, &[]),
-            Sharing::Undecided => {
-                let mut trials = pilot::trials(&self.view, pass);
-                let best = work.try_all(&mut trials);
-                if !trials.is_empty() {
-                    self.sharing = Sharing::Decided(best.flatten());
-                }
-                best.is_some_and(|best| work.run(best, &trials))
+        let is_finished = {
+            let mut trials = pilot::trials(self.choice, &self.view, pass);
+            let best = if trials.is_empty() { Some(self.choice.now) } else { work.try_all(&mut trials) };
+            if !trials.is_empty() {
+                self.choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
             }
+            best.is_some_and(|best| work.run(best, &trials))
         };
+        if let Some(errors) =
+            work.errors.map(|e| e.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
+            && self.choice.now.shape().is_none()
+        {
+            self.allotment = errors.allot(self.options.seed, pass.samples, self.options.samples);
+        }
         self.schedule.finished(pass, start.elapsed());
         match is_finished {
             true if self.schedule.is_complete() => PassOutcome::Done,

@@ -1,6 +1,6 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::{PathReuse, RenderOptions, TreeChoice};
+use super::options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::AovSet;
@@ -25,6 +25,10 @@ pub struct Choices {
     pub soft_terminator: bool,
     /// See [`RenderOptions::path_reuse`].
     pub path_reuse: PathReuse,
+    /// See [`RenderOptions::splitting`].
+    pub splitting: Splitting,
+    /// See [`RenderOptions::adaptive`].
+    pub adaptive: Adaptive,
     /// How good trees are.
     pub tree: TreeChoice,
     /// See [`RenderOptions::time_limit`].
@@ -56,6 +60,8 @@ impl Default for Choices {
             aovs: options.aovs,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
+            splitting: options.splitting,
+            adaptive: options.adaptive,
             tree: TreeChoice::default(),
             time_limit: options.time_limit,
         }
@@ -81,6 +87,8 @@ impl Choices {
             .aovs(self.aovs)
             .soft_terminator(self.soft_terminator)
             .path_reuse(self.path_reuse)
+            .splitting(self.splitting)
+            .adaptive(self.adaptive)
             .time_limit(self.time_limit);
         Ok(Settled {
             options,

@@ -32,6 +32,10 @@ pub struct Statistics {
     pub samples_per_pixel: f64,
     /// In which groups pixels share paths; `None` if they don't, or that is not decided yet.
     pub path_reuse: Option<GroupShape>,
+    /// Paths that go on from the first surface of each sample.
+    pub branches: u32,
+    /// Do noisy pixels get more samples than others?
+    pub is_adaptive: bool,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
     /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.

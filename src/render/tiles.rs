@@ -16,9 +16,10 @@ pub(super) struct Tiles {
 }
 
 impl Tiles {
-    pub fn of(pass: Pass, reuse: Option<&Tiling>) -> Tiles {
+    pub fn of(pass: Pass, reuse: Option<&Tiling>, allotted: bool) -> Tiles {
         let (samples, shift) = (pass.samples, reuse.map_or((0, 0), Tiling::shift));
         let ((width, height), samples) = match reuse {
+            None if allotted => ((32, 32), samples),
             None => (pass.tile(), samples),
             Some(tiling) => pass.tile_of_regions(tiling.region()),
         };
@@ -88,7 +89,7 @@ mod tests {
         for ((first_sample, samples), shape) in passes.iter().flat_map(|p| shapes.map(|s| (*p, s))) {
             let pass = Pass { first_sample, samples };
             let reuse = shape.map(|s| Tiling::new(s.parse::<GroupShape>().unwrap(), first_sample));
-            let tiles = Tiles::of(pass, reuse.as_ref());
+            let tiles = Tiles::of(pass, reuse.as_ref(), false);
             for (width, height) in sizes {
                 let mut counts = vec![0; (width * height) as usize];
                 for tile in tiles.divide(Block { x0: 0, y0: 0, width, height, first_sample, samples }) {

@@ -1,17 +1,21 @@
 //! The work of a pass: tiles are taken by all threads and merged into the film.
 
+use super::adaptive::ErrorMap;
 use super::clock::Stopwatch;
-use super::pilot::{self, Errors, Tally, Trial};
+use super::options::RenderOptions;
+use super::pilot::{self, Best, Errors, Tally, Trial};
 use super::progress::{Listener, Progress};
 use super::schedule::Pass;
+use super::technique::Technique;
 use super::tiles::{Tiles, parts};
 use crate::compile::{CompiledScene, View};
-use crate::film::{Film, FilmTile, Layout};
-use crate::integrator::reuse::{GroupShape, Tiling};
-use crate::integrator::{Block, Integrator, PathOptions, PathSample, Workspace};
+use crate::film::{Film, FilmTile, FilterSampler, Layout};
+use crate::integrator::reuse::Tiling;
+use crate::integrator::{Block, Integrator, PathOptions, PathSample, SamplePlan, Workspace};
+use crate::sampling::{Allotment, Arrangement};
 use rayon::prelude::*;
 use std::cell::RefCell;
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, MutexGuard};
 
 thread_local! {
     static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
@@ -21,10 +25,15 @@ thread_local! {
 pub(super) struct PassWork<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
-    pub paths: PathOptions<'a>,
+    pub options: &'a RenderOptions,
+    pub filter: &'a FilterSampler,
     pub pass: Pass,
     pub layout: &'a Arc<Layout>,
     pub film: Mutex<&'a mut Film>,
+    /// Where samples go that are left after the first pass, if that is decided.
+    pub allotment: Option<&'a Allotment>,
+    /// Takes down the errors of the pass, if that is asked for.
+    pub errors: Option<Mutex<ErrorMap>>,
     pub progress: &'a Progress,
     pub listener: Option<&'a Listener>,
     pub stopwatch: &'a Stopwatch,
@@ -32,46 +41,74 @@ pub(super) struct PassWork<'a> {
 }
 
 impl PassWork<'_> {
-    /// Takes all tiles but those of trials, with paths shared in groups of a shape or not at all. False if it was stopped:
-    /// then some have not got their samples.
-    pub fn run(&self, shape: Option<GroupShape>, trials: &[Trial]) -> bool {
-        let tracer = self.tracer(shape, false);
+    /// Takes all tiles but those of trials. False if it was stopped: then some have not got their samples.
+    pub fn run(&self, technique: Technique, trials: &[Trial]) -> bool {
+        let tracer = self.tracer(technique, false);
         let blocks = pilot::without(tracer.tiles.blocks(self.view, self.pass), trials);
-        let one = |block: &Block| self.take(&tracer, block, None);
+        let one = |block: &Block| {
+            let Some(errors) = &self.errors else { return self.take(&tracer, block, None) };
+            let mut tally = Tally::new(block);
+            let is_done = self.take(&tracer, block, Some(&mut tally));
+            lock(errors).set(block, &tally.of_picture(), tally.rays_per_sample());
+            is_done
+        };
         // All of them: stopping is a look at a clock for each tile that is left.
         blocks.par_iter().map(one).reduce(|| true, |a, b| a & b)
     }
 
-    /// Takes the squares of trials, as far as each is worth it, and leaves the others out of the list. The shape of groups that
-    /// gains most, if any does; `None` if it was stopped.
-    pub fn try_all(&self, trials: &mut Vec<Trial>) -> Option<Option<GroupShape>> {
+    /// Takes the squares of trials, as far as each is worth it, and leaves the others out of the list. What gains most;
+    /// `None` if it was stopped.
+    pub fn try_all(&self, trials: &mut Vec<Trial>) -> Option<Technique> {
         let mut results = Vec::new();
-        for trial in &*trials {
-            if !pilot::is_next_worth_it(&results) {
-                break;
+        let mut tried = Vec::new();
+        for trial in trials.drain(..) {
+            if pilot::is_worth_it(&trial, &results) {
+                results.push((trial.technique, self.try_one(&trial)?));
+                tried.push(trial);
             }
-            results.push((trial.shape, self.try_one(trial)?));
         }
-        trials.truncate(results.len());
-        Some(pilot::best(&results))
+        *trials = tried;
+        let Best { technique, change, .. } = pilot::best(&results);
+        if let Some(errors) = &self.errors {
+            trials
+                .iter()
+                .flat_map(|trial| &trial.squares)
+                .for_each(|square| lock(errors).change(square, change));
+        }
+        Some(technique)
     }
 
     fn try_one(&self, trial: &Trial) -> Option<Errors> {
-        let tracer = self.tracer(Some(trial.shape), true);
+        let tracer = self.tracer(trial.technique, true);
         let blocks: Vec<Block> = trial.squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let try_block = |block: &Block| {
             let mut tally = Tally::new(block);
-            self.take(&tracer, block, Some(&mut tally)).then(|| tally.finish())
+            let is_done = self.take(&tracer, block, Some(&mut tally));
+            if let Some(errors) = &self.errors {
+                lock(errors).set(block, &tally.of_plain(), tally.plain_rays_per_sample());
+            }
+            is_done.then(|| tally.finish())
         };
         let errors: Vec<Option<Errors>> = blocks.par_iter().map(try_block).collect();
         // In their order, so that the sum does not depend on threads.
         errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)))
     }
 
-    fn tracer(&self, shape: Option<GroupShape>, keeps_unshared: bool) -> Tracer<'_> {
-        let reuse = shape.map(|shape| Tiling::new(shape, self.pass.first_sample));
-        let tiles = Tiles::of(self.pass, reuse.as_ref());
-        let paths = PathOptions { reuse, keeps_unshared, ..self.paths.clone() };
+    fn tracer(&self, technique: Technique, keeps_unshared: bool) -> Tracer<'_> {
+        let branches = technique.branches();
+        let even = || Arrangement::new(self.options.seed, self.options.samples.saturating_mul(branches));
+        let reuse = technique.shape().map(|shape| Tiling::new(shape, self.pass.first_sample));
+        let tiles = Tiles::of(self.pass, reuse.as_ref(), self.allotment.is_some());
+        let paths = PathOptions {
+            max_depth: self.options.max_depth,
+            plan: self.allotment.map_or_else(|| SamplePlan::Even(even()), SamplePlan::Allotted),
+            filter: self.filter,
+            aovs: self.options.aovs.of_first_hits(),
+            soft_terminator: self.options.soft_terminator,
+            reuse,
+            branches,
+            keeps_unshared,
+        };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }
 
@@ -80,26 +117,27 @@ impl PassWork<'_> {
         if (self.stop)() {
             return false;
         }
-        let Some((filled, rays)) = self.fill(tracer, block, tally) else { return false };
-        self.film.lock().unwrap_or_else(|poisoned| poisoned.into_inner()).merge(filled);
-        let paths = u64::from(block.width) * u64::from(block.height) * u64::from(block.samples);
+        let Some((filled, paths, rays)) = self.fill(tracer, block, tally) else { return false };
+        lock(&self.film).merge(filled);
         self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
         true
     }
 
-    /// Traces a block into a tile of its own; returns it with the number of rays, or `None` if it was stopped.
+    /// Traces a block into a tile of its own; returns it with the numbers of paths and rays, or `None` if it was stopped.
     fn fill(
         &self,
         tracer: &Tracer<'_>,
         block: &Block,
         mut tally: Option<&mut Tally>,
-    ) -> Option<(FilmTile, u64)> {
+    ) -> Option<(FilmTile, u64, u64)> {
         let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, self.layout);
         let has_more = self.layout.has_more_than_color();
         WORKSPACE.with(|workspace| {
             let workspace = &mut *workspace.borrow_mut();
-            let (rays, connections) = (workspace.ray_count, workspace.connections);
+            let mut paths = 0;
+            let before = workspace.ray_counts;
             let mut sink = |sample: &PathSample<'_>| {
+                paths += 1;
                 if has_more {
                     tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
                 } else {
@@ -111,13 +149,17 @@ impl PassWork<'_> {
             };
             let is_done = parts(block, tracer.tiles.samples())
                 .all(|part| tracer.integrator.trace(&part, workspace, &self.stop, &mut sink));
-            let rays = workspace.ray_count - rays;
+            let rays = workspace.ray_counts.since(before);
             if let Some(tally) = tally {
-                tally.count(rays, workspace.connections.since(connections));
+                tally.count(rays);
             }
-            is_done.then_some((tile, rays))
+            is_done.then_some((tile, paths, rays.all))
         })
     }
+}
+
+fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
+    mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
 }
 
 /// What takes tiles.

@@ -44,7 +44,7 @@ impl Arrangement {
 
 /// The bits of `x` and `y`, below 16 each, by turns.
 #[inline(always)]
-fn morton(x: u32, y: u32) -> u32 {
+pub(super) fn morton(x: u32, y: u32) -> u32 {
     let spread = |v: u32| {
         let v = (v | (v << 2)) & 0x33;
         (v | (v << 1)) & 0x55

@@ -4,6 +4,7 @@
 //! Conventions: `u` is uniform in `[0, 1)` per component. Densities name their measure. Samplers are free of libm and
 //! (apart from table searches) of data-dependent branches, so that loops over paths vectorise.
 
+mod allotment;
 mod arrangement;
 pub mod bilinear;
 #[doc(hidden)]
@@ -14,6 +15,7 @@ pub mod mis;
 pub mod sampler;
 pub mod warp;
 
+pub use allotment::Allotment;
 pub use arrangement::Arrangement;
 pub use bilinear::{BilinearMap, MapSample, MapSamples};
 pub use distribution::AliasTable;

@@ -32,12 +32,25 @@ pub struct SobolPoint {
 }
 
 impl SobolPoint {
-    /// Sample `index` of the pixel with this seed.
+    /// Sample `index` of the sequence with this seed.
     #[inline(always)]
-    pub fn new(pixel_seed: u32, index: u32) -> SobolPoint {
-        let epoch = index / SAMPLES_PER_SEED;
-        let seed = if epoch == 0 { pixel_seed } else { hash32(pixel_seed.wrapping_add(epoch)) };
-        SobolPoint { seed, index_rev: (index % SAMPLES_PER_SEED).reverse_bits() }
+    pub fn new(seed: u32, index: u32) -> SobolPoint {
+        SobolPoint::of_branches(seed, index, 0)
+    }
+
+    /// The same where each sample has 2^`branch_bits` branches, which have as many points of the sequence to themselves.
+    #[inline(always)]
+    pub fn of_branches(seed: u32, index: u32, branch_bits: u32) -> SobolPoint {
+        let bits = SAMPLES_PER_SEED.trailing_zeros() - branch_bits;
+        let epoch = index >> bits;
+        let seed = if epoch == 0 { seed } else { hash32(seed.wrapping_add(epoch)) };
+        SobolPoint { seed, index_rev: (index & ((1 << bits) - 1)).reverse_bits() }
+    }
+
+    /// The point of a branch.
+    #[inline(always)]
+    pub fn branch(self, branch: u32, branch_bits: u32) -> SobolPoint {
+        SobolPoint { index_rev: (self.index_rev >> branch_bits) | branch.reverse_bits(), ..self }
     }
 
     /// The two numbers that the point is made of, for storage.

@@ -1,5 +1,6 @@
 //! Pictures of whole scenes: against closed forms, references and each other.
 
+mod adaptive;
 mod closed_form;
 mod compile_scene;
 mod converged;
@@ -11,6 +12,7 @@ mod references;
 mod reuse;
 mod sheets;
 mod solids;
+mod splitting;
 mod stepping;
 mod support;
 mod textured;

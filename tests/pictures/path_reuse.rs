@@ -1,8 +1,8 @@
 //! Pixels that share paths: the same expected picture, less noise, and the same bits whatever the machine.
 
+use crate::support::differences::{assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
 use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
-use oscura::film::Film;
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, in_pool};
 use oscura::scene::{
@@ -112,52 +112,6 @@ fn steep() -> Scene {
 }
 
 const EDGE: u32 = 40;
-const BLOCK: u32 = 8;
-
-/// Means of square blocks, by channel.
-fn blocks(film: &Film) -> Vec<f64> {
-    let columns = EDGE / BLOCK;
-    let mut sums = vec![0.0; (3 * columns * columns) as usize];
-    for (i, rgba) in film.rgba().iter().enumerate() {
-        let (x, y) = (i as u32 % EDGE / BLOCK, i as u32 / EDGE / BLOCK);
-        for c in 0..3 {
-            sums[(3 * (y * columns + x)) as usize + c] += f64::from(rgba[c]) / f64::from(BLOCK * BLOCK);
-        }
-    }
-    sums
-}
-
-/// How two kinds of pictures differ, over independent seeds.
-struct Difference {
-    /// Of each block: the mean difference, and its standard error.
-    blocks: Vec<(f64, f64)>,
-    /// Of the whole picture, relative to its mean.
-    whole: (f64, f64),
-}
-
-/// Pictures with shared paths less those without, seed by seed: both trace the same paths, so that the differences are
-/// smaller than the noise of either.
-fn differences(scene: &Scene, options: &RenderOptions, shape: &str, seeds: u32) -> Difference {
-    let pictures = |reuse: PathReuse| -> Vec<Vec<f64>> {
-        let of_seed = |seed| blocks(&picture(scene, &options.path_reuse(reuse).seed(seed * 7919 + 3)));
-        (0..seeds).map(of_seed).collect()
-    };
-    let (off, on) = (pictures(PathReuse::Off), pictures(groups(shape)));
-    let n = f64::from(seeds);
-    let mean_and_error = |values: &[f64]| {
-        let mean = values.iter().sum::<f64>() / n;
-        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / (n - 1.0);
-        (mean, (variance / n).sqrt())
-    };
-    let of_block = |i: usize| {
-        let values: Vec<f64> = off.iter().zip(&on).map(|(off, on)| on[i] - off[i]).collect();
-        mean_and_error(&values)
-    };
-    let sum = |picture: &Vec<f64>| picture.iter().sum::<f64>();
-    let total = off.iter().map(sum).sum::<f64>() / n;
-    let whole: Vec<f64> = off.iter().zip(&on).map(|(off, on)| (sum(on) - sum(off)) / total).collect();
-    Difference { blocks: (0..off[0].len()).map(of_block).collect(), whole: mean_and_error(&whole) }
-}
 
 /// Blocks of pictures with and without shared paths have the same means: differences are as large as their standard
 /// errors say. Blocks are as large as groups or larger, so that correlation within groups is in those errors.
@@ -165,18 +119,9 @@ fn differences(scene: &Scene, options: &RenderOptions, shape: &str, seeds: u32) 
 fn sharing_changes_no_mean() {
     for (name, scene) in [("room", room()), ("waves", waves()), ("steep", steep())] {
         for (depth, shape) in [(100, "4x4/2"), (2, "2x2/1"), (4, "8x8/4"), (3, "2x1/1")] {
-            let found = differences(&scene, &options(EDGE, 32, depth), shape, 16);
-            let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
-            let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
-            let worst = z.iter().fold(0.0f64, |worst, z| worst.max(z.abs()));
-            let (mean, error) = found.whole;
-            println!(
-                "{name}, depth {depth}, {shape}: z rms {rms:.2}, worst {worst:.2}; whole {mean:.1e} +- {error:.1e}"
-            );
-            // Student's t with 15 degrees of freedom has a deviation of 1.07; there are 75 values.
-            assert!(rms < 1.4, "{name} {shape}: z rms {rms}");
-            assert!(worst < 5.5, "{name} {shape}: worst z {worst}");
-            assert!(mean.abs() < 4.5 * error && error < 1e-3, "{name} {shape}: {mean} +- {error}");
+            let options = options(EDGE, 32, depth).path_reuse(PathReuse::Off);
+            let what = format!("{name}, depth {depth}, {shape}");
+            assert_same_means(&what, &scene, [&options, &options.path_reuse(groups(shape))], 16);
         }
     }
 }
@@ -199,13 +144,6 @@ fn a_closed_box_has_its_closed_form() {
     }
 }
 
-/// Mean squared difference of two seeds.
-fn noise(scene: &Scene, options: &RenderOptions) -> f64 {
-    let [a, b] = [1, 2].map(|seed| picture(scene, &options.seed(seed)).rgba());
-    let square = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(a[1] - b[1]).powi(2);
-    a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64
-}
-
 #[test]
 fn sharing_lowers_the_noise_of_indirect_light() {
     let (scene, options) = (room(), options(64, 8, 100));
@@ -213,10 +151,6 @@ fn sharing_lowers_the_noise_of_indirect_light() {
     let on = noise(&scene, &options.path_reuse(groups("4x4/4")));
     println!("variance / {:.2}", off / on);
     assert!(off > 2.0 * on, "{off} {on}");
-}
-
-fn bits(film: &Film) -> Vec<[u32; 4]> {
-    film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()
 }
 
 #[test]
@@ -318,7 +252,8 @@ fn partly_transparent_scenes_share_nothing() {
 fn a_scene_file_renders_alike() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/materials.toml");
     let scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
-    let (mean, error) = differences(&scene, &options(EDGE, 64, 100), "4x4/2", 8).whole;
+    let options = options(EDGE, 64, 100).path_reuse(PathReuse::Off);
+    let (mean, error) = differences(&scene, [&options, &options.path_reuse(groups("4x4/2"))], 8).whole;
     println!("materials: {mean:.1e} +- {error:.1e}");
     assert!(mean.abs() < 5.0 * error && error < 2e-3, "{mean} +- {error}");
 }

@@ -118,11 +118,11 @@ impl Integrator<'_> {
                 w.shadow_vertices.push(i as u32);
             }
         }
-        let before = w.ray_count;
+        let before = w.ray_counts.all;
         // Whatever the bounce: surfaces that are absent at random, whose random numbers differ by it, are in no scene that is
         // shared; lamps that stop no light may be.
         self.test_shadow_rays(1, w);
-        w.connections.single += w.ray_count - before;
+        w.ray_counts.single += w.ray_counts.all - before;
         for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
             if occluded {
                 reuse.pairs.density[i as usize] = 0.0;
@@ -156,8 +156,8 @@ impl Integrator<'_> {
             pairs.density[places.start + k] = 0.0;
         }
         let known = u64::from((asked & !unknown).count_ones());
-        w.ray_count += known;
-        w.connections.in_fans += known;
+        w.ray_counts.all += known;
+        w.ray_counts.in_fans += known;
         unknown
     }
 

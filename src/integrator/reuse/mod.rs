@@ -33,7 +33,6 @@ mod record;
 pub(super) mod state;
 mod tiling;
 
-pub use state::Connections;
 pub use tiling::{GroupShape, INTERVAL, Tiling};
 
 use super::lanes::WAVE;

@@ -133,24 +133,3 @@ pub const DIRECT: u32 = WAVE as u32;
 
 /// Index of the radiance that arrives there from where the path goes on.
 pub const SCATTERED: u32 = 2 * WAVE as u32;
-
-/// Rays that connected prefixes to suffixes, by the way in which they were tested.
-#[derive(Clone, Copy, Debug, Default)]
-pub struct Connections {
-    /// One by one.
-    pub single: u64,
-    /// Together with others to the same suffix.
-    pub in_fans: u64,
-}
-
-impl Connections {
-    /// Both together.
-    pub fn plus(self, other: Connections) -> Connections {
-        Connections { single: self.single + other.single, in_fans: self.in_fans + other.in_fans }
-    }
-
-    /// What came since an earlier count.
-    pub fn since(self, before: Connections) -> Connections {
-        Connections { single: self.single - before.single, in_fans: self.in_fans - before.in_fans }
-    }
-}

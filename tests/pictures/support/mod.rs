@@ -1,6 +1,7 @@
 //! Small scenes and measured radiances for tests of light transport.
 #![allow(dead_code)]
 
+pub mod differences;
 pub mod sheet;
 
 use oscura::compile::{CompileOptions, CompiledScene, compile};

@@ -1,0 +1,117 @@
+//! Splitting (Arvo, Kirk 1990, "Particle transport and image synthesis"): several paths go on from the first surface that
+//! a camera ray hit. Where a picture's noise comes from what follows, they lower it for less than further camera rays
+//! with their surfaces, textures and light samples would.
+//!
+//! The paths of a sample carry its throughput divided by their number, take consecutive points of the pixel's sequence,
+//! and add to the same sample.
+
+use super::group::Sorted;
+use super::lanes::PerPath;
+use super::wave::{Carried, Vertices, Wave};
+use super::workspace::Workspace;
+use super::{Integrator, WAVE};
+use crate::sampling::sampler::SobolPoint;
+
+impl Integrator<'_> {
+    /// Into how many paths each goes on at a bounce.
+    pub(super) fn branches(&self, bounce: u32) -> u32 {
+        if bounce == 0 { self.options.branches } else { 1 }
+    }
+
+    /// Camera rays of a wave, so that their paths find room in it.
+    pub(super) fn samples_per_wave(&self) -> usize {
+        WAVE / self.options.branches as usize
+    }
+
+    /// Makes each vertex several, one after the other, and returns where the groups lie then.
+    pub(super) fn split(&self, sorted: &Sorted, w: &mut Workspace) -> Sorted {
+        let branches = self.options.branches as usize;
+        w.rays_before_split = Some(w.ray_counts.all);
+        let (count, general) = (sorted.all().end, sorted.general());
+        let Wave { paths, vertices, .. } = &mut *w.wave;
+        paths.carried.repeat(count, branches);
+        divide(&mut paths.carried, count, self.options.branches);
+        if self.parts.footprints {
+            paths.footprints.repeat(count, branches);
+        }
+        if self.parts.receiver_normals {
+            paths.receiver_normal.repeat(count, branches);
+        }
+        if self.parts.interiors {
+            paths.interior.repeat(count, branches);
+            vertices.beyond.repeat(count, branches);
+        }
+        repeat_vertices(vertices, sorted, branches);
+        if self.options.keeps_unshared {
+            number_branches(&mut paths.carried, count, self.options.branches);
+            w.sink.add_parts(WAVE + WAVE);
+        }
+        let old = general.len();
+        w.bsdfs.resize(w.bsdfs.len().max(old * branches), crate::bsdf::Bsdf::Black);
+        for i in (0..old).rev() {
+            for k in (i * branches..(i + 1) * branches).rev() {
+                w.bsdfs[k] = w.bsdfs[i];
+            }
+        }
+        sorted.times(branches)
+    }
+
+    /// Adds what the branches of each sample found to it, where that was kept apart; and what one of them alone would have
+    /// brought to what it has without splitting.
+    pub(super) fn join_branches(&self, w: &mut Workspace) {
+        let Some(before) = w.rays_before_split else { return w.sink.keep_unshared() };
+        w.ray_counts.in_branches += w.ray_counts.all - before;
+        let branches = self.options.branches;
+        w.sink.keep_unshared();
+        for sample in 0..w.pixels.len() as u32 {
+            let first = first_part(sample, branches);
+            w.sink.add_unshared(sample, w.sink.radiance(first) * branches as f32);
+            for part in first..first + branches {
+                w.sink.contribute(sample, None, w.sink.radiance(part));
+            }
+        }
+    }
+}
+
+/// Where the radiance of the branches of a sample arrives, if it is to be known for each.
+fn first_part(sample: u32, branches: u32) -> u32 {
+    WAVE as u32 + sample * branches
+}
+
+/// Gives the paths of a sample indices of their own for the radiance that they find.
+fn number_branches(path: &mut Carried, count: usize, branches: u32) {
+    for i in 0..count * branches as usize {
+        path.sample[i] = first_part(path.sample[i], branches) + i as u32 % branches;
+    }
+}
+
+/// Gives the paths of a sample their shares of it and their own points.
+fn divide(path: &mut Carried, count: usize, branches: u32) {
+    let (bits, share) = (branches.trailing_zeros(), 1.0 / branches as f32);
+    for i in 0..count * branches as usize {
+        for channel in &mut path.throughput {
+            channel[i] *= share;
+        }
+        path.eta_squared[i] *= branches as f32;
+        let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).branch(i as u32 % branches, bits);
+        (path.seed[i], path.shuffled[i]) = point.to_parts();
+    }
+}
+
+/// What scattering needs of vertices.
+fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize) {
+    let count = sorted.all().end;
+    v.p.repeat(count, times);
+    v.ng.repeat(count, times);
+    v.ns.repeat(count, times);
+    v.offset.repeat(count, times);
+    v.wo.repeat(count, times);
+    v.origin_primitives.repeat(count, times);
+    v.albedo.repeat(sorted.lambert().end, times);
+    if !sorted.metal_rough().is_empty() {
+        let count = sorted.metal_rough().end;
+        v.metal_rough.alpha.repeat(count, times);
+        v.metal_rough.curve.repeat(count, times);
+        v.metal_rough_closures.repeat(count, times);
+    }
+}

@@ -1,0 +1,130 @@
+//! Several paths from the first surface of each sample: the same expected picture, less noise, the same bits whatever the
+//! machine.
+
+use crate::support::differences::{assert_same_means, bits, noise};
+use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
+use oscura::math::DVec3;
+use oscura::render::{PathReuse, RenderOptions, Splitting, in_pool};
+use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
+use oscura::simd::{Level, limit_level};
+
+fn metal(roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant([0.9, 0.8, 0.7]),
+        metallic: FloatSlot::constant(1.0),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material::new("metal", Model::Pbr(Box::new(pbr)))
+}
+
+/// A floor under an even sky with things of all classes of surfaces on it, and a lamp.
+fn yard() -> Scene {
+    let mut scene = Scene { environment: Environment::Constant([0.5, 0.6, 0.8]), ..Scene::default() };
+    let floor = material(&mut scene, metal(0.4));
+    quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], floor);
+    let chalk = material(&mut scene, Material::lambert("chalk", [0.8, 0.7, 0.6]));
+    sphere(&mut scene, [-0.6, 0.4, 0.0], 0.4, chalk);
+    let glass = Model::Dielectric {
+        ior: 1.5,
+        tint: ColorSlot::constant([1.0; 3]),
+        fresnel: oscura::scene::FresnelModel::Exact,
+    };
+    let glass = material(&mut scene, Material::new("glass", glass));
+    sphere(&mut scene, [0.5, 0.3, 0.3], 0.3, glass);
+    let mut paper = Material::lambert("paper", [0.7, 0.2, 0.2]);
+    (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.4));
+    let paper = material(&mut scene, paper);
+    quad(&mut scene, [-0.2, 0.0, -0.8], [1.2, 0.0, 0.0], [0.0, 1.0, 0.0], paper);
+    let lamp = material(&mut scene, Material::emitter("lamp", [8.0; 3], false));
+    quad(&mut scene, [-0.3, 1.6, -0.3], [0.6, 0.0, 0.0], [0.0, 0.0, 0.6], lamp);
+    scene.cameras.push(camera(DVec3::new(0.0, 1.2, 2.6), DVec3::new(0.0, 0.3, 0.0), DVec3::Y, 50.0));
+    scene
+}
+
+/// Nothing but splitting differs.
+fn plain(options: RenderOptions) -> RenderOptions {
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+}
+
+#[test]
+fn splitting_changes_no_mean() {
+    let scene = yard();
+    for (depth, branches) in [(100, 4), (1, 2), (3, 16)] {
+        let options = plain(options(40, 64, depth));
+        let what = format!("depth {depth}, {branches} branches");
+        assert_same_means(&what, &scene, [&options, &options.splitting(Splitting::Into(branches))], 16);
+    }
+}
+
+/// In a closed box that emits e and reflects p everywhere, L = e + p L, split or not.
+#[test]
+fn a_closed_box_has_its_closed_form() {
+    for branches in [2, 8] {
+        let mut scene = Scene::default();
+        let albedo = 0.6f32;
+        walls(&mut scene, [1.0; 3], |scene, _| {
+            let mut wall = Material::emitter("wall", [0.3; 3], false);
+            wall.model = Model::Lambert { albedo: ColorSlot::constant([albedo; 3]) };
+            material(scene, wall)
+        });
+        scene.cameras.push(camera(DVec3::new(0.2, 0.1, 0.9), DVec3::ZERO, DVec3::Y, 80.0));
+        let truth = 0.3 / (1.0 - f64::from(albedo));
+        let options = options(32, 16, 2000).splitting(Splitting::Into(branches));
+        assert_radiance(&format!("closed box, {branches} branches"), &scene, &options, truth, 2e-3);
+    }
+}
+
+#[test]
+fn splitting_lowers_the_noise_of_what_follows() {
+    let (scene, options) = (yard(), plain(options(64, 8, 100)));
+    let [one, eight] = [1, 8].map(|n| noise(&scene, &options.splitting(Splitting::Into(n))));
+    println!("variance / {:.2}", one / eight);
+    assert!(one > 2.0 * eight, "{one} {eight}");
+}
+
+#[test]
+fn threads_and_cpu_levels_agree() {
+    let scene = yard();
+    for splitting in [Splitting::Auto, Splitting::Into(4)] {
+        let options = options(200, 4, 100).splitting(splitting);
+        let with =
+            |threads| in_pool(Some(threads), || bits(&picture(&scene, &options))).expect("threads start");
+        let one = with(1);
+        assert!(one == with(3), "{splitting:?}: threads");
+        for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+            limit_level(level);
+            assert!(one == with(2), "{splitting:?}: {}", level.name());
+        }
+        limit_level(Level::Avx512);
+    }
+}
+
+/// A pilot splits where noise comes from behind the first surface, and not where nothing lies there.
+#[test]
+fn a_pilot_decides() {
+    let branches = |scene: &Scene| {
+        let mut rendering = rendering(scene, &options(256, 8, 100).path_reuse(PathReuse::Off));
+        rendering.run();
+        rendering.statistics().branches
+    };
+    // Rough metal balls throw light onto a floor.
+    let mut scene = Scene { environment: Environment::Constant([0.1; 3]), ..Scene::default() };
+    let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
+    quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
+    let metal = material(&mut scene, metal(0.4));
+    for x in [-0.9, 0.0, 0.9] {
+        sphere(&mut scene, [x, 0.4, -0.3], 0.4, metal);
+    }
+    let lamp = material(&mut scene, Material::emitter("lamp", [300.0; 3], false));
+    sphere(&mut scene, [0.5, 2.0, 2.0], 0.1, lamp);
+    scene.cameras.push(camera(DVec3::new(0.0, 1.5, 2.4), DVec3::new(0.0, 0.2, 0.0), DVec3::Y, 50.0));
+    let split = branches(&scene);
+    println!("{split} branches");
+    assert!(split > 1);
+    let mut ball = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let grey = material(&mut ball, Material::lambert("grey", [0.5; 3]));
+    sphere(&mut ball, [0.0; 3], 1.0, grey);
+    ball.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 60.0));
+    assert_eq!(branches(&ball), 1);
+}
