@@ -1,6 +1,7 @@
 //! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
+mod aov_arg;
 mod args;
 mod asset_args;
 mod beside;

@@ -2,6 +2,7 @@
 
 use super::emitters;
 use super::geometry::{Geometries, Transform};
+use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
@@ -60,6 +61,7 @@ pub(super) fn compile_after(
     report_accel(accel.stats(), &mut report);
 
     let emitters = emitters::find(&geometries, &materials);
+    let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let environment = match kept.environment.take() {
         Some(environment) => environment,
@@ -79,6 +81,7 @@ pub(super) fn compile_after(
         media,
         textures,
         lights,
+        light_groups,
         features,
         emitters,
         sources: is_sequence.then(|| Sources::of(scene, &plan)),

@@ -2,6 +2,7 @@
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
+use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::objects::ObjectId;
@@ -69,6 +70,8 @@ pub struct CompiledScene {
     pub textures: CompiledTextures,
     /// Everything that shines.
     pub lights: Lights,
+    /// Which group each is in.
+    pub light_groups: LightGroups,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.

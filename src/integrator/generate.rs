@@ -16,8 +16,8 @@ impl Integrator<'_> {
     /// Starts samples `first .. first + count` of a block, counted pixel by pixel.
     pub(super) fn generate(&self, block: &Block, first: u64, count: usize, w: &mut Workspace) {
         w.rays.clear();
-        w.sink.begin(count);
-        w.first_hits.reset(count, self.options.aovs);
+        w.sink.begin(count, self.layers);
+        w.first_hits.reset(count, self.first_hits);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         self.number_samples(block, first, count, &mut paths.carried, scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);

@@ -3,6 +3,7 @@
 
 use super::interior::Interior;
 use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, Words, per_path};
+use super::layers::FirstBounces;
 use crate::compile::Features;
 use crate::math::OriginPrimitive;
 use bytemuck::Zeroable;
@@ -51,6 +52,8 @@ pub struct Paths {
     pub receiver_normal: Lanes3,
     /// Solids that the path is inside of; where there are some.
     pub interior: Interiors,
+    /// How it scattered first; where light passes are asked for.
+    pub first_bounces: FirstBounces,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -59,12 +62,15 @@ pub struct PathParts {
     pub footprints: bool,
     pub receiver_normals: bool,
     pub interiors: bool,
+    pub first_bounces: bool,
 }
 
 impl PathParts {
-    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them.
-    pub fn of(features: &Features, receiver_normals: bool) -> PathParts {
-        PathParts { footprints: features.footprints, receiver_normals, interiors: features.media }
+    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
+    /// passes.
+    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
+        let Features { footprints, media: interiors, .. } = *features;
+        PathParts { footprints, receiver_normals, interiors, first_bounces }
     }
 }
 
@@ -72,7 +78,7 @@ impl Paths {
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior } = self;
+        let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
         carried.copy_to(i, &mut other.carried, k);
         if parts.footprints {
             footprints.copy_to(i, &mut other.footprints, k);
@@ -82,6 +88,9 @@ impl Paths {
         }
         if parts.interiors {
             interior.copy_to(i, &mut other.interior, k);
+        }
+        if parts.first_bounces {
+            first_bounces.copy_to(i, &mut other.first_bounces, k);
         }
     }
 }
@@ -201,7 +210,7 @@ pub struct Vertices {
     pub wo: Lanes3,
     /// Solids on the other side of the surface than the viewer's; only where there are some.
     pub beyond: Interiors,
-    /// Albedo of Lambertian vertices, and of textured ones for the output.
+    /// Albedo of Lambertian vertices.
     pub albedo: RgbLanes,
     pub metal_rough: MetalRoughMaterials,
     pub metal_rough_closures: MetalRoughClosures,

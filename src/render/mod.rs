@@ -6,6 +6,7 @@
 
 mod cancel;
 mod clock;
+mod labels;
 mod options;
 mod picture;
 mod pilot;
@@ -21,11 +22,12 @@ mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
+pub use labels::Labels;
 pub use options::{PathReuse, RenderOptions, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;
 pub use renderer::Renderer;
 pub use rendering::Rendering;
-pub use settle::{Choices, Settled};
+pub use settle::{ALL_AOVS, Choices, Settled};
 pub use statistics::{PassOutcome, Statistics};

@@ -1,6 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::cancel::CancelHandle;
+use super::labels::Labels;
 use super::options::{PathReuse, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
@@ -124,6 +125,18 @@ impl Renderer {
         self
     }
 
+    /// Whether to record the light of each of the scene's groups of lights, in channels `RGBA_group.R` and so on.
+    pub fn light_groups(mut self, light_groups: bool) -> Renderer {
+        self.choices.light_groups = light_groups;
+        self
+    }
+
+    /// How many ranks of ids the mattes among the AOVs have; two for each layer.
+    pub fn matte_levels(mut self, matte_levels: u32) -> Renderer {
+        self.choices.matte_levels = matte_levels;
+        self
+    }
+
     /// Whether the shadow terminator is softened on surfaces with shading normals.
     pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
         self.choices.soft_terminator = soft_terminator;
@@ -175,7 +188,8 @@ impl Renderer {
         compiler.set_tree(settled.tree(1));
         let (compiled, mut report) = compiler.compile(&scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
-        let rendering = Rendering::new(compiled, camera, settled.options)?;
+        let labels = Labels::of(&scene, &settled.options);
+        let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
         Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))
     }
 

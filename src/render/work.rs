@@ -101,7 +101,8 @@ impl PassWork<'_> {
             let (rays, connections) = (workspace.ray_count, workspace.connections);
             let mut sink = |sample: &PathSample<'_>| {
                 if has_more {
-                    tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
+                    let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
+                    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts);
                 } else {
                     tile.add(sample.pixel, sample.rgb, sample.alpha);
                 }

@@ -95,7 +95,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
 
 #[test]
 fn further_channels_keep_their_names_and_types() {
-    let mut film = Film::new(2, 1, [Aov::Samples, Aov::Material, Aov::Variance, Aov::Position].into());
+    let mut film = Film::new(2, 1, [Aov::Samples, Aov::MaterialId, Aov::Variance, Aov::Position].into());
     let mut tile = film.tile(0, 0, 2, 1);
     let hit = [10.0, 20.0, 30.0, f32::from_bits(3)];
     for value in [1.0, 3.0] {

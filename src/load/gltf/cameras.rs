@@ -180,7 +180,7 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
         return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
     };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
-    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity })
+    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity, group: String::new() })
 }
 
 /// Inner and outer half angle of a spot light, in order.

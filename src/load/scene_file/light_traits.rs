@@ -1,13 +1,23 @@
 //! What lights of scene files have in common.
 
 use super::fields::Fields;
-use crate::scene::Lamp;
+use crate::scene::{Lamp, Scene};
 
 /// What all shapes of lights have.
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
     pub lamp: Lamp,
+    pub group: String,
+}
+
+/// The name of a group of lights; empty where none is given.
+pub(super) fn group(fields: &Fields, key: &'static str) -> String {
+    let Some(name) = fields.string(key) else { return String::new() };
+    if let Some(message) = Scene::check_group(name.value) {
+        fields.problems.push(name.span, message);
+    }
+    name.value.to_string()
 }
 
 /// `power` times a factor, or the quantity itself.

@@ -1,0 +1,204 @@
+//! Layers of the picture: the parts of the radiance that compositing takes apart, by the way of its light from the camera
+//! (light passes) and by the light that it came from (groups of lights). All light passes together are the picture, and so
+//! are all groups.
+//!
+//! A pass is told by the first scattering of a path: what of it is diffuse, by channel, as values of the BSDF's parts for its
+//! two directions say (so does Cycles); the rest is reflected by facets, or lets light pass. Light is direct where the path
+//! found it with one scattering.
+
+use super::Integrator;
+use super::closure::VertexClass;
+use super::closure_metal_rough::MetalRoughClass;
+use super::group::Sorted;
+use super::lanes::{Lanes, RgbLanes, get, get_rgb, per_path, set_rgb};
+use super::wave::{Vertices, Wave};
+use super::workspace::Workspace;
+use crate::bsdf::Bsdf;
+use crate::color::Rgb;
+use crate::film::{Aov, AovSet, Source};
+use crate::math::{Frame, Vec3};
+
+per_path! {
+    /// The first scattering of each path.
+    pub struct FirstBounces {
+        /// The share of it that is diffuse.
+        pub diffuse: RgbLanes,
+        /// 1 where it led to the other side of the surface, else 0.
+        pub crosses: Lanes,
+    }
+}
+
+/// The first scattering of a path.
+#[derive(Clone, Copy, Debug)]
+pub struct FirstBounce {
+    /// The share of it that is diffuse.
+    pub diffuse: Rgb,
+    /// Did it lead to the other side of the surface?
+    pub crosses: bool,
+}
+
+impl FirstBounce {
+    /// Of ideally diffuse reflection.
+    pub const DIFFUSE: FirstBounce = FirstBounce { diffuse: Rgb::ONE, crosses: false };
+}
+
+impl FirstBounces {
+    /// That of a path.
+    #[inline]
+    pub fn get(&self, i: usize) -> FirstBounce {
+        FirstBounce { diffuse: get_rgb(&self.diffuse, i), crosses: self.crosses[i] > 0.0 }
+    }
+
+    /// Sets that of a path.
+    #[inline]
+    pub fn set(&mut self, i: usize, first: FirstBounce) {
+        set_rgb(&mut self.diffuse, i, first.diffuse);
+        self.crosses[i] = f32::from(u8::from(first.crosses));
+    }
+}
+
+/// The way of light to the camera.
+#[derive(Clone, Copy, Debug)]
+pub enum Way {
+    /// From an emitting surface that the camera sees.
+    Emission,
+    /// From the environment that it sees.
+    Environment,
+    /// By one scattering.
+    Direct(FirstBounce),
+    /// By several.
+    Indirect(FirstBounce),
+}
+
+/// Where light came from.
+#[derive(Clone, Copy, Debug)]
+pub struct Origin {
+    /// Its way to the camera.
+    pub way: Way,
+    /// Group of its light.
+    pub group: u16,
+}
+
+/// Which layers are kept, and where: passes first, then groups.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Layers {
+    passes: AovSet,
+    groups: usize,
+    count: usize,
+}
+
+impl Layers {
+    /// The light passes among AOVs, and the first groups of lights.
+    pub fn new(aovs: AovSet, groups: usize) -> Layers {
+        let passes = aovs.of(Source::PartOfColor);
+        Layers { passes, groups, count: passes.iter().count() + groups }
+    }
+
+    /// How many there are.
+    #[inline(always)]
+    pub fn count(&self) -> usize {
+        self.count
+    }
+
+    /// Are there light passes?
+    pub fn has_passes(&self) -> bool {
+        self.passes.any()
+    }
+
+    /// How many groups of lights there are.
+    pub fn groups(&self) -> usize {
+        self.groups
+    }
+
+    /// The place of a group.
+    pub fn of_group(&self, group: usize) -> Option<usize> {
+        (group < self.groups).then(|| self.count - self.groups + group)
+    }
+
+    /// The place of a pass.
+    fn of_pass(&self, aov: Aov) -> Option<usize> {
+        self.passes.contains(aov).then(|| self.passes.iter().take_while(|&other| other != aov).count())
+    }
+
+    /// The places of the passes that light of a way belongs to, and its shares there.
+    pub fn shares(&self, way: Way) -> [(Option<usize>, Rgb); 2] {
+        let (first, [diffuse, glossy, transmission]) = match way {
+            Way::Emission => return [(self.of_pass(Aov::Emission), Rgb::ONE), (None, Rgb::ZERO)],
+            Way::Environment => return [(self.of_pass(Aov::Environment), Rgb::ONE), (None, Rgb::ZERO)],
+            Way::Direct(first) => (first, [Aov::DiffuseDirect, Aov::GlossyDirect, Aov::TransmissionDirect]),
+            Way::Indirect(first) => {
+                (first, [Aov::DiffuseIndirect, Aov::GlossyIndirect, Aov::TransmissionIndirect])
+            }
+        };
+        let rest = if first.crosses { transmission } else { glossy };
+        [(self.of_pass(diffuse), first.diffuse), (self.of_pass(rest), Rgb::ONE - first.diffuse)]
+    }
+}
+
+/// The share of `whole` that `part` is, by channel.
+fn share(part: Rgb, whole: Rgb) -> Rgb {
+    let (part, whole) = (part.to_array(), whole.to_array());
+    let of = |c: usize| {
+        let share = part[c] / whole[c];
+        // Nothing of nothing is no number.
+        if share > 0.0 { share.min(1.0) } else { 0.0 }
+    };
+    Rgb::from_array([of(0), of(1), of(2)])
+}
+
+impl Integrator<'_> {
+    /// How vertex `i` scatters light from `wi`, but for specular lobes.
+    fn scattering(&self, sorted: &Sorted, v: &Vertices, bsdfs: &[Bsdf], i: usize, wi: Vec3) -> FirstBounce {
+        if sorted.lambert().contains(&i) {
+            return FirstBounce::DIFFUSE;
+        }
+        if sorted.metal_rough().contains(&i) {
+            let diffuse = MetalRoughClass.closure(v, i).diffuse_share(wi);
+            return FirstBounce { diffuse, crosses: false };
+        }
+        let (wo, ng) = (get(&v.wo, i), get(&v.ng, i));
+        let (bsdf, frame) = (&bsdfs[i - sorted.general().start], Frame::from_normal(get(&v.ns, i)));
+        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
+        let (wo, wi) = (frame.to_local(wo), frame.to_local(wi));
+        FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+    }
+
+    /// The way of light that the light sample of vertex `i` brings.
+    pub(super) fn way_of_sample(
+        &self,
+        bounce: u32,
+        sorted: &Sorted,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+        i: usize,
+    ) -> Way {
+        let Wave { paths, vertices: v, .. } = wave;
+        if bounce > 0 {
+            return Way::Indirect(paths.first_bounces.get(i));
+        }
+        Way::Direct(self.scattering(sorted, v, bsdfs, i, get(&v.light.wi, i)))
+    }
+
+    /// Takes down how the paths scattered first.
+    pub(super) fn keep_first_bounces(&self, sorted: &Sorted, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        for i in sorted.all() {
+            let Wave { paths, vertices: v, .. } = &mut **wave;
+            let wi = get(&v.next_direction, i);
+            let mut first = self.scattering(sorted, v, bsdfs, i, wi);
+            if paths.carried.pdf[i] == 0.0 {
+                first.diffuse = Rgb::ZERO;
+            }
+            paths.first_bounces.set(i, first);
+        }
+    }
+}
+
+/// The way of light that a path found at its end, after so many scatterings.
+pub(super) fn way_of_path(bounce: u32, seen: Way, first_bounces: &FirstBounces, i: usize) -> Way {
+    match bounce {
+        0 => seen,
+        1 => Way::Direct(first_bounces.get(i)),
+        _ => Way::Indirect(first_bounces.get(i)),
+    }
+}
