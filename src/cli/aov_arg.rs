@@ -1,7 +1,7 @@
 //! `--aov`: names of the film's table of channels, `all`, and `help` for the table.
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use clap::error::ErrorKind;
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{Arg, Command};
 use oscura::film::{Aov, AovInfo, AovSet, PixelType};
 use oscura::render::ALL_AOVS;
@@ -30,7 +30,9 @@ impl TypedValueParser for AovParser {
 
     fn parse_ref(&self, cmd: &Command, arg: Option<&Arg>, value: &OsStr) -> Result<AovSet, clap::Error> {
         if value == "help" {
-            return Err(clap::Error::raw(ErrorKind::DisplayHelp, table()));
+            let mut error = clap::Error::new(ErrorKind::DisplayHelp).with_cmd(cmd);
+            error.insert(ContextKind::ValidValue, ContextValue::String(table()));
+            return Err(error);
         }
         let name = AovParser::inner().parse_ref(cmd, arg, value)?;
         let one = Aov::from_option(&name).map(AovSet::from);
@@ -39,6 +41,14 @@ impl TypedValueParser for AovParser {
 
     fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
         Some(Box::new(AovParser::inner().possible_values()?.collect::<Vec<_>>().into_iter()))
+    }
+}
+
+/// The table, if that is what was asked for.
+pub(super) fn asked_for(error: &clap::Error) -> Option<&str> {
+    match (error.kind(), error.get(ContextKind::ValidValue)) {
+        (ErrorKind::DisplayHelp, Some(ContextValue::String(table))) => Some(table),
+        _ => None,
     }
 }
 

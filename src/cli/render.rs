@@ -13,6 +13,7 @@ use super::settings::{choices, png, without_exr};
 use super::{json, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::film::Aov;
 use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::render::{CancelHandle, Labels, PassOutcome, Picture, Rendering, Settled, in_pool};
@@ -211,6 +212,7 @@ fn prepare(
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
+    compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));

@@ -56,6 +56,7 @@ pub(super) fn compile_after(
     let media = media::number(scene, &mut materials, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
+    let plan = Plan { keeps_uv: options.keeps_uv, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);

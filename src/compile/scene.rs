@@ -27,6 +27,8 @@ pub struct CompileOptions {
     pub anchor: Option<DVec3>,
     /// How good the trees are that rays walk. Default [`Tree::Full`].
     pub tree: Tree,
+    /// Keep texture coordinates that no material asks for: an output shows them.
+    pub keeps_uv: bool,
 }
 
 /// What compiling did.

@@ -42,7 +42,7 @@ impl Integrator<'_> {
             way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
             group: match light {
                 Some(index) => self.scene.light_groups.of_light(index),
-                None => self.scene.light_groups.of_material(surface.material),
+                None => self.scene.light_groups.of_surface(self.scene.object_at(hit), surface.material),
             },
         });
     }

@@ -41,8 +41,7 @@ impl Labels {
 
 /// The names of all objects, as one part of the path there says; and their ids.
 fn object_names(scene: &Scene, ids: &mut Vec<u32>, part: fn(&str) -> &str) -> Vec<String> {
-    let count = scene.instances.len() + scene.quads.len() + scene.shapes.len();
-    let paths = (0..count).map(|i| ObjectId(i as u32).name(scene).unwrap_or_default());
+    let paths = ObjectId::all(scene).map(|object| object.name(scene).unwrap_or_default());
     let names: Vec<String> = paths.map(|path| part(path).to_string()).collect();
     *ids = names.iter().map(|name| matte_id(name)).collect();
     names

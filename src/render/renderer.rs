@@ -9,7 +9,7 @@ use super::rendering::Rendering;
 use super::settle::Choices;
 use crate::compile::Compiler;
 use crate::error::Result;
-use crate::film::AovSet;
+use crate::film::{Aov, AovSet};
 use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
 use std::time::Duration;
@@ -186,6 +186,7 @@ impl Renderer {
         let size = (settled.options.width, settled.options.height);
         let mut compiler = Compiler::single();
         compiler.set_tree(settled.tree(1));
+        compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
         let (compiled, mut report) = compiler.compile(&scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
         let labels = Labels::of(&scene, &settled.options);

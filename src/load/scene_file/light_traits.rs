@@ -1,7 +1,7 @@
 //! What lights of scene files have in common.
 
 use super::fields::Fields;
-use crate::scene::{Lamp, Scene};
+use crate::scene::{Lamp, is_group_name};
 
 /// What all shapes of lights have.
 pub(super) struct LightTraits {
@@ -14,8 +14,9 @@ pub(super) struct LightTraits {
 /// The name of a group of lights; empty where none is given.
 pub(super) fn group(fields: &Fields, key: &'static str) -> String {
     let Some(name) = fields.string(key) else { return String::new() };
-    if let Some(message) = Scene::check_group(name.value) {
-        fields.problems.push(name.span, message);
+    if !is_group_name(name.value) {
+        let message = format!("'{}' can't be the name of a group of lights", name.value);
+        fields.problems.push_help(name.span, message, "use 1 to 64 letters, digits, _ and -");
     }
     name.value.to_string()
 }
