@@ -187,6 +187,9 @@ pub(crate) struct RenderArgs {
     /// Turns the environment picture about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
+    /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
+    #[arg(long)]
+    pub transparent: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,

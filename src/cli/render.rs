@@ -207,6 +207,7 @@ fn prepare(
     }
     let settled = choices.settle(&loaded.scene)?;
     warnings.extend(environment.apply(args, &mut loaded.scene));
+    loaded.scene.is_environment_hidden |= args.transparent;
     let load_s = start.elapsed().as_secs_f64();
 
     let camera = settled.camera(&loaded.scene)?.clone();

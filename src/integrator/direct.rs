@@ -45,16 +45,19 @@ impl Integrator<'_> {
         }
         self.test_shadow_rays(bounce, w);
         let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, .. } = w;
-        let Wave { paths, vertices: v, .. } = &**wave;
+        let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
         for (&i, &occluded) in shadow_vertices.iter().zip(&*occluded) {
             if !occluded {
                 let i = i as usize;
                 let value = get_rgb(&v.light.contribution, i);
-                sink.contribute(paths.carried.sample[i], value, || {
-                    let light = self.only_light.unwrap_or(v.light.index[i]);
-                    let way = self.way_of_sample(bounce, sorted, wave, bsdfs, i);
-                    Origin { way, group: self.scene.light_groups.of_light(light) }
-                });
+                sink.add(paths.carried.sample[i], value);
+                if divides {
+                    sink.divide(paths.carried.sample[i], value, || {
+                        let light = self.only_light.unwrap_or(v.light.index[i]);
+                        let way = self.way_of_sample(bounce, sorted, wave, bsdfs, i);
+                        Origin { way, group: self.scene.light_groups.of_light(light) }
+                    });
+                }
             }
         }
     }

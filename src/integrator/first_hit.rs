@@ -1,6 +1,5 @@
 //! What AOVs show of the first surface that a camera ray hits. Each has one line here; `film/channel.rs` has the table.
 
-use super::Integrator;
 use crate::bsdf::Bsdf;
 use crate::compile::{CompiledScene, View};
 use crate::film::{Aov, AovSet, MatteIds};
@@ -21,16 +20,9 @@ pub(super) struct FirstHit<'a> {
 
 /// What first surfaces are part of.
 pub(super) struct Shown<'a> {
-    scene: &'a CompiledScene,
-    view: &'a View,
-    mattes: &'a MatteIds,
-}
-
-impl Integrator<'_> {
-    /// What first surfaces are part of.
-    pub(super) fn shown(&self) -> Shown<'_> {
-        Shown { scene: self.scene, view: self.view, mattes: self.options.mattes }
-    }
+    pub scene: &'a CompiledScene,
+    pub view: &'a View,
+    pub mattes: &'a MatteIds,
 }
 
 impl FirstHit<'_> {

@@ -29,6 +29,7 @@ mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
+mod passes;
 pub mod reuse;
 mod scatter;
 mod sheets;

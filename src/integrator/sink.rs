@@ -77,14 +77,27 @@ impl Sink {
     #[inline(always)]
     pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
         self.add(index, value);
-        if self.layers.count() > 0 {
-            let Origin { way, group } = origin();
-            self.add_to_passes(index, value, way);
-            self.add_to_group(index, value, group);
+        if self.divides() {
+            self.divide(index, value, origin);
         }
     }
 
-    /// Adds to an index what [`Sink::add_to_passes`] and [`Sink::add_to_group`] divide.
+    /// Are there layers?
+    #[inline(always)]
+    pub fn divides(&self) -> bool {
+        self.layers.count() > 0
+    }
+
+    /// Adds light to the layers of an index. Out of the way of those who keep none.
+    #[cold]
+    #[inline(never)]
+    pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
+        let Origin { way, group } = origin();
+        self.add_to_passes(index, value, way);
+        self.add_to_group(index, value, group);
+    }
+
+    /// Adds light to an index, but to none of its layers.
     #[inline(always)]
     pub fn add(&mut self, index: u32, value: Rgb) {
         let sum = &mut self.samples[index as usize];
@@ -128,7 +141,9 @@ impl Sink {
 
     /// The layers of a sample.
     pub fn parts(&self, sample: usize) -> &[[f32; 3]] {
-        let count = self.layers.count();
-        &self.parts[sample * count..(sample + 1) * count]
+        match self.layers.count() {
+            0 => &[],
+            count => &self.parts[sample * count..(sample + 1) * count],
+        }
     }
 }

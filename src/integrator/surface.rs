@@ -3,7 +3,7 @@
 
 use super::Integrator;
 use super::closure_metal_rough::{self, store_material};
-use super::first_hit::FirstHit;
+use super::first_hit::{FirstHit, Shown};
 use super::flat::store;
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
@@ -223,6 +223,11 @@ impl Integrator<'_> {
             w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
         }
         vertex
+    }
+
+    /// What first surfaces are part of.
+    pub(super) fn shown(&self) -> Shown<'_> {
+        Shown { scene: self.scene, view: self.view, mattes: self.options.mattes }
     }
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.

@@ -101,8 +101,7 @@ impl PassWork<'_> {
             let (rays, connections) = (workspace.ray_count, workspace.connections);
             let mut sink = |sample: &PathSample<'_>| {
                 if has_more {
-                    let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
-                    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts);
+                    add_all(&mut tile, sample);
                 } else {
                     tile.add(sample.pixel, sample.rgb, sample.alpha);
                 }
@@ -119,6 +118,13 @@ impl PassWork<'_> {
             is_done.then_some((tile, rays))
         })
     }
+}
+
+/// Adds a sample to all channels.
+#[inline(never)]
+fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>) {
+    let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
+    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts);
 }
 
 /// What takes tiles.

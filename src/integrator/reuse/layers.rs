@@ -4,47 +4,16 @@
 
 use super::super::closure::VertexClass;
 use super::super::closure_metal_rough::MetalRoughClass;
-use super::super::lanes::{LENGTH, RgbLanes, WAVE, get, get_rgb, set_rgb};
-use super::super::layers::{Layers, Way};
+use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
+use super::super::layers::Way;
 use super::super::sink::Sink;
+use super::layer_lanes::{Diffuse, GroupLanes, SharedLayers};
 use super::pairs::{Receive, group_of};
 use super::state::{DIRECT, METAL_ROUGH, Pairs, Prefixes, Reuse, SCATTERED, Suffixes};
 use crate::color::Rgb;
 use crate::simd::dispatch;
 
-const BLACK: RgbLanes = [[0.0; LENGTH]; 3];
-
-/// What a wave keeps to share the layers of its paths, by place.
-#[derive(Default)]
-pub struct SharedLayers {
-    /// Of light passes: the diffuse parts of [`Pairs::value`], of the throughputs of suffixes, and of what prefixes got;
-    /// nothing without passes.
-    diffuse: Option<Box<Diffuse>>,
-    /// Of groups of lights.
-    groups: Vec<GroupLanes>,
-}
-
-struct Diffuse {
-    value: RgbLanes,
-    throughput: RgbLanes,
-    gained: RgbLanes,
-}
-
-/// What leaves suffixes of the light of a group, and what prefixes got of it.
-struct GroupLanes {
-    radiance: RgbLanes,
-    gained: RgbLanes,
-}
-
 impl SharedLayers {
-    /// Empties them for a wave.
-    pub fn reset(&mut self, layers: Layers) {
-        self.diffuse =
-            layers.has_passes().then(|| Box::new(Diffuse { value: BLACK, throughput: BLACK, gained: BLACK }));
-        self.groups.clear();
-        self.groups.resize_with(layers.groups(), || GroupLanes { radiance: BLACK, gained: BLACK });
-    }
-
     /// Takes what leaves suffix `k` of each group of lights, and gives what of its light stays with it to its owner.
     pub fn finish_suffix(
         &mut self,

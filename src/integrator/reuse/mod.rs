@@ -28,6 +28,7 @@
 
 mod gather;
 mod layer;
+mod layer_lanes;
 mod layers;
 mod pairs;
 mod record;

@@ -3,7 +3,7 @@
 use super::super::lanes::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words, get_rgb};
 use super::super::layers::FirstBounces;
 use super::super::wave::{MetalRoughMaterials, Vertices};
-use super::layers::SharedLayers;
+use super::layer_lanes::SharedLayers;
 use crate::color::Rgb;
 use bytemuck::Zeroable;
 
