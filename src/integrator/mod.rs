@@ -178,9 +178,10 @@ impl<'a> Integrator<'a> {
             if !self.trace_wave(block, first, count as usize, w, stop) {
                 return false;
             }
+            let divides = w.sink.divides();
             for (i, &[r, g, b, alpha]) in w.sink.samples().iter().enumerate() {
                 let pixel = ((first + i as u64) / u64::from(block.samples)) as u32;
-                let (parts, unshared) = (w.sink.parts(i), w.sink.unshared(i));
+                let (parts, unshared) = (if divides { w.sink.parts(i) } else { &[] }, w.sink.unshared(i));
                 let first_hit = w.first_hits.get(i);
                 sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, unshared });
             }

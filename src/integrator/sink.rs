@@ -141,9 +141,7 @@ impl Sink {
 
     /// The layers of a sample.
     pub fn parts(&self, sample: usize) -> &[[f32; 3]] {
-        match self.layers.count() {
-            0 => &[],
-            count => &self.parts[sample * count..(sample + 1) * count],
-        }
+        let count = self.layers.count();
+        &self.parts[sample * count..(sample + 1) * count]
     }
 }

@@ -63,6 +63,8 @@ pub struct PathParts {
     pub receiver_normals: bool,
     pub interiors: bool,
     pub first_bounces: bool,
+    /// One of them at least.
+    any: bool,
 }
 
 impl PathParts {
@@ -70,7 +72,8 @@ impl PathParts {
     /// passes.
     pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
         let Features { footprints, media: interiors, .. } = *features;
-        PathParts { footprints, receiver_normals, interiors, first_bounces }
+        let any = footprints || receiver_normals || interiors || first_bounces;
+        PathParts { footprints, receiver_normals, interiors, first_bounces, any }
     }
 }
 
@@ -80,6 +83,9 @@ impl Paths {
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
         let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
         carried.copy_to(i, &mut other.carried, k);
+        if !parts.any {
+            return;
+        }
         if parts.footprints {
             footprints.copy_to(i, &mut other.footprints, k);
         }
