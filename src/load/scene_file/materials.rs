@@ -10,7 +10,7 @@
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
-//! Each may have a `light_group`, of what it emits, whose light `--light-groups` keeps apart.
+//! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
 //!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
@@ -174,7 +174,10 @@ fn read<'a>(
     let kind = fields.choice("type", &kinds())?;
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
-    let light_group = group(fields, "light_group");
+    let light_group = match kind {
+        Kind::Emissive | Kind::Pbr => group(fields, "light_group"),
+        _ => String::new(),
+    };
     let mut material = match kind {
         Kind::Plain(default) => Material::new(name, plain(fields, default(), slot)),
         Kind::Metal => {
