@@ -1,9 +1,8 @@
 //! What a wave keeps to share the layers of its paths: see [`super::layers`].
 
-use super::super::lanes::{LENGTH, RgbLanes};
+use super::super::lanes::RgbLanes;
 use super::super::layers::Layers;
-
-const BLACK: RgbLanes = [[0.0; LENGTH]; 3];
+use bytemuck::Zeroable;
 
 /// What a wave keeps to share the layers of its paths, by place.
 #[derive(Default)]
@@ -12,10 +11,11 @@ pub struct SharedLayers {
     /// nothing without passes.
     pub diffuse: Option<Box<Diffuse>>,
     /// Of groups of lights.
-    pub groups: Vec<GroupLanes>,
+    pub groups: Vec<Box<GroupLanes>>,
 }
 
 /// What concerns the diffuse passes.
+#[derive(Zeroable)]
 pub struct Diffuse {
     pub value: RgbLanes,
     pub throughput: RgbLanes,
@@ -23,6 +23,7 @@ pub struct Diffuse {
 }
 
 /// What leaves suffixes of the light of a group, and what prefixes got of it.
+#[derive(Zeroable)]
 pub struct GroupLanes {
     pub radiance: RgbLanes,
     pub gained: RgbLanes,
@@ -31,9 +32,8 @@ pub struct GroupLanes {
 impl SharedLayers {
     /// Empties them for a wave.
     pub fn reset(&mut self, layers: Layers) {
-        self.diffuse =
-            layers.has_passes().then(|| Box::new(Diffuse { value: BLACK, throughput: BLACK, gained: BLACK }));
+        self.diffuse = layers.has_passes().then(bytemuck::zeroed_box);
         self.groups.clear();
-        self.groups.resize_with(layers.groups(), || GroupLanes { radiance: BLACK, gained: BLACK });
+        self.groups.resize_with(layers.groups(), bytemuck::zeroed_box);
     }
 }

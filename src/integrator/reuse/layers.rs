@@ -61,7 +61,8 @@ impl SharedLayers {
                 gained,
             });
         }
-        for GroupLanes { radiance, gained } in &mut self.groups {
+        for group_lanes in &mut self.groups {
+            let GroupLanes { radiance, gained } = &mut **group_lanes;
             let (throughput, value) = (&s.throughput, &pairs.value);
             dispatch(Receive {
                 senders,
