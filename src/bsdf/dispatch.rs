@@ -183,6 +183,25 @@ macro_rules! bsdfs {
                 }
             }
 
+            /// What it looks like, whatever the light.
+            pub fn look(&self) -> Look {
+                match self {
+                    Bsdf::Black => Look::BLACK,
+                    $(Bsdf::$opaque(lobe) => lobe.look(),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.look(),)*
+                }
+            }
+
+            /// The diffuse part of the value for two directions.
+            pub fn diffuse_part(&self, wo: Vec3, wi: Vec3) -> Rgb {
+                let (wo, wi) = (with_side(wo), with_side(wi));
+                match self {
+                    Bsdf::Black => Rgb::ZERO,
+                    $(Bsdf::$opaque(lobe) => lobe.diffuse_part(wo, wi),)*
+                    $(Bsdf::$transmissive(lobe) => lobe.diffuse_part(wo, wi),)*
+                }
+            }
+
             /// A plain colour for the albedo output: reflectance at normal incidence, white for clear glass.
             #[inline]
             pub fn albedo(&self) -> Rgb {

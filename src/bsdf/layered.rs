@@ -21,6 +21,7 @@ use super::through::DiffuseThrough;
 use super::{BsdfEval, BsdfSample, Lobe, Transmissive, ggx};
 use crate::color::Rgb;
 use crate::math::Vec3;
+use std::f32::consts::FRAC_1_PI;
 
 /// Every layer and base that a glTF material may have; absent ones have strength 0.
 #[derive(Clone, Copy, Debug)]
@@ -116,6 +117,26 @@ impl Layered {
             above,
             glass,
         }
+    }
+
+    /// The diffuse part of what [`Lobe::eval`] gives: of the base, of sheen, and of what passes diffusely.
+    pub(super) fn eval_diffuse(&self, wo: Vec3, wi: Vec3) -> Rgb {
+        let closure = self.closure(wo);
+        let has = |part: usize| closure.probabilities[part] > 0.0;
+        let mut sum = Rgb::ZERO;
+        if (wo.z < 0.0) != (wi.z < 0.0) {
+            if has(3) {
+                sum += closure.weights[3] * DiffuseThrough.eval(wo, wi).f_cos;
+            }
+            return sum;
+        }
+        if has(1) {
+            sum += closure.weights[1] * self.sheen.eval(wo, wi).f_cos;
+        }
+        if has(2) {
+            sum += closure.weights[2] * closure.opaque_closure.diffuse * (wi.z.abs() * FRAC_1_PI);
+        }
+        sum
     }
 
     #[inline]

@@ -1,10 +1,11 @@
 //! The arguments as clap parses them; nothing is decided here.
 
+use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::frames::Frames;
-use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use oscura::film::Aov;
+use oscura::film::AovSet;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
 
@@ -186,6 +187,9 @@ pub(crate) struct RenderArgs {
     /// Turns the environment picture about the vertical axis, degrees.
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
+    /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
+    #[arg(long)]
+    pub transparent: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
@@ -211,8 +215,14 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub float: bool,
     /// Further channels of the EXR.
-    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = aov())]
-    pub aov: Vec<Aov>,
+    #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
+    pub aov: Vec<AovSet>,
+    /// Further channels RGBA_key of the EXR for the light of each group of lights.
+    #[arg(long)]
+    pub light_groups: bool,
+    /// Ranks of ids in Cryptomattes.
+    #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
+    pub crypto_levels: u32,
     /// Microfacet model [default: multi].
     #[arg(long)]
     pub microfacet: Option<MicrofacetArg>,
@@ -333,13 +343,6 @@ pub(crate) struct CompareArgs {
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
-}
-
-/// Names of the film's table of channels, with what it says about them.
-fn aov() -> impl TypedValueParser<Value = Aov> {
-    let value = |aov: &Aov| PossibleValue::new(aov.info().option).help(aov.info().about);
-    let parser = PossibleValuesParser::new(Aov::ALL.iter().map(value));
-    parser.try_map(|name| Aov::from_option(&name).ok_or("is no channel"))
 }
 
 fn frames_per_second(text: &str) -> Result<f64, String> {

@@ -1,6 +1,7 @@
 //! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
+mod aov_arg;
 mod args;
 mod asset_args;
 mod beside;
@@ -35,7 +36,16 @@ use std::process::ExitCode;
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
 pub(crate) fn main() -> ExitCode {
     // clap prints usage errors itself and exits with 2.
-    let arguments = Arguments::try_parse().unwrap_or_else(|error| scene_path::explain(error).exit());
+    let arguments = match Arguments::try_parse() {
+        Ok(arguments) => arguments,
+        Err(error) => match aov_arg::asked_for(&error) {
+            Some(table) => {
+                report::print_text(table);
+                return ExitCode::SUCCESS;
+            }
+            None => scene_path::explain(error).exit(),
+        },
+    };
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, render::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),

@@ -13,9 +13,10 @@ use super::settings::{choices, png, without_exr};
 use super::{json, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::film::Aov;
 use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
-use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled, in_pool};
+use oscura::render::{CancelHandle, Labels, PassOutcome, Picture, Rendering, Settled, in_pool};
 use oscura::scene::Camera;
 use std::ops::ControlFlow;
 use std::sync::Arc;
@@ -106,7 +107,7 @@ fn run_one(
     start: Instant,
     Kept { said, compiler }: &mut Kept,
 ) -> Result<Outcome> {
-    let Prepared { scene, camera, settled, build, load_s, notes, mut warnings, left_out } =
+    let Prepared { scene, labels, camera, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
@@ -118,7 +119,7 @@ fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let picture = take_picture(args, cancel, scene, &camera, &settled)?;
+    let picture = take_picture(args, cancel, scene, labels, &camera, &settled)?;
 
     let start = Instant::now();
     let pictures = Pictures::encode(args, targets, &picture, png(args, settled.exposure), &warnings)?;
@@ -161,12 +162,13 @@ fn take_picture(
     args: &RenderArgs,
     cancel: &CancelHandle,
     scene: Arc<CompiledScene>,
+    labels: Labels,
     camera: &Camera,
     settled: &Settled,
 ) -> Result<Picture> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
-    let mut rendering = Rendering::new(scene, camera, settled.options)?
+    let mut rendering = Rendering::labelled(scene, labels, camera, settled.options)?
         .with_cancel_handle(cancel.clone())
         .on_event(move |event| shown.show(&event));
     while rendering.next_pass() == PassOutcome::Progressed {}
@@ -177,6 +179,7 @@ fn take_picture(
 /// All that rendering needs.
 struct Prepared {
     scene: Arc<CompiledScene>,
+    labels: Labels,
     camera: Camera,
     settled: Settled,
     build: CompileReport,
@@ -200,19 +203,23 @@ fn prepare(
     let mut choices = choices(args);
     if !has_exr {
         choices = without_exr(args, choices, &mut warnings);
+        loaded.scene.settings.aovs = None;
     }
     let settled = choices.settle(&loaded.scene)?;
     warnings.extend(environment.apply(args, &mut loaded.scene));
+    loaded.scene.is_environment_hidden |= args.transparent;
     let load_s = start.elapsed().as_secs_f64();
 
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
+    compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, camera, settled, build, load_s, notes, warnings, left_out })
+    let labels = Labels::of(&loaded.scene, &settled.options);
+    Ok(Prepared { scene, labels, camera, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

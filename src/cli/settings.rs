@@ -38,9 +38,12 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             energy_compensation,
             fresnel,
             exposure: args.exposure,
+            aovs: None,
         },
         camera: args.camera.clone(),
-        aovs: args.aov.iter().copied().collect(),
+        aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
+        matte_levels: args.crypto_levels,
+        light_groups: args.light_groups,
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
         splitting: args.splitting,
@@ -52,12 +55,14 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
 
 /// Leaves out what has no effect because no output is an EXR, with a warning.
 pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Vec<Warning>) -> Choices {
-    for (option, is_given) in [("--aov", !args.aov.is_empty()), ("--float", args.float)] {
+    let given =
+        [("--aov", !args.aov.is_empty()), ("--light-groups", args.light_groups), ("--float", args.float)];
+    for (option, is_given) in given {
         if is_given {
             warnings.push(Warning::general(format!("{option} has no effect: no output is an EXR")));
         }
     }
-    Choices { aovs: AovSet::NONE, ..choices }
+    Choices { aovs: AovSet::NONE, light_groups: false, ..choices }
 }
 
 /// How PNGs look.

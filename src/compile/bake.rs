@@ -72,16 +72,17 @@ pub(super) fn bake(
         }
         let mesh = made.as_ref().unwrap_or(mesh);
         if step.place == Place::World {
-            let needs = needs_of(part_materials(mesh, instance), materials);
+            let mut needs = needs_of(part_materials(mesh, instance), materials);
+            needs.uv[0] |= plan.keeps_uv;
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
             world.append(mesh, instance.material, &step.world_from_object, needs, is_hidden);
         } else {
-            shared[step.geometry] = Some(Arc::new(share(mesh, materials)));
+            shared[step.geometry] = Some(Arc::new(share(mesh, materials, plan.keeps_uv)));
         }
     }
     let world = kept.world.unwrap_or_else(|| {
-        world.append_shapes(scene, materials, origin, &numbering);
+        world.append_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
         world.measure();
         Arc::new(world)
     });
@@ -136,12 +137,12 @@ fn normal_matrix(m: &DMat3) -> DMat3 {
 }
 
 /// A mesh in a space of its own.
-fn share(mesh: &Mesh, materials: &[CompiledMaterial]) -> Space {
+fn share(mesh: &Mesh, materials: &[CompiledMaterial], keeps_uv: bool) -> Space {
     // Every use may bring its own material.
     let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
     let needs = Needs {
         normals: true,
-        uv: [any(|m| m.uses_uv); 2],
+        uv: [keeps_uv, false].map(|keeps| keeps || any(|m| m.uses_uv)),
         tangents: any(CompiledMaterial::uses_tangents),
         colors: any(|m| m.uses_vertex_colors),
     };
@@ -221,6 +222,7 @@ impl Space {
         materials: &[CompiledMaterial],
         origin: DVec3,
         numbering: &Numbering,
+        keeps_uv: bool,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
@@ -233,7 +235,7 @@ impl Space {
             });
             attributes.materials.push(quad.material.0);
         }
-        let turns = scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
+        let turns = keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         for (i, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| is_seen(shape.material)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));

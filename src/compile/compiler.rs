@@ -18,22 +18,28 @@ pub struct Compiler {
     is_sequence: bool,
     latest: Option<Arc<CompiledScene>>,
     tree: Tree,
+    keeps_uv: bool,
 }
 
 impl Compiler {
     /// For one moment, or for several that have nothing to do with each other.
     pub fn single() -> Compiler {
-        Compiler { is_sequence: false, latest: None, tree: Tree::default() }
+        Compiler { is_sequence: false, latest: None, tree: Tree::default(), keeps_uv: false }
     }
 
     /// For the moments of a sequence.
     pub fn sequence() -> Compiler {
-        Compiler { is_sequence: true, latest: None, tree: Tree::default() }
+        Compiler { is_sequence: true, latest: None, tree: Tree::default(), keeps_uv: false }
     }
 
     /// Chooses how good the trees are that rays walk. Default [`Tree::Full`].
     pub fn set_tree(&mut self, tree: Tree) {
         self.tree = tree;
+    }
+
+    /// Keeps texture coordinates that no material asks for.
+    pub fn keep_uv(&mut self, keeps_uv: bool) {
+        self.keeps_uv = keeps_uv;
     }
 
     /// Compiles a moment for a camera's picture of `width` x `height` pixels. The anchor stays where it was as long as
@@ -58,7 +64,7 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let options = CompileOptions { shading, anchor, tree: self.tree };
+        let options = CompileOptions { shading, anchor, tree: self.tree, keeps_uv: self.keeps_uv };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;

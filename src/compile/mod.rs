@@ -7,6 +7,7 @@ mod content;
 mod emitters;
 mod fold;
 mod geometry;
+mod groups;
 mod material;
 mod media;
 mod medium;

@@ -36,6 +36,12 @@ impl Numbering {
 }
 
 impl ObjectId {
+    /// All objects of a scene.
+    pub fn all(scene: &Scene) -> impl Iterator<Item = ObjectId> + use<> {
+        let count = scene.instances.len() + scene.quads.len() + scene.shapes.len();
+        (0..count as u32).map(ObjectId)
+    }
+
     /// The object's name in the scene that it was compiled from; `None` if it is from another.
     pub fn name(self, scene: &Scene) -> Option<&str> {
         let index = self.0 as usize;

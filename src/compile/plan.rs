@@ -52,6 +52,8 @@ pub(super) struct Plan {
     pub meshes: Vec<usize>,
     /// The first of these that changes its shape.
     pub first_changing: usize,
+    /// Texture coordinates are kept even if no material asks for them.
+    pub keeps_uv: bool,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
     pub keys: Option<Keys>,
 }

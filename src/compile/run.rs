@@ -2,6 +2,7 @@
 
 use super::emitters;
 use super::geometry::{Geometries, Transform};
+use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
@@ -55,11 +56,13 @@ pub(super) fn compile_after(
     let media = media::number(scene, &mut materials, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
+    let plan = Plan { keeps_uv: options.keeps_uv, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);
 
     let emitters = emitters::find(&geometries, &materials);
+    let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let environment = match kept.environment.take() {
         Some(environment) => environment,
@@ -79,6 +82,7 @@ pub(super) fn compile_after(
         media,
         textures,
         lights,
+        light_groups,
         features,
         emitters,
         sources: is_sequence.then(|| Sources::of(scene, &plan)),

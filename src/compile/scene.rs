@@ -2,6 +2,7 @@
 
 use super::emitters::Emitters;
 use super::geometry::Geometries;
+use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::objects::ObjectId;
@@ -26,6 +27,8 @@ pub struct CompileOptions {
     pub anchor: Option<DVec3>,
     /// How good the trees are that rays walk. Default [`Tree::Full`].
     pub tree: Tree,
+    /// Keep texture coordinates that no material asks for: an output shows them.
+    pub keeps_uv: bool,
 }
 
 /// What compiling did.
@@ -69,6 +72,8 @@ pub struct CompiledScene {
     pub textures: CompiledTextures,
     /// Everything that shines.
     pub lights: Lights,
+    /// Which group each is in.
+    pub light_groups: LightGroups,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.

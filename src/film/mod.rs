@@ -4,15 +4,21 @@
 //! count. Sums are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
 
 mod accumulator;
+mod aov;
+mod aov_set;
 mod channel;
 mod coverage;
 mod filter;
+mod matte;
 mod sums;
 mod tile;
 
 pub use accumulator::Values;
-pub use channel::{Aov, AovInfo, AovSet, BACKGROUND_DEPTH, Channel, PixelType, Reduction, Source};
+pub use aov::{Aov, AovInfo, BACKGROUND_DEPTH, MATTE_LEVELS};
+pub use aov_set::AovSet;
+pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
+pub use matte::{MatteIds, matte_id, matte_key};
 pub use sums::Layout;
 pub use tile::FilmTile;
 

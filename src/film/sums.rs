@@ -81,11 +81,23 @@ impl Sums {
     }
 
     /// Adds what the channels beyond colour take from a sample whose colour was added.
-    pub fn add_further(&mut self, pixel: usize, rgb: [f32; 3], first_hit: Option<&[f32]>, layout: &Layout) {
-        let mut rest = first_hit;
+    pub fn add_further(
+        &mut self,
+        pixel: usize,
+        rgb: [f32; 3],
+        first_hit: Option<&[f32]>,
+        parts: &[[f32; 3]],
+        layout: &Layout,
+    ) {
+        let (mut rest, mut parts) = (first_hit, parts.iter());
         for (channel, accumulator) in layout.further().iter().zip(&mut self.further) {
             match channel.source {
                 Source::Color => accumulator.add(pixel, &rgb, self.count[pixel] == 1),
+                Source::PartOfColor => {
+                    if let Some(part) = parts.next() {
+                        accumulator.add(pixel, part, self.count[pixel] == 1);
+                    }
+                }
                 Source::FirstHit => {
                     let Some((values, others)) = rest.map(|all| all.split_at(channel.components())) else {
                         continue;
@@ -108,7 +120,7 @@ impl Sums {
         let (here, there) = (at..at + length, from..from + length);
         for ((channel, into), more) in layout.further().iter().zip(&mut self.further).zip(&other.further) {
             let (before, added) = match channel.source {
-                Source::Color => (&self.count, &other.count),
+                Source::Color | Source::PartOfColor => (&self.count, &other.count),
                 Source::FirstHit => (&self.hits, &other.hits),
             };
             into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
@@ -134,7 +146,7 @@ impl Sums {
             return (0..4).map(component).map(Values::Float).collect();
         };
         let brought = match channel.source {
-            Source::Color => &self.count,
+            Source::Color | Source::PartOfColor => &self.count,
             Source::FirstHit => &self.hits,
         };
         self.further[further].planes(channel, Counts { samples: &self.count, brought })

@@ -150,7 +150,7 @@ fn colour_has_a_count_and_a_variance() {
 
 #[test]
 fn a_film_lists_its_planes_and_first_hits_stay_apart() {
-    let aovs = AovSet::from([Aov::Depth, Aov::Samples, Aov::Material, Aov::Normal]);
+    let aovs = AovSet::from([Aov::Depth, Aov::Samples, Aov::MaterialId, Aov::Normal]);
     let mut film = Film::new(2, 1, aovs);
     let mut tile = film.tile(0, 0, 2, 1);
     let hit = |depth: f32| [depth, 0.0, 1.0, 0.0, f32::from_bits(7)];

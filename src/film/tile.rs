@@ -50,11 +50,24 @@ impl FilmTile {
     /// components one after another in the order of the film's channels; `None` when the sample hit nothing. What is
     /// not finite counts as having hit nothing.
     pub fn add_with_first_hit(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32, first_hit: Option<&[f32]>) {
+        self.add_with_parts(pixel, rgb, alpha, first_hit, &[]);
+    }
+
+    /// The same with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
+    /// the film's channels.
+    pub fn add_with_parts(
+        &mut self,
+        pixel: u32,
+        rgb: [f32; 3],
+        alpha: f32,
+        first_hit: Option<&[f32]>,
+        parts: &[[f32; 3]],
+    ) {
         if !self.add(pixel, rgb, alpha) {
             return;
         }
         let first_hit = first_hit.filter(|values| self.is_finite(values));
-        self.sums.add_further(pixel as usize, rgb, first_hit, &self.layout);
+        self.sums.add_further(pixel as usize, rgb, first_hit, parts, &self.layout);
     }
 
     /// Are all floats of a first hit finite? Integers travel as bits.

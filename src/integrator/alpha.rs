@@ -80,7 +80,7 @@ impl Integrator<'_> {
                 let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
                 set_rgb(&mut w.arriving.carried.throughput, i, throughput * medium.transmittance(hit.t));
             }
-            self.emit(i, &HitPoint { surface, hit, material, is_back }, w);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput);
         }
     }

@@ -12,6 +12,7 @@ use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 use crate::scene::{EnergyCompensation, FresnelModel};
 use crate::simd::{Kernel, dispatch};
+use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
 /// Keeps the material of a vertex.
@@ -170,6 +171,11 @@ impl VertexClass for MetalRoughClass {
 }
 
 impl MetalRoughVertex {
+    /// The share of the light from `wi` that is reflected diffusely.
+    pub fn diffuse_share(&self, wi: Vec3) -> Rgb {
+        self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)
+    }
+
     /// The share of the light from `wi` that is reflected by a diffuse lobe which is a part of the BSDF.
     pub fn share_of(&self, f: Rgb, wi: Vec3) -> Rgb {
         let local = self.frame.to_local(wi);

@@ -5,6 +5,7 @@ use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
+use super::layers::Origin;
 use super::normals::terminator;
 use super::wave::Wave;
 use super::workspace::Workspace;
@@ -43,13 +44,20 @@ impl Integrator<'_> {
             }
         }
         self.test_shadow_rays(bounce, w);
-        let Wave { paths, vertices: v, .. } = &*w.wave;
-        for (&i, &occluded) in w.shadow_vertices.iter().zip(&w.occluded) {
+        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, .. } = w;
+        let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
+        for (&i, &occluded) in shadow_vertices.iter().zip(&*occluded) {
             if !occluded {
                 let i = i as usize;
-                let light = self.only_light.unwrap_or(v.light.index[i]);
                 let value = get_rgb(&v.light.contribution, i);
-                w.sink.contribute(paths.carried.sample[i], Some(light), value);
+                sink.add(paths.carried.sample[i], value);
+                if divides {
+                    sink.divide(paths.carried.sample[i], value, || {
+                        let light = self.only_light.unwrap_or(v.light.index[i]);
+                        let way = self.way_of_sample(bounce, sorted, wave, bsdfs, i);
+                        Origin { way, group: self.scene.light_groups.of_light(light) }
+                    });
+                }
             }
         }
     }

@@ -2,6 +2,7 @@
 
 use super::Integrator;
 use super::lanes::{WAVE, get, get_rgb};
+use super::layers::{Origin, Way, way_of_path};
 use super::surface::HitPoint;
 use super::wave::Scratch;
 use super::workspace::Workspace;
@@ -14,7 +15,7 @@ use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
     /// Adds the light that a surface emits along the ray of arriving path `i`.
-    pub(super) fn emit(&self, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
+    pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
         let HitPoint { surface, hit, material, is_back } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let radiance = match emission.radiance.texture {
@@ -37,18 +38,27 @@ impl Integrator<'_> {
             let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
             weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
-        w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
+        w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
+            way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
+            group: match light {
+                Some(index) => self.scene.light_groups.of_light(index),
+                None => self.scene.light_groups.of_surface(self.scene.object_at(hit), surface.material),
+            },
+        });
     }
 
     /// Adds the light of the suns in whose directions paths left the scene.
-    fn add_suns(&self, w: &mut Workspace) {
+    fn add_suns(&self, bounce: u32, w: &mut Workspace) {
         for SelectedSun { sun, selected } in self.scene.lights.suns() {
             let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
                 let value = get_rgb(&path.throughput, i) * sun.radiance * weight;
-                w.sink.contribute(path.sample[i], Some(selected.index), value);
+                w.sink.contribute(path.sample[i], value, || Origin {
+                    way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
+                    group: self.scene.light_groups.of_light(selected.index),
+                });
             }
         }
     }
@@ -57,7 +67,7 @@ impl Integrator<'_> {
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
         if bounce > 0 {
-            self.add_suns(w);
+            self.add_suns(bounce, w);
         } else if self.scene.features.hidden_environment {
             return;
         }
@@ -66,7 +76,7 @@ impl Integrator<'_> {
         look_up(environment, &w.rays, &w.escaped, &path.pdf, scratch);
         let [_, _, _, _, _, r, g, b, pdf] = scratch;
         let pdf_discrete = lights.environment_pdf_discrete();
-        let light = Some(lights.len() as u32 - 1);
+        let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let weight = match path.pdf[i] {
@@ -74,7 +84,10 @@ impl Integrator<'_> {
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
-            w.sink.contribute(path.sample[i], light, get_rgb(&path.throughput, i) * radiance * weight);
+            w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
+                way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
+                group: self.scene.light_groups.of_light(light),
+            });
             if bounce == 0 {
                 w.sink.cover(path.sample[i]);
             }

@@ -1,40 +1,61 @@
 //! What AOVs show of the first surface that a camera ray hits. Each has one line here; `film/channel.rs` has the table.
 
-use crate::color::Rgb;
+use crate::bsdf::Bsdf;
 use crate::compile::{CompiledScene, View};
-use crate::film::{Aov, AovSet};
-use crate::math::Vec3;
+use crate::film::{Aov, AovSet, MatteIds};
+use crate::math::{Hit, Vec3};
+use crate::shape::Surface;
 
 /// The first surface of a sample.
-pub(super) struct FirstHit<A: Fn() -> Rgb> {
-    /// Where it is, in the compiled scene's space.
-    pub p: Vec3,
-    /// Geometric normal, on the surface's front or towards the camera.
-    pub ng: Vec3,
-    /// Shading normal, on the side of the geometric one.
-    pub ns: Vec3,
+pub(super) struct FirstHit<'a> {
+    /// The hit.
+    pub hit: Hit,
+    /// Where it is, in the compiled scene's space, with normals on its front or towards the camera, and its material.
+    pub surface: Surface,
     /// Towards the camera.
     pub wo: Vec3,
-    /// Gives its reflectance; asked only if someone wants to know.
-    pub albedo: A,
-    /// Index of its material.
-    pub material: u32,
+    /// How it scatters.
+    pub bsdf: &'a Bsdf,
 }
 
-impl<A: Fn() -> Rgb> FirstHit<A> {
+/// What first surfaces are part of.
+pub(super) struct Shown<'a> {
+    pub scene: &'a CompiledScene,
+    pub view: &'a View,
+    pub mattes: &'a MatteIds,
+}
+
+impl FirstHit<'_> {
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
-    #[inline(always)]
-    fn values(&self, aov: Aov, scene: &CompiledScene, view: &View) -> [f32; MOST_COMPONENTS] {
+    fn values(&self, aov: Aov, &Shown { scene, view, mattes }: &Shown) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0];
+        let Surface { p, ng, ns, material, .. } = self.surface;
+        let side = if ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 };
+        let object = || scene.object_at(&self.hit).0;
+        // Numbers travel as bits.
+        let id = |ids: &[u32], index: u32| one(f32::from_bits(ids.get(index as usize).copied().unwrap_or(0)));
         match aov {
-            Aov::Depth | Aov::Nearest => one(view.camera.depth(self.p)),
-            Aov::Position => (scene.anchor + self.p.as_dvec3()).as_vec3().to_array(),
-            Aov::Normal => (self.ns * if self.ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 }).to_array(),
-            Aov::Albedo => (self.albedo)().to_array(),
-            // Integers travel as bits.
-            Aov::Material => one(f32::from_bits(self.material + 1)),
-            // These show no surface.
-            Aov::Samples | Aov::Variance => [0.0; MOST_COMPONENTS],
+            Aov::Depth | Aov::DepthMin => one(view.camera.depth(p)),
+            Aov::Position => (scene.anchor + p.as_dvec3()).as_vec3().to_array(),
+            Aov::Normal => (ns * side).to_array(),
+            Aov::GeometricNormal => (ng * side).to_array(),
+            Aov::Facing => one((ns * side).dot(self.wo).clamp(0.0, 1.0)),
+            Aov::Uv => {
+                let [u, v] = scene.geometries.coordinates(&self.surface, &self.hit, false).uv[0].to_array();
+                [u, v, 0.0]
+            }
+            Aov::Albedo => self.bsdf.albedo().to_array(),
+            Aov::Roughness => one(self.bsdf.look().roughness),
+            Aov::DiffuseColor => self.bsdf.look().diffuse.to_array(),
+            Aov::GlossyColor => self.bsdf.look().glossy.to_array(),
+            Aov::TransmissionColor => self.bsdf.look().transmission.to_array(),
+            Aov::ObjectId => one(f32::from_bits(object() + 1)),
+            Aov::MaterialId => one(f32::from_bits(material + 1)),
+            Aov::CryptoObject => id(&mattes.objects, object()),
+            Aov::CryptoMaterial => id(&mattes.materials, material),
+            Aov::CryptoAsset => id(&mattes.assets, object()),
+            // Others show no surface.
+            _ => [0.0; MOST_COMPONENTS],
         }
     }
 }
@@ -45,7 +66,8 @@ const MOST_COMPONENTS: usize = 3;
 const _: () = {
     let mut i = 0;
     while i < Aov::ALL.len() {
-        assert!(Aov::ALL[i].info().components() <= MOST_COMPONENTS, "an AOV has more components");
+        let info = Aov::ALL[i].info();
+        assert!(info.components() <= MOST_COMPONENTS, "an AOV has more components");
         i += 1;
     }
 };
@@ -62,9 +84,9 @@ pub(super) struct FirstHits {
 }
 
 impl FirstHits {
-    /// Empties it for `count` samples; without AOVs it stays empty and [`record`](FirstHits::record) does nothing.
+    /// Empties it for `count` samples and AOVs that show first hits; without any it stays empty and
+    /// [`record`](FirstHits::record) does nothing.
     pub fn reset(&mut self, count: usize, aovs: AovSet) {
-        let aovs = aovs.of_first_hits();
         let components = |aov: Aov| aov.info().components();
         (self.aovs, self.width) = (aovs, aovs.iter().map(components).sum());
         self.values.clear();
@@ -74,18 +96,12 @@ impl FirstHits {
     }
 
     /// Takes down the first surface of a sample.
-    pub fn record(
-        &mut self,
-        sample: usize,
-        hit: &FirstHit<impl Fn() -> Rgb>,
-        scene: &CompiledScene,
-        view: &View,
-    ) {
+    pub fn record(&mut self, sample: usize, hit: &FirstHit, shown: &Shown) {
         let Some(is_hit) = self.is_hit.get_mut(sample) else { return };
         *is_hit = true;
         let mut at = sample * self.width;
         for aov in self.aovs.iter() {
-            let values = &hit.values(aov, scene, view)[..aov.info().components()];
+            let values = &hit.values(aov, shown)[..aov.info().components()];
             self.values[at..at + values.len()].copy_from_slice(values);
             at += values.len();
         }

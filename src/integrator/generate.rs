@@ -19,8 +19,8 @@ impl Integrator<'_> {
         let count = w.pixels.len();
         w.rays.clear();
         w.rays_before_split = None;
-        w.sink.begin(count);
-        w.first_hits.reset(count, self.options.aovs);
+        w.sink.begin(count, self.layers);
+        w.first_hits.reset(count, self.first_hits);
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);

@@ -24,10 +24,12 @@ mod generate;
 mod group;
 mod interior;
 mod lanes;
+mod layers;
 mod light_samplers;
 mod light_samples;
 mod media;
 mod normals;
+mod passes;
 mod ray_counts;
 pub mod reuse;
 mod samples;
@@ -49,10 +51,11 @@ pub use samples::SamplePlan;
 pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
-use crate::film::{AovSet, FilterSampler};
+use crate::film::{AovSet, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::Interior;
+use layers::Layers;
 use light_samplers::has_vector_sampler;
 use reuse::Tiling;
 use samples::Samples;
@@ -67,8 +70,12 @@ pub struct PathOptions<'a> {
     pub plan: SamplePlan<'a>,
     /// Reconstruction filter.
     pub filter: &'a FilterSampler,
-    /// AOVs of first hits that are asked for.
+    /// AOVs of first hits and light passes that are asked for.
     pub aovs: AovSet,
+    /// The ids that mattes show.
+    pub mattes: &'a MatteIds,
+    /// How many of the scene's groups of lights are kept apart: all or none.
+    pub light_groups: usize,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
@@ -91,6 +98,8 @@ pub struct PathSample<'a> {
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
     pub first_hit: Option<&'a [f32]>,
+    /// The light passes asked for, then the groups of lights.
+    pub parts: &'a [[f32; 3]],
     /// The radiance that the path found alone, where that is kept.
     pub unshared: [f32; 3],
 }
@@ -104,6 +113,10 @@ pub struct Integrator<'a> {
     groups: Vec<Group>,
     /// By material: may its surfaces be absent in places?
     may_be_absent: Vec<bool>,
+    /// Those of the AOVs that show first hits.
+    first_hits: AovSet,
+    /// Layers of the radiance that are kept.
+    layers: Layers,
     /// Solids around the camera.
     camera_interior: Interior,
     /// What paths carry.
@@ -137,15 +150,18 @@ impl<'a> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
+        let layers = Layers::new(options.aovs, options.light_groups);
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
         Integrator {
             scene,
             view,
-            options,
             groups,
             may_be_absent,
+            first_hits: options.aovs.of(Source::FirstHit),
+            options,
+            layers,
             camera_interior: Interior::of_camera(scene, &view.camera),
-            parts: PathParts::of(&scene.features, scene.lights.use_tree()),
+            parts: PathParts::of(&scene.features, scene.lights.use_tree(), layers.has_passes()),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             dimensions,
         }
@@ -171,9 +187,11 @@ impl<'a> Integrator<'a> {
             if !self.trace_wave(block, w, stop) {
                 return false;
             }
+            let divides = w.sink.divides();
             for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
-                let unshared = w.sink.unshared(i);
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit: w.first_hits.get(i), unshared });
+                let (parts, unshared) = (if divides { w.sink.parts(i) } else { &[] }, w.sink.unshared(i));
+                let first_hit = w.first_hits.get(i);
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, unshared });
             }
         }
     }
@@ -220,6 +238,9 @@ impl<'a> Integrator<'a> {
             }
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
+            if bounce == 0 && self.parts.first_bounces {
+                self.keep_first_bounces(&sorted, w);
+            }
             if shares {
                 self.divide_lobes(bounce, &sorted, w);
             }

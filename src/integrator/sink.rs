@@ -1,38 +1,64 @@
 //! Where the radiance of paths arrives.
 
 use super::lanes::WAVE;
+use super::layers::{Layers, Origin, Way};
 use crate::color::Rgb;
 
-/// Index of a light in the scene's lights, by which outputs for groups of lights can tell them apart; `None` for
-/// emitters that light sampling does not know.
-pub type LightIndex = Option<u32>;
-
-/// Radiance and alpha of the samples of a wave.
+/// Radiance and alpha of the samples of a wave, and the layers of the radiance that are asked for.
 pub struct Sink {
     samples: Vec<[f32; 4]>,
-    /// Samples of the wave; behind them are radiances that are shared later.
+    /// Samples of the wave; behind them are radiances that are shared or joined later.
     count: usize,
+    /// So many indices keep light passes.
+    with_passes: usize,
     /// What the samples had before paths were shared; empty where none are.
     unshared: Vec<[f32; 3]>,
+    layers: Layers,
+    /// The layers of all indices, those of one after another.
+    parts: Vec<[f32; 3]>,
 }
 
 impl Sink {
     /// Without samples.
     pub fn new() -> Sink {
-        Sink { samples: Vec::with_capacity(WAVE), count: 0, unshared: Vec::new() }
+        Sink {
+            samples: Vec::with_capacity(WAVE),
+            count: 0,
+            with_passes: 0,
+            unshared: Vec::new(),
+            layers: Layers::default(),
+            parts: Vec::new(),
+        }
     }
 
     /// Begins a wave of `count` samples: black and transparent.
-    pub fn begin(&mut self, count: usize) {
+    pub fn begin(&mut self, count: usize, layers: Layers) {
         self.samples.clear();
-        self.samples.resize(count, [0.0; 4]);
-        self.count = count;
+        self.parts.clear();
+        (self.count, self.with_passes, self.layers) = (count, count, layers);
+        self.extend(count);
         self.unshared.clear();
     }
 
     /// Takes further indices below `count` for radiances that are no sample.
-    pub fn add_parts(&mut self, count: usize) {
+    pub fn extend(&mut self, count: usize) {
         self.samples.resize(count, [0.0; 4]);
+        self.parts.resize(count * self.layers.count(), [0.0; 3]);
+    }
+
+    /// Takes further indices below `count` for what branches of samples find: see [`Sink::join`].
+    pub fn extend_with_passes(&mut self, count: usize) {
+        self.with_passes = count;
+        self.extend(count);
+    }
+
+    /// Adds all that arrived at another index to a sample.
+    pub fn join(&mut self, sample: u32, other: u32) {
+        self.add(sample, self.radiance(other));
+        for layer in 0..self.layers.count() {
+            let value = self.parts[other as usize * self.layers.count() + layer];
+            self.add_to_layer(sample, Some(layer), Rgb::from_array(value));
+        }
     }
 
     /// Remembers what the samples have alone; further radiances follow by [`Sink::add_unshared`].
@@ -58,14 +84,66 @@ impl Sink {
         Rgb::new(r, g, b)
     }
 
-    /// Adds what a light contributes to a sample, all weights included: the only way for radiance into the picture.
+    /// The part of it from a group of lights.
+    pub fn radiance_of(&self, index: u32, group: usize) -> Rgb {
+        let layer = self.layers.of_group(group);
+        layer.map_or(Rgb::ZERO, |at| Rgb::from_array(self.parts[index as usize * self.layers.count() + at]))
+    }
+
+    /// Adds light to an index, all weights included: the way for radiance into the picture. `origin` is asked where layers
+    /// are kept.
     #[inline(always)]
-    pub fn contribute(&mut self, sample: u32, _light: LightIndex, value: Rgb) {
-        let sum = &mut self.samples[sample as usize];
+    pub fn contribute(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
+        self.add(index, value);
+        if self.divides() {
+            self.divide(index, value, origin);
+        }
+    }
+
+    /// Are there layers?
+    #[inline(always)]
+    pub fn divides(&self) -> bool {
+        self.layers.count() > 0
+    }
+
+    /// Adds light to the layers of an index. Out of the way of those who keep none.
+    #[cold]
+    #[inline(never)]
+    pub fn divide(&mut self, index: u32, value: Rgb, origin: impl FnOnce() -> Origin) {
+        let Origin { way, group } = origin();
+        self.add_to_passes(index, value, way);
+        self.add_to_group(index, value, group);
+    }
+
+    /// Adds light to an index, but to none of its layers.
+    #[inline(always)]
+    pub fn add(&mut self, index: u32, value: Rgb) {
+        let sum = &mut self.samples[index as usize];
         let [r, g, b] = value.to_array();
         sum[0] += r;
         sum[1] += g;
         sum[2] += b;
+    }
+
+    /// Adds light to the passes of a sample. Of radiances that are no sample, it is known when they are shared.
+    pub fn add_to_passes(&mut self, index: u32, value: Rgb, way: Way) {
+        if (index as usize) < self.with_passes && self.layers.has_passes() {
+            for (layer, share) in self.layers.shares(way) {
+                self.add_to_layer(index, layer, value * share);
+            }
+        }
+    }
+
+    /// Adds light to the group of its light.
+    pub fn add_to_group(&mut self, index: u32, value: Rgb, group: u16) {
+        self.add_to_layer(index, self.layers.of_group(usize::from(group)), value);
+    }
+
+    fn add_to_layer(&mut self, index: u32, layer: Option<usize>, value: Rgb) {
+        if let Some(layer) = layer {
+            let sum = &mut self.parts[index as usize * self.layers.count() + layer];
+            *sum = (Rgb::from_array(*sum) + value).to_array();
+        }
     }
 
     /// Makes a sample opaque: something is there.
@@ -77,5 +155,11 @@ impl Sink {
     /// Red, green, blue and alpha of all samples.
     pub fn samples(&self) -> &[[f32; 4]] {
         &self.samples[..self.count]
+    }
+
+    /// The layers of a sample.
+    pub fn parts(&self, sample: usize) -> &[[f32; 3]] {
+        let count = self.layers.count();
+        &self.parts[sample * count..(sample + 1) * count]
     }
 }

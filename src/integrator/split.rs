@@ -29,22 +29,15 @@ impl Integrator<'_> {
         w.rays_before_split = Some(w.ray_counts.all);
         let (count, general) = (sorted.all().end, sorted.general());
         let Wave { paths, vertices, .. } = &mut *w.wave;
-        paths.carried.repeat(count, branches);
+        paths.repeat(count, branches, self.parts);
         divide(&mut paths.carried, count, self.options.branches);
-        if self.parts.footprints {
-            paths.footprints.repeat(count, branches);
-        }
-        if self.parts.receiver_normals {
-            paths.receiver_normal.repeat(count, branches);
-        }
         if self.parts.interiors {
-            paths.interior.repeat(count, branches);
             vertices.beyond.repeat(count, branches);
         }
         repeat_vertices(vertices, sorted, branches);
         if self.options.keeps_unshared {
             number_branches(&mut paths.carried, count, self.options.branches);
-            w.sink.add_parts(WAVE + WAVE);
+            w.sink.extend_with_passes(WAVE + WAVE);
         }
         let old = general.len();
         w.bsdfs.resize(w.bsdfs.len().max(old * branches), crate::bsdf::Bsdf::Black);
@@ -67,7 +60,7 @@ impl Integrator<'_> {
             let first = first_part(sample, branches);
             w.sink.add_unshared(sample, w.sink.radiance(first) * branches as f32);
             for part in first..first + branches {
-                w.sink.contribute(sample, None, w.sink.radiance(part));
+                w.sink.join(sample, part);
             }
         }
     }

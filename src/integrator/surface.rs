@@ -3,7 +3,7 @@
 
 use super::Integrator;
 use super::closure_metal_rough::{self, store_material};
-use super::first_hit::FirstHit;
+use super::first_hit::{FirstHit, Shown};
 use super::flat::store;
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
@@ -73,7 +73,7 @@ impl Integrator<'_> {
         w: &mut Workspace,
     ) -> GroupCounts {
         let mut counts = GroupCounts::new();
-        let needs_details = bounce == 0 && self.options.aovs.any();
+        let needs_details = bounce == 0 && self.first_hits.any();
         w.groups.clear();
         if !KNOWS_MATERIALS {
             w.materials.clear();
@@ -161,11 +161,11 @@ impl Integrator<'_> {
     /// The path ends at a surface: adds its emission.
     fn end_at(&self, bounce: u32, i: usize, w: &mut Workspace) {
         let material = &self.scene.materials[w.materials[i] as usize];
-        if bounce == 0 && self.options.aovs.any() || material.medium_index != 0 {
+        if bounce == 0 && self.first_hits.any() || material.medium_index != 0 {
             self.vertex(bounce, i, w);
         } else if material.emission.is_some() {
             let at = self.hit_point(i, w);
-            self.emit(i, &at, w);
+            self.emit(bounce, i, &at, w);
         }
         if bounce == 0 {
             w.sink.cover(w.arriving.carried.sample[i]);
@@ -207,7 +207,7 @@ impl Integrator<'_> {
             wo,
         };
         if material.emission.is_some() {
-            self.emit(i, &at, w);
+            self.emit(bounce, i, &at, w);
         }
         if is_solid {
             let boundary = self.boundary(bsdf, material, is_back, bounce, i, &mut w.arriving);
@@ -217,13 +217,17 @@ impl Integrator<'_> {
                 vertex.surface.ns = -vertex.surface.ns;
             }
         }
-        if bounce == 0 && self.options.aovs.any() {
-            let Surface { p, ng, ns, .. } = vertex.surface;
-            let albedo = || vertex.bsdf.albedo();
-            let hit = FirstHit { p, ng, ns, wo, albedo, material: w.materials[i] };
-            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, self.scene, self.view);
+        if bounce == 0 && self.first_hits.any() {
+            let surface = Surface { material: w.materials[i], ..vertex.surface };
+            let hit = FirstHit { hit: w.hits[i], surface, wo, bsdf: &vertex.bsdf };
+            w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
         }
         vertex
+    }
+
+    /// What first surfaces are part of.
+    pub(super) fn shown(&self) -> Shown<'_> {
+        Shown { scene: self.scene, view: self.view, mattes: self.options.mattes }
     }
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.

@@ -2,14 +2,14 @@
 //! read.
 
 use super::Integrator;
-use super::closure_metal_rough::store_material;
+use super::closure_metal_rough::{load_material, store_material};
 use super::first_hit::FirstHit;
 use super::flat::corners;
-use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
+use super::lanes::{WAVE, get, set};
 use super::surface::HitPoint;
 use super::wave::{CornerLanes, TexturedLanes, Vertices};
 use super::workspace::Workspace;
-use crate::bsdf::{Bsdf, Lobe, LocalFrame, MetalRough};
+use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3, select};
 use crate::shape::Surface;
@@ -40,10 +40,10 @@ impl Integrator<'_> {
         self.make_surfaces(range.clone(), vertices);
         dispatch(TextureFrames { vertices, range: range.clone() });
         for k in range.clone() {
-            self.read_textures(k, w);
+            self.read_textures(bounce, k, w);
         }
         dispatch(BendNormals { vertices: &mut w.wave.vertices, range: range.clone() });
-        if bounce == 0 && self.options.aovs.any() {
+        if bounce == 0 && self.first_hits.any() {
             for k in range {
                 self.record_first_hit(k, w);
             }
@@ -53,19 +53,21 @@ impl Integrator<'_> {
     /// Keeps what outputs besides colour show of vertex `k`, the first of its path.
     fn record_first_hit(&self, k: usize, w: &mut Workspace) {
         let v = &w.wave.vertices;
-        let hit = FirstHit {
+        let i = v.textured.ray[k] as usize;
+        let surface = Surface {
             p: get(&v.p, k),
+            p_error: Vec3::ZERO,
             ng: get(&v.ng, k),
             ns: get(&v.ns, k),
-            wo: get(&v.wo, k),
-            albedo: || get_rgb(&v.albedo, k),
-            material: w.materials[v.textured.ray[k] as usize],
+            material: w.materials[i],
         };
-        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, self.scene, self.view);
+        let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
+        let hit = FirstHit { hit: w.hits[i], surface, wo: get(&v.wo, k), bsdf: &bsdf };
+        w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, &self.shown());
     }
 
     /// Reads the textures of vertex `k`: what its normal map says, its material, its emission.
-    fn read_textures(&self, k: usize, w: &mut Workspace) {
+    fn read_textures(&self, bounce: u32, k: usize, w: &mut Workspace) {
         let v = &mut w.wave.vertices;
         let i = v.textured.ray[k] as usize;
         let material = &self.scene.materials[w.materials[i] as usize];
@@ -85,12 +87,11 @@ impl Integrator<'_> {
             _ => MetalRough::BLACK,
         };
         store_material(&mut v.metal_rough, k, &read);
-        set_rgb(&mut v.albedo, k, read.albedo());
         if material.emission.is_some() {
             let is_back = ng.dot(get(&v.wo, k)) < 0.0;
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];
-            self.emit(i, &HitPoint { surface, hit, material, is_back }, w);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
         }
     }
 }

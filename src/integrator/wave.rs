@@ -3,6 +3,7 @@
 
 use super::interior::Interior;
 use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, Words, per_path};
+use super::layers::FirstBounces;
 use crate::compile::Features;
 use crate::math::OriginPrimitive;
 use bytemuck::Zeroable;
@@ -51,6 +52,8 @@ pub struct Paths {
     pub receiver_normal: Lanes3,
     /// Solids that the path is inside of; where there are some.
     pub interior: Interiors,
+    /// How it scattered first; where light passes are asked for.
+    pub first_bounces: FirstBounces,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -59,21 +62,48 @@ pub struct PathParts {
     pub footprints: bool,
     pub receiver_normals: bool,
     pub interiors: bool,
+    pub first_bounces: bool,
+    /// One of them at least.
+    any: bool,
 }
 
 impl PathParts {
-    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them.
-    pub fn of(features: &Features, receiver_normals: bool) -> PathParts {
-        PathParts { footprints: features.footprints, receiver_normals, interiors: features.media }
+    /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
+    /// passes.
+    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
+        let Features { footprints, media: interiors, .. } = *features;
+        let any = footprints || receiver_normals || interiors || first_bounces;
+        PathParts { footprints, receiver_normals, interiors, first_bounces, any }
     }
 }
 
 impl Paths {
+    /// Makes each of the first `count` paths several, one after the other.
+    pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
+        let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
+        carried.repeat(count, times);
+        if parts.footprints {
+            footprints.repeat(count, times);
+        }
+        if parts.receiver_normals {
+            receiver_normal.repeat(count, times);
+        }
+        if parts.interiors {
+            interior.repeat(count, times);
+        }
+        if parts.first_bounces {
+            first_bounces.repeat(count, times);
+        }
+    }
+
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior } = self;
+        let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
         carried.copy_to(i, &mut other.carried, k);
+        if !parts.any {
+            return;
+        }
         if parts.footprints {
             footprints.copy_to(i, &mut other.footprints, k);
         }
@@ -82,6 +112,9 @@ impl Paths {
         }
         if parts.interiors {
             interior.copy_to(i, &mut other.interior, k);
+        }
+        if parts.first_bounces {
+            first_bounces.copy_to(i, &mut other.first_bounces, k);
         }
     }
 }
@@ -201,7 +234,7 @@ pub struct Vertices {
     pub wo: Lanes3,
     /// Solids on the other side of the surface than the viewer's; only where there are some.
     pub beyond: Interiors,
-    /// Albedo of Lambertian vertices, and of textured ones for the output.
+    /// Albedo of Lambertian vertices.
     pub albedo: RgbLanes,
     pub metal_rough: MetalRoughMaterials,
     pub metal_rough_closures: MetalRoughClosures,

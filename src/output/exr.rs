@@ -3,6 +3,7 @@
 
 use super::encoded::Encoded;
 use super::exr_header::sort_attributes;
+use super::matte::Matte;
 use crate::error::{Choice, Warning};
 use crate::film::{Film, PixelType, Plane, Values};
 use crate::math::DMat4;
@@ -30,6 +31,8 @@ pub struct Metadata {
     pub captured: Option<SystemTime>,
     /// From world to camera space (right-handed, y up, looking down -z), column vectors.
     pub world_to_camera: Option<DMat4>,
+    /// The mattes that the picture holds.
+    pub mattes: Vec<Matte>,
     /// What stopped rendering before all samples were done.
     pub stopped_by: Option<String>,
     /// What was ignored, approximated or repaired on the way to the picture.
@@ -131,6 +134,9 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
     add("seed", AttributeValue::Text(text(&metadata.seed.to_string())));
     if let Some(seconds) = metadata.render_s {
         add("renderTime", AttributeValue::F32(seconds as f32));
+    }
+    for (name, value) in metadata.mattes.iter().flat_map(Matte::attributes) {
+        add(&name, AttributeValue::Text(text(&value)));
     }
     if !metadata.warnings.is_empty() {
         add("warnings", AttributeValue::Text(text(&metadata.warnings.join("\n"))));

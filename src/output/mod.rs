@@ -5,6 +5,7 @@ mod atomic;
 mod encoded;
 mod exr;
 mod exr_header;
+mod matte;
 pub mod place_folder;
 mod png;
 mod tone;
@@ -12,6 +13,7 @@ mod tone;
 pub use atomic::{check_target, is_same_target, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr};
+pub use matte::Matte;
 pub use png::{PngOptions, encode_png, encode_png_rgb8};
 pub use tone::ViewTransform;
 

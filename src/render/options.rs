@@ -1,7 +1,7 @@
 //! Everything about a picture that is settled before it is rendered.
 
 use crate::error::{Error, Result};
-use crate::film::AovSet;
+use crate::film::{AovSet, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::scene::Filter;
 use std::str::FromStr;
@@ -95,6 +95,10 @@ pub struct RenderOptions {
     pub filter: Filter,
     /// Which AOVs to record besides colour. Default none.
     pub aovs: AovSet,
+    /// Ranks of ids of the mattes among the AOVs. Default [`MATTE_LEVELS`].
+    pub matte_levels: u32,
+    /// Record the light of each of the scene's groups of lights besides colour. Default false.
+    pub light_groups: bool,
     /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
     /// true.
     pub soft_terminator: bool,
@@ -168,6 +172,8 @@ impl Default for RenderOptions {
             max_depth: 100,
             filter: Filter::default(),
             aovs: AovSet::NONE,
+            matte_levels: MATTE_LEVELS,
+            light_groups: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
             splitting: Splitting::default(),
@@ -212,6 +218,18 @@ impl RenderOptions {
     #[must_use]
     pub fn aovs(self, aovs: impl Into<AovSet>) -> RenderOptions {
         RenderOptions { aovs: aovs.into(), ..self }
+    }
+
+    /// Sets how many ranks of ids mattes have.
+    #[must_use]
+    pub fn matte_levels(self, matte_levels: u32) -> RenderOptions {
+        RenderOptions { matte_levels, ..self }
+    }
+
+    /// Sets whether the light of each group of lights is recorded.
+    #[must_use]
+    pub fn light_groups(self, light_groups: bool) -> RenderOptions {
+        RenderOptions { light_groups, ..self }
     }
 
     /// Sets whether the shadow terminator is softened.

@@ -1,6 +1,7 @@
 //! From a scene to a picture in one line, or pass by pass.
 
 use super::cancel::CancelHandle;
+use super::labels::Labels;
 use super::options::{Adaptive, PathReuse, Splitting, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
@@ -8,7 +9,7 @@ use super::rendering::Rendering;
 use super::settle::Choices;
 use crate::compile::Compiler;
 use crate::error::Result;
-use crate::film::AovSet;
+use crate::film::{Aov, AovSet};
 use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
 use std::time::Duration;
@@ -124,6 +125,18 @@ impl Renderer {
         self
     }
 
+    /// Whether to record the light of each of the scene's groups of lights, in channels `RGBA_group.R` and so on.
+    pub fn light_groups(mut self, light_groups: bool) -> Renderer {
+        self.choices.light_groups = light_groups;
+        self
+    }
+
+    /// How many ranks of ids the mattes among the AOVs have; two for each layer.
+    pub fn matte_levels(mut self, matte_levels: u32) -> Renderer {
+        self.choices.matte_levels = matte_levels;
+        self
+    }
+
     /// Whether the shadow terminator is softened on surfaces with shading normals.
     pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
         self.choices.soft_terminator = soft_terminator;
@@ -187,9 +200,11 @@ impl Renderer {
         let size = (settled.options.width, settled.options.height);
         let mut compiler = Compiler::single();
         compiler.set_tree(settled.tree(1));
+        compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
         let (compiled, mut report) = compiler.compile(&scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
-        let rendering = Rendering::new(compiled, camera, settled.options)?;
+        let labels = Labels::of(&scene, &settled.options);
+        let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
         Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))
     }
 

@@ -3,6 +3,7 @@
 use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
+use super::labels::Labels;
 use super::options::RenderOptions;
 use super::picture::{self, Picture};
 use super::pilot;
@@ -13,7 +14,7 @@ use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Film, FilterSampler};
+use crate::film::{Channel, Film, FilterSampler};
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
 use crate::scene::Camera;
@@ -42,6 +43,7 @@ use std::time::{Instant, SystemTime};
 pub struct Rendering {
     scene: Arc<CompiledScene>,
     view: View,
+    labels: Labels,
     options: RenderOptions,
     filter: FilterSampler,
     film: Film,
@@ -70,7 +72,24 @@ impl Rendering {
         camera: &Camera,
         options: RenderOptions,
     ) -> Result<Rendering> {
-        let film = Film::try_new(options.width, options.height, options.aovs.channels())?;
+        Rendering::labelled(scene, Labels::default(), camera, options)
+    }
+
+    /// The same with the names that files show, [`Labels::of`] the scene. Without, mattes show nothing, and there are no groups of
+    /// lights.
+    ///
+    /// # Errors
+    /// As for [`Rendering::new`].
+    #[doc(hidden)]
+    pub fn labelled(
+        scene: impl Into<Arc<CompiledScene>>,
+        labels: Labels,
+        camera: &Camera,
+        options: RenderOptions,
+    ) -> Result<Rendering> {
+        let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
+        let further = options.aovs.channels_with(options.matte_levels).chain(groups);
+        let film = Film::try_new(options.width, options.height, further)?;
         let scene = scene.into();
         let view = View::new(&scene, camera, options.width, options.height);
         let stopwatch = Stopwatch::start(Spent::default());
@@ -80,6 +99,7 @@ impl Rendering {
             allotment: None,
             scene,
             view,
+            labels,
             filter: FilterSampler::new(options.filter),
             film,
             schedule: Schedule::new(options.samples, options.time_limit),
@@ -205,6 +225,7 @@ impl Rendering {
             render_s: Some(statistics.render_s),
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
+            mattes: self.labels.mattes.clone(),
             stopped_by: stopped_by.map(str::to_string),
             warnings: warnings.iter().map(Warning::to_string).collect(),
         };
@@ -244,6 +265,7 @@ impl Rendering {
             scene: &self.scene,
             view: &self.view,
             options: &self.options,
+            labels: &self.labels,
             filter: &self.filter,
             pass,
             layout: &layout,

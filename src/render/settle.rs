@@ -3,7 +3,7 @@
 use super::options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
-use crate::film::AovSet;
+use crate::film::{Aov, AovSet};
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
 use std::time::Duration;
 
@@ -19,8 +19,12 @@ pub struct Choices {
     pub settings: Settings,
     /// Name or number of a camera; by default the first.
     pub camera: Option<String>,
-    /// What to record besides colour.
+    /// What to record besides colour and what the scene asks for.
     pub aovs: AovSet,
+    /// See [`RenderOptions::matte_levels`].
+    pub matte_levels: u32,
+    /// See [`RenderOptions::light_groups`].
+    pub light_groups: bool,
     /// See [`RenderOptions::soft_terminator`].
     pub soft_terminator: bool,
     /// See [`RenderOptions::path_reuse`].
@@ -58,6 +62,8 @@ impl Default for Choices {
             settings: Settings::default(),
             camera: None,
             aovs: options.aovs,
+            matte_levels: options.matte_levels,
+            light_groups: options.light_groups,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
             splitting: options.splitting,
@@ -84,7 +90,9 @@ impl Choices {
             .seed(settings.seed.unwrap_or(default.seed))
             .max_depth(settings.depth.unwrap_or(default.max_depth))
             .filter(settings.filter.unwrap_or(default.filter))
-            .aovs(self.aovs)
+            .aovs(self.aovs.union(aovs_of(&settings)?))
+            .matte_levels(self.matte_levels)
+            .light_groups(self.light_groups)
             .soft_terminator(self.soft_terminator)
             .path_reuse(self.path_reuse)
             .splitting(self.splitting)
@@ -136,6 +144,16 @@ impl Choices {
         Ok((width, height))
     }
 }
+
+/// The AOVs that settings name.
+fn aovs_of(settings: &Settings) -> Result<AovSet> {
+    let all = |name: &str| (name == ALL_AOVS).then(AovSet::all);
+    let set = |name: &String| all(name).map_or_else(|| name.parse::<Aov>().map(AovSet::from), Ok);
+    settings.aovs.iter().flatten().try_fold(AovSet::NONE, |sum, name| Ok(sum.union(set(name)?)))
+}
+
+/// What stands for all AOVs in lists of them.
+pub const ALL_AOVS: &str = "all";
 
 /// Camera rays that a time limit allows for, a second: about what two cores trace of easy scenes.
 const RAYS_A_SECOND: f64 = 1e6;

@@ -2,6 +2,7 @@
 
 use super::adaptive::ErrorMap;
 use super::clock::Stopwatch;
+use super::labels::Labels;
 use super::options::RenderOptions;
 use super::pilot::{self, Best, Errors, Tally, Trial};
 use super::progress::{Listener, Progress};
@@ -26,6 +27,7 @@ pub(super) struct PassWork<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
     pub options: &'a RenderOptions,
+    pub labels: &'a Labels,
     pub filter: &'a FilterSampler,
     pub pass: Pass,
     pub layout: &'a Arc<Layout>,
@@ -103,7 +105,9 @@ impl PassWork<'_> {
             max_depth: self.options.max_depth,
             plan: self.allotment.map_or_else(|| SamplePlan::Even(even()), SamplePlan::Allotted),
             filter: self.filter,
-            aovs: self.options.aovs.of_first_hits(),
+            aovs: self.options.aovs,
+            mattes: &self.labels.ids,
+            light_groups: self.labels.light_groups.len(),
             soft_terminator: self.options.soft_terminator,
             reuse,
             branches,
@@ -139,7 +143,7 @@ impl PassWork<'_> {
             let mut sink = |sample: &PathSample<'_>| {
                 paths += 1;
                 if has_more {
-                    tile.add_with_first_hit(sample.pixel, sample.rgb, sample.alpha, sample.first_hit);
+                    add_all(&mut tile, sample);
                 } else {
                     tile.add(sample.pixel, sample.rgb, sample.alpha);
                 }
@@ -160,6 +164,13 @@ impl PassWork<'_> {
 
 fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
     mutex.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
+}
+
+/// Adds a sample to all channels.
+#[inline(never)]
+fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>) {
+    let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
+    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts);
 }
 
 /// What takes tiles.

@@ -92,7 +92,12 @@ impl Quad {
 impl Light {
     /// A point light of the same radiant intensity, W/sr, in all directions.
     pub fn point(position: impl Into<DVec3>, intensity: [f32; 3]) -> Light {
-        Light { name: String::new(), kind: LightKind::Point { position: position.into() }, intensity }
+        Light {
+            name: String::new(),
+            kind: LightKind::Point { position: position.into() },
+            intensity,
+            group: String::new(),
+        }
     }
 
     /// A spot light with a radiant intensity, W/sr, within `inner_angle_rad` of its axis, that fades to nothing at
@@ -106,14 +111,19 @@ impl Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
         let (position, fade) = (position.into(), SpotFade::Square);
         let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade };
-        Light { name: String::new(), kind, intensity }
+        Light { name: String::new(), kind, intensity, group: String::new() }
     }
 
     /// Parallel light that travels along `direction`, of any length but 0, with an irradiance, W/m2, on surfaces that
     /// face it.
     pub fn directional(direction: impl Into<DVec3>, irradiance: [f32; 3]) -> Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
-        Light { name: String::new(), kind: LightKind::Directional { direction }, intensity: irradiance }
+        Light {
+            name: String::new(),
+            kind: LightKind::Directional { direction },
+            intensity: irradiance,
+            group: String::new(),
+        }
     }
 }
 

@@ -12,6 +12,8 @@ pub struct Light {
     /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of
     /// directional ones and suns, on a surface that faces them.
     pub intensity: [f32; 3],
+    /// Its group, whose light pictures may hold apart; empty for the default one.
+    pub group: String,
 }
 
 /// Kinds of lights without a surface. Directions have unit length and point the way the light travels.

@@ -101,6 +101,8 @@ pub struct Material {
     pub use_vertex_colors: bool,
     /// What is special about a surface that shines; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
+    /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
+    pub light_group: String,
 }
 
 impl Material {
@@ -116,6 +118,7 @@ impl Material {
             normal_map: None,
             use_vertex_colors: false,
             lamp: None,
+            light_group: String::new(),
         }
     }
 
@@ -140,7 +143,7 @@ impl Parameters for AlphaMode {}
 impl Parameters for Lamp {}
 
 parameters_of_fields! {
-    Material { name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp }
+    Material { name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp, light_group }
     Emission { radiance, two_sided }
 }
 

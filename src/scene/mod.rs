@@ -19,6 +19,7 @@ mod camera;
 mod construct;
 mod environment;
 mod geometry;
+mod groups;
 mod ids;
 mod light;
 mod material;
@@ -35,6 +36,7 @@ pub use bounds::{Extent, instance_extents, scene_extent};
 pub use camera::{Camera, Projection, ThinLens, looking_at};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
+pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
@@ -74,6 +76,11 @@ pub struct Scene {
     pub environment: Environment,
     /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
     pub is_environment_hidden: bool,
+    /// Names of objects with the groups of lights of what they emit, in place of those of their materials. The last entry of a
+    /// name counts.
+    pub object_light_groups: Vec<(String, String)>,
+    /// The environment's group of lights; empty for the default one.
+    pub environment_group: String,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
     /// What the scene says about rendering; the command line may override each.

@@ -56,6 +56,8 @@ pub struct Settings {
     pub fresnel: Option<FresnelModel>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
+    /// Names of further channels to record.
+    pub aovs: Option<Vec<String>>,
 }
 
 impl Settings {
@@ -72,6 +74,7 @@ impl Settings {
             energy_compensation: self.energy_compensation.or(other.energy_compensation),
             fresnel: self.fresnel.or(other.fresnel),
             exposure: self.exposure.or(other.exposure),
+            aovs: self.aovs.clone().or_else(|| other.aovs.clone()),
         }
     }
 

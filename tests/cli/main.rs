@@ -7,6 +7,7 @@ mod comparing;
 mod errors;
 mod examples;
 mod inspect;
+mod layers;
 mod limits;
 mod options;
 mod output;

@@ -4,7 +4,7 @@ use exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, 
 use oscura::film::{Aov, AovSet, BACKGROUND_DEPTH, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::{
-    Format, Metadata, OutputOptions, PngOptions, ViewTransform, check_target, encode, write_atomically,
+    Format, Matte, Metadata, OutputOptions, PngOptions, ViewTransform, check_target, encode, write_atomically,
 };
 use std::path::Path;
 use std::time::{Duration, SystemTime};
@@ -32,6 +32,7 @@ fn metadata() -> Metadata {
         render_s: Some(1.5),
         captured: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(951_782_400)),
         world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
+        mattes: vec![Matte::new("crypto_asset", vec!["hello".into()])],
         stopped_by: Some("a signal".into()),
         warnings: vec!["a \u{2192} b".into()],
     }
@@ -90,12 +91,21 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     assert_eq!(other("seed"), Some(AttributeValue::Text(Text::from("4294967295"))));
     assert_eq!(other("renderTime"), Some(AttributeValue::F32(1.5)));
     assert_eq!(other("warnings"), Some(AttributeValue::Text(Text::from("a ? b"))));
+    let matte = |what: &str| other(&format!("cryptomatte/28322e9/{what}"));
+    for (what, value) in [
+        ("name", "crypto_asset"),
+        ("hash", "MurmurHash3_32"),
+        ("conversion", "uint32_to_float32"),
+        ("manifest", "{\"hello\":\"248bfa47\"}"),
+    ] {
+        assert_eq!(matte(what), Some(AttributeValue::Text(Text::from(value))), "{what}");
+    }
     assert_eq!(other("colorInteropID"), Some(AttributeValue::Text(Text::from("lin_rec709_scene"))));
 }
 
 #[test]
 fn further_channels_keep_their_names_and_types() {
-    let mut film = Film::new(2, 1, [Aov::Samples, Aov::Material, Aov::Variance, Aov::Position].into());
+    let mut film = Film::new(2, 1, [Aov::Samples, Aov::MaterialId, Aov::Variance, Aov::Position].into());
     let mut tile = film.tile(0, 0, 2, 1);
     let hit = [10.0, 20.0, 30.0, f32::from_bits(3)];
     for value in [1.0, 3.0] {

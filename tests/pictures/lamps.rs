@@ -116,8 +116,12 @@ fn cones_of_a_ball() {
 fn suns_of_all_sizes() {
     let direction = DVec3::new(0.3, -1.0, 0.2).normalize();
     for angle_rad in [0.0092, 0.5, 1.5] {
-        let sun =
-            Light { name: "sun".into(), intensity: [2.0; 3], kind: LightKind::Sun { direction, angle_rad } };
+        let sun = Light {
+            group: String::new(),
+            name: "sun".into(),
+            intensity: [2.0; 3],
+            kind: LightKind::Sun { direction, angle_rad },
+        };
         for lights in [1, 2] {
             let mut scene = floor();
             scene.lights = vec![sun.clone(); lights];

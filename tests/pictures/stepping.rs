@@ -138,7 +138,7 @@ fn positions_are_in_world_space() {
     let corner = far + DVec3::new(-4.0, 0.0, -4.0);
     quad(&mut scene, corner.to_array(), [0.0, 0.0, 8.0], [8.0, 0.0, 0.0], grey);
     scene.cameras.push(camera(far + DVec3::new(0.0, 3.0, 2.0), far, DVec3::Y, 40.0));
-    let film = picture(&scene, &options(17, 4, 1).aovs([Aov::Position, Aov::Depth, Aov::Material]));
+    let film = picture(&scene, &options(17, 4, 1).aovs([Aov::Position, Aov::Depth, Aov::MaterialId]));
     let plane = |name: &str| film.plane(name).expect("it was asked for").into_floats();
     let [x, y, z] = ["P.X", "P.Y", "P.Z"].map(plane);
     // The middle of the picture looks at `far`, from 13^0.5 metres; f32 has steps of 0.06 m and 0.125 m there.

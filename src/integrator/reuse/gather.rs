@@ -11,7 +11,6 @@ use super::layer::{LEAST_REST, layer_rest};
 use super::pairs::{Connect, RUN, Receive, group_of};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
 use crate::accel::{Bits, Fan, FanHits};
-use crate::color::Rgb;
 use crate::math::{Hit, Ray};
 use crate::simd::dispatch;
 
@@ -44,19 +43,23 @@ impl Integrator<'_> {
                 connect::<false>(classes, &round.runs, &mut reuse);
             }
             self.test_visibility(&round, &mut reuse, w);
-            let Reuse { prefixes, suffixes, pairs, gained, .. } = &mut *reuse;
+            let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
+            let (senders, group) = (&round.senders, round.group);
+            let (radiance, throughput, value) = (&suffixes.radiance, &suffixes.throughput, &pairs.value);
             dispatch(Receive {
-                senders: &round.senders,
-                group: round.group,
+                senders,
+                group,
                 prefixes,
                 suffixes,
                 pairs,
+                radiance,
+                throughput,
+                value,
                 gained,
             });
+            layers.receive(senders, group, prefixes, suffixes, pairs);
         }
-        for (k, &sample) in reuse.samples[..WAVE].iter().enumerate() {
-            w.sink.contribute(u32::from(sample), None, get_rgb(&reuse.gained, k));
-        }
+        reuse.deliver(&mut w.sink);
         w.reuse = Some(reuse);
     }
 
@@ -65,7 +68,7 @@ impl Integrator<'_> {
         if self.options.keeps_unshared {
             w.sink.keep_unshared();
         }
-        let Reuse { suffixes: s, samples, .. } = reuse;
+        let Reuse { suffixes: s, samples, layers, .. } = reuse;
         for (k, &sample) in samples[..WAVE].iter().enumerate() {
             if s.class[k] == NONE {
                 continue;
@@ -76,20 +79,17 @@ impl Integrator<'_> {
             if self.options.keeps_unshared {
                 w.sink.add_unshared(sample, throughput * (direct + scattered));
             }
-            let (mut radiance, mut own) = (direct + scattered, Rgb::ZERO);
-            if s.class[k] == METAL_ROUGH {
-                let shares = [get_rgb(&s.direct_share, k), get_rgb(&s.scattered_share, k)];
-                let diffuse = [direct * shares[0], scattered * shares[1]];
-                own = radiance - (diffuse[0] + diffuse[1]) * s.rest[k];
-                radiance = diffuse[0] + diffuse[1];
-            }
+            let (radiance, mut own) = s.divide(k, direct, scattered);
             let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;
             if !is_usable {
                 own = direct + scattered;
+            }
+            w.sink.add(sample, throughput * own);
+            layers.finish_suffix(k, sample, s, own, is_usable, &mut w.sink);
+            if !is_usable {
                 s.class[k] = NONE;
             }
             set_rgb(&mut s.radiance, k, radiance);
-            w.sink.contribute(sample, None, throughput * own);
         }
     }
 

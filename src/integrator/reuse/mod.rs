@@ -28,6 +28,8 @@
 
 mod gather;
 mod layer;
+mod layer_lanes;
+mod layers;
 mod pairs;
 mod record;
 pub(super) mod state;
@@ -52,6 +54,7 @@ impl Integrator<'_> {
         reuse.fans = Fans::default();
         reuse.prefixes.class.fill(NONE);
         reuse.suffixes.class.fill(NONE);
-        w.sink.add_parts(3 * WAVE);
+        reuse.layers.reset(self.layers);
+        w.sink.extend(3 * WAVE);
     }
 }

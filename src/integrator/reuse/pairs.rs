@@ -79,6 +79,11 @@ pub struct Receive<'a> {
     pub prefixes: &'a Prefixes,
     pub suffixes: &'a Suffixes,
     pub pairs: &'a Pairs,
+    /// What leaves the suffixes, and what their owners get of it by the ways on which they found them: by place.
+    pub radiance: &'a RgbLanes,
+    pub throughput: &'a RgbLanes,
+    /// What others would get of it: see [`Pairs::value`].
+    pub value: &'a RgbLanes,
     /// By place.
     pub gained: &'a mut RgbLanes,
 }
@@ -88,7 +93,7 @@ impl Kernel for Receive<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Receive { senders, group, prefixes, suffixes: s, pairs, gained } = self;
+        let Receive { senders, group, prefixes, suffixes: s, pairs, gained, .. } = self;
         for &sender in senders {
             let sender = usize::from(sender).min(WAVE - 1);
             let places = group_of(sender, group);
@@ -104,11 +109,11 @@ impl Kernel for Receive<'_> {
             }
             let own = s.own_density(sender, prefixes);
             let sum = own + ((sums[0] + sums[1]) + (sums[2] + sums[3]));
-            let radiance = get_rgb(&s.radiance, sender);
+            let radiance = get_rgb(self.radiance, sender);
             // Points next to each other have densities beyond all numbers.
             let is_finite = own > 0.0 && sum < f32::INFINITY;
             let share = if is_finite { own / sum } else { 1.0 };
-            let value = get_rgb(&s.throughput, sender) * radiance * (s.rest[sender] * share);
+            let value = get_rgb(self.throughput, sender) * radiance * (s.rest[sender] * share);
             let total = get_rgb(gained, sender) + value;
             set_rgb(gained, sender, total);
             if is_finite {
@@ -117,7 +122,7 @@ impl Kernel for Receive<'_> {
                 for c in 0..3 {
                     for i in places.clone() {
                         let rest = if is_layered { pairs.rest[i] } else { 1.0 };
-                        let value = pairs.value[c][i] * (scaled[c] * rest);
+                        let value = self.value[c][i] * (scaled[c] * rest);
                         gained[c][i] += if pairs.density[i] > 0.0 { value } else { 0.0 };
                     }
                 }

@@ -6,6 +6,7 @@ use super::super::closure_metal_rough::{MetalRoughClass, copy_metal_rough};
 use super::super::group::Sorted;
 use super::super::interior::Interior;
 use super::super::lanes::{PerPath, get, get_rgb, set, set_rgb};
+use super::super::layers::FirstBounce;
 use super::super::scatter::FIRST_ROULETTE;
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
@@ -48,12 +49,20 @@ impl Integrator<'_> {
             let is_in_air = !self.parts.interiors || paths.interior[i] == Interior::AIR;
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
                 prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
+                if self.parts.first_bounces {
+                    let is_first = bounce == 0;
+                    let first = if is_first { FirstBounce::DIFFUSE } else { paths.first_bounces.get(i) };
+                    prefixes.first_bounces.set(k, first);
+                }
             }
         } else if prefixes.bounce[k] + 1 == bounce && path.pdf[i] > 0.0 {
             let Some(rest) = self.shared_part(v, i, class) else { return };
             let throughput = get_rgb(&path.throughput, i);
             suffixes.keep(k, class, v, i, throughput, path.pdf[i]);
             suffixes.rest[k] = rest;
+            if self.parts.first_bounces {
+                paths.first_bounces.copy_to(i, &mut suffixes.first_bounces, k);
+            }
             // The roulette judges paths by all of their throughput.
             path.eta_squared[i] *= throughput.max_element();
             set_rgb(&mut path.throughput, i, Rgb::ONE);

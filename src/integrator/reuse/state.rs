@@ -1,7 +1,10 @@
 //! What a wave keeps to share its paths: ends of prefixes and starts of suffixes, by place (see [`super::Tiling`]).
 
-use super::super::lanes::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words};
+use super::super::lanes::{LENGTH, Lanes, Lanes3, RgbLanes, WAVE, Words, get_rgb};
+use super::super::layers::FirstBounces;
 use super::super::wave::{MetalRoughMaterials, Vertices};
+use super::layer_lanes::SharedLayers;
+use crate::color::Rgb;
 use bytemuck::Zeroable;
 
 /// No vertex.
@@ -22,6 +25,8 @@ pub struct Prefixes {
     pub class: Words,
     /// How many times the path scattered before.
     pub bounce: Words,
+    /// How it scattered first; of prefixes that end there, diffusely. Where light passes are asked for.
+    pub first_bounces: FirstBounces,
 }
 
 /// Starts of suffixes.
@@ -51,6 +56,23 @@ pub struct Suffixes {
     pub scattered_share: RgbLanes,
     /// Radiance that leaves towards everybody; of glTF materials, before what the layer takes.
     pub radiance: RgbLanes,
+    /// How the path scattered first; where light passes are asked for.
+    pub first_bounces: FirstBounces,
+}
+
+impl Suffixes {
+    /// Divides what arrives at a suffix from its light samples and from where the path goes on into what leaves towards
+    /// everybody, of glTF materials before what the layer takes, and what leaves towards its owner beside that.
+    #[inline(always)]
+    pub fn divide(&self, k: usize, direct: Rgb, scattered: Rgb) -> (Rgb, Rgb) {
+        let radiance = direct + scattered;
+        if self.class[k] != METAL_ROUGH {
+            return (radiance, Rgb::ZERO);
+        }
+        let shares = [get_rgb(&self.direct_share, k), get_rgb(&self.scattered_share, k)];
+        let diffuse = [direct * shares[0], scattered * shares[1]];
+        (diffuse[0] + diffuse[1], radiance - (diffuse[0] + diffuse[1]) * self.rest[k])
+    }
 }
 
 /// A round: at each place, a prefix and the suffix of its group whose turn it is.
@@ -82,6 +104,8 @@ pub struct Reuse {
     pub pairs: Box<Pairs>,
     /// By place: what prefixes got from the suffixes of their group.
     pub gained: Box<RgbLanes>,
+    /// The same of the layers that are asked for.
+    pub layers: SharedLayers,
     pub fans: Fans,
 }
 
@@ -118,6 +142,7 @@ impl Reuse {
             suffixes: bytemuck::zeroed_box(),
             pairs: bytemuck::zeroed_box(),
             gained: bytemuck::zeroed_box(),
+            layers: SharedLayers::default(),
             fans: Fans::default(),
         }
     }

@@ -6,7 +6,7 @@ use super::options::LightUnits;
 use super::report::{Report, Sound};
 use crate::error::Choice;
 use crate::math::{DAffine3, DMat3};
-use crate::scene::{Camera, Light, LightKind, Projection, SpotFade};
+use crate::scene::{Camera, GROUP_KEY, Light, LightKind, Projection, SpotFade, is_group_name};
 use gltf::json::camera::Type;
 use gltf::json::validation::Checked;
 use serde_json::Value;
@@ -136,6 +136,19 @@ pub(super) fn note_units(doc: &Document, lights: usize, report: &mut Report) {
     report.note(format!("/{LIGHTS}"), message);
 }
 
+/// The group of lights that the `extras` of something name.
+pub(super) fn light_group(raw: &Value, at: &str, report: &mut Report) -> Option<String> {
+    let name = raw.get("extras")?.get(GROUP_KEY)?.as_str()?;
+    if is_group_name(name) {
+        return Some(name.to_string());
+    }
+    let message = format!(
+        "'{name}' can't be the name of a group of lights (1 to 64 letters, digits, _ and -); ignored"
+    );
+    report.warn(format!("{at}/extras/{GROUP_KEY}"), message);
+    None
+}
+
 /// The light of a node.
 pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Light> {
     let from = format!("{}/extensions/KHR_lights_punctual/light", node.pointer());
@@ -180,7 +193,9 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
         return Err(report.warn(node.pointer(), "flattens its light, which is left out"));
     };
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
-    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity })
+    let of_node = light_group(node_raw, &node.pointer(), report);
+    let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
+    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity, group })
 }
 
 /// Inner and outer half angle of a spot light, in order.

@@ -107,9 +107,14 @@ impl<'b, 'a> Builder<'b, 'a> {
         };
         let name = hierarchy.path(self.doc, entry);
         let motion = self.motion(node);
+        let group = self.doc.json.pointer(&node.pointer());
+        let group = group.and_then(|raw| cameras::light_group(raw, &node.pointer(), report));
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
+                if let Some(group) = &group {
+                    self.scene.object_light_groups.push((name.clone(), group.clone()));
+                }
                 self.scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
             }
         }

@@ -4,10 +4,11 @@
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
 //! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1).
 //!
-//! With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there.
+//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there.
 
 use super::build::Build;
 use super::fields::Fields;
+use super::light_traits::group;
 use super::textures::read_image;
 use crate::load::image::Use;
 use crate::scene::Environment;
@@ -19,6 +20,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
     build.loaded.scene.is_environment_hidden = !fields.flag("visible_to_camera", true);
+    build.loaded.scene.environment_group = group(fields, "group");
     fields.finish();
     let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
     if given.iter().filter(|g| **g).count() != 1 {

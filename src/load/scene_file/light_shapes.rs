@@ -52,11 +52,12 @@ pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) 
 
 /// Adds a light with a surface of a radiance.
 pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam: Beam, radiance: f64) {
-    let LightTraits { name, color, lamp } = traits;
+    let LightTraits { name, color, lamp, group } = traits;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
     emitter.lamp = Some(Lamp { beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
+    emitter.light_group = group;
     scene.materials.push(emitter);
     match surface {
         Surface::Rectangle { corner, edge_u, edge_v } => {

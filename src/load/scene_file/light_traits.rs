@@ -1,13 +1,24 @@
 //! What lights of scene files have in common.
 
 use super::fields::Fields;
-use crate::scene::Lamp;
+use crate::scene::{Lamp, is_group_name};
 
 /// What all shapes of lights have.
 pub(super) struct LightTraits {
     pub name: String,
     pub color: [f32; 3],
     pub lamp: Lamp,
+    pub group: String,
+}
+
+/// The name of a group of lights; empty where none is given.
+pub(super) fn group(fields: &Fields, key: &'static str) -> String {
+    let Some(name) = fields.string(key) else { return String::new() };
+    if !is_group_name(name.value) {
+        let message = format!("'{}' can't be the name of a group of lights", name.value);
+        fields.problems.push_help(name.span, message, "use 1 to 64 letters, digits, _ and -");
+    }
+    name.value.to_string()
 }
 
 /// `power` times a factor, or the quantity itself.

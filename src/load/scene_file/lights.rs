@@ -1,5 +1,5 @@
-//! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), `visible_to_camera` and
-//! `obstacle` (both true).
+//! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a `group`, whose
+//! light `--light-groups` keeps apart, `visible_to_camera` and `obstacle` (both true).
 //!
 //! | Shape | Value |
 //! |---|---|
@@ -20,7 +20,7 @@
 use super::build::Build;
 use super::fields::Fields;
 use super::light_shapes::{self, Surface};
-use super::light_traits::{LightTraits, positive, strength};
+use super::light_traits::{LightTraits, group, positive, strength};
 use super::placement::{at_node, direction};
 use crate::math::DVec3;
 use crate::scene::{Beam, Lamp, Light, LightKind, SpotFade};
@@ -40,6 +40,7 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
         let fields = Fields::new(&number, table, value.span(), root.problems);
         let name = fields.string("name").map_or(number, |n| n.value.to_string());
         let color = fields.color("color").map_or([1.0; 3], |c| c.value);
+        let group = group(&fields, "group");
         let lamp = Lamp {
             visible_to_camera: fields.flag("visible_to_camera", true),
             is_obstacle: fields.flag("obstacle", true),
@@ -49,7 +50,7 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
         match given[..] {
             [shape] => {
                 if let Some(shape_fields) = fields.table(shape) {
-                    add(build, shape, &shape_fields, LightTraits { name, color, lamp });
+                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group: group.clone() });
                     shape_fields.finish();
                 }
             }
@@ -127,5 +128,5 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
 
 fn push(build: &mut Build, traits: LightTraits, kind: LightKind, strength: f64) {
     let intensity = traits.color.map(|c| c * strength as f32);
-    build.loaded.scene.lights.push(Light { name: traits.name, kind, intensity });
+    build.loaded.scene.lights.push(Light { name: traits.name, kind, intensity, group: traits.group });
 }

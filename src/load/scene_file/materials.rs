@@ -10,6 +10,8 @@
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
+//! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
+//!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
 //! between the result and the mirror direction is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in
@@ -19,6 +21,7 @@
 
 use super::build::Build;
 use super::fields::{Fields, named};
+use super::light_traits::group;
 use super::textures::Textures;
 use super::{adjusted, metals, pbr};
 use crate::scene::{
@@ -171,7 +174,11 @@ fn read<'a>(
     let kind = fields.choice("type", &kinds())?;
     let mut slot =
         |key, default: f32| textures.slot(build, fields, key).unwrap_or(ColorSlot::constant([default; 3]));
-    let material = match kind {
+    let light_group = match kind {
+        Kind::Emissive | Kind::Pbr => group(fields, "light_group"),
+        _ => String::new(),
+    };
+    let mut material = match kind {
         Kind::Plain(default) => Material::new(name, plain(fields, default(), slot)),
         Kind::Metal => {
             let measured = metals::named(fields);
@@ -206,6 +213,7 @@ fn read<'a>(
             pbr::material(fields, name, slot)
         }
     };
+    material.light_group = light_group;
     fields.finish();
     Some(material)
 }

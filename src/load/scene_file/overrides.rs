@@ -2,6 +2,7 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
+use super::light_traits::group;
 use super::materials::Materials;
 use super::textures::Textures;
 use std::ops::Range;
@@ -24,7 +25,8 @@ pub(super) fn objects<'a>(
     }
 }
 
-/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, or another `material`.
+/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`, or
+/// the `light_group` of what they emit.
 pub(super) fn object<'a>(
     build: &mut Build,
     fields: &Fields<'a>,
@@ -35,6 +37,7 @@ pub(super) fn object<'a>(
     let is_hidden = fields.flag("hidden", false);
     let wanted = fields.string("material");
     let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     fields.finish();
     let scene = &mut build.loaded.scene;
     let is_meant = |path: &str| is_on_path(name, path);
@@ -51,6 +54,13 @@ pub(super) fn object<'a>(
     if is_hidden {
         scene.instances.retain(|i| !is_meant(&i.name));
         scene.lights.retain(|l| l.name != name);
+    }
+    if let Some(group) = light_group {
+        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
+        lights.for_each(|light| light.group.clone_from(&group));
+        let own = scene.instances.iter().filter(|i| is_meant(&i.name));
+        let groups = own.map(|instance| (instance.name.clone(), group.clone()));
+        scene.object_light_groups.extend(groups);
     }
     if let Some(material) = material {
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));

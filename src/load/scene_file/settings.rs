@@ -9,10 +9,23 @@
 //! | `filter` | `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering | |
 //! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
+//! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
 //! | `exposure` | exposure of the PNG in stops | -100 to 100 |
 
 use super::fields::Fields;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
+
+/// A list of names.
+fn names(fields: &Fields, key: &'static str) -> Option<Vec<String>> {
+    let value = fields.raw(key)?;
+    let list = value.get_ref().as_array();
+    let name = |v: &toml::Spanned<toml::de::DeValue>| v.get_ref().as_str().map(str::to_string);
+    let names = list.and_then(|list| list.iter().map(name).collect::<Option<Vec<String>>>());
+    if names.is_none() {
+        fields.problems.push(value.span(), format!("'{key}' must be a list of names"));
+    }
+    names
+}
 
 pub(super) fn read(fields: &Fields) -> Settings {
     let filters =
@@ -28,6 +41,7 @@ pub(super) fn read(fields: &Fields) -> Settings {
             .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
         fresnel: fields
             .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
+        aovs: names(fields, "aovs"),
         exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
     };
     fields.finish();

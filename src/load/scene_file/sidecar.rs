@@ -6,7 +6,7 @@
 //! | `[environment]` | the world |
 //! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
 //! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does |
-//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model; among `[[objects]]`, `node = "NAME"` says which node is meant |
+//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; among `[[objects]]`, `node = "NAME"` says which node is meant |
 //! | `[camera]` with `look_from` | a camera before those of the model |
 //! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
@@ -19,7 +19,6 @@ use super::fields::{Fields, Problems};
 use super::parts::{read_parts, read_text};
 use crate::error::{Choice, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
-use crate::scene::Settings;
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -61,7 +60,7 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         }
     });
     *loaded = build.loaded;
-    loaded.scene.settings = either(std::mem::take(&mut loaded.scene.settings), own);
+    loaded.scene.settings = loaded.scene.settings.or(&own);
     let parts: Vec<&str> = ["environment", "materials", "lights", "objects", "camera", "render"]
         .into_iter()
         .filter(|p| root.has(p))
@@ -71,19 +70,4 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         if parts.is_empty() { "it is empty".to_string() } else { parts.join(", ") },
         Choice::NoSidecar
     )
-}
-
-/// Each setting of the first that is given, else of the second.
-fn either(first: Settings, second: Settings) -> Settings {
-    Settings {
-        width: first.width.or(second.width),
-        height: first.height.or(second.height),
-        samples: first.samples.or(second.samples),
-        depth: first.depth.or(second.depth),
-        seed: first.seed.or(second.seed),
-        filter: first.filter.or(second.filter),
-        energy_compensation: first.energy_compensation.or(second.energy_compensation),
-        fresnel: first.fresnel.or(second.fresnel),
-        exposure: first.exposure.or(second.exposure),
-    }
 }

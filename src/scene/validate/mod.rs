@@ -8,6 +8,7 @@
 mod cameras;
 mod environment;
 mod findings;
+mod groups;
 mod images;
 mod lights;
 mod materials;
@@ -36,6 +37,7 @@ impl Scene {
         images::check(self, &mut findings);
         lights::check(self, &mut findings);
         environment::check(self, &mut findings);
+        groups::check(self, &mut findings);
         for (i, camera) in self.cameras.iter().enumerate() {
             cameras::check(camera, i, &mut findings);
         }

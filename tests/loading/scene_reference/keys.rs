@@ -80,6 +80,7 @@ const TABLES: &[Table] = &[
             ("microfacet", "\"single\"", "\"multi\""),
             ("fresnel", "\"schlick\"", "\"exact\""),
             ("exposure", "-1.5", "2"),
+            ("aovs", "[\"depth\"]", "[\"uv\", \"depth\"]"),
         ],
     ),
     lines(
@@ -106,7 +107,11 @@ const TABLES: &[Table] = &[
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
-        &[("background", "[1, 2, 3]", "2"), ("visible_to_camera", "false", "true")],
+        &[
+            ("background", "[1, 2, 3]", "2"),
+            ("visible_to_camera", "false", "true"),
+            ("group", "\"sky\"", "\"other\""),
+        ],
     ),
     lines(
         "environment",
@@ -149,7 +154,11 @@ const TABLES: &[Table] = &[
     lines(
         "emissive",
         before!(material "emissive"),
-        &[("radiance", "3", "[1, 2, 3]"), ("two_sided", "true", "false")],
+        &[
+            ("radiance", "3", "[1, 2, 3]"),
+            ("two_sided", "true", "false"),
+            ("light_group", "\"neon\"", "\"other\""),
+        ],
     ),
     lines(
         "pbr",
@@ -179,6 +188,7 @@ const TABLES: &[Table] = &[
             ("diffuse_transmission_color", "0.3", "0.4"),
             ("emission", "2", "3"),
             ("two_sided", "true", "false"),
+            ("light_group", "\"neon\"", "\"other\""),
         ],
     ),
     lines("solid", before!(texture "solid"), &[("color", "0.3", "[0.1, 0.2, 0.3]")]),

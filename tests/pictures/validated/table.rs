@@ -35,7 +35,8 @@ ids! { ImageId MaterialId MeshId TextureId }
 
 structs! {
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden, cameras, settings,
+        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden,
+        object_light_groups, environment_group, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -44,6 +45,7 @@ structs! {
     Quad { name, corner, edge_u, edge_v, material }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp,
+        light_group,
     }
     Emission { radiance, two_sided }
     Lamp { visible_to_camera, is_obstacle, beam }
@@ -62,11 +64,11 @@ structs! {
     DiffuseTransmission { factor, color }
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
-    Light { name, kind, intensity }
+    Light { name, kind, intensity, group }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
     ThinLens { defocus_angle_rad, focus_distance }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure,
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure, aovs,
     }
 }
 

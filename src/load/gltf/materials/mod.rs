@@ -12,6 +12,7 @@ mod specular_glossiness;
 pub(super) use needs::Needs;
 pub(super) use signs::Signs;
 
+use super::cameras;
 use super::document::{Document, name_of, pointer};
 use super::report::{Report, Sound};
 use super::textures::Textures;
@@ -112,6 +113,7 @@ fn build(
         alpha: FloatSlot { factor: base.alpha, texture: base.color.texture.map(|texture| (texture, 3)) },
         ..Material::new(name, Model::Black)
     };
+    material.light_group = cameras::light_group(raw, &builder.at, builder.report).unwrap_or_default();
     material.alpha_mode = builder.alpha_mode(&json);
     if material.alpha_mode == AlphaMode::Opaque {
         material.alpha = FloatSlot::constant(1.0);

@@ -1,0 +1,253 @@
+//! The table of the channels that users may ask for.
+//!
+//! A further channel is a row of the table here, and the line that fills it: in `integrator/first_hit.rs` if it shows first
+//! hits, in `integrator/parts.rs` if it is a part of the radiance. The command line, the film and the files walk the table.
+
+use super::channel::{Channel, PixelType, Reduction, Source, components};
+use crate::error::{Error, Result};
+use std::borrow::Cow;
+use std::str::FromStr;
+
+/// The depth written where no sample of a pixel hit a surface, metres.
+pub const BACKGROUND_DEPTH: f32 = 1e10;
+
+/// A row of the table.
+#[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
+pub struct AovInfo {
+    /// What users call it: `--aov depth`.
+    pub option: &'static str,
+    /// What it is, with its unit.
+    pub about: &'static str,
+    /// Names of the components in files.
+    pub names: &'static [&'static str],
+    /// How files store it.
+    pub pixel_type: PixelType,
+    /// Where its values come from.
+    pub source: Source,
+    /// What becomes of them.
+    pub reduction: Reduction,
+}
+
+impl AovInfo {
+    /// How many numbers each sample brings.
+    pub const fn components(&self) -> usize {
+        components(self.reduction, self.names.len())
+    }
+}
+
+/// The names of three components of a layer.
+macro_rules! rgb {
+    ($layer:literal) => {
+        &[concat!($layer, ".R"), concat!($layer, ".G"), concat!($layer, ".B")]
+    };
+}
+
+macro_rules! xyz {
+    ($layer:literal) => {
+        &[concat!($layer, ".X"), concat!($layer, ".Y"), concat!($layer, ".Z")]
+    };
+}
+
+/// The names of a matte's channels at the default number of levels; [`matte_names`] gives those of others.
+macro_rules! matte {
+    ($kind:literal) => {
+        &[
+            concat!($kind, "00.R"),
+            concat!($kind, "00.G"),
+            concat!($kind, "00.B"),
+            concat!($kind, "00.A"),
+            concat!($kind, "01.R"),
+            concat!($kind, "01.G"),
+            concat!($kind, "01.B"),
+            concat!($kind, "01.A"),
+            concat!($kind, "02.R"),
+            concat!($kind, "02.G"),
+            concat!($kind, "02.B"),
+            concat!($kind, "02.A"),
+        ]
+    };
+}
+
+/// Makes the enum of the rows, and the table in the same order. A row: name, option, names in files, type in files, source,
+/// reduction, meaning.
+macro_rules! table {
+    ($($name:ident $option:literal $names:expr, $pixel_type:ident $source:ident $reduction:expr; $about:literal)+) => {
+        /// An arbitrary output variable: what a picture may carry besides colour.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+        #[non_exhaustive]
+        pub enum Aov {
+            $(#[doc = $about] $name,)+
+        }
+
+        impl Aov {
+            /// All there are, in the order of the table.
+            pub const ALL: &[Aov] = &[$(Aov::$name),+];
+        }
+
+        const TABLE: &[AovInfo] = &[$(AovInfo {
+            option: $option,
+            about: $about,
+            names: $names,
+            pixel_type: PixelType::$pixel_type,
+            source: Source::$source,
+            reduction: $reduction,
+        }),+];
+    };
+}
+
+use Reduction::{Count, Coverage, First, Mean, MeanOfHits, Minimum, VarianceOfMean};
+
+table! {
+    Depth "depth" &["Z"], Float FirstHit MeanOfHits { empty: BACKGROUND_DEPTH };
+        "Distance of the first surface from the camera's plane, metres; 1e10 where there is none"
+    DepthMin "depth_min" &["nearest.Z"], Float FirstHit Minimum { empty: BACKGROUND_DEPTH };
+        "The least depth of any sample, metres: edges keep that of what is in front"
+    Position "position" xyz!("P"), Float FirstHit MeanOfHits { empty: 0.0 };
+        "Where the first surface is in the scene's world, metres; 0 where there is none"
+    Normal "normal" xyz!("N"), Float FirstHit Mean;
+        "Shading normal of the first surface in world space, towards the camera"
+    GeometricNormal "geometric_normal" xyz!("Ng"), Float FirstHit Mean;
+        "Normal of the first surface as it is without smoothing and normal maps, in world space, towards the camera"
+    Facing "facing" &["facing.V"], Float FirstHit Mean;
+        "Cosine between the shading normal and the direction to the camera: 1 where the surface faces it"
+    Uv "uv" &["UV.U", "UV.V"], Float FirstHit MeanOfHits { empty: 0.0 };
+        "First texture coordinates of the first surface, v downwards; 0 where it has none"
+    Albedo "albedo" rgb!("albedo"), Float FirstHit Mean;
+        "Reflectance of the first surface"
+    Roughness "roughness" &["roughness.V"], Float FirstHit Mean;
+        "Roughness of the first surface as materials give it: the root of its facets' alpha; 1 for diffuse ones"
+    DiffuseColor "diffuse_color" rgb!("DiffCol"), Half FirstHit Mean;
+        "Colour of what the first surface scatters diffusely"
+    GlossyColor "glossy_color" rgb!("GlossCol"), Half FirstHit Mean;
+        "Colour of what its facets reflect, seen along the normal"
+    TransmissionColor "transmission_color" rgb!("TransCol"), Half FirstHit Mean;
+        "Colour of what it lets pass"
+    DiffuseDirect "diffuse_direct" rgb!("DiffDir"), Half PartOfColor Mean;
+        "Light that came straight from lights and that the first surface scattered diffusely; its colour is in it"
+    DiffuseIndirect "diffuse_indirect" rgb!("DiffInd"), Half PartOfColor Mean;
+        "The same of light that other surfaces had scattered before"
+    GlossyDirect "glossy_direct" rgb!("GlossDir"), Half PartOfColor Mean;
+        "Light straight from lights that the first surface's facets reflected"
+    GlossyIndirect "glossy_indirect" rgb!("GlossInd"), Half PartOfColor Mean;
+        "The same of light that other surfaces had scattered before"
+    TransmissionDirect "transmission_direct" rgb!("TransDir"), Half PartOfColor Mean;
+        "Light straight from lights that passed the first surface"
+    TransmissionIndirect "transmission_indirect" rgb!("TransInd"), Half PartOfColor Mean;
+        "The same of light that other surfaces had scattered before"
+    Emission "emission" rgb!("Emit"), Half PartOfColor Mean;
+        "What surfaces emit towards the camera"
+    Environment "environment" rgb!("Env"), Half PartOfColor Mean;
+        "The environment where the camera sees it"
+    ObjectId "object_id" &["object.id"], Uint FirstHit First;
+        "Number of the object that the first sample with a surface hit, from 1; 0 where there is none"
+    MaterialId "material_id" &["material.id"], Uint FirstHit First;
+        "Number of its material, from 1; 0 where there is none"
+    CryptoObject "crypto_object" matte!("CryptoObject"), Float FirstHit Coverage;
+        "Cryptomatte of objects: which ones cover a pixel, by the hash of their names, and their shares"
+    CryptoMaterial "crypto_material" matte!("CryptoMaterial"), Float FirstHit Coverage;
+        "Cryptomatte of materials"
+    CryptoAsset "crypto_asset" matte!("CryptoAsset"), Float FirstHit Coverage;
+        "Cryptomatte of assets: objects by what stands above all of their parents"
+    Samples "samples" &["samples"], Uint Color Count;
+        "How many samples the pixel has"
+    Variance "variance" rgb!("variance"), Float Color VarianceOfMean;
+        "Variance of the pixel's colour, were its samples independent (it is less); infinite below two samples"
+}
+
+/// Names that an AOV had before.
+const ALIASES: [(&str, &str); 2] = [("nearest", "depth_min"), ("material", "material_id")];
+
+/// Ranks of a matte unless others are asked for.
+pub const MATTE_LEVELS: u32 = 6;
+
+impl Aov {
+    /// Its row of the table.
+    pub const fn info(self) -> &'static AovInfo {
+        &TABLE[self as usize]
+    }
+
+    /// The one of this name on the command line.
+    pub fn from_option(name: &str) -> Option<Aov> {
+        let name = ALIASES.iter().find(|(old, _)| *old == name).map_or(name, |(_, new)| new);
+        Aov::ALL.iter().copied().find(|aov| aov.info().option == name)
+    }
+
+    /// The layers' common name, if it is a matte: `CryptoObject`.
+    pub fn matte(self) -> Option<&'static str> {
+        let info = self.info();
+        let is_matte = info.reduction == Coverage;
+        is_matte.then(|| info.names[0].trim_end_matches("00.R"))
+    }
+
+    /// Its channel; mattes with so many ranks of ids.
+    pub fn channel(self, matte_levels: u32) -> Channel {
+        let &AovInfo { names, pixel_type, source, reduction, .. } = self.info();
+        let names = match self.matte() {
+            Some(kind) => matte_names(kind, matte_levels),
+            None => names.iter().map(|&name| Cow::Borrowed(name)).collect(),
+        };
+        Channel { names, pixel_type, source, reduction }
+    }
+}
+
+/// Two ranks, pairs of id and share, go into each layer of four channels.
+fn matte_names(kind: &str, levels: u32) -> Vec<Cow<'static, str>> {
+    let layers = 0..levels.div_ceil(2);
+    layers.flat_map(|layer| ["R", "G", "B", "A"].map(|c| format!("{kind}{layer:02}.{c}").into())).collect()
+}
+
+impl FromStr for Aov {
+    type Err = Error;
+
+    /// By the name on the command line.
+    fn from_str(name: &str) -> Result<Aov> {
+        Aov::from_option(name).ok_or_else(|| {
+            let names: Vec<&str> = Aov::ALL.iter().map(|aov| aov.info().option).collect();
+            Error::usage(format!("there is no AOV '{name}'"))
+                .with_help(format!("one of {}", names.join(", ")))
+        })
+    }
+}
+
+impl From<Aov> for Channel {
+    fn from(aov: Aov) -> Channel {
+        aov.channel(MATTE_LEVELS)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::collections::HashSet;
+
+    #[test]
+    fn rows_stand_at_their_places_and_names_are_unique() {
+        let (mut options, mut names) = (HashSet::new(), HashSet::new());
+        names.extend(Channel::color().names);
+        for (i, &aov) in Aov::ALL.iter().enumerate() {
+            let info = aov.info();
+            assert_eq!(aov as usize, i);
+            assert_eq!(Aov::from_option(info.option), Some(aov));
+            assert!(options.insert(info.option), "{} is there twice", info.option);
+            let mut fresh = info.names.iter().map(|&name| names.insert(Cow::Borrowed(name)));
+            assert!(fresh.all(|is_new| is_new), "{:?}: a name is there twice", info.names);
+            // What the macros spell out is what other numbers of levels follow.
+            assert_eq!(Channel::from(aov).names, info.names);
+        }
+        assert_eq!(Aov::from_option("colour"), None);
+        assert_eq!(Aov::from_option("nearest"), Some(Aov::DepthMin));
+        assert_eq!("depth".parse::<Aov>().expect("it is one"), Aov::Depth);
+        assert!("colour".parse::<Aov>().expect_err("it is none").to_string().contains("depth"));
+    }
+
+    #[test]
+    fn mattes_have_two_ranks_a_layer() {
+        assert_eq!(
+            Aov::CryptoAsset.channel(2).names,
+            ["R", "G", "B", "A"].map(|c| format!("CryptoAsset00.{c}"))
+        );
+        assert_eq!(Aov::CryptoAsset.channel(7).names.len(), 16);
+        assert_eq!((Aov::CryptoAsset.matte(), Aov::Depth.matte()), (Some("CryptoAsset"), None));
+    }
+}

@@ -1,0 +1,211 @@
+//! Channels beyond colour: what can be asked for, by options, scene files and models, and what files then hold.
+
+use crate::program::*;
+use oscura::film::Aov;
+use std::collections::BTreeMap;
+use std::fs;
+use std::path::Path;
+
+/// The planes of an EXR.
+fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
+    let list = image.layer_data.channel_data.list;
+    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
+}
+
+const LIGHTS: &str = r#"
+[camera]
+look_from = [0, 1, 4]
+look_at = [0, 0.5, 0]
+vfov = 40
+
+[render]
+width = 24
+height = 16
+samples = 4
+aovs = ["material_id", "emission"]
+
+[environment]
+background = [0.1, 0.2, 0.3]
+group = "sky"
+
+[materials.floor]
+type = "lambert"
+
+[materials.neon]
+type = "emissive"
+radiance = [3, 1, 1]
+light_group = "neon"
+
+[[objects]]
+name = "floor"
+material = "floor"
+quad = { corner = [-3, 0, 3], u = [6, 0, 0], v = [0, 0, -6] }
+
+[[objects]]
+name = "tube"
+material = "neon"
+sphere = { center = [0, 0.8, 0], radius = 0.3 }
+
+[[lights]]
+name = "key"
+group = "key"
+point = { position = [2, 2, 1], power = 100 }
+
+[[lights]]
+name = "rest"
+point = { position = [-2, 2, 1], power = 20 }
+"#;
+
+#[test]
+fn help_lists_all_with_their_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = oscura(folder.path(), &["render", "--aov", "help"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let table = stdout(&output);
+    for aov in Aov::ALL {
+        let info = aov.info();
+        let layer = info.names[0].split('.').next().expect("a name");
+        let line = table.lines().find(|line| line.split(' ').next() == Some(info.option));
+        assert!(line.is_some_and(|line| line.contains(layer)), "{}: {line:?}", info.option);
+        assert!(table.contains(info.about), "{}", info.option);
+    }
+}
+
+#[test]
+fn all_and_earlier_names_stand_for_channels() {
+    let folder = tempfile::tempdir().unwrap();
+    let names = |list: &str| -> Vec<String> {
+        render(folder.path(), "a.exr", &["--quiet", "--aov", list]);
+        planes(&folder.path().join("a.exr")).into_keys().collect()
+    };
+    let listed: Vec<&str> = Aov::ALL.iter().map(|aov| aov.info().option).collect();
+    assert_eq!(names("all"), names(&listed.join(",")));
+    assert_eq!(names("nearest,material"), names("depth_min,material_id"));
+}
+
+#[test]
+fn scene_files_ask_for_channels_and_name_groups() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.exr");
+    fs::write(folder.path().join("a.toml"), LIGHTS).unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet"];
+        let output = oscura(folder.path(), &[&fixed[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        planes(&path)
+    };
+    let plain = shoot(&[]);
+    assert!(plain.contains_key("material.id") && plain.contains_key("Emit.R"), "{:?}", plain.keys());
+    assert!(!plain.contains_key("Z") && !plain.keys().any(|name| name.starts_with("RGBA_")));
+
+    let grouped = shoot(&["--aov", "depth", "--light-groups"]);
+    assert!(grouped.contains_key("Z") && grouped.contains_key("material.id"));
+    let groups = ["default", "key", "neon", "sky"].map(|g| &grouped[&format!("RGBA_{g}.R")]);
+    let listed = grouped.keys().filter(|name| name.starts_with("RGBA_")).count();
+    assert_eq!(listed, 3 * groups.len());
+    for (i, red) in grouped["R"].iter().enumerate() {
+        let sum: f32 = groups.iter().map(|group| group[i]).sum();
+        assert!((sum - red).abs() <= 1e-5 * red, "pixel {i}: {sum} for {red}");
+    }
+    for (group, red) in ["default", "key", "neon", "sky"].iter().zip(groups) {
+        assert!(red.iter().any(|v| *v > 0.0), "{group} is black");
+    }
+    // A picture that can't hold them takes no note of the scene's wish.
+    let png = oscura(folder.path(), &["render", "a.toml", "-o", "a.png", "--strict", "--quiet"]);
+    assert_eq!(code(&png), 0, "{}", stderr(&png));
+}
+
+#[test]
+fn wrong_names_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    for (from, to, message) in [
+        (r#""emission""#, r#""emissions""#, "there is no AOV 'emissions'"),
+        (r#"group = "key""#, r#"group = "k.y""#, "'k.y' can't be the name of a group"),
+        (r#"aovs = ["material_id", "emission"]"#, "aovs = 3", "must be a list of names"),
+    ] {
+        fs::write(folder.path().join("a.toml"), LIGHTS.replace(from, to)).unwrap();
+        let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
+        assert!(code(&output) == 2 || code(&output) == 3, "{to}");
+        assert!(stderr(&output).contains(message), "{}", stderr(&output));
+    }
+}
+
+#[test]
+fn mattes_have_as_many_levels_as_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    for (levels, layers) in [("1", 1), ("6", 3), ("9", 5)] {
+        render(folder.path(), "a.exr", &["--quiet", "--aov", "crypto_object", "--crypto-levels", levels]);
+        let names: Vec<String> = planes(&folder.path().join("a.exr")).into_keys().collect();
+        let count = names.iter().filter(|name| name.starts_with("CryptoObject")).count();
+        assert_eq!(count, 4 * layers, "{names:?}");
+    }
+    let key = oscura::film::matte_key("CryptoObject");
+    let manifest = attribute(&folder.path().join("a.exr"), &format!("cryptomatte/{key}/manifest"));
+    assert!(manifest.is_some(), "no manifest under {key}");
+}
+
+/// The environment is out of sight, and its light stays.
+#[test]
+fn transparent_worlds_light_the_scene() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.toml"), LIGHTS).unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet", "--aov", "all"];
+        let output = oscura(folder.path(), &[&fixed[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        planes(&folder.path().join("a.exr"))
+    };
+    let (seen, hidden) = (shoot(&[]), shoot(&["--transparent"]));
+    let (mut clear, mut solid) = (0, 0);
+    for i in 0..seen["R"].len() {
+        assert_eq!(seen["A"][i], 1.0);
+        if hidden["A"][i] == 0.0 {
+            clear += 1;
+            assert!(hidden["R"][i] == 0.0 && seen["Env.R"][i] > 0.0);
+        } else if hidden["A"][i] == 1.0 {
+            solid += 1;
+            assert_eq!(hidden["R"][i], seen["R"][i]);
+        }
+    }
+    assert!(clear > 20 && solid > 100, "{clear} {solid}");
+    assert!(hidden["Env.R"].iter().all(|v| *v == 0.0));
+}
+
+/// What glTF says in `extras`, of nodes with lights and of materials.
+#[test]
+fn models_name_groups_in_extras() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = fs::read_to_string(cornell()).unwrap();
+    let mut json: serde_json::Value = serde_json::from_str(&model).unwrap();
+    let materials = json["materials"].as_array_mut().expect("materials");
+    for material in materials.iter_mut().filter(|m| m.get("emissiveFactor").is_some()) {
+        material["extras"] = serde_json::json!({ "light_group": "ceiling" });
+    }
+    json["extensionsUsed"] = serde_json::json!(["KHR_lights_punctual"]);
+    json["extensions"] =
+        serde_json::json!({ "KHR_lights_punctual": { "lights": [{ "type": "point", "intensity": 50.0 }] } });
+    let nodes = json["nodes"].as_array_mut().expect("nodes");
+    let lamp = nodes.len();
+    nodes.push(serde_json::json!({
+        "translation": [0.0, 0.5, 0.5],
+        "extras": { "light_group": "lamp" },
+        "extensions": { "KHR_lights_punctual": { "light": 0 } },
+    }));
+    json["scenes"][0]["nodes"].as_array_mut().expect("roots").push(lamp.into());
+    let source = Path::new(&cornell()).parent().expect("a folder").to_path_buf();
+    for buffer in json["buffers"].as_array_mut().expect("buffers") {
+        if let Some(uri) = buffer["uri"].as_str().filter(|uri| !uri.starts_with("data:")) {
+            fs::copy(source.join(uri), folder.path().join(uri)).unwrap();
+        }
+    }
+    fs::write(folder.path().join("a.gltf"), json.to_string()).unwrap();
+    let fixed =
+        ["render", "a.gltf", "-o", "a.exr", "--width", "16", "--spp", "2", "--quiet", "--light-groups"];
+    let output = oscura(folder.path(), &fixed);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let planes = planes(&folder.path().join("a.exr"));
+    for group in ["ceiling", "lamp"] {
+        assert!(planes[&format!("RGBA_{group}.G")].iter().any(|v| *v > 0.0), "{group}");
+    }
+}
