@@ -269,3 +269,15 @@ fn blender_itself_exports_what_is_rendered() {
     assert!(stderr(&broken).contains("can't be exported"), "{}", stderr(&broken));
     assert!(!place.path("b.png").exists());
 }
+
+/// The add-on in `tools/blender/engine` has tests of its own, in Python.
+#[test]
+fn the_render_engine_in_blender_shows_what_the_program_makes() {
+    let Some(python) = python_with_bpy() else {
+        return println!("skipped: neither OSCURA_BLENDER nor python3 has the module bpy");
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender/test_engine.py");
+    let output = Command::new(python).arg(script).env("OSCURA", env!("CARGO_BIN_EXE_oscura")).output();
+    let output = output.expect("Python starts");
+    assert!(output.status.success(), "{}\n{}", stdout(&output), stderr(&output));
+}

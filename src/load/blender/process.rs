@@ -4,6 +4,7 @@ use super::host::Host;
 use super::report::Report;
 use crate::error::{Error, Result};
 use crate::load::LoadOptions;
+use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
@@ -89,11 +90,14 @@ fn command(host: &Host, script: &Path) -> Command {
 }
 
 /// What the user chose, as arguments.
-fn choices(options: &LoadOptions) -> Vec<(&'static str, String)> {
-    let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string()));
-    let time = options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}")));
-    let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene));
-    [frame, time, scene].into_iter().flatten().collect()
+fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
+    let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string().into()));
+    let time =
+        options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}").into()));
+    let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene.into()));
+    let layer = options.blender.view_layer.clone().map(|layer| ("--view-layer", layer.into()));
+    let cache = options.blender.cache.clone().map(|folder| ("--cache", folder.into_os_string()));
+    [frame, time, scene, layer, cache].into_iter().flatten().collect()
 }
 
 /// Says what is known of a child that left no answer.

@@ -25,6 +25,8 @@ def main(arguments):
     parser.add_argument("--frame", type=int)
     parser.add_argument("--time", type=float)
     parser.add_argument("--scene")
+    parser.add_argument("--view-layer")
+    parser.add_argument("--cache")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -63,8 +65,16 @@ def export(options, report):
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 
+class OurEngine(bpy.types.RenderEngine):
+    """The engine of the add-on, without which Blender forgets that a file is set up for it."""
+
+    bl_idname = settings.ENGINE
+    bl_label = "Oscura"
+
+
 def _open(options, report):
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.utils.register_class(OurEngine)
     for addon in ("io_scene_gltf2", "cycles"):
         if addon_utils.enable(addon) is None:
             raise Stop(f"this Blender comes without its add-on {addon}")
@@ -80,12 +90,23 @@ def _open(options, report):
         if scene is None:
             names = ", ".join(f"'{s.name}'" for s in bpy.data.scenes)
             raise Stop(f"there is no scene '{options.scene}', only {names}")
+    for missing in _missing_libraries():
+        report.warn("", f"the linked file {missing} is missing")
+    return scene, _layer(scene, options.view_layer, report)
+
+
+def _layer(scene, name, report):
+    """The view layer of a name, else the first that is rendered."""
+    if name is not None:
+        layer = scene.view_layers.get(name)
+        if layer is None:
+            names = ", ".join(f"'{layer.name}'" for layer in scene.view_layers)
+            raise Stop(f"there is no view layer '{name}', only {names}")
+        return layer
     used = [layer for layer in scene.view_layers if layer.use] or list(scene.view_layers)
     if len(used) > 1:
         report.note("", f"has {len(used)} view layers: '{used[0].name}' is rendered")
-    for missing in _missing_libraries():
-        report.warn("", f"the linked file {missing} is missing")
-    return scene, used[0]
+    return used[0]
 
 
 def _missing_libraries():

@@ -1,5 +1,7 @@
 """Which inputs of a shader Blender's glTF exporter can write: constants, and pictures that are looked up as glTF does."""
 
+import bpy
+
 from . import shaders
 
 # Inputs that may be pictures in glTF, with what their values are.
@@ -51,12 +53,33 @@ def _is_plain(node, is_data):
     if node.bl_idname != "ShaderNodeTexImage" or node.mute or node.image is None:
         return False
     image = node.image
-    if image.source not in ("FILE", "GENERATED") or image.is_float or not image.has_data and not image.size[0]:
+    if image.source not in ("FILE", "GENERATED") or not _has_eight_bits(image):
         return False
     name = image.colorspace_settings.name
     if is_data is not None and name != ("Non-Color" if is_data else "sRGB"):
         return False
     return node.projection == "FLAT" and node.extension in ("REPEAT", "EXTEND", "MIRROR") and _is_by_uv(node.inputs["Vector"])
+
+
+def _has_eight_bits(image):
+    """Is it there, and no picture of floats? Only those whose headers don't tell are decoded for this, which takes long."""
+    head = _head(image) if image.source == "FILE" and not image.is_dirty else b""
+    if head.startswith(b"\xff\xd8\xff"):
+        return True
+    if head.startswith(b"\x89PNG") and len(head) > 24:
+        return head[24] <= 8
+    return bool(image.size[0]) and not image.is_float
+
+
+def _head(image):
+    """The first bytes of a picture's file; empty where it can't be read."""
+    if image.packed_file:
+        return bytes(image.packed_file.data[:32])
+    try:
+        with open(bpy.path.abspath(image.filepath_raw, library=image.library), "rb") as file:
+            return file.read(32)
+    except OSError:
+        return b""
 
 
 def _is_by_uv(vector):
