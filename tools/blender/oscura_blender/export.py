@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import camera, geometry, glb, lights, materials, settings, sidecar, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, settings, sidecar, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -57,10 +57,14 @@ def export(options, report):
         layer.update()
         found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
-    patches = materials.prepare(found, report)
+    store = cache.Store(options.cache)
+    patches = materials.prepare(found, store, report)
     model = os.path.join(options.folder, f"{options.name}.glb")
+    kept = kept_meshes.KeptMeshes(store)
+    kept.replace([holder for holder in found.objects.values() if holder is not None])
     _write_model(found, model)
-    glb.compose(model, found.placements, cameras, empties, patches)
+    glb.compose(model, found.placements, cameras, empties, patches, kept)
+    store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 

@@ -21,7 +21,7 @@ DEPENDS = {
 }
 
 
-def prepare(found, report):
+def prepare(found, store, report):
     """Changes the materials of all collected meshes; gives what is to be added to them in glTF, by name."""
     holders = [holder for holder in found.objects.values() if holder is not None]
     _fill_empty_slots(holders)
@@ -32,7 +32,7 @@ def prepare(found, report):
         _normalize(material, report, lost_nodes)
     for what, names in lost_nodes.items():
         report.warn("", f"{what} not carried over: of {listed(names)}")
-    bake.bake_all(holders, found, report)
+    bake.bake_all(holders, found, store, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
 
 
