@@ -16,15 +16,19 @@ pub(super) const MODEL: &str = "scene";
 const PACKAGE: &[(&str, &str)] = &[
     ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
     ("bake.py", include_str!("../../../tools/blender/oscura_blender/bake.py")),
+    ("cache.py", include_str!("../../../tools/blender/oscura_blender/cache.py")),
     ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
     ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
     ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
+    ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
     ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
+    ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
+    ("originals.py", include_str!("../../../tools/blender/oscura_blender/originals.py")),
     ("pictures.py", include_str!("../../../tools/blender/oscura_blender/pictures.py")),
     ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
     ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
@@ -119,5 +123,21 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
             error.with_help("this Python has no Blender: 'pip install bpy', or name Blender's program")
         }
         _ => error.with_help("does Blender itself open the file?"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_package_has_all_its_files() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender/oscura_blender");
+        let names =
+            fs::read_dir(folder).expect("the package").map(|entry| entry.expect("an entry").file_name());
+        let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+        names.retain(|name| name.ends_with(".py"));
+        names.sort();
+        assert_eq!(names, PACKAGE.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>());
     }
 }

@@ -5,6 +5,7 @@ import hashlib
 import io
 import os
 import tempfile
+import zipfile
 from functools import lru_cache
 from pathlib import Path
 
@@ -47,7 +48,7 @@ class Store:
             with np.load(io.BytesIO(path.read_bytes()), allow_pickle=False) as arrays:
                 found = {name: arrays[name] for name in arrays.files}
             os.utime(path)  # it was used now
-        except (OSError, ValueError, EOFError):
+        except (OSError, ValueError, EOFError, zipfile.BadZipFile):
             return None
         return found
 

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, kept_meshes, lights, materials, settings, sidecar, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -60,10 +60,19 @@ def export(options, report):
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
     model = os.path.join(options.folder, f"{options.name}.glb")
-    kept = kept_meshes.KeptMeshes(store)
-    kept.replace([holder for holder in found.objects.values() if holder is not None])
-    _write_model(found, model)
-    glb.compose(model, found.placements, cameras, empties, patches, kept)
+    holders = [holder for holder in found.objects.values() if holder is not None]
+    kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
+    kept.replace(holders)
+    images.replace(material for holder in holders for material in holder.data.materials)
+    _open_alone(holders)
+    _write_model(model)
+    written = glb.Glb(model)
+    if not images.exchange(written):
+        images.restore()
+        _write_model(model)
+        written = glb.Glb(model)
+    glb.compose(written, found.placements, cameras, empties, patches, kept)
+    written.write(model)
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
@@ -148,16 +157,18 @@ def _settings(scene, found, options, report):
     return tables + named + shining, cameras, empties
 
 
-def _write_model(found, path):
-    """Lets Blender's exporter write the meshes with their materials."""
+def _open_alone(holders):
+    """Opens a scene of these objects: Blender's exporter looks at what is open."""
     model = bpy.data.scenes.new("oscura")
-    for holder in found.objects.values():
-        if holder is not None:
-            model.collection.objects.link(holder)
-    # Its exporter looks at what is open.
+    for holder in holders:
+        model.collection.objects.link(holder)
     for other in list(bpy.data.scenes):
         if other != model:
             bpy.data.scenes.remove(other)
+
+
+def _write_model(path):
+    """Lets Blender's exporter write the meshes with their materials."""
     bpy.ops.export_scene.gltf(
         filepath=path,
         check_existing=False,

@@ -108,11 +108,10 @@ def _patch_materials(glb, patches):
         del glb.json["extensionsUsed"]
 
 
-def compose(path, placements, cameras, empties, patches, kept):
+def compose(glb, placements, cameras, empties, patches, kept):
     """Gives the file of Blender's exporter its nodes: meshes (name of the exported object: placements), cameras (name,
     matrix, glTF camera) and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by
     name. Meshes that are known come from `kept`."""
-    glb = Glb(path)
     by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
     kept.exchange(glb, by_name)
     by_mesh = {by_name[name]: places for name, places in placements.items() if name in by_name}
@@ -128,4 +127,3 @@ def compose(path, placements, cameras, empties, patches, kept):
     glb.json["scene"] = 0
     if not nodes:
         del glb.json["nodes"], glb.json["scenes"][0]["nodes"]
-    glb.write(path)

@@ -63,21 +63,27 @@ def _is_plain(node, is_data):
 
 def _has_eight_bits(image):
     """Is it there, and no picture of floats? Only those whose headers don't tell are decoded for this, which takes long."""
-    head = _head(image) if image.source == "FILE" and not image.is_dirty else b""
+    return kind(image) is not None or (bool(image.size[0]) and not image.is_float)
+
+
+def kind(image):
+    """The media type of a picture of eight bits that glTF takes as its file is; None for others."""
+    if image.source != "FILE" or image.is_dirty:
+        return None
+    head = content(image, 32)
     if head.startswith(b"\xff\xd8\xff"):
-        return True
-    if head.startswith(b"\x89PNG") and len(head) > 24:
-        return head[24] <= 8
-    return bool(image.size[0]) and not image.is_float
+        return "image/jpeg"
+    return "image/png" if head.startswith(b"\x89PNG") and len(head) > 24 and head[24] <= 8 else None
 
 
-def _head(image):
-    """The first bytes of a picture's file; empty where it can't be read."""
+def content(image, most=-1):
+    """The first bytes of a picture's file, or all; empty where it can't be read."""
     if image.packed_file:
-        return bytes(image.packed_file.data[:32])
+        data = image.packed_file.data
+        return data if most < 0 else data[:most]
     try:
         with open(bpy.path.abspath(image.filepath_raw, library=image.library), "rb") as file:
-            return file.read(32)
+            return file.read(most)
     except OSError:
         return b""
 
