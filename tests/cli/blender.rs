@@ -307,7 +307,8 @@ fn choices_about_the_export_reach_it() {
     if cfg!(target_os = "linux") && std::env::var_os("XDG_CACHE_HOME").is_none() {
         assert_eq!(default, format!("--view-layer Front --cache {}\n", expected.display()));
     }
-    assert_eq!(run(&["--cache", "kept"]), "--cache kept\n");
+    let kept = place.folder.path().canonicalize().expect("a folder").join("kept");
+    assert_eq!(run(&["--cache", "kept"]), format!("--cache {}\n", kept.display()));
     assert_eq!(run(&["--no-cache"]), "\n");
 }
 

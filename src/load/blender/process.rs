@@ -6,7 +6,7 @@ use crate::error::{Error, Result};
 use crate::load::LoadOptions;
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::path::Path;
+use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, ExitStatus, Stdio};
 
 /// The name of the model in the folder of an export.
@@ -74,7 +74,7 @@ pub(super) fn run(
 }
 
 /// Writes the exporter; gives what to run.
-fn unpack(work: &Path) -> std::io::Result<std::path::PathBuf> {
+fn unpack(work: &Path) -> std::io::Result<PathBuf> {
     let package = work.join("oscura_blender");
     fs::create_dir(&package)?;
     PACKAGE.iter().try_for_each(|(name, text)| fs::write(package.join(name), text))?;
@@ -100,7 +100,9 @@ fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
         options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}").into()));
     let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene.into()));
     let layer = options.blender.view_layer.clone().map(|layer| ("--view-layer", layer.into()));
-    let cache = options.blender.cache.clone().map(|folder| ("--cache", folder.into_os_string()));
+    // Blender's own folder of work is another; where there is no current one, relative names mean nothing.
+    let absolute = |folder: &PathBuf| absolute(folder).unwrap_or_else(|_| folder.clone());
+    let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
     [frame, time, scene, layer, cache].into_iter().flatten().collect()
 }
 
