@@ -32,7 +32,7 @@ mod texture;
 mod validate;
 
 pub use bounds::{Extent, instance_extents, scene_extent};
-pub use camera::{Camera, Projection, ThinLens, looking_at};
+pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};

@@ -58,7 +58,8 @@ def export(options, report):
         found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
     store = cache.Store(options.cache)
-    patches = materials.prepare(found, store, report)
+    patches, unseen = materials.prepare(found, store, report)
+    tables += [(f"[materials.{sidecar.value(name)}]", {"visible_to_camera": False}) for name in unseen]
     model = os.path.join(options.folder, f"{options.name}.glb")
     holders = [holder for holder in found.objects.values() if holder is not None]
     kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
