@@ -155,6 +155,28 @@ class EngineTest(unittest.TestCase):
         expected = self.command_line()["G"][18:36, 12:36]
         np.testing.assert_array_equal(self.filled[-1]["Combined"][:, 1], expected.ravel())
 
+    def test_each_view_layer_is_rendered(self):
+        ball = bpy.data.objects["Sphere"]
+        aside = bpy.data.collections.new("aside")
+        self.scene.collection.children.link(aside)
+        self.scene.collection.objects.unlink(ball)
+        aside.objects.link(ball)
+        second = self.scene.view_layers.new("Second")
+        second.layer_collection.children["aside"].exclude = True
+        self.scene.oscura.refresh = 1000
+        bpy.ops.render.render()
+        with_ball, without = (passes["Combined"][:, 0] for passes in self.filled)
+        self.assertTrue((with_ball != without).any())
+        np.testing.assert_array_equal(without, self.command_line("--view-layer", "Second")["R"].ravel())
+
+    def test_the_menu_exports_a_folder(self):
+        folder = self.folder / "exported"
+        bpy.ops.export_scene.oscura(directory=str(folder))
+        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.glb", "scene.oscura.toml"})
+        with self.assertRaisesRegex(RuntimeError, "not empty"):
+            bpy.ops.export_scene.oscura(directory=str(folder))
+        bpy.ops.export_scene.oscura(directory=str(folder), use_replace=True)
+
     def test_cancelling_ends_the_program_and_keeps_what_is_there(self):
         self.scene.oscura.samples, self.scene.oscura.refresh = 1_000_000, 0.2
         engine = self.engine.Engine

@@ -1,5 +1,10 @@
 """What the scene says about rendering."""
 
+import bpy
+
+# The working space of oscura, and of Blender's scenes unless they say otherwise.
+REC709 = "Linear Rec.709"
+
 # The engine of the add-on (`engine/`).
 ENGINE = "OSCURA"
 
@@ -64,6 +69,10 @@ def _read_cycles(cycles, entries, report):
 
 def _tell_of_the_rest(scene, report):
     render = scene.render
+    # Blender 5 and newer.
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", REC709)
+    if space != REC709:
+        report.warn("", f"colours are numbers in {space} and taken for {REC709}")
     if render.pixel_aspect_x != render.pixel_aspect_y:
         report.warn("", "pixels that are not square are rendered as squares")
     if render.use_border:
