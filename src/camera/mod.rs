@@ -1,7 +1,10 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
-use crate::math::{DVec3, Ray, Vec3, poly};
+mod aperture;
+
+use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
+use aperture::Aperture;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]
@@ -16,7 +19,7 @@ pub struct Camera {
     forward: Vec3,
     right: Vec3,
     up: Vec3,
-    lens_radius: f32,
+    aperture: Aperture,
     focus_distance: f32,
     is_perspective: bool,
 }
@@ -37,10 +40,6 @@ impl Camera {
         let to_corner = right * (shift_x - pixel * 0.5 * f64::from(width)) + up * (half_height + shift_y);
         let is_perspective = matches!(camera.projection, scene::Projection::Perspective { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
-        let (lens_radius, focus_distance) = match camera.lens {
-            Some(lens) => ((lens.defocus_angle_rad * 0.5).tan() * lens.focus_distance, lens.focus_distance),
-            None => (0.0, 1.0),
-        };
         Camera {
             origin: (camera.world_from_camera.translation - anchor).as_vec3(),
             corner: corner.as_vec3(),
@@ -49,8 +48,8 @@ impl Camera {
             forward: (-back).as_vec3(),
             right: right.as_vec3(),
             up: up.as_vec3(),
-            lens_radius: lens_radius as f32,
-            focus_distance: focus_distance as f32,
+            aperture: Aperture::new(camera.lens),
+            focus_distance: camera.lens.map_or(1.0, |lens| lens.focus_distance) as f32,
             is_perspective,
         }
     }
@@ -62,12 +61,11 @@ impl Camera {
         let film = self.corner + self.step_x * x + self.step_y * y;
         let (origin, direction) =
             if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) };
-        if self.lens_radius > 0.0 {
+        if self.aperture.radius > 0.0 {
             // A point of the focus plane is `focus_distance` ahead along the axis, not along the ray.
             let focus = origin + direction * (self.focus_distance / direction.dot(self.forward));
-            let radius = self.lens_radius * lens[0].sqrt();
-            let (sin, cos) = poly::sin_cos_turns(lens[1]);
-            let origin = origin + self.right * (radius * cos) + self.up * (radius * sin);
+            let (x, y) = self.aperture.point(lens);
+            let origin = origin + self.right * x + self.up * y;
             // Far from the anchor, rounding may leave nothing between two points that are close together.
             let direction = (focus - origin).try_normalize().unwrap_or_else(|| direction.normalize());
             return Ray::new(origin, direction);
@@ -143,7 +141,11 @@ mod tests {
 
     #[test]
     fn lens_rays_meet_on_the_focus_plane() {
-        let lens = scene::ThinLens { defocus_angle_rad: 0.2, focus_distance: 5.0 };
+        let lens = scene::ThinLens {
+            defocus_angle_rad: 0.2,
+            focus_distance: 5.0,
+            aperture: scene::Aperture::default(),
+        };
         let camera = Camera::new(&scene::Camera { lens: Some(lens), ..pinhole() }, 64, 64, DVec3::ZERO);
         let at_focus = |u: [f32; 2]| {
             let ray = camera.ray(10.0, 20.0, u);

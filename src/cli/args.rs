@@ -2,6 +2,7 @@
 
 use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
+use super::blender_args::BlenderArgs;
 use super::frames::Frames;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Write a commented scene file to start from.
     New(NewArgs),
+    /// Say what is kept of Blender files for the next time, or delete it.
+    Cache(CacheArgs),
     /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
     Help(HelpArgs),
     /// Print completions for a shell.
@@ -65,6 +68,16 @@ pub(crate) struct NewArgs {
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct CacheArgs {
+    /// The folder [default: oscura/blender in the user's folder of caches].
+    #[arg(long = "cache", value_name = "FOLDER")]
+    pub folder: Option<PathBuf>,
+    /// Delete what is kept.
+    #[arg(long)]
+    pub clear: bool,
 }
 
 #[derive(Args, Debug)]
@@ -157,6 +170,9 @@ pub(crate) struct RenderArgs {
     /// Frames a second of a sequence.
     #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
+    /// Leave out those frames of a sequence whose pictures exist; a frame that is interrupted is not written.
+    #[arg(long, requires = "frames")]
+    pub resume: bool,
     /// Samples a pixel [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
@@ -202,15 +218,15 @@ pub(crate) struct RenderArgs {
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
-    /// For .blend files: Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
-    #[arg(long, value_name = "PATH")]
-    pub blender: Option<PathBuf>,
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
     /// Stop after this many seconds of rendering and write what is there.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub time_limit: Option<std::time::Duration>,
+    /// Also write the picture so far, each time that so many seconds of rendering have passed.
+    #[arg(long, value_name = "S", value_parser = seconds, conflicts_with = "resume")]
+    pub save_every: Option<std::time::Duration>,
     /// Write the EXR's colour as 32-bit floats.
     #[arg(long)]
     pub float: bool,
@@ -273,6 +289,8 @@ pub(crate) struct RenderArgs {
     pub json: bool,
     #[command(flatten)]
     pub asset: AssetArgs,
+    #[command(flatten)]
+    pub blender: BlenderArgs,
 }
 
 #[derive(Args, Debug)]
@@ -288,14 +306,13 @@ pub(crate) struct InspectArgs {
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
-    /// For .blend files: Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
-    #[arg(long, value_name = "PATH")]
-    pub blender: Option<PathBuf>,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
     #[command(flatten)]
     pub asset: AssetArgs,
+    #[command(flatten)]
+    pub blender: BlenderArgs,
 }
 
 #[derive(Args, Debug)]
@@ -314,15 +331,14 @@ pub(crate) struct ExportArgs {
     /// Frame to export [default: the file's current one].
     #[arg(long, value_name = "N", allow_negative_numbers = true)]
     pub frame: Option<u32>,
-    /// Blender's program, or a Python that has bpy [default: OSCURA_BLENDER, else what is found].
-    #[arg(long, value_name = "PATH")]
-    pub blender: Option<PathBuf>,
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
     /// Treat warnings as errors.
     #[arg(long)]
     pub strict: bool,
+    #[command(flatten)]
+    pub blender: BlenderArgs,
 }
 
 #[derive(Args, Debug)]

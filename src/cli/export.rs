@@ -22,7 +22,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
         _ => error,
     })?;
     let options = LoadOptions {
-        blender: BlenderOptions { program: args.blender.clone(), frame: args.frame },
+        blender: BlenderOptions { frame: args.frame, ..args.blender.options() },
         gltf: GltfOptions { scene: args.scene_name.clone(), ..GltfOptions::default() },
         ..LoadOptions::default()
     };

@@ -5,6 +5,8 @@ mod aov_arg;
 mod args;
 mod asset_args;
 mod beside;
+mod blender_args;
+mod cache;
 mod compare;
 mod environment;
 mod excerpt;
@@ -52,6 +54,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
         Command::New(a) => (false, new::run(&a)),
+        Command::Cache(a) => (false, cache::run(&a)),
         Command::Help(a) => (false, help::run(&a)),
         Command::Completions(a) => (false, help::completions(&a)),
         Command::Man(a) => (false, help::man(&a)),

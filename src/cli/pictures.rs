@@ -3,10 +3,11 @@
 use super::args::RenderArgs;
 use super::terms;
 use oscura::error::{Error, Result, Warning};
+use oscura::film::Film;
 use oscura::output::{
-    Format, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
+    Format, Metadata, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
 };
-use oscura::render::Picture;
+use oscura::render::{Picture, Rendering};
 use std::path::{Path, PathBuf};
 
 /// Files to write, checked before any work.
@@ -41,6 +42,36 @@ impl Targets {
     }
 }
 
+/// A picture before it is encoded: when all is rendered, or on the way.
+pub(crate) struct Shot<'a> {
+    film: &'a Film,
+    warnings: Vec<Warning>,
+    metadata: Metadata,
+}
+
+impl<'a> From<&'a Picture> for Shot<'a> {
+    fn from(picture: &'a Picture) -> Shot<'a> {
+        let mut metadata = picture.output_options().metadata.clone();
+        if picture.statistics().interrupted {
+            metadata.stopped_by = Some("signal".to_string());
+        }
+        Shot { film: picture.film(), warnings: picture.warnings().to_vec(), metadata }
+    }
+}
+
+impl<'a> From<&'a Rendering> for Shot<'a> {
+    /// The picture so far.
+    fn from(rendering: &'a Rendering) -> Shot<'a> {
+        let metadata = rendering.output_options().metadata;
+        let stopped_by = Some("not finished".to_string());
+        Shot {
+            film: rendering.film(),
+            warnings: rendering.warnings(),
+            metadata: Metadata { stopped_by, ..metadata },
+        }
+    }
+}
+
 /// Pictures as the bytes of their files, not written yet.
 pub(crate) struct Pictures<'a> {
     files: Vec<(&'a Path, Vec<u8>)>,
@@ -53,25 +84,20 @@ impl<'a> Pictures<'a> {
     pub fn encode(
         args: &RenderArgs,
         targets: &'a Targets,
-        picture: &Picture,
+        shot: Shot,
         png: PngOptions,
         earlier: &[Warning],
     ) -> Result<Pictures<'a>> {
-        let mut warnings = picture.warnings().to_vec();
-        let shown = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
-        let mut metadata = picture.output_options().metadata.clone();
+        let Shot { film, mut warnings, mut metadata } = shot;
         metadata.owner.clone_from(&args.owner);
-        metadata.warnings = shown;
-        if picture.statistics().interrupted {
-            metadata.stopped_by = Some("signal".to_string());
-        }
+        metadata.warnings = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
         if args.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }
         let options = OutputOptions { float: args.float, png, metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.0 {
-            let mut encoded = encode(picture.film(), *format, &options, path)?;
+            let mut encoded = encode(film, *format, &options, path)?;
             for warning in encoded.warnings.drain(..) {
                 warnings.push(Warning { file: Some(path.clone()), ..warning });
             }

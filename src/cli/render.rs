@@ -4,7 +4,7 @@ use super::Outcome;
 use super::args::{RenderArgs, UpArg};
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
-use super::pictures::{Pictures, Targets};
+use super::pictures::{Pictures, Shot, Targets};
 use super::process::{cancel_by_signals, peak_memory};
 use super::progress::Progress;
 use super::report::{Run, Said};
@@ -14,7 +14,6 @@ use super::{json, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
-use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::render::{CancelHandle, Labels, PassOutcome, Picture, Rendering, Settled, in_pool};
 use oscura::scene::Camera;
@@ -48,11 +47,14 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
-    let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
+    let is_missing = |&number: &u32| !args.resume || !file(number).iter().all(|path| path.exists());
+    let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
+    say_existing(args, frames.numbers().count() - missing.len());
+    let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
     let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
-    load_frames(&args.scene, &load_options(args), frames.numbers(), args.fps, &mut |loaded| {
+    load_frames(&args.scene, &load_options(args), missing.iter().copied(), args.fps, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
         let targets = Targets::check(&file(number))?;
         if !args.quiet {
@@ -71,6 +73,13 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     Ok(outcome)
 }
 
+/// Says how many frames are not rendered again.
+fn say_existing(args: &RenderArgs, frames: usize) {
+    if !args.quiet && frames > 0 {
+        eprintln!("resume   {frames} frames exist and are left out");
+    }
+}
+
 /// Says what takes a while.
 fn say_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
@@ -86,7 +95,7 @@ fn load_options(args: &RenderArgs) -> LoadOptions {
         point_radius: args.point_radius,
         z_up: args.up == UpArg::Z,
         no_sidecar: args.no_sidecar,
-        blender: BlenderOptions { program: args.blender.clone(), frame: None },
+        blender: args.blender.options(),
         ..LoadOptions::default()
     }
 }
@@ -119,10 +128,16 @@ fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let picture = take_picture(args, cancel, scene, labels, &camera, &settled)?;
+    let encode = |shot: Shot| Pictures::encode(args, targets, shot, png(args, settled.exposure), &warnings);
+    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
+    let picture = take_picture(args, cancel, rendering, &encode, said)?;
+    if args.resume && picture.statistics().interrupted {
+        // Else it would pass for a finished one the next time.
+        return Ok(Outcome::Interrupted);
+    }
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, targets, &picture, png(args, settled.exposure), &warnings)?;
+    let pictures = encode(Shot::from(&picture))?;
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
@@ -157,21 +172,29 @@ fn run_one(
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }
 
-/// Renders until all samples are taken or something stops it.
-fn take_picture(
+/// Renders until all samples are taken or something stops it; writes what `encode` makes of the picture so far as often as
+/// it is wanted.
+fn take_picture<'a>(
     args: &RenderArgs,
     cancel: &CancelHandle,
-    scene: Arc<CompiledScene>,
-    labels: Labels,
-    camera: &Camera,
-    settled: &Settled,
+    rendering: Rendering,
+    encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
+    said: &mut Said,
 ) -> Result<Picture> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
-    let mut rendering = Rendering::labelled(scene, labels, camera, settled.options)?
-        .with_cancel_handle(cancel.clone())
-        .on_event(move |event| shown.show(&event));
-    while rendering.next_pass() == PassOutcome::Progressed {}
+    let mut rendering =
+        rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
+    let mut saved = Instant::now();
+    while rendering.next_pass() == PassOutcome::Progressed {
+        if args.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
+            // A disk that is full for a while is no reason to lose the rest.
+            if let Err(error) = encode(Shot::from(&rendering))?.write() {
+                said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
+            }
+            saved = Instant::now();
+        }
+    }
     progress.finish();
     Ok(rendering.into_picture())
 }

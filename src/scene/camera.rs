@@ -25,6 +25,27 @@ pub struct ThinLens {
     pub defocus_angle_rad: f64,
     /// Distance from the lens to the plane of perfect focus, metres.
     pub focus_distance: f64,
+    /// The shape of its opening.
+    pub aperture: Aperture,
+}
+
+/// The opening of a lens, which is the shape of lights out of focus.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Aperture {
+    /// How many blades bound it: a regular polygon whose corners lie on the lens's edge, of 3 to 256 of them; 0 is round.
+    pub blades: u32,
+    /// Turns the polygon counter-clockwise, seen from behind the camera, radians; without, the middle of a side lies to the
+    /// right.
+    pub rotation_rad: f64,
+    /// Height over width: lenses for wide screens have openings of 2. The lens's edge is that of its height.
+    pub ratio: f64,
+}
+
+impl Default for Aperture {
+    /// Round.
+    fn default() -> Aperture {
+        Aperture { blades: 0, rotation_rad: 0.0, ratio: 1.0 }
+    }
 }
 
 /// A camera; it looks down its own -z with y up.

@@ -33,8 +33,8 @@ pub enum AlphaMode {
     Blend,
 }
 
-/// How a surface that shines differs from one that is an object like others: as lamps of Blender do, which stop no light
-/// and which cameras don't see.
+/// How a surface differs from one that is an object like others: as lamps of Blender do, which stop no light and which cameras
+/// don't see, or things that are only there for mirrors and shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
     /// Rays from the camera meet it; else they pass.

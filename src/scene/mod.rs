@@ -33,7 +33,7 @@ mod texture;
 mod validate;
 
 pub use bounds::{Extent, instance_extents, scene_extent};
-pub use camera::{Camera, Projection, ThinLens, looking_at};
+pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
 pub use environment::Environment;
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};

@@ -138,7 +138,8 @@ fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
     assert!(stdout(&inspected).contains("is lost"), "{}", stdout(&inspected));
 
     fs::remove_file(place.path("options")).expect("options were noted");
-    let frames = ["render", "room.blend", "-o", "f.exr", "--frames", "3-5x2", "--scene", "Night"];
+    let frames =
+        ["render", "room.blend", "-o", "f.exr", "--frames", "3-5x2", "--scene", "Night", "--no-cache"];
     let output = place.run(None, &[&frames[..], &options].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(place.path("f.0003.exr").exists() && place.path("f.0005.exr").exists());
@@ -268,4 +269,59 @@ fn blender_itself_exports_what_is_rendered() {
     assert_eq!(code(&broken), 3);
     assert!(stderr(&broken).contains("can't be exported"), "{}", stderr(&broken));
     assert!(!place.path("b.png").exists());
+}
+
+/// Runs one of the scripts of tests in `tools/blender`.
+fn python_test(script: &str) {
+    let Some(python) = python_with_bpy() else {
+        return println!("skipped: neither OSCURA_BLENDER nor python3 has the module bpy");
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender").join(script);
+    let output = Command::new(python).arg(script).env("OSCURA", env!("CARGO_BIN_EXE_oscura")).output();
+    let output = output.expect("Python starts");
+    assert!(output.status.success(), "{}\n{}", stdout(&output), stderr(&output));
+}
+
+#[test]
+fn the_render_engine_in_blender_shows_what_the_program_makes() {
+    python_test("test_engine.py");
+}
+
+#[test]
+fn what_is_kept_of_exports_is_what_is_exported() {
+    python_test("test_export.py");
+}
+
+#[test]
+fn choices_about_the_export_reach_it() {
+    let place = Place::new();
+    let blender = place.blender("tool");
+    let run = |more: &[&str]| {
+        let _ = fs::remove_file(place.path("options"));
+        let args = ["render", "room.blend", "-o", "a.png", "--blender", name(&blender)];
+        assert_eq!(code(&place.run(None, &[&args[..], more].concat())), 0);
+        place.text("options")
+    };
+    let default = run(&["--view-layer", "Front"]);
+    let expected = place.path(".cache/oscura/blender");
+    if cfg!(target_os = "linux") && std::env::var_os("XDG_CACHE_HOME").is_none() {
+        assert_eq!(default, format!("--view-layer Front --cache {}\n", expected.display()));
+    }
+    let kept = place.folder.path().canonicalize().expect("a folder").join("kept");
+    assert_eq!(run(&["--cache", "kept"]), format!("--cache {}\n", kept.display()));
+    assert_eq!(run(&["--no-cache"]), "\n");
+}
+
+#[test]
+fn what_is_kept_is_said_and_deleted() {
+    let place = Place::new();
+    fs::create_dir(place.path("kept")).expect("made");
+    let ours = place.path("kept/0123456789abcdef0123456789abcdef.oscura");
+    fs::write(&ours, vec![0; 1 << 20]).expect("written");
+    fs::write(place.path("kept/mine.oscura"), "text").expect("written");
+    let said = place.run(None, &["cache", "--cache", "kept"]);
+    assert_eq!(stdout(&said), "kept: 1 files of 1.0 MiB kept\n");
+    let deleted = place.run(None, &["cache", "--cache", "kept", "--clear"]);
+    assert_eq!((code(&deleted), stdout(&deleted)), (0, "kept: 1 files of 1.0 MiB deleted\n".to_string()));
+    assert!(!ours.exists() && place.path("kept/mine.oscura").exists());
 }

@@ -195,3 +195,26 @@ fn a_sequence_ends_when_its_user_wants() {
         load_moments(Path::new("missing.glb"), &LoadOptions::default(), [0.0], &mut |_| panic!("no file"));
     assert!(refused.is_err());
 }
+
+#[test]
+fn a_sequence_goes_on_where_it_ended() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let run = |more: &[&str]| {
+        let fixed = ["-o", "f.##.png", "-o", "f.##.exr", "--frames", "1-3"];
+        oscura(folder.path(), &[&fixed[..], more].concat())
+    };
+    assert!(run(&[]).status.success());
+    let path = |name: &str| folder.path().join(name);
+    let whole = std::fs::read(path("f.02.png")).expect("a picture");
+    // Of each frame all pictures must be there.
+    std::fs::remove_file(path("f.02.png")).expect("removed");
+    std::fs::write(path("f.01.png"), "kept as it is").expect("written");
+    let output = run(&["--resume"]);
+    let said = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success() && said.contains("2 frames exist"), "{said}");
+    assert!(said.contains("frame    2,") && !said.contains("frame    1,"), "{said}");
+    assert_eq!(std::fs::read(path("f.02.png")).expect("a picture"), whole);
+    assert_eq!(std::fs::read(path("f.01.png")).expect("text"), b"kept as it is");
+    assert!(run(&["--resume"]).status.success());
+    assert_eq!(oscura(folder.path(), &["-o", "a.png", "--resume"]).status.code(), Some(2));
+}

@@ -94,3 +94,48 @@ fn memory_that_is_not_there_is_an_error() {
     assert!(run("--threads 1000").contains("threads"));
     assert!(names(folder.path()).is_empty());
 }
+
+/// Starts a render of very many samples; waits until a picture is there.
+fn long(folder: &Path, more: &[&str], picture: &str) -> Child {
+    let scene = cornell();
+    let fixed = ["render", &scene, "--width", "32", "--spp", "100000000"];
+    let child = Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(fixed.iter().chain(more))
+        .current_dir(folder)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    let begin = Instant::now();
+    while !folder.join(picture).exists() {
+        assert!(begin.elapsed() < Duration::from_secs(60), "there is no picture");
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    child
+}
+
+#[test]
+fn pictures_on_the_way_are_whole_and_say_that_they_are_not_finished() {
+    let folder = tempfile::tempdir().unwrap();
+    let child = long(folder.path(), &["-o", "a.exr", "-o", "a.png", "--save-every", "0.05"], "a.png");
+    let picture = folder.path().join("a.exr");
+    assert_eq!(attribute(&picture, "stoppedBy"), text("not finished"));
+    assert!(pixels(&picture).iter().any(|p| p[0] > 0.0));
+    send(&child, "-TERM");
+    assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
+    assert_eq!(attribute(&picture, "stoppedBy"), text("signal"));
+}
+
+#[test]
+fn a_frame_that_is_stopped_is_left_to_the_next_time() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("f.0001.exr"), "").unwrap();
+    let frames = ["-o", "f.exr", "--frames", "1-2", "--resume", "--json"];
+    let child = long(folder.path(), &frames, "f.0001.exr");
+    while cpu_ticks(child.id()) < 20 {
+        std::thread::sleep(Duration::from_millis(10));
+    }
+    send(&child, "-TERM");
+    assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
+    assert_eq!(names(folder.path()), ["f.0001.exr"]);
+}

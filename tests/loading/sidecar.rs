@@ -160,6 +160,37 @@ fn depth_of_field_says_what_it_lacks() {
     fails("f_stop = 2\ndefocus_angle = 1\nfocus_distance = 3", "'defocus_angle' and 'f_stop'");
     fails("f_stop = 2\nfocus_at = [0, 0, -1]\nfocus_distance = 3", "'focus_distance' and 'focus_at'");
     fails("name = \"front\"\nf_stop = 2\nfocus_at = [0, 0, 9]", "behind the camera");
+    fails("blades = 5", "'blades' needs the size of the lens");
+    fails("f_stop = 2\nfocus_distance = 3\nblades = 2", "from 3 to 256");
+}
+
+#[test]
+fn lenses_have_blades() {
+    let toml =
+        "[camera]\nf_stop = 2\nfocus_distance = 3\nblades = 6\nblade_rotation = 90\naperture_ratio = 2\n";
+    let scene = with_sidecar(toml).unwrap_or_else(|e| panic!("{e}")).scene;
+    let aperture = scene.cameras[0].lens.expect("a lens").aperture;
+    assert_eq!((aperture.blades, aperture.ratio), (6, 2.0));
+    assert!((aperture.rotation_rad - std::f64::consts::FRAC_PI_2).abs() < 1e-12);
+}
+
+#[test]
+fn cameras_need_not_see_a_material() {
+    let read = |more: &str| {
+        let toml = format!("[materials.paint]\nvisible_to_camera = false\n{more}");
+        let model = MODEL
+            .replace("IMAGE", PIXEL)
+            .replace("\"materials\": [{", "\"materials\": [{\"name\": \"paint\", ");
+        let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml.as_str())];
+        load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let loaded = read("");
+    let paint = loaded.scene.materials.iter().find(|m| m.name == "paint").expect("the model's");
+    let lamp = paint.lamp.expect("what it is to cameras");
+    assert!(!lamp.visible_to_camera && lamp.is_obstacle);
+    let said =
+        |loaded: &Loaded| loaded.warnings.iter().any(|w| w.message.contains("cameras see it all the same"));
+    assert!(!said(&loaded) && said(&read("alpha = \"blend\"\n")));
 }
 
 #[test]

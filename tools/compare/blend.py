@@ -23,8 +23,8 @@ SAMPLES = int(os.environ.get("SAMPLES", "128"))
 BLOCK = 16
 
 
-def make(folder, build):
-    """Saves a scene and renders it by Cycles without what biases it, twice."""
+def make(folder, build, frames=None):
+    """Saves a scene and renders it by Cycles without what biases it, twice; with frames, each of them."""
     name = build.__name__
     bpy.ops.wm.read_factory_settings(use_empty=True)
     scene = bpy.context.scene
@@ -46,8 +46,12 @@ def make(folder, build):
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / f"{name}.blend"))
     for seed in (1, 2):
         cycles.seed = seed
-        scene.render.filepath = str(folder / f"{name}.ref.{seed}.exr")
-        bpy.ops.render.render(write_still=True)
+        for frame in frames or (None,):
+            if frame is not None:
+                scene.frame_set(frame)
+            number = "" if frame is None else f".{frame:04}"
+            scene.render.filepath = str(folder / f"{name}.ref.{seed}{number}.exr")
+            bpy.ops.render.render(write_still=True)
 
 
 def read(path):
@@ -59,12 +63,16 @@ def read(path):
     return pixels
 
 
+def environment():
+    """The variables of the program: it exports by this Python."""
+    return {**os.environ, "OSCURA_BLENDER": os.environ.get("OSCURA_BLENDER", sys.executable)}
+
+
 def render(folder, name, options):
     for seed in (1, 2):
         command = [PROGRAM, "render", str(folder / f"{name}.blend"), "-o", str(folder / f"{name}.{seed}.exr")]
         command += ["--float", "--seed", str(seed), "--spp", str(SAMPLES), *options]
-        environment = {**os.environ, "OSCURA_BLENDER": os.environ.get("OSCURA_BLENDER", sys.executable)}
-        done = subprocess.run(command, env=environment, capture_output=True, text=True)
+        done = subprocess.run(command, env=environment(), capture_output=True, text=True)
         if done.returncode:
             print(done.stderr)
             return False

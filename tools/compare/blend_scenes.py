@@ -233,6 +233,33 @@ def depth_of_field():
     made.data.dof.use_dof, made.data.dof.aperture_fstop, made.data.dof.focus_object = True, 0.3, target
 
 
+def blades():
+    """Lights out of focus are as the lens: five blades, turned, and narrow."""
+    floor()
+    world((0.05, 0.05, 0.05))
+    for i in range(5):
+        glow, _, _ = shader(f"glow {i}", "Emission", Strength=40, Color=(1, 0.3 + 0.15 * i, 1 - 0.2 * i, 1))
+        ball(glow, (-3 + 1.6 * i, 4 - i, 0.6 + 0.4 * i), 0.06)
+    ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1), Roughness=0.5), (0, 0, 0.8))
+    lens = camera(lens=60).data.dof
+    lens.use_dof, lens.aperture_fstop, lens.focus_distance = True, 0.1, 5.0
+    lens.aperture_blades, lens.aperture_rotation, lens.aperture_ratio = 5, 0.4, 1.6
+
+
+def unseen():
+    """Things that only mirrors and shadows know."""
+    floor()
+    world((0.3, 0.35, 0.4))
+    light("AREA", "Key", 200, (-3, -3, 5), (0.6, -0.5, 0), size=2)
+    mirror = add("plane", material("mirror", Metallic=1, Roughness=0.1), (0, 3, 1.5), "Mirror", size=4)
+    mirror.rotation_euler = (1.5, 0, 0.3)
+    red = material("red", Base_Color=(0.8, 0.1, 0.1, 1), Roughness=0.5)
+    ball(red, (-1, 0, 0.8))
+    hidden = ball(red, (1.2, 0, 0.8))
+    hidden.visible_camera = False
+    camera()
+
+
 def orthographic():
     still_life()
     world((0.3, 0.35, 0.4))
@@ -597,7 +624,7 @@ def ray_kinds():
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
-    world_sky, world_nodes, depth_of_field, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
+    world_sky, world_nodes, depth_of_field, blades, unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
 ]  # fmt: skip

@@ -14,7 +14,6 @@ use super::report::print_line;
 use super::scene_path;
 use super::terms;
 use oscura::error::Result;
-use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, load};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
@@ -23,7 +22,7 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         allow_external: args.allow_external,
         point_radius: args.point_radius,
         no_sidecar: args.no_sidecar,
-        blender: BlenderOptions { program: args.blender.clone(), frame: None },
+        blender: args.blender.options(),
         gltf: args.asset.options(),
         ..LoadOptions::default()
     };

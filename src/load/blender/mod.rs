@@ -3,11 +3,13 @@
 //!
 //! Such files can hold scripts. They are opened with scripts off, with Blender's factory settings and offline.
 
+pub mod cache;
 mod host;
 mod options;
 mod process;
 mod report;
 
+pub use cache::default_cache;
 pub use options::BlenderOptions;
 
 use super::gltf::Glass;

@@ -10,4 +10,9 @@ pub struct BlenderOptions {
     pub program: Option<PathBuf>,
     /// The frame to show, by Blender's numbers; else that of the moment that is asked for, else the file's current one.
     pub frame: Option<u32>,
+    /// The view layer to show, by its name; else the first that is rendered.
+    pub view_layer: Option<String>,
+    /// A folder in which exported meshes and baked pictures are kept for the next time, made if it is missing; `None`
+    /// keeps nothing.
+    pub cache: Option<PathBuf>,
 }

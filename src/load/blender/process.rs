@@ -4,8 +4,9 @@ use super::host::Host;
 use super::report::Report;
 use crate::error::{Error, Result};
 use crate::load::LoadOptions;
+use std::ffi::OsString;
 use std::fs::{self, File};
-use std::path::Path;
+use std::path::{Path, PathBuf, absolute};
 use std::process::{Command, ExitStatus, Stdio};
 
 /// The name of the model in the folder of an export.
@@ -15,15 +16,19 @@ pub(super) const MODEL: &str = "scene";
 const PACKAGE: &[(&str, &str)] = &[
     ("__init__.py", include_str!("../../../tools/blender/oscura_blender/__init__.py")),
     ("bake.py", include_str!("../../../tools/blender/oscura_blender/bake.py")),
+    ("cache.py", include_str!("../../../tools/blender/oscura_blender/cache.py")),
     ("camera.py", include_str!("../../../tools/blender/oscura_blender/camera.py")),
     ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
     ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
+    ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
     ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
+    ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
+    ("originals.py", include_str!("../../../tools/blender/oscura_blender/originals.py")),
     ("pictures.py", include_str!("../../../tools/blender/oscura_blender/pictures.py")),
     ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
     ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
@@ -69,7 +74,7 @@ pub(super) fn run(
 }
 
 /// Writes the exporter; gives what to run.
-fn unpack(work: &Path) -> std::io::Result<std::path::PathBuf> {
+fn unpack(work: &Path) -> std::io::Result<PathBuf> {
     let package = work.join("oscura_blender");
     fs::create_dir(&package)?;
     PACKAGE.iter().try_for_each(|(name, text)| fs::write(package.join(name), text))?;
@@ -89,11 +94,16 @@ fn command(host: &Host, script: &Path) -> Command {
 }
 
 /// What the user chose, as arguments.
-fn choices(options: &LoadOptions) -> Vec<(&'static str, String)> {
-    let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string()));
-    let time = options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}")));
-    let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene));
-    [frame, time, scene].into_iter().flatten().collect()
+fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
+    let frame = options.blender.frame.map(|frame| ("--frame", frame.to_string().into()));
+    let time =
+        options.gltf.time_s.filter(|_| frame.is_none()).map(|time| ("--time", format!("{time:?}").into()));
+    let scene = options.gltf.scene.clone().map(|scene| ("--scene", scene.into()));
+    let layer = options.blender.view_layer.clone().map(|layer| ("--view-layer", layer.into()));
+    // Blender's own folder of work is another; where there is no current one, relative names mean nothing.
+    let absolute = |folder: &PathBuf| absolute(folder).unwrap_or_else(|_| folder.clone());
+    let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
+    [frame, time, scene, layer, cache].into_iter().flatten().collect()
 }
 
 /// Says what is known of a child that left no answer.
@@ -115,5 +125,21 @@ fn failure(host: &Host, file: &Path, status: ExitStatus, log: &Path) -> Error {
             error.with_help("this Python has no Blender: 'pip install bpy', or name Blender's program")
         }
         _ => error.with_help("does Blender itself open the file?"),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_package_has_all_its_files() {
+        let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/blender/oscura_blender");
+        let names =
+            fs::read_dir(folder).expect("the package").map(|entry| entry.expect("an entry").file_name());
+        let mut names: Vec<String> = names.map(|name| name.to_string_lossy().into_owned()).collect();
+        names.retain(|name| name.ends_with(".py"));
+        names.sort();
+        assert_eq!(names, PACKAGE.iter().map(|(name, _)| name.to_string()).collect::<Vec<_>>());
     }
 }

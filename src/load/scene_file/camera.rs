@@ -11,16 +11,18 @@
 //! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
 //! | `focus_distance` | distance of the plane in focus | distance of `look_at` |
 //! | `focus_at` | instead: a point of that plane | |
+//! | `blades`, `blade_rotation` | instead of a round lens a polygon of 3 to 256 sides; how far it is turned counter-clockwise, degrees | round, 0 |
+//! | `aperture_ratio` | height over width of the lens: 2 for the tall discs of wide screens | 1 |
 //! | `shift` | `[x, y]`: what is seen moves right and up by so many heights of the picture, and upright lines stay parallel | `[0, 0]` |
 //!
-//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The four keys of the lens
-//! and `shift` may follow; `focus_distance` or `focus_at` is then required with the first two.
+//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens
+//! and `shift` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
 
 use super::assets::Assets;
 use super::build::Build;
 use super::fields::{Fields, nearest};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Camera, Projection, ThinLens, looking_at};
+use crate::scene::{Aperture, Camera, Projection, ThinLens, looking_at};
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
@@ -140,6 +142,7 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
     let angle = fields.has("defocus_angle").then(|| fields.number_in("defocus_angle", 0.0..179.0, 0.0));
     let f_stop = fields.has("f_stop").then(|| fields.number_in("f_stop", 1e-3..1e6, 8.0));
     let focal_length = fields.number_in("focal_length", 1e-3..1e6, 50.0) / 1000.0;
+    let aperture = aperture(fields);
     let to_point = match &point {
         Some(p) => {
             let depth = -world_from_camera.inverse().transform_point3(p.value).z;
@@ -167,6 +170,10 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
     if angle.is_none() && f_stop.is_none() && (distance.is_some() || point.is_some()) {
         return complain("a plane in focus needs the size of the lens: add 'defocus_angle' or 'f_stop'");
     }
+    let shaped = ["blades", "blade_rotation", "aperture_ratio"].into_iter().find(|key| fields.has(key));
+    if let (None, None, Some(key)) = (angle, f_stop, shaped) {
+        return complain(&format!("'{key}' needs the size of the lens: add 'defocus_angle' or 'f_stop'"));
+    }
     if angle.is_none() && f_stop.is_none() || angle == Some(0.0) {
         return Some(None);
     }
@@ -177,7 +184,16 @@ fn lens(fields: &Fields, world_from_camera: &DAffine3, focus: Option<f64>) -> Op
         Some(stop) => 2.0 * (focal_length / (2.0 * stop) / focus_distance).atan(),
         None => angle.unwrap_or(0.0).to_radians(),
     };
-    Some(Some(ThinLens { defocus_angle_rad, focus_distance }))
+    Some(Some(ThinLens { defocus_angle_rad, focus_distance, aperture }))
+}
+
+/// The shape of the lens.
+fn aperture(fields: &Fields) -> Aperture {
+    Aperture {
+        blades: fields.integer("blades", 3, 256).unwrap_or(0),
+        rotation_rad: fields.number_in("blade_rotation", -1e6..1e6, 0.0).to_radians(),
+        ratio: fields.number_in("aperture_ratio", 1e-3..1e3, 1.0),
+    }
 }
 
 fn placed(fields: &Fields) -> Option<Camera> {

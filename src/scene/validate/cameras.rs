@@ -1,7 +1,7 @@
 //! Cameras.
 
 use super::findings::{Findings, Place};
-use crate::scene::{Camera, Projection};
+use crate::scene::{Aperture, Camera, Projection};
 use std::f64::consts::PI;
 
 pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
@@ -37,8 +37,17 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
         let distance = lens.focus_distance;
         let is_met = distance > 0.0 && distance <= FARTHEST_FOCUS;
         findings.require(is_met, place, "focus_distance", distance, "above 0 and at most 1e18");
+        let Aperture { blades, rotation_rad, ratio } = lens.aperture;
+        let is_met = blades == 0 || (3..=MOST_BLADES).contains(&blades);
+        findings.require(is_met, place, "blades", blades, "0, or from 3 to 256");
+        findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
+        let is_met = (1e-3..=1e3).contains(&ratio);
+        findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
     }
 }
+
+/// Of more, an opening is round.
+const MOST_BLADES: u32 = 256;
 
 /// Largest shift, in heights of the picture.
 const FARTHEST_SHIFT: f64 = 1e3;

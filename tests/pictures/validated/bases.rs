@@ -4,10 +4,10 @@ use crate::support::{camera, disk, material, quad, sphere};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::math::{DAffine3, DVec3, Vec2, Vec3};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment, FloatSlot,
-    FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material,
-    MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Scene,
-    Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment,
+    FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping,
+    Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial,
+    Projection, Scene, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 use std::sync::Arc;
 
@@ -150,7 +150,8 @@ fn shapes() -> Scene {
     add_lights(&mut scene);
     scene.environment = Environment::Gradient { nadir: [0.1; 3], zenith: [0.3, 0.4, 0.6] };
     scene.cameras.push(camera(DVec3::new(0.3, 0.6, 6.0), DVec3::ZERO, DVec3::Y, 50.0));
-    scene.cameras[0].lens = Some(ThinLens { defocus_angle_rad: 0.02, focus_distance: 5.5 });
+    let aperture = Aperture { blades: 5, rotation_rad: 0.1, ratio: 1.5 };
+    scene.cameras[0].lens = Some(ThinLens { defocus_angle_rad: 0.02, focus_distance: 5.5, aperture });
     scene
 }
 

@@ -5,7 +5,7 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission,
+    AlphaMode, Anisotropy, Aperture, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission,
     EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
     Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
     Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen,
@@ -66,7 +66,8 @@ structs! {
     Image { name, width, height, channels, encoding, pixels }
     Light { name, kind, intensity, group }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
-    ThinLens { defocus_angle_rad, focus_distance }
+    ThinLens { defocus_angle_rad, focus_distance, aperture }
+    Aperture { blades, rotation_rad, ratio }
     Settings {
         width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure, aovs,
     }

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import flat, pictures, shaders
+from . import cache, fingerprint, flat, pictures, shaders
 from .context import opened
 from .report import listed
 
@@ -16,8 +16,8 @@ SIZE = 1024
 MOST_FACES = 400_000
 
 
-def bake_all(holders, found, report):
-    """Bakes what needs it of all meshes."""
+def bake_all(holders, found, store, report):
+    """Bakes what needs it of all meshes and is not in the store."""
     wanted = [(holder, needs) for holder in holders if (needs := _needs(holder))]
     if not wanted:
         return
@@ -26,14 +26,14 @@ def bake_all(holders, found, report):
     kitchen = _scene()
     try:
         with opened(kitchen):
-            _bake_flat([m for _, needs in wanted for m in needs], kitchen)
+            _bake_flat([m for _, needs in wanted for m in needs], kitchen, store)
             for holder, _ in wanted:
-                _bake_mesh(holder, found, kitchen, report)
+                _bake_mesh(holder, found, kitchen, store, report)
     finally:
         bpy.data.scenes.remove(kitchen)
 
 
-def _bake_mesh(holder, found, kitchen, report):
+def _bake_mesh(holder, found, kitchen, store, report):
     if not _needs(holder):
         return
     if len(holder.data.polygons) > MOST_FACES:
@@ -42,11 +42,11 @@ def _bake_mesh(holder, found, kitchen, report):
     _own_materials(holder)
     # Where the object stands: trees may ask for it.
     holder.matrix_world = found.placements[holder.name][0][1]
-    Baking(holder, kitchen, UV, SIZE).run(_needs(holder), lays_out=True)
+    Baking(holder, kitchen, UV, SIZE, store).run(_needs(holder), lays_out=True)
     holder.matrix_world.identity()
 
 
-def _bake_flat(materials, kitchen):
+def _bake_flat(materials, kitchen, store):
     """Bakes what repeats."""
     for material in dict.fromkeys(materials):
         node = _principled(material)
@@ -54,7 +54,7 @@ def _bake_flat(materials, kitchen):
         found = flat.tiles(node, names) if names else None
         if found is not None:
             square = flat.square(material, found.uv)
-            Baking(square, kitchen, found.uv, found.size).run({material: names}, lays_out=False)
+            Baking(square, kitchen, found.uv, found.size, store).run({material: names}, lays_out=False)
             bpy.data.meshes.remove(square.data)
 
 
@@ -103,22 +103,58 @@ def _scene():
 class Baking:
     """The baking of one mesh to pictures of an edge, by texture coordinates of a name (empty: the active ones)."""
 
-    def __init__(self, holder, kitchen, uv, size):
-        self.holder, self.kitchen, self.uv, self.size = holder, kitchen, uv, size
+    def __init__(self, holder, kitchen, uv, size, store):
+        self.holder, self.kitchen, self.uv, self.size, self.store = holder, kitchen, uv, size, store
         self.materials = [m for m in dict.fromkeys(holder.data.materials) if _principled(m) is not None]
 
     def run(self, needs, lays_out):
+        inputs = [name for name in pictures.INPUTS if any(name in n for n in needs.values())]
+        key = self._key(inputs)
+        kept = self.store.get(key)
+        baked = self._from(kept, inputs) if kept else self._bake_all(inputs, lays_out, key)
+        for material, names in needs.items():
+            self._use(material, {name: baked[name] for name in names})
+
+    def _key(self, inputs):
+        """The hash of all that the results depend on."""
+        digest = cache.digest()
+        digest.update(repr((inputs, self.uv, self.size, [tuple(row) for row in self.holder.matrix_world])).encode())
+        fingerprint.add_mesh(digest, self.holder.data)
+        for material in self.holder.data.materials:
+            fingerprint.add_tree(digest, material.node_tree)
+            digest.update(b"|")
+        return digest.hexdigest()
+
+    def _from(self, kept, inputs):
+        """The results that were kept."""
+        if "uv" in kept:
+            self._add_layer().uv.foreach_set("vector", kept["uv"])
+        baked = {}
+        for name in inputs:
+            baked[name] = image = self._new(name)
+            data = kept[name].tobytes()
+            image.pack(data=data, data_len=len(data))
+            image.source = "FILE"
+        return baked
+
+    def _bake_all(self, inputs, lays_out, key):
         self.kitchen.collection.objects.link(self.holder)
         try:
             self._select()
             if lays_out:
                 self._lay_out()
-            inputs = [name for name in pictures.INPUTS if any(name in n for n in needs.values())]
             baked = {name: self._bake(name) for name in inputs}
-            for material, names in needs.items():
-                self._use(material, {name: baked[name] for name in names})
         finally:
             self.kitchen.collection.objects.unlink(self.holder)
+        kept = {}
+        if lays_out:
+            kept["uv"] = np.empty(2 * len(self.holder.data.loops), np.float32)
+            self.holder.data.uv_layers[self.uv].uv.foreach_get("vector", kept["uv"])
+        for name, image in baked.items():
+            image.pack()
+            kept[name] = np.frombuffer(image.packed_file.data, np.uint8)
+        self.store.put(key, kept)
+        return baked
 
     def _select(self):
         layer = self.kitchen.view_layers[0]
@@ -126,26 +162,34 @@ class Baking:
         layer.objects.active = self.holder
         self.holder.select_set(True, view_layer=layer)
 
-    def _lay_out(self):
-        """Texture coordinates that use no point of the picture twice."""
+    def _add_layer(self):
+        """A layer of texture coordinates. What is there goes on looking up its own."""
         layers = self.holder.data.uv_layers
         rendered = next((layer.name for layer in layers if layer.active_render), None)
         layers.new(name=self.uv)
         layers.active = layers[self.uv]
+        if rendered is not None:
+            layers[rendered].active_render = True
+        return layers[self.uv]
+
+    def _lay_out(self):
+        """Texture coordinates that use no point of the picture twice."""
+        self._add_layer()
         bpy.ops.object.mode_set(mode="EDIT")
         bpy.ops.mesh.reveal()
         bpy.ops.mesh.select_all(action="SELECT")
         bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
         bpy.ops.object.mode_set(mode="OBJECT")
-        # What is there goes on looking up its own.
-        if rendered is not None:
-            layers[rendered].active_render = True
+
+    def _new(self, name):
+        """The picture of an input."""
+        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size)
+        image.colorspace_settings.name = "sRGB" if pictures.INPUTS[name] == pictures.COLOR else "Non-Color"
+        return image
 
     def _bake(self, name):
         """Bakes an input of all materials to one picture."""
-        kind = pictures.INPUTS[name]
-        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size)
-        image.colorspace_settings.name = "sRGB" if kind == pictures.COLOR else "Non-Color"
+        kind, image = pictures.INPUTS[name], self._new(name)
         undo = [self._aim(material, name, kind, image) for material in self.materials]
         is_normal = kind == pictures.NORMAL
         bpy.ops.object.bake(

@@ -46,11 +46,11 @@ def entries(obj, camera, scene, is_active, report):
     if camera.type == "PANO":
         report.warn(obj.name, "panoramic cameras are not supported: it is rendered in perspective")
     if camera.dof.use_dof:
-        found.update(_lens(obj, camera, report))
+        found.update(_lens(obj, camera))
     return found
 
 
-def _lens(obj, camera, report):
+def _lens(obj, camera):
     dof = camera.dof
     distance = dof.focus_distance
     if dof.focus_object is not None:
@@ -61,12 +61,15 @@ def _lens(obj, camera, report):
         placed = obj.matrix_world.normalized()
         distance = abs((placed.inverted() @ focus.translation).z)
     distance = max(distance, 1e-5)
+    shape = {}
     if dof.aperture_blades > 2:
-        report.warn(obj.name, f"its aperture of {dof.aperture_blades} blades is round")
-    if dof.aperture_ratio != 1:
-        report.warn(obj.name, f"its anamorphic aperture ({dof.aperture_ratio:.3g}) is round")
+        shape["blades"] = dof.aperture_blades
+        shape["blade_rotation"] = math.degrees(dof.aperture_rotation)
+    if abs(dof.aperture_ratio - 1) > 1e-6:
+        shape["aperture_ratio"] = dof.aperture_ratio
     if camera.type == "ORTHO":
         # Cycles: the radius is half of 1 / f-stop.
         radius = 1 / (2 * dof.aperture_fstop)
-        return {"defocus_angle": math.degrees(2 * math.atan(radius / distance)), "focus_distance": distance}
-    return {"f_stop": dof.aperture_fstop, "focal_length": camera.lens, "focus_distance": distance}
+        angle = math.degrees(2 * math.atan(radius / distance))
+        return {"defocus_angle": angle, "focus_distance": distance, **shape}
+    return {"f_stop": dof.aperture_fstop, "focal_length": camera.lens, "focus_distance": distance, **shape}

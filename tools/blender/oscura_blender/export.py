@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import camera, geometry, glb, lights, materials, settings, sidecar, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -25,6 +25,8 @@ def main(arguments):
     parser.add_argument("--frame", type=int)
     parser.add_argument("--time", type=float)
     parser.add_argument("--scene")
+    parser.add_argument("--view-layer")
+    parser.add_argument("--cache")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -55,16 +57,38 @@ def export(options, report):
         layer.update()
         found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
-    patches = materials.prepare(found, report)
+    store = cache.Store(options.cache)
+    patches, unseen = materials.prepare(found, store, report)
+    tables += [(f"[materials.{sidecar.value(name)}]", {"visible_to_camera": False}) for name in unseen]
     model = os.path.join(options.folder, f"{options.name}.glb")
-    _write_model(found, model)
-    glb.compose(model, found.placements, cameras, empties, patches)
+    holders = [holder for holder in found.objects.values() if holder is not None]
+    kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
+    kept.replace(holders)
+    images.replace(material for holder in holders for material in holder.data.materials)
+    _open_alone(holders)
+    _write_model(model)
+    written = glb.Glb(model)
+    if not images.exchange(written):
+        images.restore()
+        _write_model(model)
+        written = glb.Glb(model)
+    glb.compose(written, found.placements, cameras, empties, patches, kept)
+    written.write(model)
+    store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 
+class OurEngine(bpy.types.RenderEngine):
+    """The engine of the add-on, without which Blender forgets that a file is set up for it."""
+
+    bl_idname = settings.ENGINE
+    bl_label = "Oscura"
+
+
 def _open(options, report):
     bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.utils.register_class(OurEngine)
     for addon in ("io_scene_gltf2", "cycles"):
         if addon_utils.enable(addon) is None:
             raise Stop(f"this Blender comes without its add-on {addon}")
@@ -80,12 +104,23 @@ def _open(options, report):
         if scene is None:
             names = ", ".join(f"'{s.name}'" for s in bpy.data.scenes)
             raise Stop(f"there is no scene '{options.scene}', only {names}")
+    for missing in _missing_libraries():
+        report.warn("", f"the linked file {missing} is missing")
+    return scene, _layer(scene, options.view_layer, report)
+
+
+def _layer(scene, name, report):
+    """The view layer of a name, else the first that is rendered."""
+    if name is not None:
+        layer = scene.view_layers.get(name)
+        if layer is None:
+            names = ", ".join(f"'{layer.name}'" for layer in scene.view_layers)
+            raise Stop(f"there is no view layer '{name}', only {names}")
+        return layer
     used = [layer for layer in scene.view_layers if layer.use] or list(scene.view_layers)
     if len(used) > 1:
         report.note("", f"has {len(used)} view layers: '{used[0].name}' is rendered")
-    for missing in _missing_libraries():
-        report.warn("", f"the linked file {missing} is missing")
-    return scene, used[0]
+    return used[0]
 
 
 def _missing_libraries():
@@ -123,16 +158,18 @@ def _settings(scene, found, options, report):
     return tables + named + shining, cameras, empties
 
 
-def _write_model(found, path):
-    """Lets Blender's exporter write the meshes with their materials."""
+def _open_alone(holders):
+    """Opens a scene of these objects: Blender's exporter looks at what is open."""
     model = bpy.data.scenes.new("oscura")
-    for holder in found.objects.values():
-        if holder is not None:
-            model.collection.objects.link(holder)
-    # Its exporter looks at what is open.
+    for holder in holders:
+        model.collection.objects.link(holder)
     for other in list(bpy.data.scenes):
         if other != model:
             bpy.data.scenes.remove(other)
+
+
+def _write_model(path):
+    """Lets Blender's exporter write the meshes with their materials."""
     bpy.ops.export_scene.gltf(
         filepath=path,
         check_existing=False,

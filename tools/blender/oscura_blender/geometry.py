@@ -23,6 +23,7 @@ class Collected:
     def __init__(self):
         self.objects = {}  # mesh objects by what they were made of
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
+        self.unseen = []  # mesh objects that the camera doesn't see
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
 
@@ -100,13 +101,16 @@ def collect(scene, graph, report):
 
 def _add_mesh(found, obj, instance):
     data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
-    key = (data, *_own_materials(obj).items())
+    parent = instance.parent if instance.is_instance else None
+    is_seen = obj.visible_camera and (parent is None or parent.visible_camera)
+    key = (data, is_seen, *_own_materials(obj).items())
     if key not in found.objects:
         found.objects[key] = _holder(found, obj)
+        if not is_seen and found.objects[key] is not None:
+            found.unseen.append(found.objects[key])
     holder = found.objects[key]
     if holder is None:
         return
-    parent = instance.parent if instance.is_instance else None
     name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
 
@@ -135,7 +139,7 @@ def _holder(found, obj):
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
-    kinds = ("camera", "diffuse", "glossy", "transmission", "shadow")
+    kinds = ("diffuse", "glossy", "transmission", "shadow")
     hidden = [kind for kind in kinds if not getattr(obj, f"visible_{kind}", True)]
     if hidden and obj.type in MESHES:
         report.warn(obj.name, f"is seen by {' and '.join(hidden)} rays, from which Blender hides it")

@@ -36,12 +36,17 @@ class Glb:
         with open(path, "wb") as file:
             file.write(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
 
+    def add(self, data):
+        """Adds bytes; gives where they begin, and their number."""
+        self.binary += bytes(-len(self.binary) % 4)
+        start = len(self.binary)
+        self.binary += data
+        return start, len(data)
+
     def add_accessor(self, rows):
         """Adds rows of floats; gives the number of their accessor."""
-        self.binary += bytes(-len(self.binary) % 4)
-        data = b"".join(struct.pack(f"<{len(row)}f", *row) for row in rows)
-        view = {"buffer": 0, "byteOffset": len(self.binary), "byteLength": len(data)}
-        self.binary += data
+        start, length = self.add(b"".join(struct.pack(f"<{len(row)}f", *row) for row in rows))
+        view = {"buffer": 0, "byteOffset": start, "byteLength": length}
         views = self.json.setdefault("bufferViews", [])
         views.append(view)
         kind = {3: "VEC3", 4: "VEC4"}[len(rows[0])]
@@ -103,12 +108,12 @@ def _patch_materials(glb, patches):
         del glb.json["extensionsUsed"]
 
 
-def compose(path, placements, cameras, empties, patches):
+def compose(glb, placements, cameras, empties, patches, kept):
     """Gives the file of Blender's exporter its nodes: meshes (name of the exported object: placements), cameras (name,
     matrix, glTF camera) and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by
-    name."""
-    glb = Glb(path)
+    name. Meshes that are known come from `kept`."""
     by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
+    kept.exchange(glb, by_name)
     by_mesh = {by_name[name]: places for name, places in placements.items() if name in by_name}
     nodes = _place_meshes(glb, by_mesh)
     for index, (name, matrix, _) in enumerate(cameras):
@@ -122,5 +127,3 @@ def compose(path, placements, cameras, empties, patches):
     glb.json["scene"] = 0
     if not nodes:
         del glb.json["nodes"], glb.json["scenes"][0]["nodes"]
-    glb.write(path)
-    return by_name

@@ -1,5 +1,7 @@
 """Which inputs of a shader Blender's glTF exporter can write: constants, and pictures that are looked up as glTF does."""
 
+import bpy
+
 from . import shaders
 
 # Inputs that may be pictures in glTF, with what their values are.
@@ -51,12 +53,39 @@ def _is_plain(node, is_data):
     if node.bl_idname != "ShaderNodeTexImage" or node.mute or node.image is None:
         return False
     image = node.image
-    if image.source not in ("FILE", "GENERATED") or image.is_float or not image.has_data and not image.size[0]:
+    if image.source not in ("FILE", "GENERATED") or not _has_eight_bits(image):
         return False
     name = image.colorspace_settings.name
     if is_data is not None and name != ("Non-Color" if is_data else "sRGB"):
         return False
     return node.projection == "FLAT" and node.extension in ("REPEAT", "EXTEND", "MIRROR") and _is_by_uv(node.inputs["Vector"])
+
+
+def _has_eight_bits(image):
+    """Is it there, and no picture of floats? Only those whose headers don't tell are decoded for this, which takes long."""
+    return kind(image) is not None or (bool(image.size[0]) and not image.is_float)
+
+
+def kind(image):
+    """The media type of a picture of eight bits that glTF takes as its file is; None for others."""
+    if image.source != "FILE" or image.is_dirty:
+        return None
+    head = content(image, 32)
+    if head.startswith(b"\xff\xd8\xff"):
+        return "image/jpeg"
+    return "image/png" if head.startswith(b"\x89PNG") and len(head) > 24 and head[24] <= 8 else None
+
+
+def content(image, most=-1):
+    """The first bytes of a picture's file, or all; empty where it can't be read."""
+    if image.packed_file:
+        data = image.packed_file.data
+        return data if most < 0 else data[:most]
+    try:
+        with open(bpy.path.abspath(image.filepath_raw, library=image.library), "rb") as file:
+            return file.read(most)
+    except OSError:
+        return b""
 
 
 def _is_by_uv(vector):

@@ -1,5 +1,13 @@
 """What the scene says about rendering."""
 
+import bpy
+
+# The working space of oscura, and of Blender's scenes unless they say otherwise.
+REC709 = "Linear Rec.709"
+
+# The engine of the add-on (`engine/`).
+ENGINE = "OSCURA"
+
 
 def resolution(scene):
     """Width and height of the picture."""
@@ -15,7 +23,9 @@ def read(scene, report):
     cycles = getattr(scene, "cycles", None)
     if scene.render.engine == "CYCLES" and cycles:
         _read_cycles(cycles, entries, report)
-    elif scene.render.engine != "CYCLES":
+    elif scene.render.engine == ENGINE:
+        entries.update(_chosen_for_us(scene))
+    else:
         report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
     exposure = scene.view_settings.exposure
     if exposure:
@@ -26,6 +36,16 @@ def read(scene, report):
         report.note("", f"is viewed by {view.view_transform}{look} in Blender; PNGs are plain sRGB unless --view is given")
     _tell_of_the_rest(scene, report)
     return entries
+
+
+def _chosen_for_us(scene):
+    """What the add-on's panels say. Without the add-on Blender keeps it as it was stored: what was changed."""
+    if hasattr(scene, "bl_system_properties_get"):
+        stored = scene.bl_system_properties_get() or {}
+    else:
+        stored = scene
+    chosen = stored.get("oscura") or {}
+    return {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
 
 
 def _read_cycles(cycles, entries, report):
@@ -49,6 +69,10 @@ def _read_cycles(cycles, entries, report):
 
 def _tell_of_the_rest(scene, report):
     render = scene.render
+    # Blender 5 and newer.
+    space = getattr(getattr(bpy.data, "colorspace", None), "working_space", REC709)
+    if space != REC709:
+        report.warn("", f"colours are numbers in {space} and taken for {REC709}")
     if render.pixel_aspect_x != render.pixel_aspect_y:
         report.warn("", "pixels that are not square are rendered as squares")
     if render.use_border:

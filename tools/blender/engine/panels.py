@@ -1,0 +1,95 @@
+"""Panels: our own, and those of Blender and of Cycles whose settings count here, too."""
+
+import bpy
+
+from . import passes
+from .engine import Engine
+
+# Panels of Blender's that all engines share, but for these.
+NOT_OURS = {"RENDER_PT_simplify", "RENDER_PT_freestyle", "VIEWLAYER_PT_filter", "VIEWLAYER_PT_layer_passes"}
+
+# Panels of Cycles with settings that the exporter reads. It looks for Cycles' own names.
+OF_CYCLES = (
+    "CYCLES_CAMERA_PT_dof",
+    "CYCLES_CAMERA_PT_dof_aperture",
+    "CYCLES_LIGHT_PT_light",
+    "CYCLES_LIGHT_PT_nodes",
+    "CYCLES_LIGHT_PT_beam_shape",
+    "CYCLES_MATERIAL_PT_surface",
+    "CYCLES_OBJECT_PT_visibility",
+    "CYCLES_OBJECT_PT_visibility_ray_visibility",
+    "CYCLES_PT_context_material",
+    "CYCLES_RENDER_PT_film_transparency",
+    "CYCLES_WORLD_PT_ray_visibility",
+    "CYCLES_WORLD_PT_surface",
+)
+
+_shared = []
+
+
+class OurPanel:
+    """A panel that shows itself with our engine."""
+
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    COMPAT_ENGINES = {Engine.bl_idname}
+
+    @classmethod
+    def poll(cls, context):
+        return context.engine in cls.COMPAT_ENGINES
+
+
+class SamplingPanel(OurPanel, bpy.types.Panel):
+    bl_idname = "OSCURA_RENDER_PT_sampling"
+    bl_label = "Sampling"
+    bl_context = "render"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        for name in ("samples", "time_limit", "depth", "seed", "refresh"):
+            column.prop(context.scene.oscura, name)
+
+
+class PassesPanel(OurPanel, bpy.types.Panel):
+    bl_idname = "OSCURA_VIEWLAYER_PT_passes"
+    bl_label = "Passes"
+    bl_context = "view_layer"
+
+    def draw(self, context):
+        layout = self.layout
+        layout.use_property_split = True
+        layout.use_property_decorate = False
+        column = layout.column()
+        for entry in passes.TABLE:
+            column.prop(context.view_layer.oscura, f"use_{entry.option}")
+
+
+def _panels():
+    """Panels of others that are shown with our engine."""
+    for panel in bpy.types.Panel.__subclasses__():
+        engines = getattr(panel, "COMPAT_ENGINES", ())
+        if "BLENDER_RENDER" in engines and panel.__name__ not in NOT_OURS or panel.__name__ in OF_CYCLES:
+            yield panel
+
+
+def register():
+    bpy.utils.register_class(SamplingPanel)
+    bpy.utils.register_class(PassesPanel)
+    for panel in _panels():
+        # Not added in place: some panels share one set.
+        _shared.append((panel, panel.__dict__.get("COMPAT_ENGINES")))
+        panel.COMPAT_ENGINES = {*panel.COMPAT_ENGINES, Engine.bl_idname}
+
+
+def unregister():
+    while _shared:
+        panel, own = _shared.pop()
+        if own is None:
+            del panel.COMPAT_ENGINES
+        else:
+            panel.COMPAT_ENGINES = own
+    bpy.utils.unregister_class(PassesPanel)
+    bpy.utils.unregister_class(SamplingPanel)

@@ -1,0 +1,125 @@
+"""Hashes of meshes and of node trees, by all that results can depend on."""
+
+import os
+
+import bpy
+import numpy as np
+
+# Under which name the elements of an attribute have their values.
+VECTORS = ("FLOAT_VECTOR", "FLOAT2")
+COLORS = ("FLOAT_COLOR", "BYTE_COLOR")
+
+# What nodes look like, and what the hash of a tree has in another way.
+LOOKS = {
+    "rna_type", "name", "label", "location", "location_absolute", "width", "width_hidden", "height", "dimensions", "select",
+    "hide", "color", "use_custom_color", "show_options", "show_preview", "show_texture", "color_tag", "parent", "inputs",
+    "outputs", "internal_links", "warning_propagation", "node_tree", "image_user", "texture_mapping", "color_mapping",
+    "bl_icon", "bl_width_default", "bl_width_min", "bl_width_max", "bl_height_default", "bl_height_min", "bl_height_max",
+}  # fmt: skip
+
+
+def add_mesh(digest, mesh):
+    """Adds the shape of a mesh with all its attributes."""
+    starts = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("loop_start", starts)
+    normals = np.empty(len(mesh.loops) * 3, np.float32)
+    mesh.corner_normals.foreach_get("vector", normals)
+    digest.update(starts.tobytes() + b"normals")
+    digest.update(normals.tobytes())
+    for attribute in mesh.attributes:
+        digest.update(f"|{attribute.name}|{attribute.domain}|{attribute.data_type}|".encode())
+        digest.update(_values(attribute))
+    marks = [(layer.name, layer.active_render, layer.active) for layer in mesh.uv_layers]
+    colors = mesh.color_attributes
+    digest.update(repr((marks, colors.render_color_index, colors.active_color_index)).encode())
+
+
+def _values(attribute):
+    if not len(attribute.data):
+        return b""
+    kind = attribute.data_type
+    if kind == "STRING":
+        return repr([element.value for element in attribute.data]).encode()
+    key = "vector" if kind in VECTORS else "color" if kind in COLORS else "value"
+    size = np.size(getattr(attribute.data[0], key))
+    whole = kind in ("INT", "INT8", "BOOLEAN", "INT32_2D", "INT16_2D")
+    values = np.empty(len(attribute.data) * size, np.int32 if whole else np.float32)
+    attribute.data.foreach_get(key, values)
+    return values.tobytes()
+
+
+def add_tree(digest, tree, _inside=()):
+    """Adds a node tree with the groups, pictures and objects that it uses."""
+    if tree in _inside:
+        return
+    for node in tree.nodes:
+        digest.update(f"|{node.name}|{node.bl_idname}|".encode())
+        _add_properties(digest, node)
+        for socket in node.inputs:
+            if not socket.is_linked and hasattr(socket, "default_value"):
+                digest.update(repr((socket.identifier, _plain(socket.default_value))).encode())
+        for socket in node.outputs:
+            # Nodes of a colour or a number have it there.
+            if hasattr(socket, "default_value"):
+                digest.update(repr(_plain(socket.default_value)).encode())
+        if getattr(node, "node_tree", None):
+            add_tree(digest, node.node_tree, (*_inside, tree))
+        if hasattr(node, "image_user"):
+            user = node.image_user
+            moment = bpy.context.scene.frame_current if node.image and node.image.source in ("SEQUENCE", "MOVIE") else 0
+            digest.update(repr((user.frame_offset, user.frame_start, user.use_cyclic, moment)).encode())
+    for link in tree.links:
+        ends = (link.from_node.name, link.from_socket.identifier, link.to_node.name, link.to_socket.identifier)
+        digest.update(repr((*ends, link.is_muted)).encode())
+
+
+def _add_properties(digest, thing):
+    for known in thing.bl_rna.properties:
+        key = known.identifier
+        if key in LOOKS:
+            continue
+        value = getattr(thing, key)
+        digest.update(f"{key}=".encode())
+        if known.type == "COLLECTION":
+            for item in value:
+                _add_properties(digest, item)
+        elif known.type != "POINTER" or value is None:
+            digest.update(repr(_plain(value)).encode())
+        elif isinstance(value, bpy.types.Image):
+            _add_image(digest, value)
+        elif isinstance(value, bpy.types.Object):
+            digest.update(repr([tuple(row) for row in value.matrix_world]).encode())
+        elif isinstance(value, bpy.types.ID):
+            digest.update(value.name_full.encode())
+        else:
+            # Ramps and curves.
+            _add_properties(digest, value)
+
+
+def _plain(value):
+    return value if isinstance(value, (str, int, float, bool, set, type(None))) else _listed(value)
+
+
+def _listed(value):
+    try:
+        return [_plain(part) for part in value]
+    except TypeError:
+        return str(value)
+
+
+def _add_image(digest, image):
+    looked_up = (image.source, image.colorspace_settings.name, image.alpha_mode)
+    digest.update(repr(looked_up).encode())
+    if image.is_dirty or image.source == "GENERATED":
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        digest.update(repr(tuple(image.size)).encode() + pixels.tobytes())
+        return
+    if image.packed_file:
+        digest.update(image.packed_file.data)
+        return
+    path = bpy.path.abspath(image.filepath_raw, library=image.library)
+    digest.update(path.encode())
+    if os.path.isfile(path):
+        found = os.stat(path)
+        digest.update(repr((found.st_size, found.st_mtime_ns)).encode())

@@ -1,0 +1,226 @@
+"""Tries the render engine in Blender without a window.
+
+    python test_engine.py            with a Python that has bpy; OSCURA names the program
+
+Builds the extension as Blender does, installs it where it disturbs nobody, and renders.
+"""
+
+import os
+import shutil
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+PROGRAM = os.environ.get("OSCURA", str(HERE.parent.parent / "target/release/oscura"))
+
+# Blender looks here for what a user has installed.
+USER = tempfile.mkdtemp(prefix="oscura-test-")
+os.environ["BLENDER_USER_RESOURCES"] = USER
+
+import bpy  # noqa: E402  (it reads the variable)
+import numpy as np  # noqa: E402
+
+MODULE = "bl_ext.user_default.oscura"
+SAMPLES, DEPTH = 7, 5
+
+
+def build(folder):
+    """Builds the extension by the script that `blender --command extension build` runs."""
+    scripts = Path(bpy.utils.system_resource("SCRIPTS"))
+    tool = scripts / "addons_core/bl_pkg/cli/blender_ext.py"
+    package = Path(folder) / "oscura.zip"
+    command = [sys.executable, str(tool), "build", "--source-dir", str(HERE / "engine"), "--output-filepath", str(package)]
+    subprocess.run(command, check=True, capture_output=True)
+    return package
+
+
+def make_scene():
+    """A plane, a lamp and a mirror ball, set up for our engine."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.preferences.addon_enable(module=MODULE)
+    bpy.context.preferences.addons[MODULE].preferences.program = PROGRAM
+    bpy.context.preferences.addons[MODULE].preferences.use_cache = False
+    scene = bpy.context.scene
+    scene.render.engine = "OSCURA"
+    scene.render.resolution_x, scene.render.resolution_y = 48, 36
+    scene.oscura.samples, scene.oscura.depth = SAMPLES, DEPTH
+    bpy.ops.mesh.primitive_plane_add(size=6)
+    bpy.ops.mesh.primitive_uv_sphere_add(location=(0, 0, 1))
+    lamp = bpy.data.lights.new("Panel", "AREA")
+    lamp.energy = 200
+    link("Panel", lamp, (1, -1, 4))
+    scene.camera = link("Eye", bpy.data.cameras.new("Eye"), (0, -6, 1.5))
+    scene.camera.rotation_euler = (1.45, 0, 0)
+    scene.world = bpy.data.worlds.new("World")
+    scene.world.color = (0.1, 0.1, 0.1)
+    return scene
+
+
+def link(name, data, location):
+    made = bpy.data.objects.new(name, data)
+    made.location = location
+    bpy.context.scene.collection.objects.link(made)
+    return made
+
+
+class EngineTest(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.folder = Path(tempfile.mkdtemp(prefix="oscura-test-"))
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        bpy.ops.preferences.addon_enable(module="bl_pkg")
+        package = build(cls.folder)
+        bpy.ops.extensions.package_install_files(filepath=str(package), repo="user_default", enable_on_install=True)
+        cls.engine = sys.modules[f"{MODULE}.engine"]
+        cls.exr = sys.modules[f"{MODULE}.exr"]
+
+    @classmethod
+    def tearDownClass(cls):
+        bpy.ops.preferences.addon_disable(module=MODULE)
+        shutil.rmtree(cls.folder)
+        shutil.rmtree(USER, ignore_errors=True)
+
+    def setUp(self):
+        self.scene = make_scene()
+        self.filled = []
+        fill = self.engine._fill
+        self.addCleanup(setattr, self.engine, "_fill", fill)
+
+        def noted(result, picture, scene):
+            fill(result, picture, scene)
+            entries = [p for p in result.layers[0].passes]
+            self.filled.append({p.name: np.array(p.rect[:], np.float32).reshape(-1, p.channels) for p in entries})
+
+        self.engine._fill = noted
+
+    def command_line(self, *more):
+        """The channels of what the program makes of the saved file."""
+        blend = self.folder / "scene.blend"
+        picture = self.folder / ("####.exr" if "--frames" in more else "picture.exr")
+        bpy.ops.wm.save_as_mainfile(filepath=str(blend), copy=True)
+        command = [PROGRAM, "render", str(blend), "-o", str(picture), "--float", "--blender", sys.executable, "--no-cache"]
+        subprocess.run([*command, *more], check=True, capture_output=True)
+        return self.exr.read(self.folder / "0002.exr" if "--frames" in more else picture)
+
+    def test_pictures_are_those_of_the_command_line_bit_for_bit(self):
+        layer = self.scene.view_layers[0]
+        layer.oscura.use_depth = layer.oscura.use_normal = layer.oscura.use_albedo = True
+        bpy.ops.render.render()
+        expected = self.command_line("--aov", "depth,normal,albedo")
+        passes = self.filled[-1]
+        self.assertEqual(set(passes), {"Combined", "Depth", "Normal", "Albedo"})
+        for k, letter in enumerate("RGBA"):
+            np.testing.assert_array_equal(passes["Combined"][:, k], expected[letter].ravel())
+        self.assertGreater(passes["Combined"].std(), 0.05)
+        np.testing.assert_array_equal(passes["Depth"][:, 0], expected["Z"].ravel())
+        # Up is z in Blender: the plane's normal.
+        self.assertGreater(passes["Normal"][: 48 * 4, 2].mean(), 0.99)
+        # They arrive in Blender's own picture.
+        saved = self.folder / "saved.exr"
+        image = self.scene.render.image_settings
+        if hasattr(image, "media_type"):
+            image.media_type = "MULTI_LAYER_IMAGE"
+        image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
+        if hasattr(image, "use_exr_interleave"):
+            image.use_exr_interleave = True
+        bpy.data.images["Render Result"].save_render(str(saved))
+        written = self.exr.read(saved)
+        for name, k in (("Combined.R", 0), ("Combined.B", 2), ("Depth.Z", 0), ("Normal.Z", 2), ("Albedo.G", 1)):
+            ours = passes[name.split(".")[0]][:, k]
+            np.testing.assert_array_equal(written[f"{layer.name}.{name}"].ravel(), ours)
+        # And leave the compositor's node.
+        tree = bpy.data.scenes.new("compositing")
+        tree.use_nodes = True
+        nodes = getattr(tree, "node_tree", None) or bpy.data.node_groups.new("compositing", "CompositorNodeTree")
+        node = nodes.nodes.new("CompositorNodeRLayers")
+        node.scene = self.scene
+        outputs = {socket.name for socket in node.outputs if socket.enabled}
+        self.assertLessEqual({"Image", "Depth", "Normal", "Albedo"}, outputs)
+
+    def test_the_files_settings_count(self):
+        self.scene.oscura.seed = 3
+        first = self.command_line("--aov", "samples")
+        self.assertEqual(set(first["samples"].ravel()), {SAMPLES})
+        self.scene.oscura.seed = 4
+        self.assertTrue((first["R"] != self.command_line()["R"]).any())
+
+    def test_a_region_is_that_part_of_the_picture(self):
+        render = self.scene.render
+        render.use_border = True
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.75, 0.5, 1.0
+        bpy.ops.render.render()
+        expected = self.command_line()["G"][18:36, 12:36]
+        np.testing.assert_array_equal(self.filled[-1]["Combined"][:, 1], expected.ravel())
+
+    def test_each_view_layer_is_rendered(self):
+        ball = bpy.data.objects["Sphere"]
+        aside = bpy.data.collections.new("aside")
+        self.scene.collection.children.link(aside)
+        self.scene.collection.objects.unlink(ball)
+        aside.objects.link(ball)
+        second = self.scene.view_layers.new("Second")
+        second.layer_collection.children["aside"].exclude = True
+        self.scene.oscura.refresh = 1000
+        bpy.ops.render.render()
+        # Finished pictures may be seen once more on the way.
+        with_ball, without = (self.filled[k]["Combined"][:, 0] for k in (0, -1))
+        self.assertTrue((with_ball != without).any())
+        np.testing.assert_array_equal(without, self.command_line("--view-layer", "Second")["R"].ravel())
+
+    def test_the_menu_exports_a_folder(self):
+        folder = self.folder / "exported"
+        bpy.ops.export_scene.oscura(directory=str(folder))
+        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.glb", "scene.oscura.toml"})
+        with self.assertRaisesRegex(RuntimeError, "not empty"):
+            bpy.ops.export_scene.oscura(directory=str(folder))
+        bpy.ops.export_scene.oscura(directory=str(folder), use_replace=True)
+
+    def test_cancelling_ends_the_program_and_keeps_what_is_there(self):
+        self.scene.oscura.samples, self.scene.oscura.refresh = 1_000_000, 0.2
+        engine = self.engine.Engine
+        plain = engine.is_cancelled
+        # Once there are pictures and news.
+        engine.is_cancelled = lambda _: len(self.filled) >= 2 and children[0].status
+        children = []
+        start = self.engine.program.Child
+        self.engine.program.Child = lambda command: children.append(start(command)) or children[-1]
+        try:
+            bpy.ops.render.render()
+        finally:
+            engine.is_cancelled = plain
+            self.engine.program.Child = start
+        self.assertIsNotNone(children[0].process.returncode)
+        self.assertGreaterEqual(len(self.filled), 3)
+        self.assertGreater(self.filled[-1]["Combined"][:, :3].mean(), 0.01)
+
+    def test_errors_have_the_text_of_the_program(self):
+        bpy.context.preferences.addons[MODULE].preferences.program = "/nowhere/oscura"
+        with self.assertRaisesRegex(RuntimeError, "there is no program /nowhere/oscura"):
+            bpy.ops.render.render()
+        bpy.context.preferences.addons[MODULE].preferences.program = PROGRAM
+        self.scene.camera.scale = (0, 0, 0)
+        with self.assertRaisesRegex(RuntimeError, "camera 'Eye'"):
+            bpy.ops.render.render()
+
+    def test_an_animation_has_its_frames(self):
+        ball = bpy.data.objects["Sphere"]
+        for frame, place in ((1, 0.0), (2, 1.0)):
+            ball.location.x = place
+            ball.keyframe_insert("location", frame=frame)
+        self.scene.frame_start, self.scene.frame_end = 1, 2
+        self.scene.oscura.refresh = 1000
+        self.scene.render.filepath = str(self.folder / "frame.")
+        bpy.ops.render.render(animation=True)
+        self.assertTrue((self.filled[0]["Combined"] != self.filled[-1]["Combined"]).any())
+        np.testing.assert_array_equal(self.filled[-1]["Combined"][:, 0], self.command_line("--frames", "2")["R"].ravel())
+
+
+if __name__ == "__main__":
+    done = unittest.main(exit=False, verbosity=2)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # The module `bpy` may hang while it tidies up.
+    os._exit(0 if done.result.wasSuccessful() else 1)

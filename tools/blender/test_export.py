@@ -1,0 +1,116 @@
+"""Tries what the exporter keeps for the next time.
+
+    python test_export.py            with a Python that has bpy
+"""
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import unittest
+from pathlib import Path
+
+import bpy
+import numpy as np
+
+HERE = Path(__file__).resolve().parent
+sys.path.insert(0, str(HERE))
+
+from oscura_blender.glb import Glb  # noqa: E402  (the path comes first)
+
+
+def make_scene(path, grey=0.5, height=0.0):
+    """Two grids of many corners: one of noise, which is baked, one with a picture; vertex colours on both."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    picture = bpy.data.images.new("picture", 64, 64)
+    picture.pixels[:] = np.random.default_rng(1).random(64 * 64 * 4).tolist()
+    picture.filepath_raw, picture.file_format = str(path.with_suffix(".png")), "PNG"
+    picture.save()
+    for kind in ("ShaderNodeTexNoise", "ShaderNodeTexImage"):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=60, y_subdivisions=60)
+        mesh = bpy.context.object.data
+        mesh.vertices[0].co.z = height
+        mesh.color_attributes.new("Tint", "BYTE_COLOR", "CORNER")
+        material = bpy.data.materials.new(kind)
+        material.use_nodes = True
+        tree = material.node_tree
+        shader = tree.nodes["Principled BSDF"]
+        shader.inputs["Roughness"].default_value = grey
+        node = tree.nodes.new(kind)
+        if kind == "ShaderNodeTexImage":
+            node.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        mesh.materials.append(material)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+def contents(glb):
+    """The model without its layout: JSON, and the bytes of each view."""
+    views = [(view.pop("byteOffset", 0), view.pop("byteLength")) for view in glb.json["bufferViews"]]
+    del glb.json["buffers"]
+    return glb.json, [bytes(glb.binary[start : start + length]) for start, length in views]
+
+
+class KeptTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="oscura-test-")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        self.cache = self.folder / "cache"
+
+    def export(self, *more):
+        """The model that comes of the scene's file."""
+        out = Path(tempfile.mkdtemp(dir=self.folder))
+        command = [sys.executable, str(HERE / "export.py"), "--", str(self.folder / "scene.blend"), str(out), "scene"]
+        subprocess.run([*command, str(out / "answer.json"), *more], check=True, capture_output=True)
+        self.assertIsNone(json.loads((out / "answer.json").read_text())["error"])
+        return contents(Glb(out / "scene.glb"))
+
+    def cached(self):
+        return self.export("--cache", str(self.cache))
+
+    def kept(self):
+        """What is kept: times of the last change by name."""
+        return {path.name: path.stat().st_ino for path in self.cache.iterdir()}
+
+    def test_what_is_kept_is_what_is_exported(self):
+        make_scene(self.folder / "scene.blend")
+        expected = self.export()
+        self.assertEqual(self.cached(), expected)
+        first = self.kept()
+        # Two meshes and one baking.
+        self.assertEqual(len(first), 3)
+        self.assertTrue(all(name.endswith(".oscura") and len(name) == 39 for name in first))
+        self.assertEqual(self.cached(), expected)
+        self.assertEqual(self.kept(), first, "nothing was made again")
+        # The picture reaches the model as it is.
+        self.assertIn((self.folder / "scene.png").read_bytes(), expected[1])
+
+    def test_what_changes_is_made_again(self):
+        for change in ({}, {"grey": 0.25}, {"height": 0.5}):
+            make_scene(self.folder / "scene.blend", **change)
+            before = len(self.kept()) if self.cache.exists() else 0
+            self.assertEqual(self.cached(), self.export())
+            self.assertEqual(len(self.kept()), before + 3, change)
+
+    def test_damaged_files_are_made_again(self):
+        make_scene(self.folder / "scene.blend")
+        expected = self.cached()
+        for path in self.cache.iterdir():
+            path.write_bytes(path.read_bytes()[:100])
+        self.assertEqual(self.cached(), expected)
+        self.assertTrue(all(path.stat().st_size > 100 for path in self.cache.iterdir()))
+
+    def test_a_folder_that_takes_nothing_is_no_reason_to_end(self):
+        make_scene(self.folder / "scene.blend")
+        self.cache.write_text("no folder")
+        self.assertEqual(self.cached(), self.export())
+
+
+if __name__ == "__main__":
+    done = unittest.main(exit=False, verbosity=2)
+    sys.stdout.flush()
+    sys.stderr.flush()
+    # The module `bpy` may hang while it tidies up.
+    os._exit(0 if done.result.wasSuccessful() else 1)
