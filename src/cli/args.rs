@@ -2,6 +2,7 @@
 
 use super::asset_args::AssetArgs;
 use super::frames::Frames;
+use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use oscura::film::Aov;
@@ -128,14 +129,6 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
-/// Axes that point up in files that don't say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpArg {
-    Y,
-    /// As in Blender and most scans and CAD.
-    Z,
-}
-
 /// View transforms of PNGs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ViewArg {
@@ -192,9 +185,6 @@ pub(crate) struct RenderArgs {
     /// Show the points of a point cloud as spheres of this radius, metres.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
-    /// Axis of OBJ and PLY files that points up.
-    #[arg(long, value_name = "AXIS", default_value = "y")]
-    pub up: UpArg,
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
@@ -255,6 +245,8 @@ pub(crate) struct RenderArgs {
     /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub stage: StageArgs,
     #[command(flatten)]
     pub asset: AssetArgs,
 }

@@ -24,6 +24,7 @@ mod report_json;
 mod scene_path;
 mod settings;
 mod shapes;
+mod stage_args;
 mod terms;
 
 use args::{Arguments, Command};

@@ -1,7 +1,7 @@
 //! `oscura render`: load, compile, render, write, report.
 
 use super::Outcome;
-use super::args::{RenderArgs, UpArg};
+use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::{Pictures, Targets};
@@ -16,7 +16,7 @@ use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
 use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled, in_pool};
-use oscura::scene::Camera;
+use oscura::scene::{Backdrop, Camera};
 use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::time::Instant;
@@ -36,7 +36,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
         say_export(args);
-        let loaded = load(&args.scene, &load_options(args));
+        let loaded = load(&args.scene, &load_options(args)?);
         // A signal ends Blender, too, whose failure is then no news.
         stop_before_pixels(cancel)?;
         let mut loaded = loaded?;
@@ -51,7 +51,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
-    load_frames(&args.scene, &load_options(args), frames.numbers(), args.fps, &mut |loaded| {
+    load_frames(&args.scene, &load_options(args)?, frames.numbers(), args.fps, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
         let targets = Targets::check(&file(number))?;
         if !args.quiet {
@@ -77,17 +77,19 @@ fn say_export(args: &RenderArgs) {
     }
 }
 
-fn load_options(args: &RenderArgs) -> LoadOptions {
-    LoadOptions {
+fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
+    let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
+    Ok(LoadOptions {
         allow_external: args.allow_external,
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
         point_radius: args.point_radius,
-        z_up: args.up == UpArg::Z,
+        up: args.stage.up,
+        stage: args.stage.options(aspect, &mut Vec::new())?,
         no_sidecar: args.no_sidecar,
         blender: BlenderOptions { program: args.blender.clone(), frame: None },
         ..LoadOptions::default()
-    }
+    })
 }
 
 /// What outlives a picture.
@@ -106,7 +108,7 @@ fn run_one(
     start: Instant,
     Kept { said, compiler }: &mut Kept,
 ) -> Result<Outcome> {
-    let Prepared { scene, camera, settled, build, load_s, notes, mut warnings, left_out } =
+    let Prepared { scene, backdrop, camera, settled, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
@@ -118,7 +120,8 @@ fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let picture = take_picture(args, cancel, scene, &camera, &settled)?;
+    let mut picture = take_picture(args, cancel, scene, &camera, &settled)?;
+    backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
 
     let start = Instant::now();
     let pictures = Pictures::encode(args, targets, &picture, png(args, settled.exposure), &warnings)?;
@@ -177,6 +180,7 @@ fn take_picture(
 /// All that rendering needs.
 struct Prepared {
     scene: Arc<CompiledScene>,
+    backdrop: Option<Backdrop>,
     camera: Camera,
     settled: Settled,
     build: CompileReport,
@@ -212,7 +216,8 @@ fn prepare(
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    Ok(Prepared { scene, camera, settled, build, load_s, notes, warnings, left_out })
+    let backdrop = loaded.scene.backdrop.take();
+    Ok(Prepared { scene, backdrop, camera, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

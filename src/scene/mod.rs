@@ -31,9 +31,9 @@ mod slot;
 mod texture;
 mod validate;
 
-pub use bounds::{Extent, instance_extents, scene_extent};
+pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Camera, Projection, ThinLens, looking_at};
-pub use environment::Environment;
+pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
@@ -74,6 +74,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
     pub is_environment_hidden: bool,
+    /// What is laid behind the picture where it is transparent.
+    pub backdrop: Option<Backdrop>,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
     /// What the scene says about rendering; the command line may override each.

@@ -24,6 +24,14 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Reads an image file as a picture to look at.
+///
+/// # Errors
+/// As for [`load_environment`].
+pub fn load_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
+    read(path, Use::Color, warnings)
+}
+
 /// Reads an image file for a use.
 ///
 /// # Errors

@@ -173,6 +173,9 @@ impl Palette<'_> {
         material.use_vertex_colors = has_colors;
         loaded.scene.materials.push(material);
         let id = MaterialId(loaded.scene.materials.len() as u32 - 1);
+        if found.is_none() {
+            loaded.stand_ins.push(id);
+        }
         self.ids.insert((name, has_colors), id);
         id
     }

@@ -127,6 +127,7 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
     }
     loaded.scene.materials.push(material);
+    loaded.stand_ins.push(MaterialId(0));
     loaded.scene.meshes.push(mesh);
     loaded.scene.instances.push(Instance {
         name: "mesh".to_string(),
