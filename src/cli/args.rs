@@ -31,6 +31,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Write small pictures of many models.
+    Thumb(ThumbArgs),
     /// Write a commented scene file to start from.
     New(NewArgs),
     /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
@@ -65,6 +67,33 @@ pub(crate) struct NewArgs {
     /// Print errors only.
     #[arg(long)]
     pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ThumbArgs {
+    /// The models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
+    #[arg(required = true, value_name = "MODEL")]
+    pub models: Vec<PathBuf>,
+    /// Folder for the pictures, MODEL.png each [default: beside each model].
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Longer side in pixels.
+    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
+    pub size: u32,
+    /// Most seconds of rendering a model.
+    #[arg(long, value_name = "S", default_value = "1.2", value_parser = seconds)]
+    pub time_limit: std::time::Duration,
+    /// Threads [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
+    /// Let glTF and OBJ files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    #[command(flatten)]
+    pub stage: StageArgs,
 }
 
 #[derive(Args, Debug)]
@@ -140,15 +169,19 @@ pub(crate) enum ViewArg {
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
-    /// File to write, .exr or .png; may be given several times. In a sequence, #### stands for the frame.
+    /// File to write, .exr or .png (with --orbit also .gif or .apng); may be given several times. In a sequence, ####
+    /// stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
-    /// Frames a second of a sequence.
+    /// Frames a second of a sequence or a moving picture.
     #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
+    /// Render N pictures while the camera goes once around: numbered files, or one .gif or .apng.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
+    pub orbit: Option<u32>,
     /// Samples a pixel [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
@@ -218,9 +251,9 @@ pub(crate) struct RenderArgs {
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs look.
-    #[arg(long, default_value = "srgb")]
-    pub view: ViewArg,
+    /// How PNGs look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    #[arg(long)]
+    pub view: Option<ViewArg>,
     /// Exposure of PNGs in stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,

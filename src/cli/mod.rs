@@ -14,6 +14,7 @@ mod inspect;
 mod json;
 mod markdown;
 mod new;
+mod orbit;
 mod outcome;
 mod pictures;
 mod process;
@@ -26,6 +27,7 @@ mod settings;
 mod shapes;
 mod stage_args;
 mod terms;
+mod thumb;
 
 use args::{Arguments, Command};
 use clap::Parser;
@@ -42,6 +44,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
+        Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Help(a) => (false, help::run(&a)),
         Command::Completions(a) => (false, help::completions(&a)),
@@ -51,6 +54,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Disagreement) => ExitCode::from(1),
         Ok(Outcome::Interrupted) => ExitCode::from(130),
+        Ok(Outcome::Failed(code)) => ExitCode::from(code),
         Err(error) => {
             let error = terms::in_error(error);
             report::error(&error);

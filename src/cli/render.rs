@@ -4,9 +4,10 @@ use super::Outcome;
 use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
+use super::orbit;
 use super::pictures::{Pictures, Targets};
 use super::process::{cancel_by_signals, peak_memory};
-use super::progress::Progress;
+use super::progress::{Progress, Waiting};
 use super::report::{Run, Said};
 use super::scene_path;
 use super::settings::{choices, png, without_exr};
@@ -15,6 +16,7 @@ use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load, load_frames};
+use oscura::output::{Animation, rgba8};
 use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled, in_pool};
 use oscura::scene::{Backdrop, Camera};
 use std::ops::ControlFlow;
@@ -30,25 +32,24 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
 /// Renders one picture, or each of a sequence.
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     choices(args).check_size()?;
+    if let Some(count) = args.orbit {
+        return orbit::run(args, count, cancel);
+    }
     let Some(frames) = args.frames else {
         let targets = Targets::check(&args.output)?;
         let start = Instant::now();
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
-        say_export(args);
-        let loaded = load(&args.scene, &load_options(args)?);
-        // A signal ends Blender, too, whose failure is then no news.
-        stop_before_pixels(cancel)?;
-        let mut loaded = loaded?;
-        let mut kept = Kept { said: Said::default(), compiler: Compiler::single() };
-        return run_one(args, cancel, &targets, &environment, &mut loaded, start, &mut kept);
+        let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
+        let mut kept = Kept { said: Said::default(), compiler: Compiler::single(), animation: None };
+        return run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept);
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
     let (mut start, mut numbers, mut outcome) = (Instant::now(), frames.numbers(), Outcome::Done);
-    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence() };
+    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence(), animation: None };
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
     load_frames(&args.scene, &load_options(args)?, frames.numbers(), args.fps, &mut |loaded| {
@@ -60,7 +61,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
                 false => eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
             }
         }
-        outcome = run_one(args, cancel, &targets, &environment, loaded, start, &mut kept)?;
+        outcome = run_one(args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),
@@ -70,6 +71,17 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     Ok(outcome)
 }
 
+/// Loads the scene; says so if it takes a while.
+pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
+    say_export(args);
+    let waiting = Waiting::new(args.quiet, "load");
+    let loaded = load(&args.scene, options);
+    drop(waiting);
+    // A signal ends Blender, too, whose failure is then no news.
+    stop_before_pixels(cancel)?;
+    loaded
+}
+
 /// Says what takes a while.
 fn say_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
@@ -77,7 +89,7 @@ fn say_export(args: &RenderArgs) {
     }
 }
 
-fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
+pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
     let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
     Ok(LoadOptions {
         allow_external: args.allow_external,
@@ -93,23 +105,27 @@ fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
 }
 
 /// What outlives a picture.
-struct Kept {
-    said: Said,
-    compiler: Compiler,
+pub(super) struct Kept {
+    pub said: Said,
+    pub compiler: Compiler,
+    /// Frames of a moving picture so far, where one is wanted.
+    pub animation: Option<Animation>,
 }
 
-/// Renders one picture of a scene that began to load at `start`.
-fn run_one(
+/// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
+/// scene's, unless that has been done.
+pub(super) fn run_one(
     args: &RenderArgs,
     cancel: &CancelHandle,
     targets: &Targets,
-    environment: &EnvironmentOverride,
+    environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    Kept { said, compiler }: &mut Kept,
+    Kept { said, compiler, animation }: &mut Kept,
 ) -> Result<Outcome> {
+    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let Prepared { scene, backdrop, camera, settled, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+        prepare(args, targets.has_exr() || animation.is_some(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
@@ -122,9 +138,15 @@ fn run_one(
 
     let mut picture = take_picture(args, cancel, scene, &camera, &settled)?;
     backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
+    picture.set_world_offset(loaded.offset);
 
     let start = Instant::now();
-    let pictures = Pictures::encode(args, targets, &picture, png(args, settled.exposure), &warnings)?;
+    let png = png(args, settled.exposure, is_stage_lit);
+    let pictures = Pictures::encode(args, targets, &picture, png, &warnings)?;
+    if let Some(animation) = animation {
+        let (width, height) = (picture.film().width(), picture.film().height());
+        animation.add(rgba8(picture.film(), &png), width, height);
+    }
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
@@ -194,7 +216,7 @@ struct Prepared {
 fn prepare(
     args: &RenderArgs,
     has_exr: bool,
-    environment: &EnvironmentOverride,
+    environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
     compiler: &mut Compiler,
@@ -206,17 +228,19 @@ fn prepare(
         choices = without_exr(args, choices, &mut warnings);
     }
     let settled = choices.settle(&loaded.scene)?;
-    warnings.extend(environment.apply(args, &mut loaded.scene));
+    warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     let load_s = start.elapsed().as_secs_f64();
 
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
+    let waiting = Waiting::new(args.quiet, "build");
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
+    drop(waiting);
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    let backdrop = loaded.scene.backdrop.take();
+    let backdrop = loaded.scene.backdrop.clone();
     Ok(Prepared { scene, backdrop, camera, settled, build, load_s, notes, warnings, left_out })
 }
 

@@ -71,6 +71,12 @@ pub(crate) enum BackgroundArg {
 }
 
 impl StageArgs {
+    /// No colour of the background is chosen, which would have to look as it was given.
+    pub fn leaves_view_open(&self) -> bool {
+        self.stage != Some(StageArg::White)
+            && matches!(self.background, None | Some(BackgroundArg::Transparent))
+    }
+
     /// The choices, for a picture of this width over height; reads the background's picture.
     ///
     /// # Errors

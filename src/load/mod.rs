@@ -3,6 +3,7 @@
 
 pub mod blender;
 mod decoders;
+mod far;
 mod formats;
 pub mod gltf;
 mod guard;
@@ -11,6 +12,7 @@ mod loaded;
 mod losses;
 pub mod obj;
 pub mod ply;
+mod points;
 mod polygon;
 pub mod scene_file;
 mod shapes;

@@ -4,6 +4,7 @@ use super::statistics::Statistics;
 use crate::error::{Result, Warning};
 use crate::film::Film;
 use crate::image::Image;
+use crate::math::DVec3;
 use crate::output::{Format, OutputOptions, encode, write_atomically};
 use crate::scene::Backdrop;
 use std::path::Path;
@@ -67,6 +68,11 @@ impl Picture {
                 });
             }
         }
+    }
+
+    /// Says in headers how far from the world's origin the scene's coordinates have theirs; zero is not said.
+    pub fn set_world_offset(&mut self, offset: DVec3) {
+        self.output.metadata.world_offset = Some(offset).filter(|o| *o != DVec3::ZERO);
     }
 
     /// The film, without the rest.

@@ -185,11 +185,12 @@ impl Renderer {
     /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
     /// statistics tell of it.
     pub fn render(self) -> Result<Picture> {
-        let backdrop = self.loaded.scene.backdrop.clone();
+        let (backdrop, offset) = (self.loaded.scene.backdrop.clone(), self.loaded.offset);
         let mut rendering = self.start()?;
         rendering.run();
         let mut picture = rendering.into_picture();
         backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
+        picture.set_world_offset(offset);
         Ok(picture)
     }
 }

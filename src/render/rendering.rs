@@ -242,6 +242,7 @@ impl Rendering {
             render_s: Some(statistics.render_s),
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
+            world_offset: None,
             stopped_by: stopped_by.map(str::to_string),
             warnings: warnings.iter().map(Warning::to_string).collect(),
         };

@@ -138,7 +138,8 @@ fn at(
     };
     let (warnings, notes) = (named(report.warnings()), named(report.notes()));
     let stand_ins = materials::stand_ins(&scene.materials);
-    let loaded = Loaded { scene, warnings, notes, left_out, empties, blender, stand_ins, ..Loaded::default() };
+    let loaded =
+        Loaded { scene, warnings, notes, left_out, empties, blender, stand_ins, ..Loaded::default() };
     Ok((loaded, still))
 }
 

@@ -1,9 +1,9 @@
 //! What a bare model stands on.
 
 use super::light;
+use super::on_grid;
 use super::options::{Background, Ground, StageOptions};
 use super::outline::Outline;
-use super::on_grid;
 use crate::error::{Choice, Warning};
 use crate::load::Loaded;
 use crate::math::DVec3;

@@ -29,10 +29,10 @@ struct SoftBox {
 /// Key, fill and rim light, and a weak one above, which makes the ground bright. White that faces the key reflects less
 /// than 1 in all (tested).
 const STUDIO: [SoftBox; 4] = [
-    SoftBox { azimuth: -54.0, elevation: 45.0, half: [25.0, 25.0], radiance: 4.6 },
-    SoftBox { azimuth: 75.0, elevation: 20.0, half: [22.0, 30.0], radiance: 0.3 },
-    SoftBox { azimuth: 156.0, elevation: 42.0, half: [30.0, 16.0], radiance: 3.6 },
-    SoftBox { azimuth: 0.0, elevation: 90.0, half: [30.0, 30.0], radiance: 0.3 },
+    SoftBox { azimuth: -54.0, elevation: 45.0, half: [25.0, 25.0], radiance: 5.8 },
+    SoftBox { azimuth: 75.0, elevation: 20.0, half: [22.0, 30.0], radiance: 0.4 },
+    SoftBox { azimuth: 156.0, elevation: 42.0, half: [30.0, 16.0], radiance: 4.6 },
+    SoftBox { azimuth: 0.0, elevation: 90.0, half: [30.0, 30.0], radiance: 0.4 },
 ];
 
 /// Radiance of the stage's background, straight ahead.
@@ -41,7 +41,7 @@ pub(super) fn background(light: StageLight) -> [f32; 3] {
         StageLight::Sky => [0.52, 0.60, 0.70],
         StageLight::Sunset => [0.62, 0.45, 0.34],
         StageLight::White => [1.0; 3],
-        _ => [0.32; 3],
+        _ => [0.4; 3],
     }
 }
 
@@ -84,7 +84,7 @@ fn radiance(light: StageLight, direction: DVec3) -> Rgb {
 fn studio(direction: DVec3) -> Rgb {
     let [horizon, ..] = background(StageLight::Studio).map(f64::from);
     // The ground's reflection of the horizon at grazing angles is that of the background.
-    let room = mix(horizon, 0.06, smooth(3.0, 18.0, elevation_degrees(direction)));
+    let room = mix(horizon, 0.08, smooth(3.0, 18.0, elevation_degrees(direction)));
     let boxes: f64 = STUDIO.iter().map(|b| b.radiance * b.coverage(direction)).sum();
     [room + boxes; 3]
 }

@@ -87,7 +87,13 @@ impl Farthest {
     fn add(&mut self, p: DVec3) {
         let d = p - self.middle;
         let a = d.abs();
-        let axis = if a.x >= a.y && a.x >= a.z { 0 } else if a.y >= a.z { 1 } else { 2 };
+        let axis = if a.x >= a.y && a.x >= a.z {
+            0
+        } else if a.y >= a.z {
+            1
+        } else {
+            2
+        };
         let long = a[axis].max(1e-300);
         let cell = |v: f64| (((v / long + 1.0) * 0.5 * CELLS as f64) as usize).min(CELLS - 1);
         let (u, v) = (cell(d[(axis + 1) % 3]), cell(d[(axis + 2) % 3]));

@@ -1,8 +1,8 @@
 //! The camera that frames a model.
 
+use super::on_grid;
 use super::options::StageOptions;
 use super::outline::Outline;
-use super::on_grid;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{Camera, Projection, Settings};
 use std::fmt;
@@ -67,7 +67,8 @@ impl FromStr for ViewFrom {
 
     /// A name, or azimuth and elevation in degrees: `30,20`.
     fn from_str(text: &str) -> Result<ViewFrom, String> {
-        if let Some(&(_, azimuth_degrees, elevation_degrees)) = NAMED.iter().find(|(name, ..)| *name == text) {
+        if let Some(&(_, azimuth_degrees, elevation_degrees)) = NAMED.iter().find(|(name, ..)| *name == text)
+        {
             return Ok(ViewFrom { azimuth_degrees, elevation_degrees });
         }
         let number = |text: &str| text.trim().parse::<f64>().ok().filter(|v| v.is_finite());

@@ -33,8 +33,10 @@ pub(super) fn up(loaded: &Loaded) -> (Up, &'static str) {
     if surface.points.len() < 8 {
         return (Up::Y, "");
     }
-    if surface.size.z < 1e-4 * surface.size.x {
-        return (Up::Y, "its shape, which is that of a drawing");
+    if let Some(axis) =
+        [(2, Up::Y), (1, Up::Z)].iter().find(|(axis, _)| surface.size[*axis] < 1e-4 * surface.size.x)
+    {
+        return (axis.1, "its shape, which is that of a drawing");
     }
     if let Some(up) = surface.terrain() {
         return (up, "its shape, which is that of terrain");
@@ -88,7 +90,10 @@ impl Surface {
         let looks = |axis: usize| self.faces.len() >= TERRAIN && sum[axis].abs() > 0.6 * all;
         let is_flat = |axis: usize| 3.0 * self.size[axis] < self.size[3 - axis].min(self.size.x);
         let is_cloud = self.faces.is_empty();
-        [(1, Up::Y), (2, Up::Z)].into_iter().find(|&(axis, _)| looks(axis) || is_cloud && is_flat(axis)).map(|f| f.1)
+        [(1, Up::Y), (2, Up::Z)]
+            .into_iter()
+            .find(|&(axis, _)| looks(axis) || is_cloud && is_flat(axis))
+            .map(|f| f.1)
     }
 
     /// What speaks for an axis.
@@ -104,9 +109,10 @@ impl Surface {
     /// Share of the box's floor that faces cover which lie at the bottom and look down.
     fn flat_base(&self, axis: usize) -> f64 {
         let top = self.min[axis] + BASE * self.size[axis];
-        let down = self.faces.iter().filter(|(middle, area)| {
-            middle[axis] < top && -area[axis] > 0.98 * area.length()
-        });
+        let down = self
+            .faces
+            .iter()
+            .filter(|(middle, area)| middle[axis] < top && -area[axis] > 0.98 * area.length());
         let step = self.points.len() as f64 / (7.0 * self.faces.len().max(1) as f64);
         let floor = self.across(self.size, axis);
         (down.map(|f| -f.1[axis]).sum::<f64>() * step / (floor.x * floor.y)).min(1.0)
