@@ -80,9 +80,9 @@ pub(crate) struct ThumbArgs {
     /// Longer side in pixels.
     #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
     pub size: u32,
-    /// Most seconds of rendering a model.
-    #[arg(long, value_name = "S", default_value = "1.2", value_parser = seconds)]
-    pub time_limit: std::time::Duration,
+    /// Samples a pixel.
+    #[arg(long, value_name = "N", default_value = "12", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub spp: u32,
     /// Threads [default: one a core].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,

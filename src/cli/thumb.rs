@@ -12,8 +12,6 @@ use oscura::render::{CancelHandle, Renderer, in_pool};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-/// Samples a pixel where there is time for them.
-const SAMPLES: u32 = 64;
 /// Scattering events of a path: more are not seen at this size.
 const DEPTH: u32 = 8;
 
@@ -89,9 +87,8 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     let (width, height) = size(args.size, &loaded);
     let picture = Renderer::new(loaded)
         .size(width, height)
-        .samples(SAMPLES)
+        .samples(args.spp)
         .max_depth(DEPTH)
-        .time_limit(args.time_limit)
         .cancel_by(cancel)
         .render()?;
     let view = match is_stage_lit && args.stage.leaves_view_open() {

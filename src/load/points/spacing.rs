@@ -11,6 +11,8 @@ const NEIGHBOUR: usize = 4;
 const RADIUS: f64 = 0.71;
 /// Points that a cell of the search should hold, if they lie on a surface.
 const IN_CELL: f64 = 4.0;
+/// Largest radius, as a share of the cloud's size: few points stay small.
+const MOST: f64 = 0.02;
 /// Radius of a cloud whose points have no distance, as a share of its size, or in metres where it has none.
 const LEAST: f64 = 1e-3;
 
@@ -29,7 +31,7 @@ pub(super) fn radius(positions: &[[f32; 3]]) -> f64 {
     let mut distances: Vec<f64> = points.iter().step_by(step).filter_map(|&p| grid.neighbour(p)).collect();
     distances.sort_by(f64::total_cmp);
     let median = distances.get(distances.len() / 2).copied().unwrap_or(0.0);
-    if median > 0.0 { RADIUS * median } else { LEAST * size }
+    if median > 0.0 { (RADIUS * median).min(MOST * size) } else { LEAST * size }
 }
 
 /// Points by the cubes that they are in.

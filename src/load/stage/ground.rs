@@ -2,7 +2,7 @@
 
 use super::light;
 use super::on_grid;
-use super::options::{Background, Ground, StageOptions};
+use super::options::{Ground, StageOptions};
 use super::outline::Outline;
 use crate::error::{Choice, Warning};
 use crate::load::Loaded;
@@ -15,8 +15,10 @@ const REACH: f64 = 60.0;
 const GAP: f64 = 2e-4;
 /// Roughness of the ground: it shows a trace of what stands on it.
 const ROUGHNESS: f32 = 0.4;
+/// Strength of its gloss: less than that of glass, so that it stays like the background where it is seen at grazing angles.
+const SPECULAR: f32 = 0.45;
 /// Share of the light that its gloss reflects where it is looked down upon at a middling angle.
-const GLOSS: f64 = 0.05;
+const GLOSS: f64 = 0.03;
 /// Roughness and colour of a floor.
 const FLOOR: (f32, [f32; 3]) = (0.12, [0.16, 0.16, 0.165]);
 
@@ -38,14 +40,15 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let size = outline.radius();
     let center = outline.center();
     let below = DVec3::new(center.x, outline.min.y - GAP * size, center.z);
-    let (roughness, color) = match ground {
-        Ground::Floor => FLOOR,
-        _ => (ROUGHNESS, melting(loaded, options, is_stage)),
+    let (roughness, specular, color) = match ground {
+        Ground::Floor => (FLOOR.0, 1.0, FLOOR.1),
+        _ => (ROUGHNESS, SPECULAR, melting(loaded, options, is_stage)),
     };
     let parameters = PbrMaterial {
         base_color: ColorSlot::constant(color),
         metallic: FloatSlot::constant(0.0),
         roughness: FloatSlot::constant(roughness),
+        specular: FloatSlot::constant(specular),
         ..PbrMaterial::default()
     };
     let material = loaded.scene.add_material(Material::gltf("ground", parameters));
@@ -60,11 +63,8 @@ fn melting(loaded: &mut Loaded, options: &StageOptions, is_stage: bool) -> [f32;
     if !is_stage {
         return [0.5; 3];
     }
-    let wanted = match options.background {
-        Some(Background::Color(color)) => color,
-        _ => light::background(options.light),
-    };
-    let white = light::reflected(options.light, DVec3::Y);
+    let wanted = options.backdrop();
+    let white = light::reflected(options.light, wanted, DVec3::Y);
     let color: [f64; 3] =
         std::array::from_fn(|c| (f64::from(wanted[c]) / white[c].max(1e-3) - GLOSS) / (1.0 - GLOSS));
     if color.iter().any(|&v| v > 1.0) && options.background.is_some() {

@@ -41,7 +41,8 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
-        if !is_lit && !has_shining_parts(&loaded.scene) {
+        let is_lit = is_lit || has_shining_parts(&loaded.scene);
+        if !is_lit {
             light_scene(loaded, options);
         }
         say_unused(loaded, options, is_lit);
@@ -87,6 +88,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 fn light_scene(loaded: &mut Loaded, options: &StageOptions) {
     if options.is_light_chosen && options.light.is_stage() {
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
+        loaded.notes.push(Warning::general(format!("no light: {}", options.light)));
     } else if options.light != StageLight::None {
         soften(loaded, false);
     }

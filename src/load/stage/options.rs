@@ -1,5 +1,6 @@
 //! What the caller may choose about the stage of a bare model.
 
+use super::light;
 use super::view::ViewFrom;
 use crate::image::Image;
 use std::fmt;
@@ -122,6 +123,14 @@ impl StageOptions {
     /// The stage of product shots.
     pub fn studio() -> StageOptions {
         StageOptions { light: StageLight::Studio, ..StageOptions::default() }
+    }
+
+    /// The colour behind everything on a stage.
+    pub(super) fn backdrop(&self) -> [f32; 3] {
+        match self.background {
+            Some(Background::Color(color)) => color,
+            _ => light::background(self.light),
+        }
     }
 
     /// The ground of a bare model; `is_lit` tells that light does not come from the stage.
