@@ -25,14 +25,14 @@ mod report_json;
 mod scene_path;
 mod settings;
 mod shapes;
+mod shot;
 mod stage_args;
 mod terms;
 mod thumb;
 
 use args::{Arguments, Command};
 use clap::Parser;
-use oscura::error::{Error, ErrorKind};
-use outcome::Outcome;
+use outcome::{Outcome, exit_code};
 use std::process::ExitCode;
 
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
@@ -64,14 +64,5 @@ pub(crate) fn main() -> ExitCode {
             }
             ExitCode::from(code)
         }
-    }
-}
-
-fn exit_code(error: &Error) -> u8 {
-    match error.kind {
-        ErrorKind::Usage => 2,
-        ErrorKind::Input => 3,
-        ErrorKind::Output => 4,
-        ErrorKind::Interrupted => 130,
     }
 }

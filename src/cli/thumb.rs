@@ -1,10 +1,11 @@
 //! `oscura thumb`: small pictures of many models.
 
 use super::args::ThumbArgs;
+use super::outcome::{Outcome, exit_code};
 use super::process::cancel_by_signals;
 use super::report;
 use super::scene_path;
-use super::{Outcome, exit_code, terms};
+use super::terms;
 use oscura::error::{Error, Result};
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::output::{PngOptions, ViewTransform, check_target};

@@ -1,9 +1,8 @@
 //! What a bare model stands on.
 
 use super::light;
-use super::on_grid;
 use super::options::{Ground, StageOptions};
-use super::outline::Outline;
+use super::outline::{Outline, on_grid};
 use crate::error::{Choice, Warning};
 use crate::load::Loaded;
 use crate::math::DVec3;
@@ -28,7 +27,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let is_stage = options.light.is_stage() && !is_lit;
     if is_stage && options.background.is_none() {
         loaded.scene.is_environment_hidden = true;
-        loaded.scene.backdrop = Some(Backdrop::Color(light::background(options.light)));
+        loaded.scene.backdrop = Some(Backdrop::Color(options.light.background()));
     }
     if ground == Ground::None {
         return;

@@ -35,16 +35,6 @@ const STUDIO: [SoftBox; 4] = [
     SoftBox { azimuth: 0.0, elevation: 90.0, half: [30.0, 30.0], radiance: 0.4 },
 ];
 
-/// Radiance of the stage's own background, straight ahead.
-pub(super) fn background(light: StageLight) -> [f32; 3] {
-    match light {
-        StageLight::Sky => [0.42, 0.50, 0.60],
-        StageLight::Sunset => [0.46, 0.33, 0.26],
-        StageLight::White => [1.0; 3],
-        _ => [0.4; 3],
-    }
-}
-
 /// Generates the environment and adds its picture to the scene.
 pub(super) fn environment(scene: &mut Scene, options: &StageOptions) -> Environment {
     if options.light == StageLight::White {
@@ -177,7 +167,7 @@ mod tests {
             for azimuth in (0..360).step_by(15) {
                 for elevation in (-90..=90).step_by(15) {
                     let normal = toward(f64::from(azimuth), f64::from(elevation));
-                    all.extend(reflected(light, background(light), normal));
+                    all.extend(reflected(light, light.background(), normal));
                 }
             }
             let (least, most) = all.iter().fold((9.0f64, 0.0f64), |(l, m), &v| (l.min(v), m.max(v)));

@@ -2,6 +2,7 @@
 //! brings stays as it is: a scene with a camera is a scene, and only gets light where it has none at all.
 
 mod clay;
+mod direction;
 mod ground;
 mod light;
 mod options;
@@ -9,13 +10,12 @@ mod orbit;
 mod outline;
 mod view;
 
+pub use direction::ViewFrom;
 pub use options::{Background, Ground, StageLight, StageOptions};
 pub use orbit::Turntable;
-pub use view::ViewFrom;
 
 use super::Loaded;
 use crate::error::{Choice, Warning};
-use crate::math::DVec3;
 use crate::scene::{Backdrop, Environment, Scene};
 use outline::Outline;
 
@@ -154,12 +154,6 @@ fn has_shining_parts(scene: &Scene) -> bool {
                 scene.meshes.get(i.mesh.index()).is_some_and(|m| m.parts.iter().any(|p| shines(p.material)))
             }
         })
-}
-
-/// A length rounded to a power of two that is fine beside `size`: sums with coordinates far away stay exact.
-fn on_grid(p: DVec3, size: f64) -> DVec3 {
-    let step = (size.max(1e-300).log2().floor() - 20.0).exp2();
-    if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
 }
 
 #[cfg(test)]

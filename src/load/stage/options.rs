@@ -1,7 +1,6 @@
 //! What the caller may choose about the stage of a bare model.
 
-use super::light;
-use super::view::ViewFrom;
+use super::direction::ViewFrom;
 use crate::image::Image;
 use std::fmt;
 
@@ -27,6 +26,16 @@ impl StageLight {
     /// Does it come with ground and material?
     pub(super) fn is_stage(self) -> bool {
         !matches!(self, StageLight::Soft | StageLight::None)
+    }
+
+    /// Radiance of the stage's own background, straight ahead.
+    pub(super) fn background(self) -> [f32; 3] {
+        match self {
+            StageLight::Sky => [0.42, 0.50, 0.60],
+            StageLight::Sunset => [0.46, 0.33, 0.26],
+            StageLight::White => [1.0; 3],
+            _ => [0.4; 3],
+        }
     }
 }
 
@@ -129,7 +138,7 @@ impl StageOptions {
     pub(super) fn backdrop(&self) -> [f32; 3] {
         match self.background {
             Some(Background::Color(color)) => color,
-            _ => light::background(self.light),
+            _ => self.light.background(),
         }
     }
 

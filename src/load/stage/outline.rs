@@ -108,3 +108,9 @@ impl Farthest {
         self.cells.into_iter().flatten().map(|(_, p)| p).collect()
     }
 }
+
+/// A place rounded to a power of two that is fine beside `size`: sums with coordinates far away stay exact.
+pub(super) fn on_grid(p: DVec3, size: f64) -> DVec3 {
+    let step = (size.max(1e-300).log2().floor() - 20.0).exp2();
+    if step > 0.0 && step.is_finite() { (p / step).round() * step } else { p }
+}

@@ -1,5 +1,5 @@
 use super::*;
-use crate::math::{DQuat, DVec2};
+use crate::math::{DQuat, DVec2, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, Shape, ShapeKind};
 
 fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
