@@ -13,9 +13,9 @@ use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::load::blender::BlenderOptions;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
-use oscura::output::{Animation, rgba8};
+use oscura::output::Animation;
 use oscura::render::{CancelHandle, PassOutcome, Picture, Rendering, Settled};
-use oscura::scene::{Backdrop, Camera};
+use oscura::scene::Camera;
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -72,8 +72,8 @@ pub(super) fn run_one(
     Kept { said, compiler, animation }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let Prepared { scene, backdrop, camera, settled, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr() || animation.is_some(), environment, loaded, start, compiler)?;
+    let Prepared { scene, camera, settled, build, load_s, notes, mut warnings, left_out } =
+        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
@@ -84,17 +84,12 @@ pub(super) fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    let mut picture = take_picture(args, cancel, scene, &camera, &settled)?;
-    backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
-    picture.set_world_offset(loaded.offset);
+    let picture = take_picture(args, cancel, scene, &camera, &settled, loaded)?;
 
     let start = Instant::now();
     let png = png(args, settled.exposure, is_stage_lit);
     let pictures = Pictures::encode(args, targets, &picture, png, &warnings)?;
-    if let Some(animation) = animation {
-        let (width, height) = (picture.film().width(), picture.film().height());
-        animation.add(rgba8(picture.film(), &png), width, height);
-    }
+    animation.iter_mut().for_each(|animation| animation.add_film(picture.film(), &png));
     if !args.quiet {
         said.warnings(&pictures.warnings);
     }
@@ -136,6 +131,7 @@ fn take_picture(
     scene: Arc<CompiledScene>,
     camera: &Camera,
     settled: &Settled,
+    loaded: &Loaded,
 ) -> Result<Picture> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
@@ -144,13 +140,15 @@ fn take_picture(
         .on_event(move |event| shown.show(&event));
     while rendering.next_pass() == PassOutcome::Progressed {}
     progress.finish();
-    Ok(rendering.into_picture())
+    let mut picture = rendering.into_picture();
+    loaded.scene.backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
+    picture.set_world_offset(loaded.offset);
+    Ok(picture)
 }
 
 /// All that rendering needs.
 struct Prepared {
     scene: Arc<CompiledScene>,
-    backdrop: Option<Backdrop>,
     camera: Camera,
     settled: Settled,
     build: CompileReport,
@@ -188,8 +186,7 @@ fn prepare(
     warnings.append(&mut build.warnings);
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
-    let backdrop = loaded.scene.backdrop.clone();
-    Ok(Prepared { scene, backdrop, camera, settled, build, load_s, notes, warnings, left_out })
+    Ok(Prepared { scene, camera, settled, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -8,7 +8,7 @@ use super::scene_path;
 use super::terms;
 use oscura::error::{Error, Result};
 use oscura::load::{LoadOptions, Loaded, load};
-use oscura::output::{PngOptions, ViewTransform, check_target};
+use oscura::output::{PngOptions, ViewTransform, check_target, place_folder};
 use oscura::render::{CancelHandle, Renderer, in_pool};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -28,8 +28,7 @@ pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
 /// Where each picture goes.
 fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
     if let Some(folder) = &args.output {
-        std::fs::create_dir_all(folder)
-            .map_err(|e| Error::output(folder, format!("can't be made a folder: {e}")))?;
+        place_folder::make(folder)?;
     }
     let mut targets: Vec<PathBuf> = Vec::new();
     for model in &args.models {

@@ -1,5 +1,7 @@
 //! Moving pictures for looking at: GIF and APNG, which repeat for ever.
 
+use super::png::{PngOptions, rgba8};
+use crate::film::Film;
 use image::codecs::gif::{GifEncoder, Repeat};
 use image::{Delay, Frame, RgbaImage};
 use std::time::Duration;
@@ -38,6 +40,11 @@ impl Animation {
         self.frames.push(rgba);
     }
 
+    /// Adds a picture as PNGs would show it.
+    pub fn add_film(&mut self, film: &Film, options: &PngOptions) {
+        self.add(rgba8(film, options), film.width(), film.height());
+    }
+
     /// Encodes the frames, so many a second.
     ///
     /// # Errors
@@ -63,11 +70,11 @@ impl Animation {
         Ok(bytes)
     }
 
-    fn apng(&self, frames_a_second: f64) -> Result<Vec<u8>, png::EncodingError> {
+    fn apng(&self, frames_a_second: f64) -> Result<Vec<u8>, ::png::EncodingError> {
         let mut bytes = Vec::new();
-        let mut encoder = png::Encoder::new(&mut bytes, self.size.0, self.size.1);
-        encoder.set_color(png::ColorType::Rgba);
-        encoder.set_depth(png::BitDepth::Eight);
+        let mut encoder = ::png::Encoder::new(&mut bytes, self.size.0, self.size.1);
+        encoder.set_color(::png::ColorType::Rgba);
+        encoder.set_depth(::png::BitDepth::Eight);
         encoder.set_animated(self.frames.len() as u32, 0)?;
         let milliseconds = (1000.0 / frames_a_second).round().clamp(1.0, 65535.0);
         encoder.set_frame_delay(milliseconds as u16, 1000)?;

@@ -263,7 +263,7 @@ fn help_of(command: &str) -> String {
 #[test]
 fn options_are_those_of_the_program() {
     let readme = readme();
-    let own: BTreeSet<String> = ["render", "inspect", "compare", "new", "help"]
+    let own: BTreeSet<String> = ["render", "inspect", "thumb", "compare", "new", "help"]
         .iter()
         .flat_map(|command| options_in(&help_of(command)))
         .collect();

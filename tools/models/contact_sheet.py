@@ -51,6 +51,7 @@ def models(data, made):
         ('BoxDraco', 'extensions/BoxDraco.gltf'), ('BoxMeshopt', 'extensions/BoxMeshopt.glb'),
         ('Material_07', 'asset-generator/Material/Material_07.gltf'),
         ('NegativeScale', 'asset-generator/Node_NegativeScale/Node_NegativeScale_02.gltf'),
+        ('NegativeScale_5', 'asset-generator/Node_NegativeScale/Node_NegativeScale_05.gltf'),
         ('Animation', 'asset-generator/Animation_Node/Animation_Node_00.gltf'),
         ('Primitives', 'asset-generator/Mesh_Primitives/Mesh_Primitives_00.gltf')]]
     return [m for m in all if os.path.exists(m[1])]

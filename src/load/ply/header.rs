@@ -55,6 +55,22 @@ pub(super) struct VertexLayout {
     pub incomplete: Vec<&'static str>,
 }
 
+impl VertexLayout {
+    /// Says why nothing can be made of such vertices.
+    pub fn check(&self) -> Result<()> {
+        if self.is_splat {
+            let message =
+                "holds gaussian splats (properties f_dc_0, opacity, scale_0), which are not surfaces";
+            let help = "convert it to a mesh or to a point cloud with colours (red, green, blue)";
+            return Err(Problem::new("header", message).with_help(help));
+        }
+        match self.position {
+            true => Ok(()),
+            false => Err(Problem::new("header", "has no element 'vertex' with properties x, y and z")),
+        }
+    }
+}
+
 /// What is in a file and not read, in words.
 pub(super) struct Unread {
     /// It would change the picture.

@@ -55,14 +55,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
-    if defined.is_splat {
-        let message = "holds gaussian splats (properties f_dc_0, opacity, scale_0), which are not surfaces";
-        let help = "convert it to a mesh or to a point cloud with colours (red, green, blue)";
-        return Err(fail(Problem::new("header", message).with_help(help)));
-    }
-    if !defined.position {
-        return Err(fail(Problem::new("header", "has no element 'vertex' with properties x, y and z")));
-    }
+    defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let (mut uv, mut faces) = (Vec::new(), Faces::default());
     let mut left_out = source.unread(&defined);
