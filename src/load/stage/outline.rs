@@ -29,7 +29,7 @@ impl Outline {
             return Outline { points: corners(min, max).to_vec(), min, max };
         };
         let (min, max) = (min - offset, max - offset);
-        let mut far = Farthest::new((min + max) * 0.5);
+        let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
         visit_points(scene, &mut |p| far.add(p - offset));
         for shape in &scene.shapes {
             around(shape, scene.shapes.len(), &mut |p| far.add(p - offset));
@@ -76,16 +76,24 @@ fn around(shape: &Shape, count: usize, add: &mut dyn FnMut(DVec3)) {
 /// a cell is wide, a few percent of the model's size where it is smooth, nothing at its corners.
 struct Farthest {
     middle: DVec3,
+    /// Factors that make the box around all a cube, so that its sides have equally many cells.
+    scale: DVec3,
+    /// All points, while they are fewer than cells.
+    few: Vec<DVec3>,
     cells: Vec<Option<(f64, DVec3)>>,
 }
 
 impl Farthest {
-    fn new(middle: DVec3) -> Farthest {
-        Farthest { middle, cells: vec![None; 6 * CELLS * CELLS] }
+    fn new(middle: DVec3, half: DVec3) -> Farthest {
+        let scale = half.max(DVec3::splat(1e-6 * half.max_element().max(1e-300))).recip();
+        Farthest { middle, scale, few: Vec::new(), cells: vec![None; 6 * CELLS * CELLS] }
     }
 
     fn add(&mut self, p: DVec3) {
-        let d = p - self.middle;
+        if self.few.len() <= self.cells.len() {
+            self.few.push(p);
+        }
+        let d = (p - self.middle) * self.scale;
         let a = d.abs();
         let axis = if a.x >= a.y && a.x >= a.z {
             0
@@ -105,7 +113,10 @@ impl Farthest {
     }
 
     fn points(self) -> Vec<DVec3> {
-        self.cells.into_iter().flatten().map(|(_, p)| p).collect()
+        match self.few.len() <= self.cells.len() {
+            true => self.few,
+            false => self.cells.into_iter().flatten().map(|(_, p)| p).collect(),
+        }
     }
 }
 
