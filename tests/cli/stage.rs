@@ -12,8 +12,9 @@ fn pyramid(folder: &Path) {
 }
 
 fn shoot(folder: &Path, more: &[&str]) -> String {
-    let fixed = ["render", "a.obj", "--width", "48", "--height", "48", "--spp", "8"];
-    let output = oscura(folder, &[&fixed[..], more].concat());
+    let samples = if more.contains(&"--spp") { &[][..] } else { &["--spp", "8"] };
+    let fixed = ["render", "a.obj", "--width", "48", "--height", "48"];
+    let output = oscura(folder, &[&fixed[..], samples, more].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     stderr(&output)
 }

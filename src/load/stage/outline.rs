@@ -90,7 +90,7 @@ impl Farthest {
     }
 
     fn add(&mut self, p: DVec3) {
-        if self.few.len() <= self.cells.len() {
+        if self.few.len() <= self.cells.len() && p.is_finite() {
             self.few.push(p);
         }
         let d = (p - self.middle) * self.scale;
