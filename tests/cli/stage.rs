@@ -25,7 +25,10 @@ fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
     pyramid(folder.path());
     let said = shoot(folder.path(), &["-o", "a.png"]);
     assert!(said.contains("z points up") && said.contains("--up AXIS"), "{said}");
-    assert!(said.contains("studio light") && said.contains("--stage") && !said.contains("warning"), "{said}");
+    assert!(
+        said.contains("studio light") && said.contains("--stage") && !said.contains("warning:"),
+        "{said}"
+    );
     let picture = image::open(folder.path().join("a.png")).unwrap();
     assert!(!picture.color().has_alpha());
     let rgb = picture.into_rgb8();
