@@ -15,6 +15,9 @@ const ROOF: [[f64; 3]; 6] = [
     [9.25, 3.75, 5.625],
 ];
 const FACES: [&[u32]; 5] = [&[0, 1, 5, 4], &[2, 3, 4, 5], &[3, 0, 4], &[1, 2, 5], &[3, 2, 1, 0]];
+/// A file of it at a place.
+type Content = fn(DVec3) -> Vec<u8>;
+
 /// Where UTM has it.
 const PLACE: DVec3 = DVec3::new(512_345.0, 4_512_345.0, 0.0);
 
@@ -75,7 +78,7 @@ fn on_stage(name: &str, content: &[u8]) -> Loaded {
 
 #[test]
 fn models_far_away_are_those_near_by_bit_for_bit() {
-    let files: [(&str, fn(DVec3) -> Vec<u8>); 3] =
+    let files: [(&str, Content); 3] =
         [("a.obj", obj), ("b.ply", |p| ply(p, true)), ("c.ply", |p| ply(p, false))];
     for (name, content) in files {
         let (far, near) = (on_stage(name, &content(PLACE)), on_stage(name, &content(DVec3::ZERO)));
