@@ -26,7 +26,7 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
         args.output.iter().partition(|path| AnimationFormat::of(path).is_some());
     let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
     (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
-    moving.iter().try_for_each(|path| check_target(path))?;
+    moving.iter().try_for_each(check_target)?;
     let mut start = Instant::now();
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
