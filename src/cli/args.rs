@@ -4,6 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::frames::Frames;
+use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
 use oscura::film::AovSet;
@@ -32,6 +33,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Write small pictures of many models.
+    Thumb(ThumbArgs),
     /// Write a commented scene file to start from.
     New(NewArgs),
     /// Say what is kept of Blender files for the next time, or delete it.
@@ -78,6 +81,33 @@ pub(crate) struct CacheArgs {
     /// Delete what is kept.
     #[arg(long)]
     pub clear: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ThumbArgs {
+    /// The models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
+    #[arg(required = true, value_name = "MODEL")]
+    pub models: Vec<PathBuf>,
+    /// Folder for the pictures, MODEL.png each [default: beside each model].
+    #[arg(short, long, value_name = "FOLDER")]
+    pub output: Option<PathBuf>,
+    /// Longer side in pixels.
+    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
+    pub size: u32,
+    /// Samples a pixel.
+    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub spp: u32,
+    /// Threads [default: one a core].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
+    /// Let glTF and OBJ files refer to files outside their folder.
+    #[arg(long)]
+    pub allow_external: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+    #[command(flatten)]
+    pub stage: StageArgs,
 }
 
 #[derive(Args, Debug)]
@@ -142,14 +172,6 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
-/// Axes that point up in files that don't say.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum UpArg {
-    Y,
-    /// As in Blender and most scans and CAD.
-    Z,
-}
-
 /// View transforms of PNGs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ViewArg {
@@ -161,18 +183,22 @@ pub(crate) enum ViewArg {
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
-    /// File to write, .exr or .png; may be given several times. In a sequence, #### stands for the frame.
+    /// File to write, .exr or .png (with --orbit also .gif or .apng); may be given several times. In a sequence, ####
+    /// stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
-    /// Frames a second of a sequence.
+    /// Frames a second of a sequence or a moving picture.
     #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
     /// Leave out those frames of a sequence whose pictures exist; a frame that is interrupted is not written.
     #[arg(long, requires = "frames")]
     pub resume: bool,
+    /// Render N pictures while the camera goes once around: numbered files, or one .gif or .apng.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
+    pub orbit: Option<u32>,
     /// Samples a pixel [default: 128].
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
     pub spp: Option<u32>,
@@ -204,7 +230,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "DEG", allow_negative_numbers = true, value_parser = degrees)]
     pub env_rotation: Option<f64>,
     /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
-    #[arg(long)]
+    #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
@@ -212,9 +238,6 @@ pub(crate) struct RenderArgs {
     /// Show the points of a point cloud as spheres of this radius, metres.
     #[arg(long, value_name = "R", allow_negative_numbers = true)]
     pub point_radius: Option<f64>,
-    /// Axis of OBJ and PLY files that points up.
-    #[arg(long, value_name = "AXIS", default_value = "y")]
-    pub up: UpArg,
     /// Don't use the settings that lie beside the model (model.oscura.toml beside model.glb).
     #[arg(long)]
     pub no_sidecar: bool,
@@ -260,9 +283,9 @@ pub(crate) struct RenderArgs {
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs look.
-    #[arg(long, default_value = "srgb")]
-    pub view: ViewArg,
+    /// How PNGs look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    #[arg(long)]
+    pub view: Option<ViewArg>,
     /// Exposure of PNGs in stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
@@ -287,6 +310,8 @@ pub(crate) struct RenderArgs {
     /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub stage: StageArgs,
     #[command(flatten)]
     pub asset: AssetArgs,
     #[command(flatten)]

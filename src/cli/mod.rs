@@ -17,6 +17,7 @@ mod inspect;
 mod json;
 mod markdown;
 mod new;
+mod orbit;
 mod outcome;
 mod pictures;
 mod process;
@@ -27,12 +28,14 @@ mod report_json;
 mod scene_path;
 mod settings;
 mod shapes;
+mod shot;
+mod stage_args;
 mod terms;
+mod thumb;
 
 use args::{Arguments, Command};
 use clap::Parser;
-use oscura::error::{Error, ErrorKind};
-use outcome::Outcome;
+use outcome::{Outcome, exit_code};
 use std::process::ExitCode;
 
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
@@ -53,6 +56,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
+        Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),
         Command::Help(a) => (false, help::run(&a)),
@@ -63,6 +67,7 @@ pub(crate) fn main() -> ExitCode {
         Ok(Outcome::Done) => ExitCode::SUCCESS,
         Ok(Outcome::Disagreement) => ExitCode::from(1),
         Ok(Outcome::Interrupted) => ExitCode::from(130),
+        Ok(Outcome::Failed(code)) => ExitCode::from(code),
         Err(error) => {
             let error = terms::in_error(error);
             report::error(&error);
@@ -72,14 +77,5 @@ pub(crate) fn main() -> ExitCode {
             }
             ExitCode::from(code)
         }
-    }
-}
-
-fn exit_code(error: &Error) -> u8 {
-    match error.kind {
-        ErrorKind::Usage => 2,
-        ErrorKind::Input => 3,
-        ErrorKind::Output => 4,
-        ErrorKind::Interrupted => 130,
     }
 }

@@ -66,10 +66,12 @@ pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Ve
 }
 
 /// How PNGs look.
-pub(crate) fn png(args: &RenderArgs, exposure: f32) -> PngOptions {
+pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool) -> PngOptions {
     let view = match args.view {
-        ViewArg::Srgb => ViewTransform::Srgb,
-        ViewArg::Filmic => ViewTransform::Filmic,
+        Some(ViewArg::Srgb) => ViewTransform::Srgb,
+        Some(ViewArg::Filmic) => ViewTransform::Filmic,
+        None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
+        None => ViewTransform::Srgb,
     };
     PngOptions { view, exposure, dither: args.dither }
 }

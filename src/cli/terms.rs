@@ -8,15 +8,20 @@ fn option(choice: Choice) -> &'static str {
     match choice {
         Choice::AllowExternal => "--allow-external",
         Choice::Aovs => "--aov",
+        Choice::Background => "--background",
         Choice::Beside => "the file that 'oscura new --beside FILE' writes",
         Choice::Blender => "--blender PATH",
         Choice::Environment => "--env ''",
         Choice::Float => "--float",
         Choice::Force => "--force",
         Choice::Glass => "--glass",
+        Choice::Ground => "--ground",
         Choice::LightUnits => "--light-units",
         Choice::NoSidecar => "--no-sidecar",
         Choice::PointRadius => "--point-radius METRES",
+        Choice::Stage => "--stage",
+        Choice::Up => "--up AXIS",
+        Choice::ViewFrom => "--view-from",
     }
 }
 

@@ -10,6 +10,8 @@ pub enum Choice {
     AllowExternal,
     /// Channels beside the picture's own.
     Aovs,
+    /// What is behind everything.
+    Background,
     /// A file beside the model says what its format can't.
     Beside,
     /// Where Blender is.
@@ -22,28 +24,41 @@ pub enum Choice {
     Force,
     /// What transparent materials without a volume are.
     Glass,
+    /// What a bare model stands on.
+    Ground,
     /// What the numbers of lights mean.
     LightUnits,
     /// Settings beside a model don't count.
     NoSidecar,
     /// The size of the points of a point cloud.
     PointRadius,
+    /// What lights scenes without light.
+    Stage,
+    /// Which axis of a file points up.
+    Up,
+    /// From where a bare model is seen.
+    ViewFrom,
 }
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 11] = [
+    pub const ALL: [Choice; 16] = [
         Choice::AllowExternal,
         Choice::Aovs,
+        Choice::Background,
         Choice::Beside,
         Choice::Blender,
         Choice::Environment,
         Choice::Float,
         Choice::Force,
         Choice::Glass,
+        Choice::Ground,
         Choice::LightUnits,
         Choice::NoSidecar,
         Choice::PointRadius,
+        Choice::Stage,
+        Choice::Up,
+        Choice::ViewFrom,
     ];
 }
 
@@ -53,15 +68,20 @@ impl fmt::Display for Choice {
         f.write_str(match self {
             Choice::AllowExternal => "`LoadOptions::allow_external`",
             Choice::Aovs => "`Renderer::aovs`",
+            Choice::Background => "`StageOptions::background`",
             Choice::Beside => "`scene_file::sidecar`",
             Choice::Blender => "`BlenderOptions::program`",
             Choice::Environment => "`LoadOptions::brings_environment`",
             Choice::Float => "`OutputOptions::float`",
             Choice::Force => "`GltfOptions::force`",
             Choice::Glass => "`GltfOptions::glass`",
+            Choice::Ground => "`StageOptions::ground`",
             Choice::LightUnits => "`GltfOptions::light_units`",
             Choice::NoSidecar => "`LoadOptions::no_sidecar`",
             Choice::PointRadius => "`LoadOptions::point_radius`",
+            Choice::Stage => "`StageOptions::light`",
+            Choice::Up => "`LoadOptions::up`",
+            Choice::ViewFrom => "`StageOptions::view`",
         })
     }
 }

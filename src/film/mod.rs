@@ -166,6 +166,21 @@ impl Film {
         aov.info().names.iter().map(|name| self.plane(name)).collect()
     }
 
+    /// Lays a colour behind each pixel where it is transparent; all pixels with samples become opaque.
+    pub fn put_behind(&mut self, color: impl Fn(u32, u32) -> [f32; 3]) {
+        for y in 0..self.height {
+            for x in 0..self.width {
+                let pixel = self.index(x, y);
+                let (sum, count) = (&mut self.sums.rgba[pixel], f64::from(self.sums.count[pixel]));
+                let behind = color(x, y);
+                for c in 0..3 {
+                    sum[c] += (count - sum[3]) * f64::from(behind[c]);
+                }
+                sum[3] = count;
+            }
+        }
+    }
+
     fn index(&self, x: u32, y: u32) -> usize {
         assert!(x < self.width && y < self.height, "pixel ({x}, {y}) is outside the film");
         y as usize * self.width as usize + x as usize

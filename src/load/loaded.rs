@@ -2,9 +2,11 @@
 
 use super::blender::BlenderOptions;
 use super::gltf::GltfOptions;
+use super::stage::{StageOptions, Turntable};
+use super::upright::{Up, UpHint};
 use crate::error::Warning;
-use crate::math::DAffine3;
-use crate::scene::Scene;
+use crate::math::{DAffine3, DVec3};
+use crate::scene::{MaterialId, Scene};
 
 /// What the user may choose about loading.
 #[derive(Clone, Debug, Default)]
@@ -22,8 +24,10 @@ pub struct LoadOptions {
     pub point_radius: Option<f64>,
     /// Leave out the materials, textures and images of mesh files: the caller replaces all of them.
     pub geometry_only: bool,
-    /// The z axis of an OBJ or PLY file points up, not the y axis: its model is turned to stand upright.
-    pub z_up: bool,
+    /// Which axis of an OBJ or PLY file points up: its model is turned to stand upright.
+    pub up: Up,
+    /// How a model without camera or light is shown.
+    pub stage: StageOptions,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
     pub no_sidecar: bool,
 }
@@ -44,6 +48,15 @@ pub struct Loaded {
     pub empties: Vec<(String, DAffine3)>,
     /// What Blender's own exporter left out of the file, where it wrote it.
     pub blender: Option<BlenderExport>,
+    /// Materials of faces for which the file has none.
+    pub stand_ins: Vec<MaterialId>,
+    /// What the file tells about which axis points up.
+    pub up_hint: UpHint,
+    /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of
+    /// their single floats are kept as sums with it. The scene stands where the file says.
+    pub offset: DVec3,
+    /// What a camera that loading added goes around.
+    pub turntable: Option<Turntable>,
 }
 
 /// What tells in a glTF file by Blender that its exporter left something out. All by name.

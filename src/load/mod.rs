@@ -3,8 +3,8 @@
 
 pub mod blender;
 mod decoders;
+mod far;
 mod formats;
-pub mod framing;
 pub mod gltf;
 mod guard;
 pub mod image;
@@ -12,18 +12,20 @@ mod loaded;
 mod losses;
 pub mod obj;
 pub mod ply;
+mod points;
 mod polygon;
 pub mod scene_file;
 mod shapes;
+pub mod stage;
+mod upright;
 mod uri;
 mod words;
 
 pub use formats::extensions;
 pub use loaded::{BlenderExport, LoadOptions, Loaded};
+pub use upright::{Up, UpHint};
 
 use crate::error::{Error, Result, Warning};
-use crate::math::{DAffine3, DQuat};
-use crate::scene::Scene;
 use formats::Format;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -51,13 +53,11 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
-    if options.z_up {
-        if matches!(format, Format::Model(model) if model.leaves_up_open) {
-            stand_upright(&mut loaded.scene);
-        } else {
-            let message = "the choice of the axis that points up changes nothing here";
-            loaded.warnings.push(Warning::new(path, "", message));
-        }
+    if matches!(format, Format::Model(model) if model.leaves_up_open) {
+        upright::apply(path, options, &mut loaded, false);
+    } else if !matches!(options.up, Up::Auto | Up::Y) {
+        let message = "the choice of the axis that points up changes nothing here";
+        loaded.warnings.push(Warning::new(path, "", message));
     }
     complete(path, options, &mut loaded)?;
     Ok(loaded)
@@ -126,18 +126,6 @@ pub fn is_of_blender(path: impl AsRef<Path>) -> bool {
     matches!(formats::of(path.as_ref()), Format::Blender)
 }
 
-/// Turns a model whose z axis points up so that its y axis does: z to y, and -y, its front in most programs, to z.
-fn stand_upright(scene: &mut Scene) {
-    let y_from_z = DQuat::from_rotation_x(-std::f64::consts::FRAC_PI_2);
-    for instance in &mut scene.instances {
-        instance.world_from_object = DAffine3::from_quat(y_from_z) * instance.world_from_object;
-    }
-    for shape in &mut scene.shapes {
-        shape.center = y_from_z * shape.center;
-        shape.rotation = y_from_z * shape.rotation;
-    }
-}
-
 /// Does its name say that a file is a scene?
 pub fn is_named_as_scene(path: impl AsRef<Path>) -> bool {
     !matches!(formats::of(path.as_ref()), Format::Other)
@@ -165,7 +153,10 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
             false => losses::say(path, loaded),
         }
     }
-    framing::complete(loaded, options.brings_environment);
+    if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {
+        upright::apply(path, options, loaded, true);
+    }
+    stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }
 }

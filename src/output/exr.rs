@@ -6,7 +6,7 @@ use super::exr_header::sort_attributes;
 use super::matte::Matte;
 use crate::error::{Choice, Warning};
 use crate::film::{Film, PixelType, Plane, Values};
-use crate::math::DMat4;
+use crate::math::{DAffine3, DMat4, DVec3};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
@@ -33,6 +33,8 @@ pub struct Metadata {
     pub world_to_camera: Option<DMat4>,
     /// The mattes that the picture holds.
     pub mattes: Vec<Matte>,
+    /// How far from the world's origin the scene's coordinates have theirs; `world_to_camera` is relative to it.
+    pub world_offset: Option<DVec3>,
     /// What stopped rendering before all samples were done.
     pub stopped_by: Option<String>,
     /// What was ignored, approximated or repaired on the way to the picture.
@@ -117,7 +119,7 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
         capture_date: metadata.captured.and_then(exr_date).map(|date| text(&date)),
         utc_offset: metadata.captured.and_then(exr_date).map(|_| 0.0),
         // The file holds rows of a matrix for row vectors, which are the columns of ours.
-        world_to_camera: metadata.world_to_camera.map(|m| m.to_cols_array().map(|v| v as f32)),
+        world_to_camera: metadata.world_to_camera.map(|m| camera(m, metadata.world_offset)),
         ..LayerAttributes::default()
     };
     let mut add = |name: &str, value| attributes.other.insert(text(name), value);
@@ -128,6 +130,10 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
         "samples",
         if is_whole { AttributeValue::I32(samples as i32) } else { AttributeValue::F32(samples as f32) },
     );
+    if let Some(offset) = metadata.world_offset {
+        let [x, y, z] = offset.to_array();
+        add("worldOffset", AttributeValue::Text(text(&format!("{x} {y} {z}"))));
+    }
     if let Some(reason) = &metadata.stopped_by {
         add("stoppedBy", AttributeValue::Text(text(reason)));
     }
@@ -142,6 +148,15 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
         add("warnings", AttributeValue::Text(text(&metadata.warnings.join("\n"))));
     }
     attributes
+}
+
+/// The matrix in single floats, for points relative to the offset.
+fn camera(world_to_camera: DMat4, offset: Option<DVec3>) -> [f32; 16] {
+    let local = match offset {
+        Some(offset) => world_to_camera * DMat4::from(DAffine3::from_translation(offset)),
+        None => world_to_camera,
+    };
+    local.to_cols_array().map(|v| v as f32)
 }
 
 /// EXR text holds the first 256 code points only; others become question marks.

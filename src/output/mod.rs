@@ -1,6 +1,7 @@
 //! Writing pictures: EXR for compositing, PNG for looking at. Everything is encoded in memory first, then written to a
 //! temporary file beside the target and renamed, so that a half-written picture never has the target's name.
 
+mod animation;
 mod atomic;
 mod encoded;
 mod exr;
@@ -10,6 +11,7 @@ pub mod place_folder;
 mod png;
 mod tone;
 
+pub use animation::{Animation, AnimationFormat};
 pub use atomic::{check_target, is_same_target, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr};

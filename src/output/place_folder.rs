@@ -26,6 +26,14 @@ pub fn check(folder: &Path, replaces: bool) -> Result<()> {
     Ok(())
 }
 
+/// Makes a folder with those above it, unless it is there.
+///
+/// # Errors
+/// An output error if that can't be done.
+pub fn make(folder: &Path) -> Result<()> {
+    fs::create_dir_all(folder).map_err(|e| Error::output(folder, format!("can't be made: {e}")))
+}
+
 /// Moves the files of one folder to another on the same disk: at once where that doesn't exist or is empty, else one by
 /// one. Gives their names in order.
 ///

@@ -22,21 +22,28 @@ pub struct PngOptions {
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
+    let mut data = rgba8(film, options);
+    let opaque = data.as_chunks::<4>().0.iter().all(|pixel| pixel[3] == 255);
+    if opaque {
+        data = data.as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    }
+    let kind = if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
+    Ok(Encoded { bytes: encode(&data, film.width(), film.height(), kind)?, warnings: vec![] })
+}
+
+/// The pixels as displays take them: RGBA with straight alpha, row by row from the top.
+pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
     let places = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
     let rgba = film.rgba();
-    let opaque = rgba.iter().all(|pixel| to_byte(pixel[3], 0.5) == 255);
     let gain = options.exposure.exp2();
     let mut data = Vec::with_capacity(rgba.len() * 4);
     for ((x, y), [r, g, b, alpha]) in places.zip(rgba) {
         let straight = if alpha > 0.0 && alpha < 1.0 { gain / alpha } else { gain };
         let threshold = if options.dither { bayer(x, y) } else { 0.5 };
         data.extend([r, g, b].map(|v| to_byte(options.view.encode(v * straight), threshold)));
-        if !opaque {
-            data.push(to_byte(alpha, 0.5));
-        }
+        data.push(to_byte(alpha, 0.5));
     }
-    let kind = if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
-    Ok(Encoded { bytes: encode(&data, film.width(), film.height(), kind)?, warnings: vec![] })
+    data
 }
 
 /// Encodes `width * height` pixels of 8-bit RGB.

@@ -43,7 +43,7 @@ impl Renderer {
     /// For a loaded scene, or a [`Scene`](crate::scene::Scene) built in code.
     ///
     /// A loaded scene's warnings become those of the picture; its notes are left behind. A scene needs a camera:
-    /// loading adds one where a file has none, and [`framing::complete`](crate::load::framing::complete) does so for
+    /// loading adds one where a file has none, and [`stage::complete`](crate::load::stage::complete) does so for
     /// scenes built in code.
     pub fn new(scene: impl Into<Loaded>) -> Renderer {
         Renderer {
@@ -214,8 +214,12 @@ impl Renderer {
     /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
     /// statistics tell of it.
     pub fn render(self) -> Result<Picture> {
+        let (backdrop, offset) = (self.loaded.scene.backdrop.clone(), self.loaded.offset);
         let mut rendering = self.start()?;
         rendering.run();
-        Ok(rendering.into_picture())
+        let mut picture = rendering.into_picture();
+        backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
+        picture.set_world_offset(offset);
+        Ok(picture)
     }
 }

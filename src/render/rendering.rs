@@ -226,6 +226,7 @@ impl Rendering {
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
             mattes: self.labels.mattes.clone(),
+            world_offset: None,
             stopped_by: stopped_by.map(str::to_string),
             warnings: warnings.iter().map(Warning::to_string).collect(),
         };

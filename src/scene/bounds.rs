@@ -1,6 +1,6 @@
 //! Boxes around what a scene shows.
 
-use super::{Instance, Mesh, Scene};
+use super::{Instance, Mesh, Quad, Scene};
 use crate::math::DVec3;
 
 /// Vertices of one mesh, over all its placements, that are looked at; beyond, the corners of its box stand for them.
@@ -33,23 +33,27 @@ enum Points<'m> {
 }
 
 impl Points<'_> {
-    /// The box around the points, placed.
-    fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Extent {
-        let mut extent = Extent::default();
+    /// Hands each point to `each`.
+    fn visit(&self, mut each: impl FnMut(DVec3)) {
         match self {
             Points::Used(mesh, used) => {
                 let points = mesh.positions.iter().zip(used).filter(|(_, used)| **used);
-                points.for_each(|(p, _)| extent.grow(place(DVec3::from(p.map(f64::from)))));
+                points.for_each(|(p, _)| each(DVec3::from(p.map(f64::from))));
             }
-            Points::Around(points) => points.iter().for_each(|&p| extent.grow(place(p))),
+            Points::Around(points) => points.iter().for_each(|&p| each(p)),
         }
+    }
+
+    /// The box around the points, placed.
+    fn extent(&self, place: impl Fn(DVec3) -> DVec3) -> Extent {
+        let mut extent = Extent::default();
+        self.visit(|p| extent.grow(place(p)));
         extent
     }
 }
 
-/// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
-/// count. The scene need not be valid.
-pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
+/// What stands for each mesh of a scene.
+fn points_of_meshes(scene: &Scene) -> Vec<Points<'_>> {
     let mut placements = vec![0usize; scene.meshes.len()];
     for instance in &scene.instances {
         if let Some(times) = placements.get_mut(instance.mesh.index()) {
@@ -63,7 +67,29 @@ pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
         }
         Points::Around(used.extent(|p| p).0.map_or(Vec::new(), |(low, high)| box_corners(low, high)))
     };
-    let points: Vec<Points> = scene.meshes.iter().zip(&placements).map(points).collect();
+    scene.meshes.iter().zip(&placements).map(points).collect()
+}
+
+/// Hands points to `each` whose hull holds all meshes and quads, in world space. Shapes are left to the caller. The scene
+/// need not be valid.
+pub fn visit_points(scene: &Scene, each: &mut dyn FnMut(DVec3)) {
+    let points = points_of_meshes(scene);
+    for instance in &scene.instances {
+        if let Some(points) = points.get(instance.mesh.index()) {
+            points.visit(|p| each(instance.world_from_object.transform_point3(p)));
+        }
+    }
+    scene.quads.iter().flat_map(quad_corners).for_each(each);
+}
+
+fn quad_corners(q: &Quad) -> [DVec3; 4] {
+    [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
+}
+
+/// The box around each instance, in world space; empty where the mesh doesn't exist. Vertices of no triangle don't
+/// count. The scene need not be valid.
+pub fn instance_extents(scene: &Scene) -> Vec<Extent> {
+    let points = points_of_meshes(scene);
     let of = |i: &Instance| {
         let place = |p| i.world_from_object.transform_point3(p);
         points.get(i.mesh.index()).map_or(Extent::default(), |points| points.extent(place))
@@ -96,9 +122,7 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
         all.grow(shape.center + shape.half_extent());
     }
     for q in &scene.quads {
-        [q.corner, q.corner + q.edge_u, q.corner + q.edge_v, q.corner + q.edge_u + q.edge_v]
-            .into_iter()
-            .for_each(|p| all.grow(p));
+        quad_corners(q).into_iter().for_each(|p| all.grow(p));
     }
     all
 }

@@ -1,6 +1,7 @@
 //! What is seen where nothing is hit.
 
 use super::ImageId;
+use crate::image::Image;
 
 /// The environment, infinitely far away.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -28,4 +29,13 @@ pub enum Environment {
         /// Turns the environment about the y axis, counter-clockwise seen from above.
         rotation_rad: f64,
     },
+}
+
+/// What pictures show where the environment is hidden from cameras and nothing else covers a pixel.
+#[derive(Clone, Debug)]
+pub enum Backdrop {
+    /// A colour, linear Rec. 709.
+    Color([f32; 3]),
+    /// A picture, scaled evenly to cover the whole frame, its middle in the middle.
+    Picture(Image),
 }

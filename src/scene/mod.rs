@@ -32,9 +32,9 @@ mod slot;
 mod texture;
 mod validate;
 
-pub use bounds::{Extent, instance_extents, scene_extent};
+pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
-pub use environment::Environment;
+pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
@@ -76,6 +76,8 @@ pub struct Scene {
     pub environment: Environment,
     /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
     pub is_environment_hidden: bool,
+    /// What is laid behind the picture where it is transparent.
+    pub backdrop: Option<Backdrop>,
     /// Names of objects with the groups of lights of what they emit, in place of those of their materials. The last entry of a
     /// name counts.
     pub object_light_groups: Vec<(String, String)>,

@@ -16,4 +16,5 @@ mod readme;
 mod sequence;
 #[cfg(target_os = "linux")]
 mod signals;
+mod stage;
 mod teaching;

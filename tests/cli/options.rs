@@ -5,7 +5,7 @@ use oscura::film::Aov;
 use std::fs;
 
 #[test]
-fn an_environment_of_the_caller_replaces_the_default_sky() {
+fn an_environment_of_the_caller_replaces_the_stage() {
     let folder = tempfile::tempdir().unwrap();
     fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
     exr::prelude::write_rgb_file(folder.path().join("env.exr"), 16, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
@@ -18,9 +18,9 @@ fn an_environment_of_the_caller_replaces_the_default_sky() {
         assert_eq!(code(&output), 0, "{}", stderr(&output));
         stderr(&output)
     };
-    assert!(shoot(&[]).contains("default sky"));
-    assert!(!shoot(&["--env", "env.exr"]).contains("default sky"));
-    assert!(!shoot(&["--env", ""]).contains("default sky"));
+    assert!(shoot(&[]).contains("studio light"));
+    assert!(!shoot(&["--env", "env.exr"]).contains("studio light"));
+    assert!(!shoot(&["--env", ""]).contains("studio light"));
     let missing = oscura(folder.path(), &["render", "a.obj", "-o", "b.exr", "--env", "none.exr"]);
     assert_eq!(code(&missing), 3);
     assert!(stderr(&missing).contains("none.exr"), "{}", stderr(&missing));
@@ -43,7 +43,7 @@ fn a_model_with_z_up_stands_upright() {
     };
     let upright = shoot("y.obj", "y.png", &[]);
     let turned = shoot("z.obj", "z.png", &["--up", "z"]);
-    let lying = shoot("z.obj", "lying.png", &[]);
+    let lying = shoot("z.obj", "lying.png", &["--up", "y"]);
     let apart = |a: &image::RgbImage, b: &image::RgbImage| {
         let sum: u32 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u32::from(a.abs_diff(*b))).sum();
         f64::from(sum) / a.as_raw().len() as f64
@@ -265,11 +265,13 @@ fn strict_makes_warnings_errors_before_rendering() {
             &[&["render", "a.obj", "-o", "a.exr", "--width", "8", "--spp", "1"], more].concat(),
         )
     };
-    let refused = shoot(&["--strict"]);
+    // A bare model is no reason for a warning; a camera without light is.
+    let refused = shoot(&["--stage", "none", "--strict"]);
     assert_eq!(code(&refused), 3, "{}", stderr(&refused));
-    assert!(stderr(&refused).contains("default sky") && stderr(&refused).contains("--strict"));
+    assert!(stderr(&refused).contains("no camera") && stderr(&refused).contains("--strict"));
     assert_eq!(names(folder.path()), ["a.obj"]);
-    assert_eq!(code(&shoot(&[])), 0);
+    assert_eq!(code(&shoot(&["--stage", "none"])), 0);
+    assert_eq!(code(&shoot(&["--strict"])), 0);
     let scene = cornell();
     let clean =
         oscura(folder.path(), &["render", &scene, "-o", "b.exr", "--width", "8", "--spp", "1", "--strict"]);

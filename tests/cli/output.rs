@@ -31,6 +31,7 @@ fn metadata() -> Metadata {
         owner: Some("Ada".into()),
         render_s: Some(1.5),
         captured: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(951_782_400)),
+        world_offset: None,
         world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
         mattes: vec![Matte::new("crypto_asset", vec!["hello".into()])],
         stopped_by: Some("a signal".into()),

@@ -263,7 +263,7 @@ fn help_of(command: &str) -> String {
 #[test]
 fn options_are_those_of_the_program() {
     let readme = readme();
-    let own: BTreeSet<String> = ["render", "inspect", "export", "compare", "new", "cache", "help"]
+    let own: BTreeSet<String> = ["render", "inspect", "export", "compare", "thumb", "new", "cache", "help"]
         .iter()
         .flat_map(|command| options_in(&help_of(command)))
         .collect();

@@ -137,7 +137,10 @@ fn at(
         list.into_iter().map(|said| Warning { place: doc.in_names(&said.place), ..said }).collect()
     };
     let (warnings, notes) = (named(report.warnings()), named(report.notes()));
-    Ok((Loaded { scene, warnings, notes, left_out, empties, blender }, still))
+    let stand_ins = materials::stand_ins(&scene.materials);
+    let loaded =
+        Loaded { scene, warnings, notes, left_out, empties, blender, stand_ins, ..Loaded::default() };
+    Ok((loaded, still))
 }
 
 /// What the scene's `extras` say about the picture.

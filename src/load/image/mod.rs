@@ -24,6 +24,14 @@ use std::io::Cursor;
 use std::path::Path;
 use std::sync::Arc;
 
+/// Reads an image file as a picture to look at.
+///
+/// # Errors
+/// As for [`load_environment`].
+pub fn load_picture(path: &Path, warnings: &mut Vec<Warning>) -> Result<Image> {
+    read(path, Use::Color, warnings)
+}
+
 /// Reads an image file for a use.
 ///
 /// # Errors
@@ -146,7 +154,9 @@ fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -
     if let Some(lacking) = decoder.filter(|d| !d.is_built_in()) {
         return Err(source.lacks(lacking));
     }
-    let readable = |f: &ImageFormat| f.reading_enabled() || *f == ImageFormat::OpenExr;
+    // GIF is for writing.
+    let is_known = |f: &ImageFormat| f.reading_enabled() && *f != ImageFormat::Gif;
+    let readable = |f: &ImageFormat| is_known(f) || *f == ImageFormat::OpenExr;
     format.filter(readable).ok_or_else(|| {
         source
             .error(if source.bytes.is_empty() { "is empty" } else { "is not an image of a known format" })

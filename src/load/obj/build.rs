@@ -27,7 +27,7 @@ pub(super) struct Object {
     smooth: Vec<(u32, u32, u32)>,
 }
 
-/// The objects of a file that has faces, from the models that `tobj` made of the pieces.
+/// The objects of a file, from the models that `tobj` made of the pieces.
 pub(super) fn objects(models: Vec<tobj::Model>, statements: &Statements) -> Vec<Object> {
     let mut builder = Builder {
         statements,

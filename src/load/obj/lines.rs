@@ -101,6 +101,13 @@ impl<R: Read + Seek, C: Clean> Cleaning<R, C> {
     }
 }
 
+/// Hands all lines of a file to a cleaner, and gives it back; what it makes of them is left out.
+pub(super) fn each_line<C: Clean>(file: File, cleaner: C) -> Result<C> {
+    let mut cleaning = Cleaning::new(file, cleaner);
+    cleaning.run(|_| {})?;
+    Ok(cleaning.cleaner)
+}
+
 /// Pieces of a file from another thread.
 pub(super) struct Pieces {
     pieces: Receiver<Vec<u8>>,
@@ -193,6 +200,12 @@ impl<'a> Iterator for Words<'a> {
 /// The number that a word is.
 #[inline]
 pub(super) fn float(word: &[u8]) -> Option<f32> {
+    std::str::from_utf8(word).ok()?.parse().ok()
+}
+
+/// The same in double precision.
+#[inline]
+pub(super) fn double(word: &[u8]) -> Option<f64> {
     std::str::from_utf8(word).ok()?.parse().ok()
 }
 

@@ -2,13 +2,14 @@
 //!
 //! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
 //! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);
-//! vertex colours (sRGB-encoded, as exporters write them). Lines, points and free-form surfaces are left out, with a
-//! count. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
+//! vertex colours (sRGB-encoded, as exporters write them). Points (`p`) become spheres; lines and free-form surfaces are
+//! left out, with a count. Positions beyond the precision of single floats are kept around an origin of their own. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
 //!
 //! `tobj` gets even statements without problems (`statements.rs`, `mtl.rs`), which note what it drops: lines, smoothing
 //! groups, materials of several libraries, options of textures. Polygons are cut here, as `tobj` would fan them out.
 
 mod build;
+mod cloud;
 mod files;
 mod lines;
 mod maps;
@@ -19,9 +20,9 @@ mod statements;
 pub(in crate::load) use files::find as find_file;
 
 use super::shapes::Repairs;
-use super::{LoadOptions, Loaded};
+use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart, Motion};
 use build::Object;
 use lines::by_tobj;
@@ -35,8 +36,15 @@ use std::path::{Path, PathBuf};
 
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let (objects, statements) = read(path)?;
-    let mut loaded = Loaded::default();
+    let (mut objects, mut statements) = read(path, DVec3::ZERO)?;
+    let origin = match objects.is_empty() {
+        false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
+        true => far::origin(cloud::positions(path, &statements.points)?.iter()),
+    };
+    if origin != DVec3::ZERO {
+        (objects, statements) = read(path, origin)?;
+    }
+    let mut loaded = Loaded { up_hint: up_hint(path), ..Loaded::default() };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     for (line, message) in statements.left_out() {
         loaded.warnings.push(Warning::new(path, format!("line {line}"), message));
@@ -58,6 +66,10 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         add(object, &mut palette, &mut loaded, &mut repairs);
     }
     loaded.warnings.extend(repairs.warnings(path));
+    if !statements.points.is_empty() {
+        cloud::add(path, &statements.points, origin, options, &mut loaded)?;
+    }
+    far::place(path, origin, &mut loaded);
     let mut defined = HashSet::new();
     for (library, m) in &libraries {
         if !defined.insert(&m.name) {
@@ -79,11 +91,21 @@ fn is_utf_16(start: &[u8]) -> bool {
         || start.len() >= 4 && start.chunks_exact(2).all(is_letter)
 }
 
-/// The objects of a file, and what else its statements say.
+/// What the comments at a file's head tell about who wrote it.
+fn up_hint(path: &Path) -> UpHint {
+    let mut head = Vec::new();
+    // What can't be read has been an error before.
+    let _ = File::open(path).and_then(|file| file.take(1 << 10).read_to_end(&mut head));
+    let head = String::from_utf8_lossy(&head);
+    let is_of_blender = head.lines().any(|l| l.starts_with('#') && l.contains("Blender"));
+    UpHint { writer: is_of_blender.then_some((Up::Y, "Blender, which wrote it")), is_mostly_y: true }
+}
+
+/// The objects of a file around an origin, and what else its statements say.
 ///
 /// # Errors
 /// An input error with all problems of the file.
-fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
+fn read(path: &Path, origin: DVec3) -> Result<(Vec<Object>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let mut file = File::open(path).map_err(unreadable)?;
     let mut start = Vec::new();
@@ -94,13 +116,15 @@ fn read(path: &Path) -> Result<(Vec<Object>, Statements)> {
     // Corners with the same indices become one vertex; polygons stay what they are.
     let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(file, Statements::default(), |reader| {
+    let (models, statements) = by_tobj(file, Statements::around(origin), |reader| {
         tobj::load_obj_buf(reader, &options, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
     let problems = statements.problems();
     match (problems.is_empty(), models) {
         (false, _) => Err(Error::input_problems(path, problems)),
+        // `tobj` refuses a file without faces.
+        (true, Err(_)) if statements.pieces.is_empty() => Ok((Vec::new(), statements)),
         (true, Err(e)) => Err(Error::input(path, format!("can't be understood: {e}"))),
         (true, Ok(models)) => Ok((build::objects(models, &statements), statements)),
     }
@@ -173,6 +197,9 @@ impl Palette<'_> {
         material.use_vertex_colors = has_colors;
         loaded.scene.materials.push(material);
         let id = MaterialId(loaded.scene.materials.len() as u32 - 1);
+        if found.is_none() {
+            loaded.stand_ins.push(id);
+        }
         self.ids.insert((name, has_colors), id);
         id
     }

@@ -5,9 +5,10 @@
 //! as a division, and fills in references that corners lack by others; it knows neither smoothing groups nor, in a file
 //! with several libraries, materials. All this is settled and noted here: what reaches it is sound and even.
 
-use super::lines::{Clean, Words, decoded, float};
+use super::lines::{Clean, Words, decoded, double, float};
 use crate::error::Problem;
 use crate::load::words::integer;
+use crate::math::DVec3;
 use std::collections::{BTreeMap, HashMap, HashSet};
 use std::io::Write;
 
@@ -65,6 +66,10 @@ pub(super) struct Statements {
     pub materials: Vec<(String, usize)>,
     /// What stands behind `mtllib`, with its line.
     pub libraries: Vec<(String, usize)>,
+    /// Positions that are points (`p`), from 0.
+    pub points: Vec<u32>,
+    /// What is subtracted from positions.
+    origin: DVec3,
     /// The vertices have gone by.
     faces_now: bool,
     /// Statements of positions, texture coordinates and normals in the file.
@@ -113,6 +118,11 @@ impl Clean for Statements {
 }
 
 impl Statements {
+    /// For a file whose positions are to be relative to an origin.
+    pub fn around(origin: DVec3) -> Statements {
+        Statements { origin, ..Statements::default() }
+    }
+
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
     fn vertex(&mut self, line: usize, kind: usize, words: Words, out: &mut Vec<u8>) {
         let (name, least, most) = [("v", 3, 3), ("vt", 1, 2), ("vn", 3, 3)][kind];
@@ -122,7 +132,7 @@ impl Statements {
         for (i, word) in words.clone().take(if kind == 0 { 6 } else { most }).enumerate() {
             if i < most && is_number(word) {
                 out.push(b' ');
-                out.extend(word);
+                self.number(kind, i, word, out);
             } else if let Some(value) = float(word).filter(|_| i >= most) {
                 color[i - most] = value;
             } else {
@@ -154,6 +164,31 @@ impl Statements {
         }
     }
 
+    /// A number of a vertex as `tobj` gets it: positions relative to the origin.
+    #[inline]
+    fn number(&self, kind: usize, i: usize, word: &[u8], out: &mut Vec<u8>) {
+        match double(word).filter(|_| kind == 0 && self.origin[i] != 0.0) {
+            // All digits of the difference, which `tobj` rounds once. Writing to memory doesn't fail.
+            Some(value) => drop(write!(out, "{}", value - self.origin[i])),
+            None => out.extend(word),
+        }
+    }
+
+    /// `p v1 v2 ...`.
+    fn points(&mut self, line: usize, words: Words) {
+        for word in words {
+            let (before, total) = (self.counts[0] as i64, self.totals[0] as i64);
+            let index = word.split(|&b| b == b'/').next().and_then(integer);
+            match index.map(|index| if index < 0 { before + index + 1 } else { index }) {
+                Some(place) if (1..=total).contains(&place) => self.points.push((place - 1) as u32),
+                _ => {
+                    return self
+                        .problem(line, format!("a point refers to a vertex that is not among the {total}"));
+                }
+            }
+        }
+    }
+
     fn statement(&mut self, line: usize, keyword: &[u8], words: Words, out: &mut Vec<u8>) {
         match keyword {
             b"f" | b"fo" => self.face(line, words, out),
@@ -168,7 +203,8 @@ impl Statements {
                 self.begin();
             }
             b"mtllib" => self.libraries.push((decoded(words.rest()), line)),
-            b"l" | b"p" => self.ignore(line, "lines and points, which have no surface"),
+            b"p" => self.points(line, words),
+            b"l" => self.ignore(line, "lines, which have no surface"),
             b"cstype" | b"deg" | b"bmat" | b"step" | b"curv" | b"curv2" | b"surf" | b"parm" | b"trim"
             | b"hole" | b"scrv" | b"sp" | b"end" | b"con" | b"vp" => {
                 self.ignore(line, "statements of free-form curves and surfaces");
@@ -332,7 +368,7 @@ impl Statements {
             let message = format!("{} more statements are broken", self.problem_count - LISTED);
             problems.push(Problem::new("", message));
         }
-        if self.pieces.is_empty() && problems.is_empty() {
+        if self.pieces.is_empty() && self.points.is_empty() && problems.is_empty() {
             let mut problem = Problem::new("", "has no faces").with_help("only surfaces can be rendered");
             if let Some((what, (line, count))) = self.ignored.iter().next() {
                 problem.message = format!("has no faces, but {count} {what}, the first in line {line}");

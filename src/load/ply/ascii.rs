@@ -78,7 +78,7 @@ fn read_row<E: Record>(line: &[u8], targets: &[Target], record: &mut E) -> Optio
         let word = words.next()?;
         match target {
             Target::Scalar(_, None) => {}
-            Target::Scalar(kind, Some(slot)) => record.set(*slot, &scalar(kind, word)?),
+            Target::Scalar(kind, Some(slot)) => record.set(*slot, &scalar(kind, *slot, word)?),
             Target::List(name) => {
                 let length = usize::try_from(integer(word)?).ok()?;
                 match record.list(name) {
@@ -115,10 +115,12 @@ impl<'a> Iterator for Words<'a> {
 }
 
 /// A number of a type; those of whole types that are out of range count as their type's limits.
+/// Positions keep all digits that are written.
 #[inline]
-fn scalar(kind: &ScalarType, word: &[u8]) -> Option<Property> {
+fn scalar(kind: &ScalarType, slot: Slot, word: &[u8]) -> Option<Property> {
     let text = std::str::from_utf8(word).ok()?;
     Some(match kind {
+        ScalarType::Float if matches!(slot, Slot::Position(_)) => Property::Double(text.parse().ok()?),
         ScalarType::Float => Property::Float(text.parse().ok()?),
         ScalarType::Double => Property::Double(text.parse().ok()?),
         // `as` saturates.

@@ -27,7 +27,7 @@ pub(super) enum Slot {
 
 /// One vertex; what the file lacks keeps its default.
 pub(super) struct Vertex {
-    pub position: [f32; 3],
+    pub position: [f64; 3],
     pub normal: [f32; 3],
     /// As in the file: v grows upwards.
     pub uv: [f32; 2],
@@ -61,7 +61,7 @@ impl Record for Vertex {
     #[inline]
     fn set(&mut self, slot: Slot, value: &Property) {
         match slot {
-            Slot::Position(i) => self.position[i] = number(value),
+            Slot::Position(i) => self.position[i] = exact(value),
             Slot::Normal(i) => self.normal[i] = number(value),
             Slot::Uv(i) => self.uv[i] = number(value),
             Slot::Color(i) => self.color[i] = color(value),
@@ -134,6 +134,17 @@ fn number(value: &Property) -> f32 {
         Property::Float(v) => v,
         Property::Double(v) => v as f32,
         _ => f32::NAN,
+    }
+}
+
+/// The same, as exact as it is in the file.
+#[inline]
+fn exact(value: &Property) -> f64 {
+    match *value {
+        Property::Int(v) => f64::from(v),
+        Property::UInt(v) => f64::from(v),
+        Property::Double(v) => v,
+        _ => f64::from(number(value)),
     }
 }
 

@@ -8,6 +8,7 @@ use super::binary;
 use super::elements::{Face, Record, Vertex};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
+use crate::load::Up;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
@@ -48,8 +49,26 @@ pub(super) struct VertexLayout {
     pub normal: bool,
     pub uv: bool,
     pub color: bool,
+    /// What is stored there are gaussian splats.
+    pub is_splat: bool,
     /// Attributes of which a part is missing, so that the rest means nothing.
     pub incomplete: Vec<&'static str>,
+}
+
+impl VertexLayout {
+    /// Says why nothing can be made of such vertices.
+    pub fn check(&self) -> Result<()> {
+        if self.is_splat {
+            let message =
+                "holds gaussian splats (properties f_dc_0, opacity, scale_0), which are not surfaces";
+            let help = "convert it to a mesh or to a point cloud with colours (red, green, blue)";
+            return Err(Problem::new("header", message).with_help(help));
+        }
+        match self.position {
+            true => Ok(()),
+            false => Err(Problem::new("header", "has no element 'vertex' with properties x, y and z")),
+        }
+    }
 }
 
 /// What is in a file and not read, in words.
@@ -60,6 +79,10 @@ pub(super) struct Unread {
     pub rest: Vec<String>,
     /// Pictures that comments name.
     pub texture_files: Vec<String>,
+    /// The axis that the file's writer has up.
+    pub writer_up: Option<(Up, &'static str)>,
+    /// Positions may be finer than single floats.
+    pub has_exact_positions: bool,
 }
 
 /// Names of texture coordinates and of colours.
@@ -101,7 +124,8 @@ impl<'a> Source<'a> {
             (color, any(COLORS.as_flattened()), "colours"),
         ];
         let incomplete = parts.into_iter().filter(|(all, any, _)| *any && !all).map(|p| p.2).collect();
-        VertexLayout { position, normal, uv, color, incomplete }
+        let is_splat = has("f_dc_0") && (has("opacity") || has("scale_0"));
+        VertexLayout { position, normal, uv, color, is_splat, incomplete }
     }
 
     /// The pictures that comments name, as MeshLab writes them.
@@ -110,13 +134,35 @@ impl<'a> Source<'a> {
         named.map(|file| file.trim().to_string()).collect()
     }
 
+    /// The axis that is up in files of the program that a comment names.
+    fn writer_up(&self) -> Option<(Up, &'static str)> {
+        let is_by = |name: &str| {
+            self.header
+                .comments
+                .iter()
+                .any(|c| c.to_ascii_lowercase().contains(name) && !c.contains("TextureFile"))
+        };
+        let writers =
+            [("blender", "Blender, which wrote it"), ("cloudcompare", "CloudCompare, which wrote it")];
+        writers.iter().find(|(name, _)| is_by(name)).map(|&(_, why)| (Up::Z, why))
+    }
+
+    /// Text may have any number of digits.
+    fn has_exact_positions(&self) -> bool {
+        let is_double = |p: &PropertyType| matches!(p, PropertyType::Scalar(ScalarType::Double));
+        let vertex = self.header.elements.get("vertex");
+        matches!(self.header.encoding, Encoding::Ascii)
+            || vertex.is_some_and(|v| v.properties.get("x").is_some_and(|p| is_double(&p.data_type)))
+    }
+
     /// Properties that nothing is taken from, with their element: what the file has that shows in a picture, and the rest.
     /// Also lines of the header that mean nothing.
     pub fn unread(&self, layout: &VertexLayout) -> Unread {
         let incomplete = layout.incomplete.iter();
         let shown = incomplete.map(|what| format!("{what} of which a property is missing")).collect();
         let texture_files = self.texture_files();
-        let mut unread = Unread { shown, rest: Vec::new(), texture_files };
+        let (writer_up, has_exact_positions) = (self.writer_up(), self.has_exact_positions());
+        let mut unread = Unread { shown, rest: Vec::new(), texture_files, writer_up, has_exact_positions };
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
             ("vertex", PropertyType::Scalar(_)) => Vertex::slot(name).is_some(),
             ("face" | "tristrips", PropertyType::List(..)) => Face::new().list(name).is_some(),

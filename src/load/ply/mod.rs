@@ -6,7 +6,8 @@
 //! (`vertex_index` or `vertex_indices`) and `tristrips`. Other elements, and properties of faces that a picture would show,
 //! are left out with a warning, and any other property without. Where a comment names a picture (`TextureFile`, as MeshLab
 //! writes it) and vertices have texture coordinates, it is the colour. Vertices without faces are a point
-//! cloud, which becomes spheres if the caller gives their radius.
+//! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
+//! Gaussian splats are refused by their name.
 
 mod ascii;
 mod binary;
@@ -14,13 +15,13 @@ mod elements;
 mod faces;
 mod header;
 mod lines;
-mod points;
 mod texture;
 
+use super::points::Cloud;
 use super::shapes::Repairs;
-use super::{LoadOptions, Loaded};
+use super::{LoadOptions, Loaded, UpHint, far};
 use crate::error::{Error, Problem, Result, Warning};
-use crate::math::DAffine3;
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Motion};
 use elements::{Face, Skipped, Vertex};
 use faces::{Faces, Kind};
@@ -30,9 +31,17 @@ use std::path::Path;
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
-    let (mesh, left_out) = parse(path, &bytes)?;
+    let mut origin = DVec3::ZERO;
+    let (mut mesh, mut left_out) = parse(path, &bytes, origin)?;
+    if left_out.has_exact_positions {
+        origin = far::origin(mesh.positions.iter());
+    }
+    if origin != DVec3::ZERO {
+        (mesh, left_out) = parse(path, &bytes, origin)?;
+    }
     drop(bytes);
-    let mut loaded = finish(path, mesh, options)?;
+    let mut loaded = finish(path, mesh, origin, options)?;
+    loaded.up_hint = UpHint { writer: left_out.writer_up, is_mostly_y: false };
     texture::add(path, &left_out.texture_files, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.shown.into_iter().map(warning));
@@ -41,14 +50,12 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     Ok(loaded)
 }
 
-/// Reads the content of a PLY file, and what it leaves out; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Unread)> {
+/// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
+fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
-    if !defined.position {
-        return Err(fail(Problem::new("header", "has no element 'vertex' with properties x, y and z")));
-    }
+    defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
     let (mut uv, mut faces) = (Vec::new(), Faces::default());
     let mut left_out = source.unread(&defined);
@@ -59,7 +66,7 @@ fn parse(path: &Path, bytes: &[u8]) -> Result<(Mesh, Unread)> {
                 mesh.positions.reserve_exact(definition.count);
                 mesh.normals.reserve_exact(if defined.normal { definition.count } else { 0 });
                 let add = |_, v: &Vertex| {
-                    mesh.positions.push(v.position);
+                    mesh.positions.push((DVec3::from_array(v.position) - origin).as_vec3().to_array());
                     if defined.normal {
                         mesh.normals.push(v.normal);
                     }
@@ -108,12 +115,17 @@ fn unused_alpha(mesh: &Mesh) -> Option<String> {
     (count > 0).then(|| format!("the alpha of {count} vertex colours, which are taken as opaque"))
 }
 
-fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> {
+/// The scene of a mesh around an origin.
+fn finish(path: &Path, mut mesh: Mesh, origin: DVec3, options: &LoadOptions) -> Result<Loaded> {
     if mesh.positions.is_empty() {
         return Err(Error::input(path, "is empty: it has no vertices"));
     }
     if mesh.triangles.is_empty() {
-        return points::spheres(path, &mesh, options);
+        let cloud = Cloud { positions: &mesh.positions, colors: &mesh.colors, origin };
+        let mut loaded = Loaded::default();
+        cloud.add(path, options, &mut loaded)?;
+        far::place(path, origin, &mut loaded);
+        return Ok(loaded);
     }
     let mut loaded = Loaded::default();
     let mut repairs = Repairs::default();
@@ -127,6 +139,7 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
     }
     loaded.scene.materials.push(material);
+    loaded.stand_ins.push(MaterialId(0));
     loaded.scene.meshes.push(mesh);
     loaded.scene.instances.push(Instance {
         name: "mesh".to_string(),
@@ -135,5 +148,6 @@ fn finish(path: &Path, mut mesh: Mesh, options: &LoadOptions) -> Result<Loaded> 
         material: None,
         motion: Motion::Still,
     });
+    far::place(path, origin, &mut loaded);
     Ok(loaded)
 }

@@ -1,7 +1,7 @@
 //! The environment.
 
 use super::findings::Findings;
-use crate::scene::{Environment, Scene};
+use crate::scene::{Backdrop, Environment, Scene};
 
 /// Most texels of an environment's image: tables over it have 32-bit indices.
 const MOST_TEXELS: u64 = 1 << 29;
@@ -9,6 +9,9 @@ const MOST_TEXELS: u64 = 1 << 29;
 const PLACE: &str = "environment";
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
+    if let Some(Backdrop::Color(rgb)) = &scene.backdrop {
+        findings.require_color(rgb, "backdrop", "Color");
+    }
     match &scene.environment {
         Environment::Black => {}
         Environment::Constant(rgb) => findings.require_color(rgb, PLACE, "Constant"),

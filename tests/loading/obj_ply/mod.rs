@@ -1,6 +1,7 @@
 //! OBJ and PLY files: real models, the formats' corners, and damaged files.
 
 mod damage;
+mod far;
 mod mtl;
 mod obj;
 mod ply;

@@ -158,10 +158,10 @@ fn what_is_left_out_is_counted_with_its_place() {
     let text = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 nan 0\nl 1 2\np 1\nf 1 2\nf 1 2 2\nf 1/7 2/7 3/7\nf 1//1 2 3\nf 1 2 4\n\
                 curv 0 1 1 2\nxyz 1\n";
     let loaded = load_files(&[("a.obj", text.as_bytes())]).unwrap_or_else(|e| panic!("{e}"));
-    assert_eq!(loaded.scene.meshes[0].triangles.len(), 2);
+    assert_eq!((loaded.scene.meshes[0].triangles.len(), loaded.scene.shapes.len()), (2, 1));
     let shown: Vec<String> = loaded.warnings.iter().map(|w| format!("{}: {}", w.place, w.message)).collect();
     for part in [
-        "line 5: 2 lines and points",
+        "line 5: 1 lines, which have no surface",
         "line 7: 2 faces of fewer than three corners",
         "line 9: 3 references to texture coordinates",
         "line 10: 1 references to normals",

@@ -5,11 +5,11 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission, Emission,
-    EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance, Interpolation,
-    Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model,
-    Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape, ShapeKind, Sheen,
-    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
+    Emission, EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance,
+    Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId,
+    MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape,
+    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -36,7 +36,7 @@ ids! { ImageId MaterialId MeshId TextureId }
 structs! {
     Scene {
         name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden,
-        object_light_groups, environment_group, cameras, settings,
+        backdrop, object_light_groups, environment_group, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -114,6 +114,7 @@ enums! {
         Grid { half_angle_rad }
         Cone { direction, inner_angle_rad, outer_angle_rad, fade }
     } {}
+    Backdrop {} { Color Picture }
     Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }
     Projection { Perspective { vfov_rad } Orthographic { half_height } } {}
 }

@@ -90,6 +90,13 @@ fn default_material() -> Material {
     Material { double_sided: false, ..Material::new("default", model) }
 }
 
+/// Which of a scene's materials is that.
+pub(super) fn stand_ins(materials: &[Material]) -> Vec<MaterialId> {
+    let own = default_material();
+    let is_own = |m: &Material| m.name == own.name && m.model == own.model && m.emission.is_none();
+    (0u32..).zip(materials).filter(|(_, m)| is_own(m)).map(|(i, _)| MaterialId(i)).collect()
+}
+
 fn build(
     doc: &Document,
     index: usize,

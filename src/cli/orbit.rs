@@ -1,0 +1,83 @@
+//! `oscura render --orbit N`: the camera goes once around the model.
+
+use super::Outcome;
+use super::args::RenderArgs;
+use super::environment::EnvironmentOverride;
+use super::frames::Frames;
+use super::pictures::Targets;
+use super::report::Said;
+use super::scene_path;
+use super::settings::choices;
+use super::shot::{Kept, load_options, load_scene, run_one};
+use oscura::compile::Compiler;
+use oscura::error::{Error, Result};
+use oscura::load::Loaded;
+use oscura::load::stage::Turntable;
+use oscura::output::{Animation, AnimationFormat, check_target, write_atomically};
+use oscura::render::CancelHandle;
+use oscura::scene::{instance_extents, scene_extent};
+use std::f64::consts::TAU;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Renders all pictures, from the camera's own place on, counter-clockwise seen from above.
+pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result<Outcome> {
+    let (moving, still): (Vec<&PathBuf>, Vec<&PathBuf>) =
+        args.output.iter().partition(|path| AnimationFormat::of(path).is_some());
+    let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
+    (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
+    moving.iter().try_for_each(check_target)?;
+    let mut start = Instant::now();
+    scene_path::check(&args.scene)?;
+    let environment = EnvironmentOverride::load(args)?;
+    let mut options = load_options(args)?;
+    options.stage.is_orbit = true;
+    let mut loaded = load_scene(args, cancel, &options)?;
+    let warnings = environment.apply(args, &mut loaded.scene);
+    loaded.warnings.extend(warnings);
+    let number = choices(args).settle(&loaded.scene)?.camera.unwrap_or(0);
+    let first = loaded.scene.cameras.get(number).cloned();
+    let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
+    let table = turntable(&loaded);
+    let animation = (!moving.is_empty()).then(Animation::default);
+    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence(), animation };
+    for k in 0..count {
+        if !args.quiet {
+            eprintln!("frame    {k} of {count}");
+        }
+        let angle = f64::from(k) / f64::from(count) * TAU;
+        loaded.scene.cameras[number] = table.camera(&first, angle);
+        table.light(&mut loaded.scene, angle);
+        let targets = Targets::check(&files(k))?;
+        let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept)?;
+        if !matches!(outcome, Outcome::Done) {
+            return Ok(outcome);
+        }
+        start = Instant::now();
+    }
+    for path in moving {
+        write(args, path, kept.animation.as_ref())?;
+    }
+    Ok(Outcome::Done)
+}
+
+/// Writes a moving picture.
+fn write(args: &RenderArgs, path: &PathBuf, animation: Option<&Animation>) -> Result<()> {
+    let (Some(format), Some(animation)) = (AnimationFormat::of(path), animation) else { return Ok(()) };
+    let bytes = animation.encode(format, args.fps).map_err(|message| Error::output(path, message))?;
+    write_atomically(path, &bytes)?;
+    if !args.quiet {
+        eprintln!("wrote    {}", path.display());
+    }
+    Ok(())
+}
+
+/// About the model that loading framed, else about the middle of the scene.
+fn turntable(loaded: &Loaded) -> Turntable {
+    loaded.turntable.unwrap_or_else(|| {
+        let scene = &loaded.scene;
+        let bounds = scene_extent(scene, &instance_extents(scene)).0;
+        let middle = bounds.map_or_else(Default::default, |(min, max)| (min + max) * 0.5);
+        Turntable::new(middle, false)
+    })
+}

@@ -1,0 +1,231 @@
+//! One picture of `oscura render`: load, compile, render, write, report.
+
+use super::Outcome;
+use super::args::RenderArgs;
+use super::environment::EnvironmentOverride;
+use super::pictures::{Pictures, Shot, Targets};
+use super::process::peak_memory;
+use super::progress::{Progress, Waiting};
+use super::report::{Run, Said};
+use super::settings::{choices, png, without_exr};
+use super::{json, report_json, terms};
+use oscura::compile::{CompileReport, CompiledScene, Compiler};
+use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
+use oscura::film::Aov;
+use oscura::load::stage::Background;
+use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
+use oscura::output::Animation;
+use oscura::render::{CancelHandle, Labels, PassOutcome, Picture, Rendering, Settled};
+use oscura::scene::Camera;
+use std::sync::Arc;
+use std::time::Instant;
+
+/// Loads the scene; says so if it takes a while.
+pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
+    say_export(args);
+    let waiting = Waiting::new(args.quiet, "load");
+    let loaded = load(&args.scene, options);
+    drop(waiting);
+    // A signal ends Blender, too, whose failure is then no news.
+    stop_before_pixels(cancel)?;
+    loaded
+}
+
+/// Says what takes a while.
+fn say_export(args: &RenderArgs) {
+    if !args.quiet && is_of_blender(&args.scene) {
+        eprintln!("export   {} by Blender", args.scene.display());
+    }
+}
+
+pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
+    let aspect = args.width.zip(args.height).map(|(w, h)| f64::from(w) / f64::from(h));
+    let mut stage = args.stage.options(aspect, &mut Vec::new())?;
+    if args.transparent {
+        stage.background = Some(Background::Transparent);
+    }
+    Ok(LoadOptions {
+        allow_external: args.allow_external,
+        brings_environment: args.env.is_some(),
+        gltf: args.asset.options(),
+        point_radius: args.point_radius,
+        up: args.stage.up,
+        stage,
+        no_sidecar: args.no_sidecar,
+        blender: args.blender.options(),
+        ..LoadOptions::default()
+    })
+}
+
+/// What outlives a picture.
+pub(super) struct Kept {
+    pub said: Said,
+    pub compiler: Compiler,
+    /// Frames of a moving picture so far, where one is wanted.
+    pub animation: Option<Animation>,
+}
+
+/// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
+/// scene's, unless that has been done.
+pub(super) fn run_one(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    targets: &Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    Kept { said, compiler, animation }: &mut Kept,
+) -> Result<Outcome> {
+    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
+    let Prepared { scene, labels, camera, settled, build, load_s, notes, mut warnings, left_out } =
+        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    if !args.quiet {
+        said.notes(&notes);
+        said.warnings(&warnings);
+        if args.explain {
+            left_out.iter().for_each(|what| eprintln!("left out: {what}"));
+        }
+    }
+    refuse_warnings(args, &warnings, ErrorKind::Input)?;
+    stop_before_pixels(cancel)?;
+
+    let png = png(args, settled.exposure, is_stage_lit);
+    let encode = |shot: Shot| Pictures::encode(args, targets, shot, png, &warnings);
+    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
+    let mut picture = take_picture(args, cancel, rendering, &encode, said)?;
+    if args.resume && picture.statistics().interrupted {
+        // Else it would pass for a finished one the next time.
+        return Ok(Outcome::Interrupted);
+    }
+    loaded.scene.backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
+    picture.set_world_offset(loaded.offset);
+
+    let start = Instant::now();
+    let pictures = encode(Shot::from(&picture))?;
+    animation.iter_mut().for_each(|animation| animation.add_film(picture.film(), &png));
+    if !args.quiet {
+        said.warnings(&pictures.warnings);
+    }
+    // Who stops a run wants what is there.
+    if !picture.statistics().interrupted {
+        refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
+    }
+    pictures.write()?;
+    let write_s = start.elapsed().as_secs_f64();
+    warnings.extend(pictures.warnings);
+
+    let run = Run {
+        load_s,
+        write_s,
+        width: settled.options.width,
+        height: settled.options.height,
+        seed: settled.options.seed,
+        compiled: build,
+        statistics: *picture.statistics(),
+        peak_memory: peak_memory(),
+        outputs: targets.names(),
+        notes,
+        warnings,
+        left_out,
+    };
+    if !args.quiet {
+        run.print();
+    }
+    if args.json {
+        json::print(&report_json::of_run(&run));
+    }
+    Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Renders until all samples are taken or something stops it; writes what `encode` makes of the picture so far as often as
+/// it is wanted.
+fn take_picture<'a>(
+    args: &RenderArgs,
+    cancel: &CancelHandle,
+    rendering: Rendering,
+    encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
+    said: &mut Said,
+) -> Result<Picture> {
+    let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
+    let shown = progress.clone();
+    let mut rendering =
+        rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
+    let mut saved = Instant::now();
+    while rendering.next_pass() == PassOutcome::Progressed {
+        if args.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
+            // A disk that is full for a while is no reason to lose the rest.
+            if let Err(error) = encode(Shot::from(&rendering))?.write() {
+                said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
+            }
+            saved = Instant::now();
+        }
+    }
+    progress.finish();
+    Ok(rendering.into_picture())
+}
+
+/// All that rendering needs.
+struct Prepared {
+    scene: Arc<CompiledScene>,
+    labels: Labels,
+    camera: Camera,
+    settled: Settled,
+    build: CompileReport,
+    load_s: f64,
+    notes: Vec<Warning>,
+    warnings: Vec<Warning>,
+    left_out: Vec<String>,
+}
+
+/// Settles options and compiles what was loaded since `start`; `has_exr` tells whether anything can hold AOVs.
+fn prepare(
+    args: &RenderArgs,
+    has_exr: bool,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    compiler: &mut Compiler,
+) -> Result<Prepared> {
+    terms::in_loaded(loaded);
+    let mut warnings = std::mem::take(&mut loaded.warnings);
+    let mut choices = choices(args);
+    if !has_exr {
+        choices = without_exr(args, choices, &mut warnings);
+        loaded.scene.settings.aovs = None;
+    }
+    let settled = choices.settle(&loaded.scene)?;
+    warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
+    let load_s = start.elapsed().as_secs_f64();
+
+    let camera = settled.camera(&loaded.scene)?.clone();
+    let size = (settled.options.width, settled.options.height);
+    compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
+    compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
+    let waiting = Waiting::new(args.quiet, "build");
+    let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
+    drop(waiting);
+    warnings.append(&mut build.warnings);
+    let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
+    left_out.append(&mut build.left_out);
+    let labels = Labels::of(&loaded.scene, &settled.options);
+    Ok(Prepared { scene, labels, camera, settled, build, load_s, notes, warnings, left_out })
+}
+
+/// With `--strict`, warnings are problems.
+fn refuse_warnings(args: &RenderArgs, warnings: &[Warning], kind: ErrorKind) -> Result<()> {
+    if !args.strict || warnings.is_empty() {
+        return Ok(());
+    }
+    let problems = warnings.iter().map(|w| Problem::new("", w.to_string())).collect();
+    let error = Error { kind, file: Some(args.scene.clone()), problems, source_text: None };
+    Err(error.with_help("--strict makes warnings errors"))
+}
+
+/// A signal before the first sample: there is nothing to write.
+fn stop_before_pixels(cancel: &CancelHandle) -> Result<()> {
+    if cancel.is_cancelled() {
+        let message = "stopped by a signal before the first sample; nothing was written";
+        return Err(Error { kind: ErrorKind::Interrupted, ..Error::usage(message) });
+    }
+    Ok(())
+}

@@ -1,0 +1,171 @@
+//! Arguments about how models without a camera or light are shown, the same for all commands that render them.
+
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::{Args, ValueEnum};
+use oscura::error::Warning;
+use oscura::load::Up;
+use oscura::load::image::load_picture;
+use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
+use std::path::PathBuf;
+
+/// What lights scenes without light.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum StageArg {
+    /// Soft boxes: key, fill and rim light.
+    Studio,
+    /// A blue sky with a hazy sun.
+    Sky,
+    /// A low, warm sun.
+    Sunset,
+    /// White from all around.
+    White,
+    /// No light, ground or material is added.
+    None,
+}
+
+/// What bare models stand on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum GroundArg {
+    /// Nothing.
+    None,
+    /// A ground like the background, which takes shadow and a trace of reflection.
+    Shadow,
+    /// A shiny floor.
+    Floor,
+}
+
+#[derive(Args, Clone, Debug)]
+#[command(next_help_heading = "Models without camera or light")]
+pub(crate) struct StageArgs {
+    /// What lights a scene that has no light [default: studio].
+    #[arg(long, value_name = "STAGE")]
+    pub stage: Option<StageArg>,
+    /// What a model without a camera stands on [default: shadow on a stage, none with --env].
+    #[arg(long, value_name = "GROUND")]
+    pub ground: Option<GroundArg>,
+    /// Behind everything: #rrggbb, white, grey, black, transparent, or a picture [default: the stage's, else the environment].
+    #[arg(long, value_name = "COLOR|FILE", value_parser = background)]
+    pub background: Option<BackgroundArg>,
+    /// From where: three-quarter, front, right, back, left, top, bottom, iso, or azimuth and elevation such as 30,20
+    /// [default: three-quarter].
+    #[arg(long, value_name = "VIEW", allow_hyphen_values = true)]
+    pub view_from: Option<ViewFrom>,
+    /// Factor on the model's size in the picture.
+    #[arg(long, value_name = "F", default_value = "1", value_parser = zoom, allow_negative_numbers = true)]
+    pub zoom: f64,
+    /// Field of view, vertical, degrees.
+    #[arg(long, value_name = "DEG", default_value = "30", value_parser = fov, allow_negative_numbers = true)]
+    pub fov: f64,
+    /// Axis of OBJ and PLY files that points up; auto goes by the file's writer and the model's shape.
+    #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
+    pub up: Up,
+}
+
+/// What `--background` names.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum BackgroundArg {
+    Transparent,
+    /// sRGB, 0..1.
+    Color([f32; 3]),
+    File(PathBuf),
+}
+
+impl StageArgs {
+    /// No colour of the background is chosen, which would have to look as it was given.
+    pub fn leaves_view_open(&self) -> bool {
+        self.stage != Some(StageArg::White)
+            && matches!(self.background, None | Some(BackgroundArg::Transparent))
+    }
+
+    /// The choices, for a picture of this width over height; reads the background's picture.
+    ///
+    /// # Errors
+    /// An input error if that can't be read.
+    pub fn options(&self, aspect: Option<f64>, warnings: &mut Vec<Warning>) -> oscura::Result<StageOptions> {
+        let light = match self.stage {
+            None | Some(StageArg::Studio) => StageLight::Studio,
+            Some(StageArg::Sky) => StageLight::Sky,
+            Some(StageArg::Sunset) => StageLight::Sunset,
+            Some(StageArg::White) => StageLight::White,
+            Some(StageArg::None) => StageLight::None,
+        };
+        let ground = self.ground.map(|ground| match ground {
+            GroundArg::None => Ground::None,
+            GroundArg::Shadow => Ground::Shadow,
+            GroundArg::Floor => Ground::Floor,
+        });
+        let background = match &self.background {
+            None => None,
+            Some(BackgroundArg::Transparent) => Some(Background::Transparent),
+            Some(BackgroundArg::Color(srgb)) => Some(Background::Color(srgb.map(linear))),
+            Some(BackgroundArg::File(path)) => Some(Background::Picture(load_picture(path, warnings)?)),
+        };
+        Ok(StageOptions {
+            light,
+            is_light_chosen: self.stage.is_some_and(|s| s != StageArg::None),
+            ground,
+            background,
+            view: self.view_from.unwrap_or_default(),
+            is_view_chosen: self.view_from.is_some(),
+            zoom: self.zoom,
+            vfov_degrees: self.fov,
+            aspect,
+            is_orbit: false,
+        })
+    }
+}
+
+/// The transfer function of sRGB.
+fn linear(v: f32) -> f32 {
+    oscura::color::linear_from_srgb(v)
+}
+
+/// A colour, `transparent`, or the name of a file.
+fn background(text: &str) -> Result<BackgroundArg, String> {
+    let named = match text {
+        "" => return Err("must be a colour such as #e0e0e0, transparent, or a picture".into()),
+        "transparent" | "none" => return Ok(BackgroundArg::Transparent),
+        "white" => Some([1.0; 3]),
+        "black" => Some([0.0; 3]),
+        "grey" | "gray" => Some([0.5; 3]),
+        _ => None,
+    };
+    if let Some(color) = named {
+        return Ok(BackgroundArg::Color(color));
+    }
+    let Some(digits) = text.strip_prefix('#') else { return Ok(BackgroundArg::File(text.into())) };
+    let is_hex = digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit());
+    let value = u32::from_str_radix(digits, 16).ok().filter(|_| is_hex);
+    let value = value.ok_or("a colour has six hexadecimal digits, such as #e0e0e0")?;
+    Ok(BackgroundArg::Color([16, 8, 0].map(|shift| (value >> shift & 255) as f32 / 255.0)))
+}
+
+fn zoom(text: &str) -> Result<f64, String> {
+    let fits = |v: &f64| (0.001..=1000.0).contains(v);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a number from 0.001 to 1000".to_string())
+}
+
+fn fov(text: &str) -> Result<f64, String> {
+    let fits = |v: &f64| (0.1..=170.0).contains(v);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a number of degrees from 0.1 to 170".to_string())
+}
+
+/// Axes by name.
+pub(crate) fn up() -> impl TypedValueParser<Value = Up> {
+    let names = Up::ALL.iter().map(|up| PossibleValue::new(up.name()));
+    let parser = PossibleValuesParser::new(names);
+    parser.try_map(|name| Up::ALL.iter().copied().find(|up| up.name() == name).ok_or("is no axis"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn backgrounds() {
+        assert_eq!(background("#ff8000"), Ok(BackgroundArg::Color([1.0, 128.0 / 255.0, 0.0])));
+        assert_eq!(background("transparent"), Ok(BackgroundArg::Transparent));
+        assert_eq!(background("sky.png"), Ok(BackgroundArg::File("sky.png".into())));
+        assert!(background("#fff").is_err() && background("#+1+1+1").is_err() && background("").is_err());
+    }
+}

@@ -1,0 +1,113 @@
+//! `oscura thumb`: small pictures of many models.
+
+use super::args::ThumbArgs;
+use super::outcome::{Outcome, exit_code};
+use super::process::cancel_by_signals;
+use super::report;
+use super::scene_path;
+use super::terms;
+use oscura::error::{Error, Result};
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::output::{PngOptions, ViewTransform, check_target, place_folder};
+use oscura::render::{CancelHandle, Renderer, in_pool};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+/// Scattering events of a path: more are not seen at this size.
+const DEPTH: u32 = 8;
+
+/// Makes all pictures; models that fail are listed, and the worst decides the exit code.
+pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
+    let cancel = cancel_by_signals()?;
+    let targets = targets(args)?;
+    let threads = args.threads.map(usize::from);
+    in_pool(threads, || all(args, &targets, &cancel))
+        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+}
+
+/// Where each picture goes.
+fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
+    if let Some(folder) = &args.output {
+        place_folder::make(folder)?;
+    }
+    let mut targets: Vec<PathBuf> = Vec::new();
+    for model in &args.models {
+        let beside = model.with_extension("png");
+        let target = match &args.output {
+            Some(folder) => folder.join(beside.file_name().unwrap_or_default()),
+            None => beside,
+        };
+        if targets.contains(&target) {
+            let message = format!("two models would become {}", target.display());
+            return Err(Error::usage(message).with_help("give those of one name apart, or without -o"));
+        }
+        targets.push(target);
+    }
+    Ok(targets)
+}
+
+fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<Outcome> {
+    let mut failures: Vec<(&Path, Error)> = Vec::new();
+    for (model, target) in args.models.iter().zip(targets) {
+        let start = Instant::now();
+        match one(args, model, target, cancel) {
+            Ok(()) if !args.quiet => {
+                eprintln!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
+            }
+            Ok(()) => {}
+            Err(error) => {
+                let error = terms::in_error(error);
+                report::error(&error);
+                failures.push((model, error));
+            }
+        }
+        if cancel.is_cancelled() {
+            return Ok(Outcome::Interrupted);
+        }
+    }
+    let worst = failures.iter().map(|(_, error)| exit_code(error)).max();
+    let Some(worst) = worst else { return Ok(Outcome::Done) };
+    eprintln!("{} of {} models failed:", failures.len(), args.models.len());
+    failures.iter().for_each(|(model, _)| eprintln!("  {}", model.display()));
+    Ok(Outcome::Failed(worst))
+}
+
+fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<()> {
+    scene_path::check(model)?;
+    check_target(target)?;
+    let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
+    let options = LoadOptions {
+        allow_external: args.allow_external,
+        up: args.stage.up,
+        stage,
+        ..LoadOptions::default()
+    };
+    let loaded = load(model, &options)?;
+    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
+    let (width, height) = size(args.size, &loaded);
+    let picture = Renderer::new(loaded)
+        .size(width, height)
+        .samples(args.spp)
+        .max_depth(DEPTH)
+        .cancel_by(cancel)
+        .render()?;
+    let view = match is_stage_lit && args.stage.leaves_view_open() {
+        true => ViewTransform::Filmic,
+        false => ViewTransform::Srgb,
+    };
+    let mut output = picture.output_options().clone();
+    output.png = PngOptions { view, ..output.png };
+    picture.save_with(target, &output).map(drop)
+}
+
+/// Square for models that were framed; else of the shape that the scene asks for.
+fn size(longer: u32, loaded: &Loaded) -> (u32, u32) {
+    let settings = &loaded.scene.settings;
+    let of_scene = match (settings.width, settings.height) {
+        (Some(w), Some(h)) if h > 0 => Some(f64::from(w) / f64::from(h)),
+        _ => loaded.scene.cameras.first().and_then(|c| c.aspect_ratio),
+    };
+    let aspect = of_scene.filter(|a| *a > 0.0 && a.is_finite() && loaded.turntable.is_none()).unwrap_or(1.0);
+    let of = |share: f64| ((f64::from(longer) * share).round() as u32).max(1);
+    (of(aspect.min(1.0)), of(1.0 / aspect.max(1.0)))
+}

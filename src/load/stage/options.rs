@@ -1,0 +1,154 @@
+//! What the caller may choose about the stage of a bare model.
+
+use super::direction::ViewFrom;
+use crate::image::Image;
+use std::fmt;
+
+/// What lights a scene that brings no light.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum StageLight {
+    /// A soft sky that lets the model's own look be; no stage else. For programs that go on with the scene.
+    #[default]
+    Soft,
+    /// A large key light from the camera's left, a fill and a rim light, as soft boxes far away.
+    Studio,
+    /// A blue sky with a hazy sun.
+    Sky,
+    /// A low, warm sun.
+    Sunset,
+    /// The same white from everywhere.
+    White,
+    /// None.
+    None,
+}
+
+impl StageLight {
+    /// Does it come with ground and material?
+    pub(super) fn is_stage(self) -> bool {
+        !matches!(self, StageLight::Soft | StageLight::None)
+    }
+
+    /// Radiance of the stage's own background, straight ahead.
+    pub(super) fn background(self) -> [f32; 3] {
+        match self {
+            StageLight::Sky => [0.42, 0.50, 0.60],
+            StageLight::Sunset => [0.46, 0.33, 0.26],
+            StageLight::White => [1.0; 3],
+            _ => [0.4; 3],
+        }
+    }
+}
+
+impl fmt::Display for StageLight {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            StageLight::Soft => "a soft sky",
+            StageLight::Studio => "studio light",
+            StageLight::Sky => "the light of a sky",
+            StageLight::Sunset => "the light of a low sun",
+            StageLight::White => "white light from all around",
+            StageLight::None => "no light",
+        })
+    }
+}
+
+/// What a bare model stands on.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Ground {
+    /// Nothing.
+    None,
+    /// A ground of the background's colour: only shadows and a trace of reflection show that it is there.
+    Shadow,
+    /// A darker, shiny floor.
+    Floor,
+}
+
+impl Ground {
+    /// Behind a comma, for the note about the stage.
+    pub(super) fn in_words(self) -> &'static str {
+        match self {
+            Ground::None => "",
+            Ground::Shadow => ", on a ground that takes its shadow",
+            Ground::Floor => ", on a shiny floor",
+        }
+    }
+}
+
+/// What cameras see behind everything, in place of the environment.
+#[derive(Clone, Debug)]
+pub enum Background {
+    /// Nothing: the picture is transparent there.
+    Transparent,
+    /// Linear Rec. 709.
+    Color([f32; 3]),
+    /// A picture, scaled to cover the whole frame.
+    Picture(Image),
+}
+
+/// How bare models are shown.
+#[derive(Clone, Debug)]
+pub struct StageOptions {
+    /// What lights scenes that bring no light.
+    pub light: StageLight,
+    /// The caller asked for this light; scenes that have a camera get it, too.
+    pub is_light_chosen: bool,
+    /// What models stand on; by default what suits the light and the background.
+    pub ground: Option<Ground>,
+    /// What is behind everything; by default what suits the light. Holds for every scene.
+    pub background: Option<Background>,
+    /// Where the camera stands.
+    pub view: ViewFrom,
+    /// The caller asked for this view.
+    pub is_view_chosen: bool,
+    /// Factor on the size of the model in the picture, above 0; at 1 it leaves margins of a tenth of the shorter side.
+    pub zoom: f64,
+    /// Full vertical angle of view, degrees, above 0 and below 180.
+    pub vfov_degrees: f64,
+    /// Width over height of the picture, where the caller decides it; else the scene's settings do, else 16:9.
+    pub aspect: Option<f64>,
+    /// The camera will go around the model, which is to stay in view all the time.
+    pub is_orbit: bool,
+}
+
+impl Default for StageOptions {
+    /// A camera and a soft sky.
+    fn default() -> StageOptions {
+        StageOptions {
+            light: StageLight::Soft,
+            is_light_chosen: false,
+            ground: None,
+            background: None,
+            view: ViewFrom::default(),
+            is_view_chosen: false,
+            zoom: 1.0,
+            vfov_degrees: 30.0,
+            aspect: None,
+            is_orbit: false,
+        }
+    }
+}
+
+impl StageOptions {
+    /// The stage of product shots.
+    pub fn studio() -> StageOptions {
+        StageOptions { light: StageLight::Studio, ..StageOptions::default() }
+    }
+
+    /// The colour behind everything on a stage.
+    pub(super) fn backdrop(&self) -> [f32; 3] {
+        match self.background {
+            Some(Background::Color(color)) => color,
+            _ => self.light.background(),
+        }
+    }
+
+    /// The ground of a bare model; `is_lit` tells that light does not come from the stage.
+    pub(super) fn ground_for(&self, is_lit: bool) -> Ground {
+        let is_open = matches!(self.background, Some(Background::Transparent | Background::Picture(_)));
+        let suits = match self.light.is_stage() && !is_lit && !is_open {
+            true => Ground::Shadow,
+            false => Ground::None,
+        };
+        self.ground.unwrap_or(suits)
+    }
+}

@@ -1,0 +1,201 @@
+//! A guess which axis of a model points up: y or z, the only two that are common.
+//!
+//! In the spirit of Fu, Cohen-Or, Dror, Sheffer 2008, "Upright Orientation of Man-Made Objects": things stand on flat or
+//! wide bases below their middle, and are mirrored left and right, not up and down. Weights and thresholds here were set by
+//! a dozen models and their copies turned on their backs.
+
+use super::{Up, UpHint};
+use crate::load::Loaded;
+use crate::math::{DVec2, DVec3};
+use crate::scene::Scene;
+
+/// Most triangles that are looked at.
+const MOST_TRIANGLES: usize = 200_000;
+/// Share of the height that counts as the base.
+const BASE: f64 = 0.03;
+/// Cells along each axis of the grid that tells whether a model is mirrored.
+const CELLS: usize = 16;
+/// By how much the evidence for z must exceed that for y: in formats that mostly have y up, and in others.
+const LEAD: [f64; 2] = [0.45, 0.1];
+/// Open surfaces whose faces mostly look one way are terrain, if they have so many triangles.
+const TERRAIN: usize = 100;
+
+/// The axis, and why in words; without words where nothing speaks for either.
+pub(super) fn up(loaded: &Loaded) -> (Up, &'static str) {
+    let UpHint { writer, is_mostly_y } = loaded.up_hint;
+    if let Some((up, why)) = writer {
+        return (up, why);
+    }
+    if loaded.offset != DVec3::ZERO {
+        return (Up::Z, "its coordinates, which are those of a map");
+    }
+    let surface = Surface::of(&loaded.scene);
+    if surface.points.len() < 8 {
+        return (Up::Y, "");
+    }
+    if let Some(axis) =
+        [(2, Up::Y), (1, Up::Z)].iter().find(|(axis, _)| surface.size[*axis] < 1e-4 * surface.size.x)
+    {
+        return (axis.1, "its shape, which is that of a drawing");
+    }
+    if let Some(up) = surface.terrain() {
+        return (up, "its shape, which is that of terrain");
+    }
+    let lead = surface.evidence(2) - surface.evidence(1);
+    match lead > LEAD[usize::from(!is_mostly_y)] {
+        true => (Up::Z, "its shape: base and symmetry"),
+        false if lead < -LEAD[1] => (Up::Y, "its shape: base and symmetry"),
+        false => (Up::Y, "custom, as its shape says nothing"),
+    }
+}
+
+/// Some faces of a model.
+struct Surface {
+    /// Middles of faces and of their edges, or the points of a cloud.
+    points: Vec<DVec3>,
+    /// Middles and area vectors of faces.
+    faces: Vec<(DVec3, DVec3)>,
+    min: DVec3,
+    size: DVec3,
+}
+
+impl Surface {
+    fn of(scene: &Scene) -> Surface {
+        let total: usize = scene.meshes.iter().map(|m| m.triangles.len()).sum();
+        let step = total.div_ceil(MOST_TRIANGLES).max(1);
+        let (mut points, mut faces) = (Vec::new(), Vec::new());
+        for instance in &scene.instances {
+            let Some(mesh) = scene.meshes.get(instance.mesh.index()) else { continue };
+            for triangle in mesh.triangles.iter().step_by(step) {
+                let corner = |i: u32| {
+                    let p = mesh.positions.get(i as usize).copied().unwrap_or_default();
+                    instance.world_from_object.transform_point3(DVec3::from(p.map(f64::from)))
+                };
+                let [a, b, c] = triangle.map(corner);
+                let middle = (a + b + c) / 3.0;
+                points.extend([a, b, c, middle, (a + b) * 0.5, (b + c) * 0.5, (c + a) * 0.5]);
+                faces.push((middle, (b - a).cross(c - a) * 0.5));
+            }
+        }
+        points.extend(scene.shapes.iter().map(|s| s.center));
+        let min = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
+        let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
+        Surface { points, faces, min, size: (max - min).max(DVec3::splat(1e-300)) }
+    }
+
+    /// Nearly all of an open surface looks along one axis.
+    fn terrain(&self) -> Option<Up> {
+        let all: f64 = self.faces.iter().map(|f| f.1.length()).sum();
+        let sum: DVec3 = self.faces.iter().map(|f| f.1).sum();
+        let looks = |axis: usize| self.faces.len() >= TERRAIN && sum[axis].abs() > 0.6 * all;
+        let is_flat = |axis: usize| 3.0 * self.size[axis] < self.size[3 - axis].min(self.size.x);
+        let is_cloud = self.faces.is_empty();
+        [(1, Up::Y), (2, Up::Z)]
+            .into_iter()
+            .find(|&(axis, _)| looks(axis) || is_cloud && is_flat(axis))
+            .map(|f| f.1)
+    }
+
+    /// What speaks for an axis.
+    fn evidence(&self, axis: usize) -> f64 {
+        2.0 * self.flat_base(axis) + self.support(axis) - 1.5 * self.mirrored(axis)
+    }
+
+    /// The two other axes.
+    fn across(&self, p: DVec3, axis: usize) -> DVec2 {
+        DVec2::new(p[(axis + 1) % 3], p[(axis + 2) % 3])
+    }
+
+    /// Share of the box's floor that faces cover which lie at the bottom and look down.
+    fn flat_base(&self, axis: usize) -> f64 {
+        let top = self.min[axis] + BASE * self.size[axis];
+        let down = self
+            .faces
+            .iter()
+            .filter(|(middle, area)| middle[axis] < top && -area[axis] > 0.98 * area.length());
+        let step = self.points.len() as f64 / (7.0 * self.faces.len().max(1) as f64);
+        let floor = self.across(self.size, axis);
+        (down.map(|f| -f.1[axis]).sum::<f64>() * step / (floor.x * floor.y)).min(1.0)
+    }
+
+    /// What the model stands on: the hull of its lowest points as a share of the box's floor, where the middle lies above
+    /// it; less than nothing where it would fall over.
+    fn support(&self, axis: usize) -> f64 {
+        let top = self.min[axis] + BASE * self.size[axis];
+        let low = self.points.iter().filter(|p| p[axis] <= top).map(|&p| self.across(p, axis)).collect();
+        let hull = hull(low);
+        let middle = self.points.iter().sum::<DVec3>() / self.points.len() as f64;
+        let middle = self.across(middle, axis);
+        let (mut area, mut is_inside) = (0.0, hull.len() > 2);
+        for (i, &a) in hull.iter().enumerate() {
+            let b = hull[(i + 1) % hull.len()];
+            area += 0.5 * a.perp_dot(b);
+            is_inside &= (b - a).perp_dot(middle - a) >= 0.0;
+        }
+        let floor = self.across(self.size, axis);
+        let share = (area / (floor.x * floor.y)).clamp(0.0, 1.0);
+        if is_inside { 0.4 + share } else { 0.5 * share - 0.3 }
+    }
+
+    /// How well the model agrees with its mirror image along an axis, from 0 to 1: cells that both fill, of those that
+    /// either does.
+    fn mirrored(&self, axis: usize) -> f64 {
+        let scale = self.size.max_element();
+        let cells = (self.size / scale * CELLS as f64).max(DVec3::ONE);
+        let mut filled = vec![false; CELLS.pow(3)];
+        let cell = |p: DVec3, is_mirrored: bool| {
+            let mut at = ((p - self.min) / self.size).clamp(DVec3::ZERO, DVec3::ONE);
+            if is_mirrored {
+                at[axis] = 1.0 - at[axis];
+            }
+            let at = (at * cells).min(cells - 1.0);
+            (at.x as usize * CELLS + at.y as usize) * CELLS + at.z as usize
+        };
+        let mut image = filled.clone();
+        for &p in &self.points {
+            filled[cell(p, false)] = true;
+            image[cell(p, true)] = true;
+        }
+        let both = filled.iter().zip(&image).filter(|(a, b)| **a && **b).count() as f64;
+        let either = filled.iter().zip(&image).filter(|(a, b)| **a || **b).count() as f64;
+        ((both / either.max(1.0) - 0.55) / 0.35).clamp(0.0, 1.0)
+    }
+}
+
+/// The convex hull, counter-clockwise (Andrew 1979, "Another Efficient Algorithm for Convex Hulls in Two Dimensions").
+fn hull(mut points: Vec<DVec2>) -> Vec<DVec2> {
+    points.sort_by(|a, b| a.x.total_cmp(&b.x).then(a.y.total_cmp(&b.y)));
+    points.dedup();
+    if points.len() < 3 {
+        return points;
+    }
+    let chain = |points: &mut dyn Iterator<Item = DVec2>| {
+        let mut chain: Vec<DVec2> = Vec::new();
+        for p in points {
+            while let [.., a, b] = chain[..] {
+                if (b - a).perp_dot(p - a) > 0.0 {
+                    break;
+                }
+                chain.pop();
+            }
+            chain.push(p);
+        }
+        chain.pop();
+        chain
+    };
+    let mut around = chain(&mut points.iter().copied());
+    around.extend(chain(&mut points.iter().rev().copied()));
+    around
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_hull_holds_all_points() {
+        let square = [[0.0, 0.0], [2.0, 0.0], [1.0, 1.0], [2.0, 2.0], [0.0, 2.0], [0.5, 0.2], [1.0, 0.0]];
+        let found = hull(square.map(DVec2::from).to_vec());
+        assert_eq!(found, [[0.0, 0.0], [2.0, 0.0], [2.0, 2.0], [0.0, 2.0]].map(DVec2::from));
+    }
+}

@@ -1,0 +1,131 @@
+//! Models without camera or light: the stage, turntables and thumbnails.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+
+/// A pyramid with z up on a square base.
+fn pyramid(folder: &Path) {
+    let text = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nv 0 0 3\n\
+                f 4 3 2 1\nf 1 2 5\nf 2 3 5\nf 3 4 5\nf 4 1 5\n";
+    fs::write(folder.join("a.obj"), text).unwrap();
+}
+
+fn shoot(folder: &Path, more: &[&str]) -> String {
+    let samples = if more.contains(&"--spp") { &[][..] } else { &["--spp", "8"] };
+    let fixed = ["render", "a.obj", "--width", "48", "--height", "48"];
+    let output = oscura(folder, &[&fixed[..], samples, more].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    stderr(&output)
+}
+
+#[test]
+fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let said = shoot(folder.path(), &["-o", "a.png"]);
+    assert!(said.contains("z points up") && said.contains("--up AXIS"), "{said}");
+    assert!(
+        said.contains("studio light") && said.contains("--stage") && !said.contains("warning:"),
+        "{said}"
+    );
+    let picture = image::open(folder.path().join("a.png")).unwrap();
+    assert!(!picture.color().has_alpha());
+    let rgb = picture.into_rgb8();
+    // The corner shows the ground; the model is lighter where the key light falls, nowhere burnt out.
+    let corner = rgb.get_pixel(2, 2)[0];
+    assert!((100..220).contains(&corner), "{corner}");
+    assert!(rgb.pixels().all(|p| p.0 != [255; 3]));
+    let brightest = rgb.pixels().map(|p| p[0]).max().unwrap();
+    assert!(brightest > corner + 20, "{brightest} over {corner}");
+    // As the caller has it.
+    let quiet = shoot(folder.path(), &["-o", "b.png", "--up", "y"]);
+    assert!(!quiet.contains("points up"), "{quiet}");
+}
+
+#[test]
+fn backgrounds_are_colours_pictures_or_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let corner = |name: &str, more: &[&str]| {
+        shoot(folder.path(), &[&["-o", name, "--ground", "none"], more].concat());
+        image::open(folder.path().join(name)).unwrap().into_rgba8().get_pixel(1, 1).0
+    };
+    assert_eq!(corner("c.png", &["--background", "#204060"]), [0x20, 0x40, 0x60, 255]);
+    assert_eq!(corner("t.png", &["--background", "transparent"]), [0, 0, 0, 0]);
+    // The picture covers the frame: only its middle is seen.
+    image::RgbImage::from_fn(64, 16, |x, _| image::Rgb(if x < 24 { [255, 0, 0] } else { [0, 0, 255] }))
+        .save(folder.path().join("back.png"))
+        .unwrap();
+    assert_eq!(corner("p.png", &["--background", "back.png"]), [0, 0, 255, 255]);
+    // The ground takes the background's colour where nothing shades it.
+    shoot(folder.path(), &["-o", "g.png", "--background", "#808080", "--spp", "64"]);
+    let ground = image::open(folder.path().join("g.png")).unwrap().into_rgb8();
+    let edge: Vec<u8> = (0..48).map(|x| ground.get_pixel(x, 1)[0]).collect();
+    let mean = edge.iter().map(|&v| f64::from(v)).sum::<f64>() / 48.0;
+    assert!((mean - 128.0).abs() < 14.0, "{mean}");
+}
+
+#[test]
+fn choices_about_the_stage_are_refused_or_said_to_change_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    for (option, value) in
+        [("--stage", "disco"), ("--view-from", "12"), ("--background", "#12"), ("--up", "w"), ("--zoom", "0")]
+    {
+        let output = oscura(folder.path(), &["render", "a.obj", "-o", "a.png", option, value]);
+        assert_eq!(code(&output), 2, "{option}: {}", stderr(&output));
+    }
+    let scene = cornell();
+    let size = ["--width", "8", "--spp", "1", "-o", "c.png"];
+    let more = ["--stage", "sky", "--view-from", "top", "--ground", "floor"];
+    let output = oscura(folder.path(), &[&["render", &scene][..], &size, &more].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    for option in ["--view-from", "--ground"] {
+        let part = format!("{option} changes nothing");
+        assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
+    }
+}
+
+#[test]
+fn a_camera_goes_around_a_model() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    shoot(
+        folder.path(),
+        &["-o", "turn.##.png", "-o", "turn.gif", "-o", "turn.apng", "--orbit", "4", "--fps", "10"],
+    );
+    let names = names(folder.path());
+    let expected =
+        ["a.obj", "turn.00.png", "turn.01.png", "turn.02.png", "turn.03.png", "turn.apng", "turn.gif"];
+    assert_eq!(names, expected);
+    let frame = |k: u32| image::open(folder.path().join(format!("turn.0{k}.png"))).unwrap().into_rgb8();
+    let apart = |a: &image::RgbImage, b: &image::RgbImage| {
+        let sum: u64 = a.as_raw().iter().zip(b.as_raw()).map(|(a, b)| u64::from(a.abs_diff(*b))).sum();
+        sum as f64 / a.as_raw().len() as f64
+    };
+    // A square pyramid looks the same after a quarter: the light goes along.
+    assert!(apart(&frame(0), &frame(1)) < 6.0, "{}", apart(&frame(0), &frame(1)));
+    let gif = fs::read(folder.path().join("turn.gif")).unwrap();
+    assert!(gif.starts_with(b"GIF89a"));
+    let refused = oscura(folder.path(), &["render", "a.obj", "-o", "a.gif"]);
+    assert_eq!(code(&refused), 2, "{}", stderr(&refused));
+}
+
+#[test]
+fn thumbnails_of_many_models_list_those_that_fail() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    fs::write(folder.path().join("broken.ply"), "ply\n").unwrap();
+    let output = oscura(
+        folder.path(),
+        &["thumb", "a.obj", "broken.ply", &cornell(), "-o", "thumbs", "--size", "32", "--spp", "2"],
+    );
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(stderr(&output).contains("1 of 3 models failed:\n  broken.ply"), "{}", stderr(&output));
+    assert_eq!(names(&folder.path().join("thumbs")), ["a.png", "cornell-box.png"]);
+    let picture = image::open(folder.path().join("thumbs/a.png")).unwrap();
+    assert_eq!((picture.width(), picture.height()), (32, 32));
+    let twice = oscura(folder.path(), &["thumb", "a.obj", "x/a.obj", "-o", "thumbs"]);
+    assert_eq!(code(&twice), 2, "{}", stderr(&twice));
+}
