@@ -3,7 +3,7 @@
 use oscura::Renderer;
 use oscura::glam::DAffine3;
 use oscura::scene::{
-    Camera, Environment, Instance, Light, Material, Mesh, PbrMaterial, Quad, Scene, Shape, ThinLens,
+    Aperture, Camera, Environment, Instance, Light, Material, Mesh, PbrMaterial, Quad, Scene, Shape, ThinLens,
 };
 
 fn main() -> oscura::Result<()> {
@@ -33,7 +33,7 @@ fn main() -> oscura::Result<()> {
 
     scene.environment = Environment::Gradient { nadir: [0.1; 3], zenith: [0.25, 0.35, 0.5] };
     scene.lights.push(Light::directional([1.0, -1.0, -0.5], [0.5; 3]));
-    let lens = ThinLens { defocus_angle_rad: 0.01, focus_distance: 7.0 };
+    let lens = ThinLens { defocus_angle_rad: 0.01, focus_distance: 7.0, aperture: Aperture::default() };
     scene
         .cameras
         .push(Camera { lens: Some(lens), ..Camera::look_at([0.5, 2.0, 7.0], [0.4, 0.8, 0.0], 32.0) });

@@ -82,10 +82,8 @@ pub(super) fn run_one(
     if !args.quiet {
         said.notes(&notes);
         said.warnings(&warnings);
-        if args.explain {
-            left_out.iter().for_each(|what| eprintln!("left out: {what}"));
-        }
     }
+    explain(args, &left_out);
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
@@ -128,13 +126,25 @@ pub(super) fn run_one(
         warnings,
         left_out,
     };
+    say_run(args, &run);
+    Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Says how a run went.
+fn say_run(args: &RenderArgs, run: &Run) {
     if !args.quiet {
         run.print();
     }
     if args.json {
-        json::print(&report_json::of_run(&run));
+        json::print(&report_json::of_run(run));
     }
-    Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Says what was left out, if that is asked for.
+fn explain(args: &RenderArgs, left_out: &[String]) {
+    if args.explain && !args.quiet {
+        left_out.iter().for_each(|what| eprintln!("left out: {what}"));
+    }
 }
 
 /// Renders until all samples are taken or something stops it; writes what `encode` makes of the picture so far as often as

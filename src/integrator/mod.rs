@@ -82,8 +82,8 @@ pub struct PathOptions<'a> {
     pub reuse: Option<Tiling>,
     /// How many paths go on from the first surface of each sample; a power of two, and 1 where samples share paths.
     pub branches: u32,
-    /// Keep what samples have before they share.
-    pub keeps_unshared: bool,
+    /// Keep what samples have alone, without sharing and splitting.
+    pub keeps_plain: bool,
 }
 
 /// One finished path.
@@ -100,8 +100,8 @@ pub struct PathSample<'a> {
     pub first_hit: Option<&'a [f32]>,
     /// The light passes asked for, then the groups of lights.
     pub parts: &'a [[f32; 3]],
-    /// The radiance that the path found alone, where that is kept.
-    pub unshared: [f32; 3],
+    /// The radiance that the sample has alone, without sharing and splitting, where that is kept.
+    pub plain: [f32; 3],
 }
 
 /// Traces paths through a scene.
@@ -189,9 +189,9 @@ impl<'a> Integrator<'a> {
             }
             let divides = w.sink.divides();
             for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
-                let (parts, unshared) = (if divides { w.sink.parts(i) } else { &[] }, w.sink.unshared(i));
+                let (parts, plain) = (if divides { w.sink.parts(i) } else { &[] }, w.sink.plain(i));
                 let first_hit = w.first_hits.get(i);
-                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, unshared });
+                sink(&PathSample { pixel, rgb: [r, g, b], alpha, first_hit, parts, plain });
             }
         }
     }
@@ -200,7 +200,7 @@ impl<'a> Integrator<'a> {
     fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(w, stop);
-            if is_done && self.options.branches > 1 && self.options.keeps_unshared {
+            if is_done && self.options.branches > 1 && self.options.keeps_plain {
                 self.join_branches(w);
             }
             return is_done;

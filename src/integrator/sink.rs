@@ -11,8 +11,8 @@ pub struct Sink {
     count: usize,
     /// So many indices keep light passes.
     with_passes: usize,
-    /// What the samples had before paths were shared; empty where none are.
-    unshared: Vec<[f32; 3]>,
+    /// What the samples have alone, without sharing and splitting; empty where that is not kept.
+    plain: Vec<[f32; 3]>,
     layers: Layers,
     /// The layers of all indices, those of one after another.
     parts: Vec<[f32; 3]>,
@@ -25,7 +25,7 @@ impl Sink {
             samples: Vec::with_capacity(WAVE),
             count: 0,
             with_passes: 0,
-            unshared: Vec::new(),
+            plain: Vec::new(),
             layers: Layers::default(),
             parts: Vec::new(),
         }
@@ -37,7 +37,7 @@ impl Sink {
         self.parts.clear();
         (self.count, self.with_passes, self.layers) = (count, count, layers);
         self.extend(count);
-        self.unshared.clear();
+        self.plain.clear();
     }
 
     /// Takes further indices below `count` for radiances that are no sample.
@@ -61,21 +61,21 @@ impl Sink {
         }
     }
 
-    /// Remembers what the samples have alone; further radiances follow by [`Sink::add_unshared`].
-    pub fn keep_unshared(&mut self) {
-        self.unshared.clear();
-        self.unshared.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
+    /// Remembers what the samples have alone; further radiances follow by [`Sink::add_plain`].
+    pub fn keep_plain(&mut self) {
+        self.plain.clear();
+        self.plain.extend(self.samples[..self.count].iter().map(|&[r, g, b, _]| [r, g, b]));
     }
 
     /// Adds to what a sample has alone.
-    pub fn add_unshared(&mut self, sample: u32, value: Rgb) {
-        let sum = &mut self.unshared[sample as usize];
+    pub fn add_plain(&mut self, sample: u32, value: Rgb) {
+        let sum = &mut self.plain[sample as usize];
         *sum = (Rgb::from_array(*sum) + value).to_array();
     }
 
     /// What a sample has alone.
-    pub fn unshared(&self, sample: usize) -> [f32; 3] {
-        self.unshared.get(sample).copied().unwrap_or_default()
+    pub fn plain(&self, sample: usize) -> [f32; 3] {
+        self.plain.get(sample).copied().unwrap_or_default()
     }
 
     /// The radiance that arrived at an index so far.

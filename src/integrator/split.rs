@@ -35,7 +35,7 @@ impl Integrator<'_> {
             vertices.beyond.repeat(count, branches);
         }
         repeat_vertices(vertices, sorted, branches);
-        if self.options.keeps_unshared {
+        if self.options.keeps_plain {
             number_branches(&mut paths.carried, count, self.options.branches);
             w.sink.extend_with_passes(WAVE + WAVE);
         }
@@ -52,13 +52,13 @@ impl Integrator<'_> {
     /// Adds what the branches of each sample found to it, where that was kept apart; and what one of them alone would have
     /// brought to what it has without splitting.
     pub(super) fn join_branches(&self, w: &mut Workspace) {
-        let Some(before) = w.rays_before_split else { return w.sink.keep_unshared() };
+        let Some(before) = w.rays_before_split else { return w.sink.keep_plain() };
         w.ray_counts.in_branches += w.ray_counts.all - before;
         let branches = self.options.branches;
-        w.sink.keep_unshared();
+        w.sink.keep_plain();
         for sample in 0..w.pixels.len() as u32 {
             let first = first_part(sample, branches);
-            w.sink.add_unshared(sample, w.sink.radiance(first) * branches as f32);
+            w.sink.add_plain(sample, w.sink.radiance(first) * branches as f32);
             for part in first..first + branches {
                 w.sink.join(sample, part);
             }

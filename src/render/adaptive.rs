@@ -1,7 +1,9 @@
 //! Where a picture needs more samples than elsewhere: errors of its pixels after the first pass tell.
 //!
 //! A pixel's number of samples must not depend on its own, or its expected value would: few where the first ones happened
-//! to agree. So it follows from the errors of its neighbours alone.
+//! to agree. So it follows from the errors of its neighbours alone. (Its own samples are among the hundreds of a tile that
+//! tell what a sample costs, and among all that tell how many there are to share: their part in its number is far below the
+//! step from one sample to the next.)
 
 use super::options::{Adaptive, RenderOptions};
 use super::pilot::Change;
@@ -101,9 +103,6 @@ impl ErrorMap {
             sum(&|i| errors[i] / n(i)) * sum(&|i| costs[i] * n(i))
         };
         let (even, after) = (work(&|_| total as f32), work(&|i| counts[i]));
-        if std::env::var("AD").is_ok() {
-            eprintln!("predicted {}", even / after);
-        }
         let extra: Vec<f32> = counts.iter().map(|n| n - earlier as f32).collect();
         (even >= LEAST_GAIN * after)
             .then(|| Allotment::new(seed, self.width as u32, earlier, total - earlier, &extra))

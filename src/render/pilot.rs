@@ -150,7 +150,7 @@ impl Tally {
         let half = pixel.count / self.half;
         pixel.count += 1;
         pixel.tried.add(half, sample.rgb);
-        pixel.plain.add(half, sample.unshared);
+        pixel.plain.add(half, sample.plain);
     }
 
     /// Counts rays.

@@ -150,14 +150,12 @@ impl Renderer {
     }
 
     /// Sets into how many paths samples split. Default [`Splitting::Auto`].
-    #[must_use]
     pub fn splitting(mut self, splitting: Splitting) -> Renderer {
         self.choices.splitting = splitting;
         self
     }
 
     /// Sets whether noisy pixels get more samples. Default [`Adaptive::Auto`].
-    #[must_use]
     pub fn adaptive(mut self, adaptive: Adaptive) -> Renderer {
         self.choices.adaptive = adaptive;
         self

@@ -96,7 +96,7 @@ impl PassWork<'_> {
         errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)))
     }
 
-    fn tracer(&self, technique: Technique, keeps_unshared: bool) -> Tracer<'_> {
+    fn tracer(&self, technique: Technique, keeps_plain: bool) -> Tracer<'_> {
         let branches = technique.branches();
         let even = || Arrangement::new(self.options.seed, self.options.samples.saturating_mul(branches));
         let reuse = technique.shape().map(|shape| Tiling::new(shape, self.pass.first_sample));
@@ -111,7 +111,7 @@ impl PassWork<'_> {
             soft_terminator: self.options.soft_terminator,
             reuse,
             branches,
-            keeps_unshared,
+            keeps_plain,
         };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }

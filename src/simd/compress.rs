@@ -22,7 +22,7 @@ const fn lanes_of_masks() -> [u64; 256] {
     table
 }
 
-/// Moves the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2: see `keep_first`).
+/// Moves the lanes of a mask to the front; the others become `fill` (AVX-512) or anything (AVX2).
 ///
 /// # Safety
 /// The CPU must have AVX2 (`AVX512`: AVX-512 VL too).

@@ -65,8 +65,8 @@ impl Integrator<'_> {
 
     /// Sums up what leaves each suffix. What is not shared goes to its owner.
     fn finish_suffixes(&self, reuse: &mut Reuse, w: &mut Workspace) {
-        if self.options.keeps_unshared {
-            w.sink.keep_unshared();
+        if self.options.keeps_plain {
+            w.sink.keep_plain();
         }
         let Reuse { suffixes: s, samples, layers, .. } = reuse;
         for (k, &sample) in samples[..WAVE].iter().enumerate() {
@@ -76,8 +76,8 @@ impl Integrator<'_> {
             let sample = u32::from(sample);
             let (direct, scattered) = (w.sink.radiance(sample + DIRECT), w.sink.radiance(sample + SCATTERED));
             let throughput = get_rgb(&s.throughput, k);
-            if self.options.keeps_unshared {
-                w.sink.add_unshared(sample, throughput * (direct + scattered));
+            if self.options.keeps_plain {
+                w.sink.add_plain(sample, throughput * (direct + scattered));
             }
             let (radiance, mut own) = s.divide(k, direct, scattered);
             let is_usable = radiance.is_finite() && radiance.max_element() > 0.0;
