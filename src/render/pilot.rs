@@ -34,9 +34,9 @@ const LEAST_GAIN: f64 = 1.25;
 /// Splitting must be more efficient than not splitting by this factor: what few bright pixels hide shows later.
 const LEAST_GAIN_OF_SPLITTING: f64 = 1.4;
 
-/// So many times as many squares try splitting as a shape of groups. Its gain differs more from place to place (a polished
-/// helmet under a sky gains nothing; of its squares, 4 of 256 took that for a gain in every seventh try, 12 of them in
-/// every fortieth).
+/// So many times as many squares as a shape of groups try splitting, and the best shape again where its gain is not clear:
+/// it differs from place to place (a polished helmet under a sky gains nothing by splitting; of its squares, 4 of 256 took that
+/// for a gain in every seventh try, 12 of them in every fortieth).
 const MORE_SQUARES: u32 = 3;
 
 /// Where sharing gains more than this, splitting is not tried: it seldom gains as much.
@@ -56,9 +56,19 @@ const FAN_CONNECTION_COST: f64 = 0.17;
 /// Time of connections, as above, up to which larger groups are tried.
 const MOST_COST: f64 = 0.5;
 
-/// The squares that try a technique.
+/// What some squares try.
+#[derive(Clone, Copy, Debug)]
+enum Question {
+    /// Sharing in groups of a shape.
+    Shape(GroupShape),
+    /// The best of these again, where its gain is not clear.
+    Again,
+    Splitting,
+}
+
+/// The squares that try something.
 pub(super) struct Trial {
-    pub technique: Technique,
+    question: Question,
     pub squares: Vec<Block>,
 }
 
@@ -72,24 +82,24 @@ pub(super) fn trials(choice: Choice, view: &View, pass: Pass) -> Vec<Trial> {
     if !is_possible || columns * rows < 3 * shapes * of_each {
         return Vec::new();
     }
+    let more = (MORE_SQUARES * of_each).min(columns * rows / 10) as usize;
     let mut taken = HashSet::new();
     let new = places(columns, rows).filter(|&place| taken.insert(place));
-    let squares: Vec<Block> =
-        new.take(((shapes + MORE_SQUARES) * of_each) as usize).map(|(x, y)| square(x, y, pass)).collect();
-    let (of_shapes, of_splitting) = squares.split_at((shapes * of_each) as usize);
+    let count = (shapes * of_each) as usize + 2 * more;
+    let squares: Vec<Block> = new.take(count).map(|(x, y)| square(x, y, pass)).collect();
+    let (of_shapes, others) = squares.split_at((shapes * of_each) as usize);
+    let (of_splitting, again) = others.split_at(more);
     let shape = |&(width, height, spacing): &(u32, u32, u32)| GroupShape::new(width, height, spacing);
     let mut trials = Vec::new();
     if choice.may_share {
         // In turn, so that the squares of each are spread evenly.
         let of_turn = |turn| of_shapes.iter().skip(turn).step_by(SHAPES.len()).copied().collect();
         let shared = SHAPES.iter().filter_map(shape).enumerate();
-        trials.extend(
-            shared.map(|(turn, s)| Trial { technique: Technique::Shared(s), squares: of_turn(turn) }),
-        );
+        trials.extend(shared.map(|(turn, s)| Trial { question: Question::Shape(s), squares: of_turn(turn) }));
+        trials.push(Trial { question: Question::Again, squares: again.to_vec() });
     }
     if choice.may_split {
-        let technique = Technique::Alone { branches: BRANCHES };
-        trials.push(Trial { technique, squares: of_splitting.to_vec() });
+        trials.push(Trial { question: Question::Splitting, squares: of_splitting.to_vec() });
     }
     trials
 }
@@ -99,16 +109,21 @@ fn square(x: u32, y: u32, pass: Pass) -> Block {
     Block { x0: x * EDGE, y0: y * EDGE, width: EDGE, height: EDGE, first_sample, samples }
 }
 
-/// Is a trial worth while after what the earlier ones showed?
-pub(super) fn is_worth_it(trial: &Trial, results: &[(Technique, Errors)]) -> bool {
-    match trial.technique {
+/// The technique that a trial tries after what the earlier ones showed, if that is worth while.
+pub(super) fn technique_of(trial: &Trial, results: &[(Technique, Errors)]) -> Option<Technique> {
+    let so_far = best(results);
+    match trial.question {
         // Its groups have four times as many connections as the last ones.
-        Technique::Shared(_) if results.len() == SHAPES.len() - 1 => {
+        Question::Shape(shape) if results.len() == SHAPES.len() - 1 => {
             let last = &results[results.len() - 1].1;
-            last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+            let is_worth_it = last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST;
+            is_worth_it.then_some(Technique::Shared(shape))
         }
-        Technique::Shared(_) => true,
-        Technique::Alone { .. } => best(results).gain < CLEAR_GAIN,
+        Question::Shape(shape) => Some(Technique::Shared(shape)),
+        Question::Again => Some(so_far.technique).filter(|t| t.shape().is_some() && so_far.gain < CLEAR_GAIN),
+        Question::Splitting => {
+            Some(Technique::Alone { branches: BRANCHES }).filter(|_| so_far.gain < CLEAR_GAIN)
+        }
     }
 }
 
@@ -275,15 +290,20 @@ pub(super) struct Best {
 
 /// The technique that gains most, or the plain one if none gains enough.
 pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
-    let candidates = results.iter().flat_map(|(technique, errors)| match *technique {
+    // All squares that tried the same together.
+    let of = |technique: Technique| {
+        let same = results.iter().filter(|(other, _)| *other == technique);
+        same.fold(Errors::default(), |sum, (_, errors)| sum.plus(*errors))
+    };
+    let candidates = results.iter().map(|(technique, _)| *technique).flat_map(|technique| match technique {
         Technique::Shared(_) => {
-            let gain = errors.gain_of_sharing();
-            let best = Best { technique: *technique, change: Change::NONE, gain };
+            let gain = of(technique).gain_of_sharing();
+            let best = Best { technique, change: Change::NONE, gain };
             if gain >= LEAST_GAIN { vec![best] } else { Vec::new() }
         }
         Technique::Alone { .. } => {
             let numbers = (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits);
-            let ways = numbers.map(|branches| errors.splitting_into(branches));
+            let ways = numbers.map(|branches| of(technique).splitting_into(branches));
             ways.filter(|way| way.gain >= LEAST_GAIN_OF_SPLITTING).collect()
         }
     });

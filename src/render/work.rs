@@ -64,8 +64,8 @@ impl PassWork<'_> {
         let mut results = Vec::new();
         let mut tried = Vec::new();
         for trial in trials.drain(..) {
-            if pilot::is_worth_it(&trial, &results) {
-                results.push((trial.technique, self.try_one(&trial)?));
+            if let Some(technique) = pilot::technique_of(&trial, &results) {
+                results.push((technique, self.try_one(technique, &trial.squares)?));
                 tried.push(trial);
             }
         }
@@ -80,9 +80,9 @@ impl PassWork<'_> {
         Some(technique)
     }
 
-    fn try_one(&self, trial: &Trial) -> Option<Errors> {
-        let tracer = self.tracer(trial.technique, true);
-        let blocks: Vec<Block> = trial.squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
+    fn try_one(&self, technique: Technique, squares: &[Block]) -> Option<Errors> {
+        let tracer = self.tracer(technique, true);
+        let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let try_block = |block: &Block| {
             let mut tally = Tally::new(block);
             let is_done = self.take(&tracer, block, Some(&mut tally));
