@@ -277,8 +277,8 @@ pub(crate) struct RenderArgs {
     /// Let several paths go on from the first surface of each sample: auto, off, 2, 4, 8 or 16 [default: auto].
     #[arg(long, value_name = "PATHS", default_value = "auto", hide_default_value = true)]
     pub splitting: Splitting,
-    /// Give noisy pixels more samples and others fewer: auto or off [default: auto].
-    #[arg(long, value_name = "CHOICE", default_value = "auto", hide_default_value = true)]
+    /// Give noisy pixels more samples and others fewer: auto or off [default: off].
+    #[arg(long, value_name = "CHOICE", default_value = "off", hide_default_value = true)]
     pub adaptive: Adaptive,
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]

@@ -47,12 +47,14 @@ impl Splitting {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Adaptive {
-    /// After the first eight samples of all pixels, more where neighbouring pixels are noisy and fewer elsewhere, if there
-    /// are sixteen samples or more, the picture gains by it, has no time limit, and its pixels don't share paths.
-    #[default]
-    Auto,
     /// All pixels the same number.
+    #[default]
     Off,
+    /// After the first eight samples of all pixels, more where neighbouring pixels are noisy and fewer elsewhere, if there
+    /// are sixteen samples or more, the picture should gain by it, has no time limit, and its pixels don't share paths. The
+    /// noisiest pixels gain; others lose. (A textured helmet under a sky: the mean squared error without the worst thousandth
+    /// of pixels falls by a tenth to a fifth at the same processor time, the median one rises by a quarter.)
+    Auto,
 }
 
 /// How good the tree over a scene's triangles is, which rays walk. Pictures don't depend on it; full trees make rays faster
@@ -106,7 +108,7 @@ pub struct RenderOptions {
     pub path_reuse: PathReuse,
     /// Into how many paths samples split. Default [`Splitting::Auto`].
     pub splitting: Splitting,
-    /// Whether noisy pixels get more samples. Default [`Adaptive::Auto`].
+    /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,
     /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,

@@ -155,7 +155,7 @@ impl Renderer {
         self
     }
 
-    /// Sets whether noisy pixels get more samples. Default [`Adaptive::Auto`].
+    /// Sets whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub fn adaptive(mut self, adaptive: Adaptive) -> Renderer {
         self.choices.adaptive = adaptive;
         self

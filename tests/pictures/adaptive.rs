@@ -28,7 +28,7 @@ fn balls() -> Scene {
 
 /// Nothing but adaptive sampling.
 fn plain(samples: u32) -> RenderOptions {
-    options(128, samples, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+    options(128, samples, 100).path_reuse(PathReuse::Off).splitting(Splitting::OFF).adaptive(Adaptive::Auto)
 }
 
 #[test]

@@ -103,7 +103,7 @@ def render(scene, out, options, samples, seeds=(1, 2)):
     for seed in seeds:
         path = Path(out) / f"{Path(scene).stem}.{seed}.exr"
         command = [program, "render", str(scene), "-o", str(path), "--quiet", *PLAIN, *options]
-        command += ["--spp", str(samples), "--path-reuse", "off", "--adaptive", "off", "--seed", str(seed)]
+        command += ["--spp", str(samples), "--path-reuse", "off", "--seed", str(seed)]
         command += ["--threads", os.environ.get("THREADS", str(os.cpu_count()))]
         subprocess.run(command, check=True)
         parts.append(read(path))

@@ -67,7 +67,7 @@ def instructions(scene, samples):
     program = os.environ.get("OSCURA", str(common.PROJECT / "target/release/oscura"))
     command = ["valgrind", "--tool=callgrind", "--callgrind-out-file=/dev/null", program, "render", str(scene)]
     command += ["-o", str(scene.with_suffix(".exr")), "--width", str(SIZE), "--height", str(SIZE), "--threads", "1"]
-    command += ["--spp", str(samples), "--path-reuse", "off", "--adaptive", "off", "--quiet", "--reproducible"]
+    command += ["--spp", str(samples), "--path-reuse", "off", "--quiet", "--reproducible"]
     done = subprocess.run(command, check=True, capture_output=True, text=True)
     return int(re.search(r"Collected : (\d+)", done.stderr).group(1))
 
