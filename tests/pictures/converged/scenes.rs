@@ -11,20 +11,8 @@ pub struct Converged {
 }
 
 /// What all of them are rendered with: 64 x 64 pixels that share no samples, as 32-bit numbers.
-pub const COMMON: &[&str] = &[
-    "--width",
-    "64",
-    "--height",
-    "64",
-    "--filter",
-    "box",
-    "--float",
-    "--quiet",
-    "--path-reuse",
-    "off",
-    "--adaptive",
-    "off",
-];
+pub const COMMON: &[&str] =
+    &["--width", "64", "--height", "64", "--filter", "box", "--float", "--quiet", "--path-reuse", "off"];
 
 /// Diffuse light to many bounces, glass, rough metal between lamps, an image as the environment, textures, hundreds of lights.
 /// No strong caustics: their noise, rare and bright, tells nothing at this size.
