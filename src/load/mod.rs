@@ -1,4 +1,4 @@
-//! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`]
+//! The only reader of files: glTF, OBJ, PLY, scene files (TOML), images and environments. A path goes in, a [`Scene`](crate::scene::Scene)
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
