@@ -54,6 +54,15 @@ pub trait PerPath {
     fn repeat(&mut self, count: usize, times: usize);
 }
 
+/// Makes each of the first `count` elements several, one after the other.
+pub fn repeat<T: Copy>(elements: &mut [T], count: usize, times: usize) {
+    // From the end, so that each is read before something else is in its place.
+    for i in (0..count).rev() {
+        let element = elements[i];
+        elements[i * times..(i + 1) * times].fill(element);
+    }
+}
+
 impl<T: Copy> PerPath for [T; LENGTH] {
     #[inline(always)]
     fn copy_to(&self, i: usize, other: &mut Self, k: usize) {
@@ -61,11 +70,7 @@ impl<T: Copy> PerPath for [T; LENGTH] {
     }
 
     fn repeat(&mut self, count: usize, times: usize) {
-        // From the end, so that each is read before something else is in its place.
-        for i in (0..count).rev() {
-            let element = self[i];
-            self[i * times..(i + 1) * times].fill(element);
-        }
+        repeat(self, count, times);
     }
 }
 

@@ -6,10 +6,11 @@
 //! and add to the same sample.
 
 use super::group::Sorted;
-use super::lanes::PerPath;
+use super::lanes::{PerPath, repeat};
 use super::wave::{Carried, Vertices, Wave};
 use super::workspace::Workspace;
 use super::{Integrator, WAVE};
+use crate::bsdf::Bsdf;
 use crate::sampling::sampler::SobolPoint;
 
 impl Integrator<'_> {
@@ -40,12 +41,8 @@ impl Integrator<'_> {
             w.sink.extend_with_passes(WAVE + WAVE);
         }
         let old = general.len();
-        w.bsdfs.resize(w.bsdfs.len().max(old * branches), crate::bsdf::Bsdf::Black);
-        for i in (0..old).rev() {
-            for k in (i * branches..(i + 1) * branches).rev() {
-                w.bsdfs[k] = w.bsdfs[i];
-            }
-        }
+        w.bsdfs.resize(w.bsdfs.len().max(old * branches), Bsdf::Black);
+        repeat(&mut w.bsdfs, old, branches);
         sorted.times(branches)
     }
 

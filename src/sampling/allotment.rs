@@ -1,11 +1,8 @@
 //! Samples allotted to pixels: more where the picture needs them.
 
-use super::arrangement::morton;
+use super::arrangement::{MOST_EDGE_BITS as EDGE_BITS, morton};
 use super::hash::hash32;
 use super::sampler::pixel_seed;
-
-/// Edge of a region, in bits, as in [`Arrangement`](super::Arrangement).
-const EDGE_BITS: u32 = 4;
 
 /// What separates these sequences from those of an even arrangement with the same seed.
 const SEED: u32 = 0x5f3a_9c41;

@@ -3,7 +3,7 @@
 use super::sampler::{SAMPLES_PER_SEED, pixel_seed};
 
 /// Largest edge of a region, in bits: 16 pixels.
-const MOST_EDGE_BITS: u32 = 4;
+pub(super) const MOST_EDGE_BITS: u32 = 4;
 
 /// Arranges samples over the picture: a square region of pixels shares one Sobol sequence. Its pixels, in Morton order,
 /// take runs of the sequence one after the other, each as long as the next power of two of the samples that are planned.

@@ -6,17 +6,22 @@ use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::time::{Duration, Instant};
 
-/// Starts a render that would go on for ever, and waits until its threads are at work.
-fn endless(folder: &Path, more: &[&str]) -> Child {
-    endless_scene(folder);
-    let fixed = ["render", "endless.toml", "-o", "a.exr", "--depth", "4294967295", "--width", "64"];
-    let child = Command::new(env!("CARGO_BIN_EXE_oscura"))
+/// Starts the program.
+fn start(folder: &Path, fixed: &[&str], more: &[&str]) -> Child {
+    Command::new(env!("CARGO_BIN_EXE_oscura"))
         .args(fixed.iter().chain(more))
         .current_dir(folder)
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())
         .spawn()
-        .expect("the program starts");
+        .expect("the program starts")
+}
+
+/// Starts a render that would go on for ever, and waits until its threads are at work.
+fn endless(folder: &Path, more: &[&str]) -> Child {
+    endless_scene(folder);
+    let fixed = ["render", "endless.toml", "-o", "a.exr", "--depth", "4294967295", "--width", "64"];
+    let child = start(folder, &fixed, more);
     let begin = Instant::now();
     while cpu_ticks(child.id()) < 10 {
         assert!(begin.elapsed() < Duration::from_secs(60), "it does nothing");
@@ -99,13 +104,7 @@ fn memory_that_is_not_there_is_an_error() {
 fn long(folder: &Path, more: &[&str], picture: &str) -> Child {
     let scene = cornell();
     let fixed = ["render", &scene, "--width", "32", "--spp", "100000000"];
-    let child = Command::new(env!("CARGO_BIN_EXE_oscura"))
-        .args(fixed.iter().chain(more))
-        .current_dir(folder)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .expect("the program starts");
+    let child = start(folder, &fixed, more);
     let begin = Instant::now();
     while !folder.join(picture).exists() {
         assert!(begin.elapsed() < Duration::from_secs(60), "there is no picture");

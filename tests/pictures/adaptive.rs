@@ -1,11 +1,10 @@
 //! More samples where the picture is noisy: the same expected picture, less noise, the same bits whatever the machine.
 
-use crate::support::differences::{assert_same_means, bits, noise};
-use crate::support::{camera, material, options, picture, rendering, sphere};
+use crate::support::differences::{assert_same_bits, assert_same_means, noise};
+use crate::support::{camera, material, options, rendering, sphere};
 use oscura::math::DVec3;
-use oscura::render::{Adaptive, PathReuse, RenderOptions, Splitting, in_pool};
+use oscura::render::{Adaptive, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
-use oscura::simd::{Level, limit_level};
 
 /// Balls beside each other before an even sky, which has no noise, lit by a small bright lamp.
 fn balls() -> Scene {
@@ -60,15 +59,7 @@ fn adaptive_sampling_changes_no_mean() {
 #[test]
 fn threads_and_cpu_levels_agree() {
     let (scene, options) = (balls(), plain(19).splitting(Splitting::Auto));
-    let with =
-        |threads| in_pool(Some(threads), || bits(&picture(&scene, &options))).expect("the threads start");
-    let one = with(1);
-    assert!(one == with(3), "threads");
-    for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
-        limit_level(level);
-        assert!(one == with(2), "{}", level.name());
-    }
-    limit_level(Level::Avx512);
+    assert_same_bits("adaptive", &scene, &options);
 }
 
 /// Few samples and small pictures are even.

@@ -1,15 +1,14 @@
 //! Pixels that share paths: the same expected picture, less noise, and the same bits whatever the machine.
 
-use crate::support::differences::{assert_same_means, bits, differences, noise};
+use crate::support::differences::{assert_same_bits, assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
 use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
 use oscura::math::{DAffine3, DVec3, Vec3};
-use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions, in_pool};
+use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions};
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
     Model, Motion, PbrMaterial, Scene,
 };
-use oscura::simd::{Level, limit_level};
 use std::path::Path;
 
 fn groups(shape: &str) -> PathReuse {
@@ -158,16 +157,7 @@ fn threads_and_cpu_levels_agree() {
     for (name, scene) in [("room", room()), ("waves", waves())] {
         for reuse in [groups("4x4/4"), groups("8x8/4"), PathReuse::Auto] {
             let options = options(150, 5, 100).path_reuse(reuse);
-            let with = |threads| {
-                in_pool(Some(threads), || bits(&picture(&scene, &options))).expect("the threads start")
-            };
-            let one = with(1);
-            assert!(one == with(5), "{name}, {reuse:?}: threads");
-            for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
-                limit_level(level);
-                assert!(one == with(2), "{name}, {reuse:?}: {}", level.name());
-            }
-            limit_level(Level::Avx512);
+            assert_same_bits(&format!("{name}, {reuse:?}"), &scene, &options);
         }
     }
 }

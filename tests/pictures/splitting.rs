@@ -1,12 +1,11 @@
 //! Several paths from the first surface of each sample: the same expected picture, less noise, the same bits whatever the
 //! machine.
 
-use crate::support::differences::{assert_same_means, bits, noise};
-use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
+use crate::support::differences::{assert_same_bits, assert_same_means, noise};
+use crate::support::{assert_radiance, camera, material, options, quad, rendering, sphere, walls};
 use oscura::math::DVec3;
-use oscura::render::{PathReuse, RenderOptions, Splitting, in_pool};
+use oscura::render::{PathReuse, RenderOptions, Splitting};
 use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
-use oscura::simd::{Level, limit_level};
 
 fn metal(roughness: f32) -> Material {
     let pbr = PbrMaterial {
@@ -88,15 +87,7 @@ fn threads_and_cpu_levels_agree() {
     let scene = yard();
     for splitting in [Splitting::Auto, Splitting::Into(4)] {
         let options = options(200, 4, 100).splitting(splitting);
-        let with =
-            |threads| in_pool(Some(threads), || bits(&picture(&scene, &options))).expect("threads start");
-        let one = with(1);
-        assert!(one == with(3), "{splitting:?}: threads");
-        for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
-            limit_level(level);
-            assert!(one == with(2), "{splitting:?}: {}", level.name());
-        }
-        limit_level(Level::Avx512);
+        assert_same_bits(&format!("{splitting:?}"), &scene, &options);
     }
 }
 

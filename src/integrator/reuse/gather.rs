@@ -8,7 +8,7 @@ use super::super::normals::bent_normal;
 use super::super::workspace::Workspace;
 use super::Tiling;
 use super::layer::{LEAST_REST, layer_rest};
-use super::pairs::{Connect, RUN, Receive, group_of};
+use super::pairs::{Connect, Exchange, RUN, group_of};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
 use crate::accel::{Bits, Fan, FanHits};
 use crate::math::{Hit, Ray};
@@ -44,20 +44,10 @@ impl Integrator<'_> {
             }
             self.test_visibility(&round, &mut reuse, w);
             let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
-            let (senders, group) = (&round.senders, round.group);
-            let (radiance, throughput, value) = (&suffixes.radiance, &suffixes.throughput, &pairs.value);
-            dispatch(Receive {
-                senders,
-                group,
-                prefixes,
-                suffixes,
-                pairs,
-                radiance,
-                throughput,
-                value,
-                gained,
-            });
-            layers.receive(senders, group, prefixes, suffixes, pairs);
+            let exchange =
+                Exchange { senders: &round.senders, group: round.group, prefixes, suffixes, pairs };
+            exchange.receive(&suffixes.radiance, &suffixes.throughput, &pairs.value, gained);
+            layers.receive(exchange);
         }
         reuse.deliver(&mut w.sink);
         w.reuse = Some(reuse);

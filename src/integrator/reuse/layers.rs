@@ -8,10 +8,9 @@ use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::super::layers::Way;
 use super::super::sink::Sink;
 use super::layer_lanes::{Diffuse, GroupLanes, SharedLayers};
-use super::pairs::{Receive, group_of};
+use super::pairs::{Exchange, group_of};
 use super::state::{DIRECT, METAL_ROUGH, Pairs, Prefixes, Reuse, SCATTERED, Suffixes};
 use crate::color::Rgb;
-use crate::simd::dispatch;
 
 impl SharedLayers {
     /// Takes what leaves suffix `k` of each group of lights, and gives what of its light stays with it to its owner.
@@ -43,38 +42,16 @@ impl SharedLayers {
     }
 
     /// Adds what the prefixes get from the suffixes of a round.
-    pub fn receive(&mut self, senders: &[u16], group: usize, p: &Prefixes, s: &Suffixes, pairs: &Pairs) {
-        let (prefixes, suffixes) = (p, s);
+    pub fn receive(&mut self, exchange: Exchange<'_>) {
+        let Exchange { senders, group, prefixes, suffixes: s, pairs } = exchange;
         if let Some(diffuse) = &mut self.diffuse {
             let Diffuse { value, throughput, gained } = &mut **diffuse;
             fill_diffuse(senders, group, prefixes, pairs, value);
-            let radiance = &s.radiance;
-            dispatch(Receive {
-                senders,
-                group,
-                prefixes,
-                suffixes,
-                pairs,
-                radiance,
-                throughput,
-                value,
-                gained,
-            });
+            exchange.receive(&s.radiance, throughput, value, gained);
         }
         for group_lanes in &mut self.groups {
             let GroupLanes { radiance, gained } = &mut **group_lanes;
-            let (throughput, value) = (&s.throughput, &pairs.value);
-            dispatch(Receive {
-                senders,
-                group,
-                prefixes,
-                suffixes,
-                pairs,
-                radiance,
-                throughput,
-                value,
-                gained,
-            });
+            exchange.receive(radiance, &s.throughput, &pairs.value, gained);
         }
     }
 

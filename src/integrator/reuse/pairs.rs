@@ -6,7 +6,7 @@ use super::super::normals::terminator;
 use super::state::{METAL_ROUGH, Pairs, Prefixes, Suffixes};
 use super::tiling::GroupShape;
 use crate::color::Rgb;
-use crate::simd::Kernel;
+use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
 /// Places that loops take together: of one group or of several.
@@ -70,8 +70,9 @@ pub fn group_of(place: usize, group: usize) -> Range<usize> {
     first..(first + group).min(WAVE)
 }
 
-/// Adds what the prefixes get from the suffixes of a round. (The sum runs in an order that does not depend on the CPU.)
-pub struct Receive<'a> {
+/// The suffixes of a round and the prefixes that get something from them.
+#[derive(Clone, Copy)]
+pub struct Exchange<'a> {
     /// Places of the suffixes.
     pub senders: &'a [u16],
     /// Places of a group.
@@ -79,13 +80,29 @@ pub struct Receive<'a> {
     pub prefixes: &'a Prefixes,
     pub suffixes: &'a Suffixes,
     pub pairs: &'a Pairs,
-    /// What leaves the suffixes, and what their owners get of it by the ways on which they found them: by place.
-    pub radiance: &'a RgbLanes,
-    pub throughput: &'a RgbLanes,
-    /// What others would get of it: see [`Pairs::value`].
-    pub value: &'a RgbLanes,
-    /// By place.
-    pub gained: &'a mut RgbLanes,
+}
+
+impl Exchange<'_> {
+    /// Adds to what the prefixes gained, by place. `radiance` leaves the suffixes; by `throughput` their owners get it, by
+    /// `value` others (see [`Pairs::value`]).
+    pub fn receive(
+        self,
+        radiance: &RgbLanes,
+        throughput: &RgbLanes,
+        value: &RgbLanes,
+        gained: &mut RgbLanes,
+    ) {
+        dispatch(Receive { exchange: self, radiance, throughput, value, gained });
+    }
+}
+
+/// The work of [`Exchange::receive`]. (The sum runs in an order that does not depend on the CPU.)
+struct Receive<'a> {
+    exchange: Exchange<'a>,
+    radiance: &'a RgbLanes,
+    throughput: &'a RgbLanes,
+    value: &'a RgbLanes,
+    gained: &'a mut RgbLanes,
 }
 
 impl Kernel for Receive<'_> {
@@ -93,7 +110,8 @@ impl Kernel for Receive<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let Receive { senders, group, prefixes, suffixes: s, pairs, gained, .. } = self;
+        let Exchange { senders, group, prefixes, suffixes: s, pairs } = self.exchange;
+        let gained = self.gained;
         for &sender in senders {
             let sender = usize::from(sender).min(WAVE - 1);
             let places = group_of(sender, group);

@@ -2,14 +2,28 @@
 
 use super::picture;
 use oscura::film::Film;
-use oscura::render::RenderOptions;
+use oscura::render::{RenderOptions, in_pool};
 use oscura::scene::Scene;
+use oscura::simd::{Level, limit_level};
 
 const BLOCK: u32 = 8;
 
 /// The bits of a picture.
 pub fn bits(film: &Film) -> Vec<[u32; 4]> {
     film.rgba().into_iter().map(|pixel| pixel.map(f32::to_bits)).collect()
+}
+
+/// Asserts that a picture has the same bits at any number of threads and at all CPU levels.
+pub fn assert_same_bits(what: &str, scene: &Scene, options: &RenderOptions) {
+    let with =
+        |threads| in_pool(Some(threads), || bits(&picture(scene, options))).expect("the threads start");
+    let one = with(1);
+    assert!(one == with(5), "{what}: threads");
+    for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+        limit_level(level);
+        assert!(one == with(2), "{what}: {}", level.name());
+    }
+    limit_level(Level::Avx512);
 }
 
 /// Mean squared difference of two seeds.

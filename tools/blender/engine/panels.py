@@ -38,6 +38,12 @@ class OurPanel:
     def poll(cls, context):
         return context.engine in cls.COMPAT_ENGINES
 
+    def column(self):
+        """A column of properties with their names at the left."""
+        self.layout.use_property_split = True
+        self.layout.use_property_decorate = False
+        return self.layout.column()
+
 
 class SamplingPanel(OurPanel, bpy.types.Panel):
     bl_idname = "OSCURA_RENDER_PT_sampling"
@@ -45,10 +51,7 @@ class SamplingPanel(OurPanel, bpy.types.Panel):
     bl_context = "render"
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        column = layout.column()
+        column = self.column()
         for name in ("samples", "time_limit", "depth", "seed", "refresh"):
             column.prop(context.scene.oscura, name)
 
@@ -59,10 +62,7 @@ class PassesPanel(OurPanel, bpy.types.Panel):
     bl_context = "view_layer"
 
     def draw(self, context):
-        layout = self.layout
-        layout.use_property_split = True
-        layout.use_property_decorate = False
-        column = layout.column()
+        column = self.column()
         for entry in passes.TABLE:
             column.prop(context.view_layer.oscura, f"use_{entry.option}")
 
