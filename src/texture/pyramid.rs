@@ -1,7 +1,7 @@
 //! Ever coarser copies of an image (Williams 1983, "Pyramidal Parametrics").
 
 use super::texels::{Texels, WithTexels, with_texels};
-use crate::color::linear_from_srgb;
+use crate::color::{linear_from_srgb, srgb_from_linear};
 use crate::image::{Encoding, Image, Pixels};
 use rayon::prelude::*;
 use std::sync::{Arc, OnceLock};
@@ -22,12 +22,22 @@ pub(super) fn coarser_levels(image: &Image) -> Vec<Image> {
 /// Half the size, rounded down but at least 1. Each texel is the mean of the area that it covers, in linear values;
 /// colours weigh by their alpha, so that invisible ones don't bleed into others.
 fn halved(image: &Image) -> Image {
-    let (width, height) = ((image.width / 2).max(1), (image.height / 2).max(1));
-    let columns: Vec<Taps> = (0..width).map(|x| Taps::new(x, width, image.width)).collect();
-    let rows: Vec<Taps> = (0..height).map(|y| Taps::new(y, height, image.height)).collect();
-    let task = Halve { columns: &columns, rows: &rows, stride: image.width as usize };
-    let rgba = with_texels(image, task);
-    let pixels = encode(&rgba, image);
+    let means = Halves::new(image);
+    let is_srgb = image.encoding == Encoding::Srgb;
+    let pixels = match &*image.pixels {
+        Pixels::U8(_) => {
+            let srgb = SrgbCodes::get();
+            let color = |v| if is_srgb { srgb.nearest(v) } else { code(v) };
+            Pixels::U8(means.encoded(color, code))
+        }
+        Pixels::U16(_) => {
+            let linear = |v: f32| (v * 65535.0).round() as u16;
+            let color = |v| if is_srgb { linear(srgb_from_linear(v)) } else { linear(v) };
+            Pixels::U16(means.encoded(color, linear))
+        }
+        Pixels::F32(_) => Pixels::F32(means.encoded(|v| v, |v| v)),
+    };
+    let (width, height) = (means.columns.len() as u32, means.rows.len() as u32);
     Image { name: image.name.clone(), width, height, pixels: Arc::new(pixels), ..*image }
 }
 
@@ -62,22 +72,105 @@ impl Taps {
     }
 }
 
-struct Halve<'a> {
-    columns: &'a [Taps],
-    rows: &'a [Taps],
-    stride: usize,
+/// How the next coarser level is made of an image.
+struct Halves<'a> {
+    image: &'a Image,
+    columns: Vec<Taps>,
+    rows: Vec<Taps>,
 }
 
-impl WithTexels for Halve<'_> {
-    type Output = Vec<[f32; 4]>;
-
-    fn run(self, texels: impl Texels) -> Vec<[f32; 4]> {
-        let of_row = |row: &Taps| {
-            let mean = |column| mean_of(row, column, self.stride, &texels);
-            self.columns.iter().map(mean).collect::<Vec<_>>()
+impl<'a> Halves<'a> {
+    fn new(image: &'a Image) -> Halves<'a> {
+        let taps = |fine: u32| {
+            let coarse = (fine / 2).max(1);
+            (0..coarse).map(|i| Taps::new(i, coarse, fine)).collect::<Vec<_>>()
         };
-        self.rows.par_iter().flat_map_iter(of_row).collect()
+        Halves { image, columns: taps(image.width), rows: taps(image.height) }
     }
+
+    /// All texels in the image's own format: colours by one function, alphas by the other.
+    fn encoded<T>(&self, color: impl Fn(f32) -> T + Sync, alpha: impl Fn(f32) -> T + Sync) -> Vec<T>
+    where
+        T: bytemuck::Zeroable + Copy + Send,
+    {
+        match self.image.channels {
+            1 => self.encoded_as::<T, 1>(color, alpha),
+            2 => self.encoded_as::<T, 2>(color, alpha),
+            3 => self.encoded_as::<T, 3>(color, alpha),
+            _ => self.encoded_as::<T, 4>(color, alpha),
+        }
+    }
+
+    fn encoded_as<T, const N: usize>(
+        &self,
+        color: impl Fn(f32) -> T + Sync,
+        alpha: impl Fn(f32) -> T + Sync,
+    ) -> Vec<T>
+    where
+        T: bytemuck::Zeroable + Copy + Send,
+    {
+        let width = self.columns.len();
+        let mut values = vec![T::zeroed(); width * self.rows.len() * N];
+        let rows = values.par_chunks_exact_mut(width * N).zip(&self.rows).with_min_len(16);
+        rows.for_each_init(
+            || vec![[0.0; 4]; width],
+            |means, (values, row)| {
+                with_texels(self.image, Means { of: self, row, means });
+                for (mean, texel) in means.iter().zip(values.chunks_exact_mut(N)) {
+                    for (c, value) in texel.iter_mut().enumerate() {
+                        let is_alpha = N % 2 == 0 && c == N - 1;
+                        *value = if is_alpha { alpha(mean[3]) } else { color(mean[c]) };
+                    }
+                }
+            },
+        );
+        values
+    }
+
+    /// Does every texel cover two by two?
+    fn is_even(&self) -> bool {
+        self.image.width.is_multiple_of(2) && self.image.height.is_multiple_of(2)
+    }
+}
+
+/// Finds the linear texels of a row.
+struct Means<'a> {
+    of: &'a Halves<'a>,
+    row: &'a Taps,
+    means: &'a mut [[f32; 4]],
+}
+
+impl WithTexels for Means<'_> {
+    type Output = ();
+
+    fn run(self, texels: impl Texels) {
+        let stride = self.of.image.width as usize;
+        if self.of.is_even() {
+            let first = self.row.first as usize * stride;
+            for (x, mean) in self.means.iter_mut().enumerate() {
+                let at = first + 2 * x;
+                let texel = |offset| texels.texel(at + offset);
+                *mean = mean_of_four([texel(0), texel(1), texel(stride), texel(stride + 1)]);
+            }
+        } else {
+            for (mean, column) in self.means.iter_mut().zip(&self.of.columns) {
+                *mean = mean_of(self.row, column, stride, &texels);
+            }
+        }
+    }
+}
+
+/// [`mean_of`] for four whole texels.
+#[inline(always)]
+fn mean_of_four(texels: [[f32; 4]; 4]) -> [f32; 4] {
+    let [a, b, c, d] = texels;
+    let mean = |values: [f32; 4]| 0.25 * values[0] + 0.25 * values[1] + 0.25 * values[2] + 0.25 * values[3];
+    let alpha = mean([a[3], b[3], c[3], d[3]]);
+    let color = |i: usize| match alpha > 0.0 {
+        true => mean([a[3] * a[i], b[3] * b[i], c[3] * c[i], d[3] * d[i]]) / alpha,
+        false => mean([a[i], b[i], c[i], d[i]]),
+    };
+    [color(0), color(1), color(2), alpha]
 }
 
 #[inline(always)]
@@ -99,56 +192,45 @@ fn mean_of(row: &Taps, column: &Taps, stride: usize, texels: &impl Texels) -> [f
     [r, g, b, alpha / total]
 }
 
-/// Back to the format of `like`.
-fn encode(rgba: &[[f32; 4]], like: &Image) -> Pixels {
-    let channels: &[usize] = match like.channels {
-        1 => &[0],
-        2 => &[0, 3],
-        3 => &[0, 1, 2],
-        _ => &[0, 1, 2, 3],
-    };
-    let is_srgb = |c: usize| like.encoding == Encoding::Srgb && c != 3;
-    let values = rgba.par_iter().flat_map_iter(|texel| channels.iter().map(|&c| (c, texel[c])));
-    match &*like.pixels {
-        Pixels::U8(_) => {
-            Pixels::U8(values.map(|(c, v)| if is_srgb(c) { srgb_code(v) } else { code(v) }).collect())
-        }
-        Pixels::U16(_) => {
-            let of_srgb = |v| (crate::color::srgb_from_linear(v) * 65535.0).round() as u16;
-            let linear = |v: f32| (v * 65535.0).round() as u16;
-            Pixels::U16(values.map(|(c, v)| if is_srgb(c) { of_srgb(v) } else { linear(v) }).collect())
-        }
-        Pixels::F32(_) => Pixels::F32(values.map(|(_, v)| v).collect()),
-    }
-}
-
 fn code(linear: f32) -> u8 {
     (linear * 255.0 + 0.5) as u8
 }
 
-/// The nearest sRGB code, as encoded.
-fn srgb_code(linear: f32) -> u8 {
-    const FIRST_GUESSES: usize = 1024;
-    // Linear values where one code gives way to the next, and a code at or below the right one for each interval.
-    static TABLES: OnceLock<(Vec<f32>, Vec<u8>)> = OnceLock::new();
-    let (limits, guesses) = TABLES.get_or_init(|| {
-        let limits: Vec<f32> = (0..255).map(|i| linear_from_srgb((i as f32 + 0.5) / 255.0)).collect();
-        let below = |x: f32| limits.partition_point(|&l| l <= x) as u8;
-        let guesses = (0..=FIRST_GUESSES).map(|i| below(i as f32 / FIRST_GUESSES as f32)).collect();
-        (limits, guesses)
-    });
-    let linear = linear.clamp(0.0, 1.0);
-    let mut code = guesses[(linear * FIRST_GUESSES as f32) as usize];
-    while limits.get(code as usize).is_some_and(|&l| l <= linear) {
-        code += 1;
+/// Finds sRGB codes without powers.
+struct SrgbCodes {
+    /// Linear values where one code gives way to the next; none after the last.
+    limits: [f32; 256],
+    /// The code at the start of each interval, which are narrower than the linear values of any code: at most one limit
+    /// lies in each.
+    starts: Vec<u8>,
+}
+
+impl SrgbCodes {
+    const INTERVALS: usize = 8192;
+
+    fn get() -> &'static SrgbCodes {
+        static CODES: OnceLock<SrgbCodes> = OnceLock::new();
+        CODES.get_or_init(|| {
+            let limit = |i| if i < 255 { linear_from_srgb((i as f32 + 0.5) / 255.0) } else { f32::INFINITY };
+            let limits: [f32; 256] = std::array::from_fn(limit);
+            let code_at = |x: f32| limits.partition_point(|&l| l <= x) as u8;
+            let starts = (0..=Self::INTERVALS).map(|i| code_at(i as f32 / Self::INTERVALS as f32)).collect();
+            SrgbCodes { limits, starts }
+        })
     }
-    code
+
+    /// The nearest code, as encoded.
+    #[inline(always)]
+    fn nearest(&self, linear: f32) -> u8 {
+        let linear = linear.clamp(0.0, 1.0);
+        let start = self.starts[(linear * Self::INTERVALS as f32) as usize];
+        start + u8::from(self.limits[start as usize] <= linear)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::color::srgb_from_linear;
 
     fn grey(width: u32, height: u32) -> Image {
         let rgb = (0..width * height * 3).map(|i| ((i * 7919) % 101) as f32 * 0.01).collect();
@@ -184,7 +266,7 @@ mod tests {
         for i in 0..=100_000 {
             let linear = i as f32 / 100_000.0;
             let exact = f64::from(srgb_from_linear(linear)) * 255.0;
-            let found = f64::from(srgb_code(linear));
+            let found = f64::from(SrgbCodes::get().nearest(linear));
             assert!((found - exact).abs() <= 0.5 + 1e-4, "{linear}: {found} {exact}");
         }
     }
