@@ -3,49 +3,14 @@
 use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
+use super::camera_args::CameraArgs;
 use super::frames::Frames;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, ValueEnum};
 use oscura::film::AovSet;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
-
-const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
-130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
-scene-file' explains scene files; NO_COLOR turns colours off.";
-
-/// An offline path tracer: glTF, OBJ, PLY, Blender and scene files in, EXR and PNG out.
-#[derive(Debug, Parser)]
-#[command(name = "oscura", version, after_help = AFTER, disable_help_subcommand = true)]
-pub(crate) struct Arguments {
-    #[command(subcommand)]
-    pub command: Command,
-}
-
-#[derive(Debug, Subcommand)]
-pub(crate) enum Command {
-    /// Render a scene to EXR and PNG files.
-    Render(Box<RenderArgs>),
-    /// Say what is in a scene and what would not be rendered.
-    Inspect(InspectArgs),
-    /// Export a Blender file as .glb with an .oscura.toml of what glTF can't carry.
-    Export(ExportArgs),
-    /// Measure how far a picture is from a reference.
-    Compare(CompareArgs),
-    /// Write small pictures of many models.
-    Thumb(ThumbArgs),
-    /// Write a commented scene file to start from.
-    New(NewArgs),
-    /// Say what is kept of Blender files for the next time, or delete it.
-    Cache(CacheArgs),
-    /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
-    Help(HelpArgs),
-    /// Print completions for a shell.
-    Completions(CompletionsArgs),
-    /// Print the manual page of the program or of a command.
-    Man(ManArgs),
-}
 
 /// Shells with completions.
 #[derive(Clone, Copy, Debug, ValueEnum)]
@@ -172,6 +137,15 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
+/// Where a running render is shown.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum PreviewArg {
+    /// On a page that a browser opens.
+    Page,
+    /// On a page whose address is printed only.
+    Address,
+}
+
 /// View transforms of PNGs.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ViewArg {
@@ -250,6 +224,9 @@ pub(crate) struct RenderArgs {
     /// Also write the picture so far, each time that so many seconds of rendering have passed.
     #[arg(long, value_name = "S", value_parser = seconds, conflicts_with = "resume")]
     pub save_every: Option<std::time::Duration>,
+    /// Show the picture in the browser while it renders; =address prints the page's address only.
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page", hide_possible_values = true)]
+    pub preview: Option<PreviewArg>,
     /// Write the EXR's colour as 32-bit floats.
     #[arg(long)]
     pub float: bool,
@@ -310,6 +287,8 @@ pub(crate) struct RenderArgs {
     /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub place: CameraArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]

@@ -2,10 +2,11 @@
 //! and manual pages.
 
 use super::Outcome;
-use super::args::{Arguments, CompletionsArgs, HelpArgs, ManArgs};
+use super::args::{CompletionsArgs, HelpArgs, ManArgs};
+use super::command_line::Arguments;
 use super::markdown;
 use super::report::print_text;
-use clap::{CommandFactory, ValueEnum};
+use clap::ValueEnum;
 use oscura::error::{Error, Result};
 use oscura::load::scene_file::reference::{CHAPTERS, Chapter};
 
@@ -14,7 +15,7 @@ const WHOLE: &str = "scene-file";
 
 /// Prints the help of a command or topic.
 pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
-    let mut command = Arguments::command();
+    let mut command = Arguments::whole();
     let text = match args.topic.as_deref() {
         None => command.render_long_help().to_string() + &topics(),
         Some(WHOLE) => CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"),
@@ -55,14 +56,14 @@ pub(crate) fn completions(args: &CompletionsArgs) -> Result<Outcome> {
     let mut bytes = Vec::new();
     let name = args.shell.to_possible_value().map_or_else(String::new, |v| v.get_name().to_string());
     let shell = name.parse::<clap_complete::Shell>().map_err(Error::usage)?;
-    clap_complete::generate(shell, &mut Arguments::command(), "oscura", &mut bytes);
+    clap_complete::generate(shell, &mut Arguments::whole(), "oscura", &mut bytes);
     print_text(&String::from_utf8_lossy(&bytes));
     Ok(Outcome::Done)
 }
 
 /// Prints a manual page: of the program or of a command.
 pub(crate) fn man(args: &ManArgs) -> Result<Outcome> {
-    let command = Arguments::command();
+    let command = Arguments::whole();
     let page = match args.command.as_deref() {
         None => command,
         Some(name) => subcommand(&command, name).ok_or_else(|| unknown(name, &command))?,

@@ -7,6 +7,8 @@ mod asset_args;
 mod beside;
 mod blender_args;
 mod cache;
+mod camera_args;
+mod command_line;
 mod compare;
 mod environment;
 mod excerpt;
@@ -19,6 +21,7 @@ mod markdown;
 mod new;
 mod orbit;
 mod outcome;
+mod page;
 mod pictures;
 mod process;
 mod progress;
@@ -32,16 +35,16 @@ mod shot;
 mod stage_args;
 mod terms;
 mod thumb;
+mod view;
 
-use args::{Arguments, Command};
-use clap::Parser;
+use command_line::{Arguments, Command};
 use outcome::{Outcome, exit_code};
 use std::process::ExitCode;
 
 /// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
 pub(crate) fn main() -> ExitCode {
     // clap prints usage errors itself and exits with 2.
-    let arguments = match Arguments::try_parse() {
+    let arguments = match Arguments::read() {
         Ok(arguments) => arguments,
         Err(error) => match aov_arg::asked_for(&error) {
             Some(table) => {
@@ -56,6 +59,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
+        Command::View(a) => (false, view::run(&a)),
         Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),

@@ -5,7 +5,6 @@ use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::Targets;
-use super::report::Said;
 use super::scene_path;
 use super::settings::choices;
 use super::shot::{Kept, load_options, load_scene, run_one};
@@ -40,7 +39,7 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
     let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
     let table = turntable(&loaded);
     let animation = (!moving.is_empty()).then(Animation::default);
-    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence(), animation };
+    let mut kept = Kept { animation, ..Kept::new(args, Compiler::sequence())? };
     for k in 0..count {
         if !args.quiet {
             eprintln!("frame    {k} of {count}");

@@ -8,6 +8,7 @@ use oscura::output::{
     Format, Metadata, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
 };
 use oscura::render::{Picture, Rendering};
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 /// Files to write, checked before any work.
@@ -44,7 +45,7 @@ impl Targets {
 
 /// A picture before it is encoded: when all is rendered, or on the way.
 pub(crate) struct Shot<'a> {
-    film: &'a Film,
+    film: Cow<'a, Film>,
     warnings: Vec<Warning>,
     metadata: Metadata,
 }
@@ -55,7 +56,7 @@ impl<'a> From<&'a Picture> for Shot<'a> {
         if picture.statistics().interrupted {
             metadata.stopped_by = Some("signal".to_string());
         }
-        Shot { film: picture.film(), warnings: picture.warnings().to_vec(), metadata }
+        Shot { film: Cow::Borrowed(picture.film()), warnings: picture.warnings().to_vec(), metadata }
     }
 }
 
@@ -65,7 +66,7 @@ impl<'a> From<&'a Rendering> for Shot<'a> {
         let metadata = rendering.output_options().metadata;
         let stopped_by = Some("not finished".to_string());
         Shot {
-            film: rendering.film(),
+            film: rendering.shown(),
             warnings: rendering.warnings(),
             metadata: Metadata { stopped_by, ..metadata },
         }
@@ -97,7 +98,7 @@ impl<'a> Pictures<'a> {
         let options = OutputOptions { float: args.float, png, metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.0 {
-            let mut encoded = encode(film, *format, &options, path)?;
+            let mut encoded = encode(&film, *format, &options, path)?;
             for warning in encoded.warnings.drain(..) {
                 warnings.push(Warning { file: Some(path.clone()), ..warning });
             }

@@ -5,7 +5,6 @@ use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::Targets;
 use super::process::cancel_by_signals;
-use super::report::Said;
 use super::settings::choices;
 use super::shot::{Kept, load_options, load_scene, run_one};
 use super::{Outcome, orbit, scene_path};
@@ -34,7 +33,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         scene_path::check(&args.scene)?;
         let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
-        let mut kept = Kept { said: Said::default(), compiler: Compiler::single(), animation: None };
+        let mut kept = Kept::new(args, Compiler::single())?;
         return run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept);
     };
     let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
@@ -45,7 +44,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
-    let mut kept = Kept { said: Said::default(), compiler: Compiler::sequence(), animation: None };
+    let mut kept = Kept::new(args, Compiler::sequence())?;
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
     load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {

@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
+use super::page::Preview;
 use super::pictures::{Pictures, Shot, Targets};
 use super::process::peak_memory;
 use super::progress::{Progress, Waiting};
@@ -63,6 +64,19 @@ pub(super) struct Kept {
     pub compiler: Compiler,
     /// Frames of a moving picture so far, where one is wanted.
     pub animation: Option<Animation>,
+    /// The page that shows it.
+    pub preview: Option<Preview>,
+}
+
+impl Kept {
+    /// At the start of a run.
+    ///
+    /// # Errors
+    /// If the page that is asked for can't be shown.
+    pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<Kept> {
+        let preview = args.preview.map(|_| Preview::open(args)).transpose()?;
+        Ok(Kept { said: Said::default(), compiler, animation: None, preview })
+    }
 }
 
 /// Renders one picture of a scene that began to load at `start`; `environment` is what the arguments put in place of the
@@ -74,7 +88,7 @@ pub(super) fn run_one(
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    Kept { said, compiler, animation }: &mut Kept,
+    Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let Prepared { scene, labels, camera, settled, build, load_s, notes, mut warnings, left_out } =
@@ -89,14 +103,14 @@ pub(super) fn run_one(
 
     let png = png(args, settled.exposure, is_stage_lit);
     let encode = |shot: Shot| Pictures::encode(args, targets, shot, png, &warnings);
-    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
-    let mut picture = take_picture(args, cancel, rendering, &encode, said)?;
+    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
+        .placed(loaded.scene.backdrop.clone(), loaded.offset);
+    preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
+    let picture = take_picture(args, cancel, rendering, &encode, said, preview.as_mut())?;
     if args.resume && picture.statistics().interrupted {
         // Else it would pass for a finished one the next time.
         return Ok(Outcome::Interrupted);
     }
-    loaded.scene.backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
-    picture.set_world_offset(loaded.offset);
 
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture))?;
@@ -155,6 +169,7 @@ fn take_picture<'a>(
     rendering: Rendering,
     encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
     said: &mut Said,
+    mut preview: Option<&mut Preview>,
 ) -> Result<Picture> {
     let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
     let shown = progress.clone();
@@ -162,6 +177,7 @@ fn take_picture<'a>(
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
     let mut saved = Instant::now();
     while rendering.next_pass() == PassOutcome::Progressed {
+        preview.iter_mut().for_each(|page| page.show(&rendering, false));
         if args.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
             // A disk that is full for a while is no reason to lose the rest.
             if let Err(error) = encode(Shot::from(&rendering))?.write() {
@@ -170,6 +186,7 @@ fn take_picture<'a>(
             saved = Instant::now();
         }
     }
+    preview.iter_mut().for_each(|page| page.show(&rendering, true));
     progress.finish();
     Ok(rendering.into_picture())
 }
@@ -207,6 +224,7 @@ fn prepare(
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     let load_s = start.elapsed().as_secs_f64();
 
+    args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));

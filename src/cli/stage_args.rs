@@ -53,9 +53,9 @@ pub(crate) struct StageArgs {
     /// Factor on the model's size in the picture.
     #[arg(long, value_name = "F", default_value = "1", value_parser = zoom, allow_negative_numbers = true)]
     pub zoom: f64,
-    /// Field of view, vertical, degrees.
-    #[arg(long, value_name = "DEG", default_value = "30", value_parser = fov, allow_negative_numbers = true)]
-    pub fov: f64,
+    /// Field of view, vertical, degrees [default: the camera's, 30 for models without one].
+    #[arg(long, value_name = "DEG", value_parser = fov, allow_negative_numbers = true)]
+    pub fov: Option<f64>,
     /// Axis of OBJ and PLY files that points up; auto goes by the file's writer and the model's shape.
     #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
     pub up: Up,
@@ -108,7 +108,7 @@ impl StageArgs {
             view: self.view_from.unwrap_or_default(),
             is_view_chosen: self.view_from.is_some(),
             zoom: self.zoom,
-            vfov_degrees: self.fov,
+            vfov_degrees: self.fov.unwrap_or(StageOptions::default().vfov_degrees),
             aspect,
             is_orbit: false,
         })

@@ -6,6 +6,7 @@
 mod accumulator;
 mod aov;
 mod aov_set;
+mod backdrop;
 mod channel;
 mod coverage;
 mod filter;

@@ -14,6 +14,7 @@ pub mod obj;
 pub mod ply;
 mod points;
 mod polygon;
+mod saved;
 pub mod scene_file;
 mod shapes;
 pub mod stage;
@@ -23,6 +24,7 @@ mod words;
 
 pub use formats::extensions;
 pub use loaded::{BlenderExport, LoadOptions, Loaded};
+pub use saved::SavedFiles;
 pub use upright::{Up, UpHint};
 
 use crate::error::{Error, Result, Warning};

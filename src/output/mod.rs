@@ -16,7 +16,7 @@ pub use atomic::{check_target, is_same_target, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr};
 pub use matte::Matte;
-pub use png::{PngOptions, encode_png, encode_png_rgb8};
+pub use png::{PngOptions, encode_png, encode_png_rgb8, rgba8};
 pub use tone::ViewTransform;
 
 use crate::error::{Error, Result};

@@ -192,7 +192,7 @@ impl Renderer {
     /// A usage error for a camera that does not exist and for a picture with too many pixels; an input error for a scene
     /// without a camera, with broken references or with more triangles than can be addressed.
     pub fn start(self) -> Result<Rendering> {
-        let Loaded { scene, mut warnings, .. } = self.loaded;
+        let Loaded { scene, mut warnings, offset, .. } = self.loaded;
         let settled = self.choices.settle(&scene)?;
         let camera = settled.camera(&scene)?;
         let size = (settled.options.width, settled.options.height);
@@ -203,6 +203,7 @@ impl Renderer {
         warnings.append(&mut report.warnings);
         let labels = Labels::of(&scene, &settled.options);
         let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
+        let rendering = rendering.placed(scene.backdrop, offset);
         Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))
     }
 
@@ -212,12 +213,8 @@ impl Renderer {
     /// As for [`Renderer::start`]. Being stopped by a [`CancelHandle`] or the time limit is no error: the picture's
     /// statistics tell of it.
     pub fn render(self) -> Result<Picture> {
-        let (backdrop, offset) = (self.loaded.scene.backdrop.clone(), self.loaded.offset);
         let mut rendering = self.start()?;
         rendering.run();
-        let mut picture = rendering.into_picture();
-        backdrop.iter().for_each(|backdrop| picture.put_behind(backdrop));
-        picture.set_world_offset(offset);
-        Ok(picture)
+        Ok(rendering.into_picture())
     }
 }

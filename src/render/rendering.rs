@@ -15,9 +15,11 @@ use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Channel, Film, FilterSampler};
+use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
-use crate::scene::Camera;
+use crate::scene::{Backdrop, Camera};
+use std::borrow::Cow;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
 use std::time::{Instant, SystemTime};
@@ -56,6 +58,10 @@ pub struct Rendering {
     /// What came up before the first pass.
     earlier: Vec<Warning>,
     exposure: f32,
+    /// What lies behind the picture.
+    backdrop: Option<Backdrop>,
+    /// How far from the world's origin the scene's coordinates have theirs.
+    world_offset: DVec3,
     choice: Choice,
     allotment: Option<Allotment>,
 }
@@ -110,6 +116,8 @@ impl Rendering {
             listener: None,
             earlier: Vec::new(),
             exposure: 0.0,
+            backdrop: None,
+            world_offset: DVec3::ZERO,
             options,
         })
     }
@@ -123,6 +131,13 @@ impl Rendering {
         listener: Option<Box<Listener>>,
     ) -> Rendering {
         Rendering { earlier, exposure, cancel, listener, ..self }
+    }
+
+    /// Lays a backdrop behind its pictures where they are transparent, and says in headers how far from the world's origin
+    /// the scene's coordinates have theirs.
+    #[must_use]
+    pub fn placed(self, backdrop: Option<Backdrop>, world_offset: DVec3) -> Rendering {
+        Rendering { backdrop, world_offset, ..self }
     }
 
     /// Lets an existing handle stop it, in place of its own.
@@ -163,13 +178,21 @@ impl Rendering {
         &self.film
     }
 
+    /// The picture so far, as files show it: with what lies behind it.
+    pub fn shown(&self) -> Cow<'_, Film> {
+        let Some(backdrop) = &self.backdrop else { return Cow::Borrowed(&self.film) };
+        let mut film = self.film.clone();
+        film.lay_behind(backdrop);
+        Cow::Owned(film)
+    }
+
     /// Writes the picture so far as an EXR or a PNG, by the extension. Returns warnings about values that the file
     /// can't hold.
     ///
     /// # Errors
     /// As for [`Picture::save`].
     pub fn save(&self, path: impl AsRef<Path>) -> Result<Vec<Warning>> {
-        picture::save(&self.film, path.as_ref(), &self.output_options())
+        picture::save(&self.shown(), path.as_ref(), &self.output_options())
     }
 
     /// The same with other options than [`Rendering::output_options`].
@@ -177,13 +200,14 @@ impl Rendering {
     /// # Errors
     /// As for [`Picture::save`].
     pub fn save_with(&self, path: impl AsRef<Path>, options: &OutputOptions) -> Result<Vec<Warning>> {
-        picture::save(&self.film, path.as_ref(), options)
+        picture::save(&self.shown(), path.as_ref(), options)
     }
 
     /// Ends rendering with the picture as it is now.
-    pub fn into_picture(self) -> Picture {
+    pub fn into_picture(mut self) -> Picture {
         let (statistics, warnings) = (self.statistics(), self.warnings());
         let output = self.options_with(&warnings);
+        self.backdrop.iter().for_each(|backdrop| self.film.lay_behind(backdrop));
         Picture { film: self.film, statistics, warnings, output }
     }
 
@@ -226,7 +250,7 @@ impl Rendering {
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
             mattes: self.labels.mattes.clone(),
-            world_offset: None,
+            world_offset: Some(self.world_offset).filter(|o| *o != DVec3::ZERO),
             stopped_by: stopped_by.map(str::to_string),
             warnings: warnings.iter().map(Warning::to_string).collect(),
         };
@@ -235,6 +259,11 @@ impl Rendering {
             metadata,
             ..OutputOptions::default()
         }
+    }
+
+    /// How many samples each pixel is to have, unless a time limit ends it before.
+    pub fn samples(&self) -> u32 {
+        self.options.samples
     }
 
     /// Time, samples and rays so far.

@@ -18,3 +18,5 @@ mod sequence;
 mod signals;
 mod stage;
 mod teaching;
+#[cfg(target_os = "linux")]
+mod view;

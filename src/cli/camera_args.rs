@@ -1,0 +1,153 @@
+//! Arguments about where the camera stands and how it sees, in place of what the scene says.
+
+use clap::Args;
+use oscura::error::{Error, Result};
+use oscura::math::DVec3;
+use oscura::scene::{Aperture, Camera, Projection, Scene, ThinLens};
+
+/// What a lens without a distance of its own is focused at, if only its opening is given: the target, or this, metres.
+const DEFAULT_FOCUS: f64 = 10.0;
+
+#[derive(Args, Clone, Debug, Default)]
+#[command(next_help_heading = "Camera")]
+pub(crate) struct CameraArgs {
+    /// Where the camera stands, metres.
+    #[arg(long, value_name = "X,Y,Z", requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, value_parser = point)]
+    pub eye: Option<DVec3>,
+    /// What it is aimed at; y is up.
+    #[arg(long, value_name = "X,Y,Z", requires = "eye", allow_hyphen_values = true, value_parser = point)]
+    pub target: Option<DVec3>,
+    /// Visible height of a camera of parallel rays, metres.
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    pub view_height: Option<f64>,
+    /// Distance of the plane that is in focus, metres.
+    #[arg(long, value_name = "M", value_parser = positive, allow_negative_numbers = true)]
+    pub focus: Option<f64>,
+    /// How wide the lens is open: the angle of its edge from a point in focus, degrees; 0 has everything in focus.
+    #[arg(long, value_name = "DEG", value_parser = defocus, allow_negative_numbers = true)]
+    pub defocus: Option<f64>,
+}
+
+impl CameraArgs {
+    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees.
+    ///
+    /// # Errors
+    /// A usage error for a camera that can't be aimed, or that is not of the kind that an argument is about.
+    pub fn apply(&self, scene: &mut Scene, number: usize, fov: Option<f64>) -> Result<()> {
+        let Some(camera) = scene.cameras.get_mut(number) else { return Ok(()) };
+        if let Some((eye, target)) = self.eye.zip(self.target) {
+            if eye == target {
+                return Err(Error::usage("--eye and --target are the same point"));
+            }
+            camera.world_from_camera = Camera::look_at(eye, target, 30.0).world_from_camera;
+        }
+        match (&mut camera.projection, fov, self.view_height) {
+            (_, None, None) => {}
+            (Projection::Perspective { vfov_rad }, Some(fov), None) => *vfov_rad = fov.to_radians(),
+            (Projection::Orthographic { half_height }, None, Some(height)) => *half_height = 0.5 * height,
+            (Projection::Perspective { .. }, ..) => {
+                let message = format!(
+                    "--view-height is about parallel rays, and '{}' has a field of view",
+                    camera.name
+                );
+                return Err(Error::usage(message).with_help("give --fov"));
+            }
+            (Projection::Orthographic { .. }, ..) => {
+                let message = format!("--fov has no meaning for '{}', whose rays are parallel", camera.name);
+                return Err(Error::usage(message).with_help("give --view-height"));
+            }
+        }
+        self.open_lens(camera);
+        Ok(())
+    }
+
+    fn open_lens(&self, camera: &mut Camera) {
+        if self.focus.is_none() && self.defocus.is_none() {
+            return;
+        }
+        let target = self.eye.zip(self.target).map(|(eye, target)| eye.distance(target));
+        let closed = ThinLens {
+            defocus_angle_rad: 0.0,
+            focus_distance: target.unwrap_or(DEFAULT_FOCUS),
+            aperture: Aperture::default(),
+        };
+        let mut lens = camera.lens.unwrap_or(closed);
+        lens.focus_distance = self.focus.unwrap_or(lens.focus_distance);
+        lens.defocus_angle_rad = self.defocus.map_or(lens.defocus_angle_rad, f64::to_radians);
+        camera.lens = Some(lens).filter(|lens| lens.defocus_angle_rad > 0.0);
+    }
+}
+
+/// Three numbers with commas between.
+fn point(text: &str) -> std::result::Result<DVec3, String> {
+    let numbers: Vec<f64> =
+        text.split(',').filter_map(|n| n.trim().parse().ok()).filter(|n: &f64| n.is_finite()).collect();
+    match numbers[..] {
+        [x, y, z] if text.split(',').count() == 3 => Ok(DVec3::new(x, y, z)),
+        _ => Err("must be three numbers such as 1.5,0,-2".to_string()),
+    }
+}
+
+fn within(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> std::result::Result<f64, String> {
+    text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("must be {what}"))
+}
+
+fn positive(text: &str) -> std::result::Result<f64, String> {
+    within(text, 1e-6..=1e12, "a number of metres from 0.000001 to 1e12")
+}
+
+fn defocus(text: &str) -> std::result::Result<f64, String> {
+    within(text, 0.0..=90.0, "a number of degrees from 0 to 90")
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn scene(camera: Camera) -> Scene {
+        let mut scene = Scene::default();
+        scene.cameras.push(camera);
+        scene
+    }
+
+    #[test]
+    fn points_are_three_numbers() {
+        assert_eq!(point("1.5,0,-2"), Ok(DVec3::new(1.5, 0.0, -2.0)));
+        for wrong in ["1,2", "1,2,3,4", "1,a,3", "1,,2,3", "1,2,inf", ""] {
+            assert!(point(wrong).is_err(), "{wrong}");
+        }
+    }
+
+    #[test]
+    fn only_what_is_given_changes() {
+        let own = Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 40.0);
+        let mut scene = scene(own.clone());
+        CameraArgs::default().apply(&mut scene, 0, None).unwrap();
+        assert_eq!(scene.cameras[0].world_from_camera, own.world_from_camera);
+        assert!(scene.cameras[0].lens.is_none());
+        let aimed = CameraArgs {
+            eye: Some(DVec3::new(3.0, 0.0, 0.0)),
+            target: Some(DVec3::ZERO),
+            defocus: Some(2.0),
+            ..CameraArgs::default()
+        };
+        aimed.apply(&mut scene, 0, None).unwrap();
+        let camera = &scene.cameras[0];
+        assert_eq!(camera.world_from_camera.translation, DVec3::new(3.0, 0.0, 0.0));
+        assert_eq!(camera.projection, own.projection);
+        assert_eq!(camera.lens.unwrap().focus_distance, 3.0);
+    }
+
+    #[test]
+    fn a_field_of_view_needs_a_perspective() {
+        let parallel = Camera {
+            projection: Projection::Orthographic { half_height: 2.0 },
+            ..Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], 30.0)
+        };
+        let mut scene = scene(parallel);
+        assert!(CameraArgs::default().apply(&mut scene, 0, Some(30.0)).is_err());
+        let args = CameraArgs { view_height: Some(6.0), ..CameraArgs::default() };
+        args.apply(&mut scene, 0, None).unwrap();
+        assert_eq!(scene.cameras[0].projection, Projection::Orthographic { half_height: 3.0 });
+    }
+}

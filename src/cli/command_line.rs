@@ -1,0 +1,66 @@
+//! The whole command line: which commands there are, and how they are read.
+
+use super::args::{
+    CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
+    ThumbArgs,
+};
+use super::view::{self, ViewArgs};
+use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+
+const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
+130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
+scene-file' explains scene files; NO_COLOR turns colours off.";
+
+/// An offline path tracer: glTF, OBJ, PLY, Blender and scene files in, EXR and PNG out.
+#[derive(Debug, Parser)]
+#[command(name = "oscura", version, after_help = AFTER, disable_help_subcommand = true)]
+pub(crate) struct Arguments {
+    #[command(subcommand)]
+    pub command: Command,
+}
+
+impl Arguments {
+    /// The whole command line.
+    pub fn whole() -> clap::Command {
+        Arguments::command().mut_subcommand("view", view::adapt)
+    }
+
+    /// Reads the command line of this process.
+    ///
+    /// # Errors
+    /// What clap objects to, and questions for help.
+    pub fn read() -> Result<Arguments, clap::Error> {
+        let mut command = Arguments::whole();
+        let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+        if let Some(("view", matches)) = matches.subcommand() {
+            view::refuse_unused(&mut command, matches)?;
+        }
+        Arguments::from_arg_matches(&matches)
+    }
+}
+
+#[derive(Debug, Subcommand)]
+pub(crate) enum Command {
+    /// Render a scene to EXR and PNG files.
+    Render(Box<RenderArgs>),
+    /// Say what is in a scene and what would not be rendered.
+    Inspect(InspectArgs),
+    /// Export a Blender file as .glb with an .oscura.toml of what glTF can't carry.
+    Export(ExportArgs),
+    /// Measure how far a picture is from a reference.
+    Compare(CompareArgs),
+    /// Show a scene in the browser while it renders, and turn it.
+    View(Box<ViewArgs>),
+    /// Write small pictures of many models.
+    Thumb(ThumbArgs),
+    /// Write a commented scene file to start from.
+    New(NewArgs),
+    /// Say what is kept of Blender files for the next time, or delete it.
+    Cache(CacheArgs),
+    /// Explain a command, scene files (scene-file), or a part of them (materials, camera, ...).
+    Help(HelpArgs),
+    /// Print completions for a shell.
+    Completions(CompletionsArgs),
+    /// Print the manual page of the program or of a command.
+    Man(ManArgs),
+}

@@ -1,0 +1,83 @@
+//! `oscura render --preview`: the page shows what is rendered anyway.
+
+use super::frame::{Frame, Look};
+use super::pose::Pose;
+use super::server::{Page, bind};
+use super::state::{Facts, Shared, Wish};
+use crate::cli::args::{PreviewArg, RenderArgs};
+use oscura::error::Result;
+use oscura::film::Aov;
+use oscura::output::PngOptions;
+use oscura::render::Rendering;
+use oscura::scene::Camera;
+use std::time::{Duration, Instant};
+
+/// Between two pictures.
+const PAUSE: Duration = Duration::from_millis(250);
+/// For pages to fetch the last picture.
+const FAREWELL: Duration = Duration::from_millis(300);
+
+/// A page that looks on.
+pub(crate) struct Preview {
+    page: Page,
+    shown: Option<Instant>,
+}
+
+impl Preview {
+    /// Opens the page.
+    ///
+    /// # Errors
+    /// A usage error if this machine has no port for it.
+    pub fn open(args: &RenderArgs) -> Result<Preview> {
+        let server = bind(0)?;
+        let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
+        let wish = Wish { pose, camera: 0, size: (1, 1), rotation: None, aov: None, loads: 0 };
+        let facts = Facts {
+            name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
+            command: std::iter::once("oscura".to_string()).chain(std::env::args().skip(1)).collect(),
+            ..Facts::default()
+        };
+        let look = Look { png: PngOptions::default(), aov: None };
+        let shared = Shared::new(wish, look, facts, Vec::new());
+        let opens = args.preview == Some(PreviewArg::Page);
+        Ok(Preview { page: Page::open(server, shared, opens, args.quiet), shown: None })
+    }
+
+    /// A picture begins.
+    pub fn begin(&mut self, rendering: &Rendering, png: PngOptions, camera: &Camera, triangles: u64) {
+        let film = rendering.film();
+        let has = |aov: &&Aov| film.aov(**aov).is_some();
+        let size = (film.width(), film.height());
+        self.shown = None;
+        self.page.shared.wish(|state| {
+            state.wish.pose = Pose::new(camera.clone(), 1.0);
+            state.wish.size = size;
+            state.look = Look { png, ..state.look };
+            state.facts.sizes = vec![size];
+            state.facts.cameras = vec![camera.name.clone()];
+            state.facts.triangles = triangles;
+            let passes = Aov::ALL.iter().filter(has);
+            state.facts.passes = passes.map(|aov| (aov.info().option, aov.info().about)).collect();
+            state.facts.samples = rendering.samples();
+        });
+    }
+
+    /// Shows the picture so far, unless one was shown a moment ago.
+    pub fn show(&mut self, rendering: &Rendering, is_finished: bool) {
+        if !is_finished && self.shown.is_some_and(|shown| shown.elapsed() < PAUSE) {
+            return;
+        }
+        let order = self.page.shared.lock().wishes;
+        let frame = Frame::of(rendering, is_finished, order);
+        self.page.shared.show(|state| state.frame = Some(frame.into()));
+        self.shown = Some(Instant::now());
+    }
+}
+
+impl Drop for Preview {
+    fn drop(&mut self) {
+        if self.shown.is_some() {
+            std::thread::sleep(FAREWELL);
+        }
+    }
+}

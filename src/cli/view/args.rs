@@ -1,0 +1,61 @@
+//! The arguments of `oscura view`: those of `render`, but for what concerns files that are written.
+
+use crate::cli::args::RenderArgs;
+use clap::error::ErrorKind;
+use clap::parser::ValueSource;
+use clap::{ArgMatches, Args, Command};
+
+/// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
+const UNUSED: [&str; 16] = [
+    "output",
+    "frames",
+    "fps",
+    "resume",
+    "orbit",
+    "preview",
+    "time_limit",
+    "save_every",
+    "float",
+    "aov",
+    "light_groups",
+    "crypto_levels",
+    "strict",
+    "explain",
+    "reproducible",
+    "json",
+];
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ViewArgs {
+    #[command(flatten)]
+    pub picture: RenderArgs,
+    /// Port of the page, on this machine only [default: a free one].
+    #[arg(long, value_name = "N", default_value = "0", hide_default_value = true)]
+    pub port: u16,
+    /// Don't open a browser: print the page's address only.
+    #[arg(long)]
+    pub no_open: bool,
+    /// Load the scene again when a file of it was saved.
+    #[arg(long)]
+    pub watch: bool,
+}
+
+/// Takes the unused arguments out of the command's help.
+pub(crate) fn adapt(command: Command) -> Command {
+    UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.required(false).hide(true)))
+}
+
+/// Refuses unused arguments that were given.
+///
+/// # Errors
+/// As clap reports unknown arguments.
+pub(crate) fn refuse_unused(command: &mut Command, matches: &ArgMatches) -> Result<(), clap::Error> {
+    let is_given = |id: &&&str| matches.value_source(id) == Some(ValueSource::CommandLine);
+    let Some(id) = UNUSED.iter().find(is_given) else { return Ok(()) };
+    let argument = match *id {
+        "output" => "-o".to_string(),
+        id => format!("--{}", id.replace('_', "-")),
+    };
+    let message = format!("{argument} has no meaning for what is shown in a browser; 'oscura render' has it");
+    Err(command.error(ErrorKind::UnknownArgument, message))
+}

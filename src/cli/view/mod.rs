@@ -1,0 +1,68 @@
+//! `oscura view`: a page that shows a scene while it renders. One thread renders (on the pool's threads), one takes
+//! requests and starts a thread for each ([`Page`]), one watches files and signals.
+
+mod args;
+mod model;
+mod worker;
+
+pub(crate) use args::{ViewArgs, adapt, refuse_unused};
+
+use super::Outcome;
+use super::page::{Page, Shared, bind};
+use super::process::cancel_by_signals;
+use model::Model;
+use oscura::error::Result;
+use oscura::load::SavedFiles;
+use oscura::render::{CancelHandle, in_pool};
+use std::time::{Duration, Instant};
+
+/// How often signals and files are looked at.
+const TICK: Duration = Duration::from_millis(50);
+const WATCH: Duration = Duration::from_millis(500);
+
+/// Serves the page until a signal ends it.
+pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
+    let cancel = cancel_by_signals()?;
+    let threads = args.picture.threads.map(usize::from);
+    in_pool(threads, || show(args, &cancel))
+        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+}
+
+fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
+    // A port that is taken is told before the scene is loaded.
+    let server = bind(args.port)?;
+    let files = args.watch.then(|| SavedFiles::of(&args.picture.scene));
+    let model = Model::load(args, cancel)?;
+    let facts = model.facts(args);
+    if !args.picture.quiet {
+        facts.notes.iter().for_each(|note| eprintln!("note: {note}"));
+    }
+    let shared = Shared::new(model.wish(args)?, model.look(), facts, model.poses());
+    let page = Page::open(server, shared, !args.no_open, args.picture.quiet);
+    // Rendering stays on this thread, which belongs to the pool.
+    std::thread::scope(|scope| {
+        scope.spawn(|| watch_over(args, files, cancel, &page.shared));
+        let done = worker::run(args, model, &page.shared);
+        page.shared.end();
+        done
+    })?;
+    Ok(Outcome::Done)
+}
+
+/// Ends all at a signal, and has the scene loaded again when a file of it was saved.
+fn watch_over(args: &ViewArgs, mut files: Option<SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
+    let mut looked = Instant::now();
+    while !shared.lock().is_over {
+        std::thread::sleep(TICK);
+        if cancel.is_cancelled() {
+            shared.end();
+        }
+        let Some(before) = files.as_mut().filter(|_| looked.elapsed() >= WATCH) else { continue };
+        looked = Instant::now();
+        let now = SavedFiles::of(&args.picture.scene);
+        if now != *before {
+            *before = now;
+            shared.wish(|state| state.wish.loads += 1);
+        }
+    }
+}

@@ -1,0 +1,119 @@
+//! Renders what the pages want: small at first, then in full, pass by pass.
+
+use super::ViewArgs;
+use super::model::Model;
+use crate::cli::page::{Frame, Order, Shared};
+use oscura::error::Result;
+use oscura::film::{Aov, AovSet};
+use oscura::render::{Labels, PassOutcome, Rendering};
+use std::time::{Duration, Instant};
+
+/// How long a small first picture may take, seconds.
+const PREVIEW_S: f64 = 0.06;
+/// Samples a second until the first picture tells.
+const FIRST_GUESS: f64 = 5e5;
+/// Largest size of the finished picture over that of a first one.
+const COARSEST: u32 = 8;
+
+/// Fulfils wishes until all is over.
+///
+/// # Errors
+/// If there is no memory for pictures.
+pub(super) fn run(args: &ViewArgs, mut model: Model, shared: &Shared) -> Result<()> {
+    let (mut done, mut speed) = (0, FIRST_GUESS);
+    while let Some(mut order) = shared.next_order(done) {
+        done = order.number;
+        match model.follow(args, &order.wish) {
+            Ok(None) => {}
+            Ok(Some(facts)) => {
+                let poses = model.poses();
+                // A camera that nobody has moved is the file's.
+                if let (Some(fresh), false) = (poses.get(order.wish.camera), order.wish.pose.is_changed()) {
+                    order.wish.pose = fresh.clone();
+                }
+                shared.show(|state| {
+                    state.facts = facts;
+                    state.poses = poses;
+                    state.trouble.clear();
+                    if !state.wish.pose.is_changed() {
+                        state.wish.pose = order.wish.pose.clone();
+                    }
+                });
+            }
+            Err(error) => {
+                shared.show(|state| state.trouble = error.to_string());
+                // What was there before is still there.
+                continue;
+            }
+        }
+        render(&model, &order, shared, &mut speed)?;
+    }
+    Ok(())
+}
+
+/// Renders until all samples are taken or something else is wanted.
+fn render(model: &Model, order: &Order, shared: &Shared, speed: &mut f64) -> Result<()> {
+    let (width, height) = order.wish.size;
+    let pixels = f64::from(width) * f64::from(height);
+    let takes_long = |scale: &u32| pixels / f64::from(scale * scale) / *speed > PREVIEW_S;
+    let scale = [1, 2, 4].into_iter().find(|scale| !takes_long(scale)).unwrap_or(COARSEST);
+    let steps = [(scale, Some(1)), (1, None)];
+    for (scale, samples) in steps.into_iter().skip(usize::from(scale == 1)) {
+        let is_last = samples.is_none();
+        if !render_at(model, order, shared, speed, (scale, samples.unwrap_or(model.samples)), is_last)? {
+            break;
+        }
+    }
+    Ok(())
+}
+
+/// Renders at the size divided by a scale. Returns whether nothing came between.
+fn render_at(
+    model: &Model,
+    order: &Order,
+    shared: &Shared,
+    speed: &mut f64,
+    (scale, samples): (u32, u32),
+    is_last: bool,
+) -> Result<bool> {
+    let (width, height) = order.wish.size;
+    let aovs = [Some(Aov::Depth), order.wish.aov]
+        .into_iter()
+        .flatten()
+        .fold(AovSet::NONE, |all, aov| all.union(aov.into()));
+    // A limit makes the first pass one of a single sample.
+    let options = model
+        .settled
+        .options
+        .size((width / scale).max(1), (height / scale).max(1))
+        .samples(samples)
+        .aovs(aovs)
+        .time_limit(Some(Duration::from_secs(1 << 30)));
+    let labels = Labels::of(&model.loaded.scene, &options);
+    let camera = order.wish.pose.for_rendering();
+    let rendering = Rendering::labelled(model.compiled.clone(), labels, &camera, options)?;
+    let scene = &model.loaded;
+    let mut rendering =
+        rendering.with_cancel_handle(order.cancel.clone()).placed(scene.scene.backdrop.clone(), scene.offset);
+    loop {
+        let (start, before) = (Instant::now(), rendering.statistics().samples);
+        let outcome = rendering.next_pass();
+        if outcome == PassOutcome::Cancelled {
+            return Ok(false);
+        }
+        let taken = rendering.statistics().samples - before;
+        if taken > 0 {
+            *speed = taken as f64 / start.elapsed().as_secs_f64().max(1e-4);
+        }
+        let is_done = outcome != PassOutcome::Progressed;
+        let frame = Frame { scale, ..Frame::of(&rendering, is_done && is_last, order.number) };
+        // One that came late would take the place of a newer one.
+        if order.cancel.is_cancelled() {
+            return Ok(false);
+        }
+        shared.show(|state| state.frame = Some(frame.into()));
+        if is_done {
+            return Ok(true);
+        }
+    }
+}

@@ -1,0 +1,277 @@
+//! `oscura view`: what its page asks for, and the page itself in a browser where there is one.
+
+use crate::program::*;
+use serde_json::Value;
+use std::fs;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::TcpStream;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::time::{Duration, Instant};
+
+const SCENE: &str = r#"
+[camera]
+look_from = [0, 0, 4]
+look_at = [0, 0, 0]
+vfov = 40
+[environment]
+background = [0.5, 0.5, 0.5]
+[materials.ball]
+type = "emissive"
+radiance = [1, 0, 0]
+[[objects]]
+sphere = { center = [0, 0, 0], radius = 0.5 }
+material = "ball"
+"#;
+
+/// A program that shows `scene.toml` in a folder of its own.
+struct View {
+    folder: tempfile::TempDir,
+    child: Child,
+    port: u16,
+}
+
+impl View {
+    fn new(more: &[&str]) -> View {
+        View::start(&[&["view", "scene.toml", "--no-open", "--spp", "4"], more].concat())
+    }
+
+    fn start(arguments: &[&str]) -> View {
+        let folder = tempfile::tempdir().unwrap();
+        fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+        let mut child = Command::new(env!("CARGO_BIN_EXE_oscura"))
+            .args(arguments)
+            .args(["--width", "64", "--height", "48"])
+            .current_dir(folder.path())
+            .stderr(Stdio::piped())
+            .spawn()
+            .expect("the program starts");
+        let mut lines = BufReader::new(child.stderr.take().unwrap()).lines();
+        let line = lines.find_map(|line| line.ok().filter(|l| l.contains("http://"))).expect("an address");
+        // Who isn't listened to could not go on.
+        std::thread::spawn(move || lines.for_each(drop));
+        let port = line.split("127.0.0.1:").nth(1).and_then(|rest| rest.split('/').next()).unwrap();
+        View { folder, child, port: port.parse().unwrap() }
+    }
+
+    /// Status and body.
+    fn ask(&self, method: &str, path: &str, body: &str, headers: &[&str]) -> (u16, Vec<u8>) {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        let own = format!("Host: 127.0.0.1:{}", self.port);
+        let headers = if headers.is_empty() { own } else { headers.join("\r\n") };
+        write!(
+            stream,
+            "{method} {path} HTTP/1.0\r\n{headers}\r\nContent-Length: {}\r\n\r\n{body}",
+            body.len()
+        )
+        .unwrap();
+        let mut answer = Vec::new();
+        stream.read_to_end(&mut answer).unwrap();
+        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").expect("a header");
+        let status = String::from_utf8_lossy(&answer[..end]).split(' ').nth(1).unwrap().parse().unwrap();
+        (status, answer[end + 4..].to_vec())
+    }
+
+    fn post(&self, path: &str, body: &str) {
+        let (status, answer) = self.ask("POST", path, body, &[]);
+        assert_eq!(status, 200, "{path} {body}: {}", String::from_utf8_lossy(&answer));
+    }
+
+    /// The state and the pixels, as soon as the state suits.
+    fn wait(&self, suits: impl Fn(&Value) -> bool) -> (Value, Vec<u8>) {
+        let (start, mut version) = (Instant::now(), 0);
+        loop {
+            assert!(start.elapsed() < Duration::from_secs(60), "nothing that suits");
+            let (status, body) = self.ask("GET", &format!("/frame?after={version}"), "", &[]);
+            if status == 204 {
+                continue;
+            }
+            let length = u32::from_le_bytes(body[..4].try_into().unwrap()) as usize;
+            let state: Value = serde_json::from_slice(&body[4..4 + length]).unwrap();
+            version = state["version"].as_u64().unwrap();
+            if suits(&state) {
+                return (state, body[4 + length..].to_vec());
+            }
+        }
+    }
+
+    /// The finished picture.
+    fn finished(&self) -> (Value, Vec<u8>) {
+        self.wait(|state| state["finished"] == true)
+    }
+}
+
+impl Drop for View {
+    fn drop(&mut self) {
+        self.child.kill().ok();
+        self.child.wait().ok();
+    }
+}
+
+fn pixel(pixels: &[u8], x: usize, y: usize) -> [u8; 4] {
+    pixels[(y * 64 + x) * 4..][..4].try_into().unwrap()
+}
+
+#[test]
+fn a_picture_refines_turns_and_is_probed() {
+    let view = View::new(&[]);
+    let (state, pixels) = view.finished();
+    assert_eq!((&state["width"], &state["height"], &state["samples"]), (&64.into(), &48.into(), &4.0.into()));
+    assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255]);
+    assert_eq!(pixel(&pixels, 1, 1), [188, 188, 188, 255]);
+    let (status, body) = view.ask("GET", "/probe?x=0.5&y=0.5", "", &[]);
+    let probe: Value = serde_json::from_slice(&body).unwrap();
+    assert_eq!((status, &probe["values"]["R"]), (200, &1.0.into()));
+    assert!((probe["values"]["Z"].as_f64().unwrap() - 3.5).abs() < 0.02, "{probe}");
+    assert_eq!(view.ask("GET", "/probe?x=2&y=0.5", "", &[]).0, 404);
+
+    // A pan by half a picture takes the ball to the edge; no other page needs to ask for it.
+    view.post("/move", r#"{"pan": [0.5, 0]}"#);
+    let (state, moved) = view.finished();
+    assert_eq!(pixel(&moved, 32, 24), [188, 188, 188, 255]);
+    let command = state["command"].as_str().unwrap();
+    assert!(command.contains("--eye ") && command.contains("--target "), "{command}");
+    view.post("/camera", "0");
+    assert_eq!(view.finished().1, pixels);
+    view.post("/set", r#"{"exposure": -1}"#);
+    let (_, darker) = view.wait(|state| state["exposure"] == -1.0 && state["finished"] == true);
+    assert!(pixel(&darker, 1, 1)[0] < 150);
+    view.post("/set", r#"{"pass": "normal"}"#);
+    let (_, normals) = view.wait(|state| state["pass"] == "normal" && state["finished"] == true);
+    assert!(pixel(&normals, 32, 24)[2] > 250, "the ball faces the camera");
+    for nonsense in [r#"{"exposure": 1e9}"#, r#"{"pass": "none"}"#, r#"{"size": [1, 1]}"#, "{", r#"{"a": 1}"#]
+    {
+        assert_eq!(view.ask("POST", "/set", nonsense, &[]).0, 400, "{nonsense}");
+    }
+}
+
+#[test]
+fn the_command_renders_what_is_shown() {
+    let view = View::new(&[]);
+    view.finished();
+    view.post("/move", r#"{"orbit": [0.5, 0.25], "pan": [0.1, 0.05]}"#);
+    let (state, shown) = view.finished();
+    let words: Vec<&str> = state["command"].as_str().unwrap().split(' ').skip(1).collect();
+    let output = oscura(view.folder.path(), &words);
+    assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+    let rendered = image::open(view.folder.path().join("picture.png")).unwrap().into_rgba8();
+    // The camera's place is rounded to seven digits.
+    let differ = rendered.as_raw().iter().zip(&shown).filter(|(a, b)| a.abs_diff(**b) > 2).count();
+    assert!(differ <= shown.len() / 200, "{differ} of {} bytes differ", shown.len());
+}
+
+#[test]
+fn pictures_so_far_are_saved_as_files() {
+    let view = View::new(&[]);
+    view.finished();
+    let (status, exr) = view.ask("GET", "/picture.exr", "", &[]);
+    assert_eq!((status, &exr[..4]), (200, &[0x76, 0x2f, 0x31, 0x01][..]));
+    assert_eq!(&view.ask("GET", "/picture.png", "", &[]).1[1..4], b"PNG");
+    for page in ["/", "/page.css", "/page.js", "/hands.js"] {
+        assert_eq!(view.ask("GET", page, "", &[]).0, 200, "{page}");
+    }
+    assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
+}
+
+#[test]
+fn foreign_hosts_and_sites_are_refused() {
+    let view = View::new(&[]);
+    let own = format!("Host: localhost:{}", view.port);
+    assert_eq!(view.ask("GET", "/", "", &[&own]).0, 200);
+    for headers in [
+        &["Host: evil.example"][..],
+        &[&own, "Origin: http://evil.example"],
+        &[&own, "Sec-Fetch-Site: cross-site"],
+        &["Accept: */*"],
+    ] {
+        assert_eq!(view.ask("GET", "/frame?after=0", "", headers).0, 403, "{headers:?}");
+        assert_eq!(view.ask("POST", "/reload", "", headers).0, 403, "{headers:?}");
+    }
+}
+
+#[test]
+fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
+    let view = View::new(&["--watch"]);
+    let file = view.folder.path().join("scene.toml");
+    view.finished();
+    fs::write(&file, "[camera").unwrap();
+    let (_, pixels) = view.wait(|state| state["trouble"].as_str().is_some_and(|t| t.contains("scene.toml")));
+    assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255], "the old picture stays");
+    fs::write(&file, SCENE.replace("[1, 0, 0]", "[0, 1, 0]")).unwrap();
+    let (state, pixels) = view.wait(|state| state["trouble"] == "" && state["finished"] == true);
+    assert_eq!(pixel(&pixels, 32, 24), [0, 255, 0, 255], "{state}");
+}
+
+#[test]
+fn a_signal_ends_it_in_good_order() {
+    let mut view = View::new(&[]);
+    let status = Command::new("kill").args(["-INT", &view.child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+    assert_eq!(view.child.wait().unwrap().code(), Some(0));
+}
+
+#[test]
+fn a_running_render_is_looked_on_at() {
+    let mut view =
+        View::start(&["render", "scene.toml", "-o", "a.exr", "--spp", "100000000", "--preview=address"]);
+    let (state, pixels) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 8.0));
+    assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255]);
+    assert_eq!(state["facts"]["is_live"], false);
+    for (path, body) in [("/move", r#"{"orbit": [1, 0]}"#), ("/reload", ""), ("/camera", "0")] {
+        assert_eq!(view.ask("POST", path, body, &[]).0, 403, "{path}");
+    }
+    assert_eq!(view.ask("POST", "/set", r#"{"size": [64, 48]}"#, &[]).0, 400);
+    view.post("/set", r#"{"exposure": -1}"#);
+    let (_, darker) = view.wait(|state| state["exposure"] == -1.0);
+    assert!(pixel(&darker, 1, 1)[0] < 150);
+    let status = Command::new("kill").args(["-INT", &view.child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+    assert_eq!(view.child.wait().unwrap().code(), Some(130));
+    assert_eq!(attribute(&view.folder.path().join("a.exr"), "stoppedBy"), text("signal"));
+}
+
+#[test]
+fn what_has_no_meaning_and_ports_that_are_taken_are_told() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+    for unused in [&["-o", "a.png"][..], &["--frames", "1-2"], &["--json"], &["--orbit", "8"]] {
+        let arguments = [&["view", "scene.toml", "--no-open"][..], unused].concat();
+        let output = oscura(folder.path(), &arguments);
+        assert_eq!(output.status.code(), Some(2), "{unused:?}");
+        assert!(stderr(&output).contains("'oscura render' has it"), "{}", stderr(&output));
+    }
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let port = taken.local_addr().unwrap().port().to_string();
+    let output = oscura(folder.path(), &["view", "scene.toml", "--no-open", "--port", &port]);
+    assert_eq!(output.status.code(), Some(2));
+    assert!(stderr(&output).contains(&port), "{}", stderr(&output));
+    let output = oscura(folder.path(), &["view", "missing.toml", "--no-open"]);
+    assert_eq!(output.status.code(), Some(3), "{}", stderr(&output));
+}
+
+/// A Python with playwright, where there is a browser for it to drive.
+fn python_with_browser() -> Result<PathBuf, &'static str> {
+    let chromium = std::env::var_os("CHROMIUM").map_or("/usr/bin/chromium".into(), PathBuf::from);
+    if !chromium.exists() {
+        return Err("there is no Chromium at /usr/bin/chromium or where CHROMIUM says");
+    }
+    let named = std::env::var_os("OSCURA_PYTHON").map(PathBuf::from);
+    let has_it = |python: &PathBuf| {
+        let output = Command::new(python).args(["-c", "import playwright.sync_api"]).output();
+        output.is_ok_and(|o| o.status.success())
+    };
+    let mut candidates = named.into_iter().chain(["python3".into(), "python".into()]);
+    candidates.find(has_it).ok_or("neither OSCURA_PYTHON nor python3 has the module playwright")
+}
+
+#[test]
+fn the_page_works_in_a_browser() {
+    let python = match python_with_browser() {
+        Ok(python) => python,
+        Err(reason) => return println!("skipped: {reason}"),
+    };
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/cli/view_page.py");
+    let output = Command::new(python).arg(script).arg(env!("CARGO_BIN_EXE_oscura")).output().unwrap();
+    assert!(output.status.success(), "{}{}", String::from_utf8_lossy(&output.stdout), stderr(&output));
+}

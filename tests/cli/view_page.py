@@ -1,0 +1,186 @@
+"""Drives the page of `oscura view` in headless Chromium: python view_page.py PROGRAM [FOLDER FOR SCREENSHOTS]
+
+Needs the package playwright (its own browsers are not needed) and Chromium at /usr/bin/chromium or where CHROMIUM says.
+Prints what it measured, and exits with 1 at the first thing that is wrong.
+"""
+
+import os
+import pathlib
+import re
+import shutil
+import signal
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.error
+import urllib.request
+
+from playwright.sync_api import sync_playwright
+
+CHROMIUM = os.environ.get("CHROMIUM", "/usr/bin/chromium")
+SWITCHES = ["--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+            "--disable-component-update", "--disable-sync"]
+SCENE = """
+[camera]
+look_from = [0, 1, 5]
+look_at = [0, 0.5, 0]
+vfov = 40
+[environment]
+sky = { nadir = [0, 0, 0], zenith = [1, 1.5, 3] }
+[materials.ball]
+type = "lambert"
+color = [0.8, 0.1, 0.1]
+[[objects]]
+sphere = { center = [0.4, 0.5, 0], radius = 0.5 }
+material = "ball"
+"""
+# Mean red, green and blue of the canvas, and how many of its pixels differ from those of the last call.
+LOOK = """() => {
+  const canvas = document.getElementById("picture");
+  const data = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height).data;
+  const sum = [0, 0, 0];
+  let changed = window.lastPixels?.length === data.length ? 0 : null;
+  for (let i = 0; i < data.length; i += 4) {
+    for (let c = 0; c < 3; c++) sum[c] += data[i + c];
+    if (changed !== null && data[i] !== window.lastPixels[i]) changed++;
+  }
+  window.lastPixels = data;
+  return { mean: sum.map((s) => s / (data.length / 4)), changed, size: [canvas.width, canvas.height] };
+}"""
+
+
+class Program:
+    """The program, with the scene copied into a folder of its own."""
+
+    def __init__(self, program, folder):
+        self.scene = pathlib.Path(folder) / "ball.toml"
+        self.scene.write_text(SCENE)
+        command = [program, "view", str(self.scene), "--no-open", "--watch", "--width", "480", "--height", "270",
+                   "--spp", "200"]
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE, text=True)
+        self.address = None
+        while self.address is None:
+            line = self.process.stderr.readline()
+            assert line, "the program ended before it had a page"
+            found = re.search(r"http://127\.0\.0\.1:\d+/", line)
+            self.address = found and found.group()
+
+    def end(self):
+        self.process.send_signal(signal.SIGINT)
+        assert self.process.wait(10) == 0, "a signal ends it in good order"
+
+
+def wait_for(page, condition, what):
+    # The page's security policy forbids the waiting that is built in, which evaluates text.
+    end = time.monotonic() + 60
+    while not page.evaluate(condition):
+        assert time.monotonic() < end, what
+        page.wait_for_timeout(20)
+
+
+def check_hosts(address):
+    """Other names for this machine, and pages of other sites, are refused."""
+    for headers in [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Sec-Fetch-Site": "cross-site"}]:
+        try:
+            urllib.request.urlopen(urllib.request.Request(address, headers=headers))
+        except urllib.error.HTTPError as error:
+            assert error.code == 403, error
+        else:
+            raise AssertionError(f"{headers} should be refused")
+
+
+def check(page, other, program, pictures):
+    start = time.monotonic()
+    page.goto(program.address)
+    wait_for(page, "document.body.dataset.version > 0", "a first picture")
+    print(f"first picture after {time.monotonic() - start:.2f} s, page and all")
+    wait_for(page, "document.body.dataset.samples >= 1", "a whole picture")
+    first = page.evaluate(LOOK)
+    assert first["mean"][2] > 100, f"a light sky: {first}"
+    samples = float(page.evaluate("document.body.dataset.samples"))
+    wait_for(page, f"document.body.dataset.samples > {samples} + 8", "more samples")
+    refined = page.evaluate(LOOK)
+    assert refined["changed"] > 100, f"it refines: {refined}"
+    wait_for(page, "document.body.dataset.finished === 'true'", "all samples")
+    pictures(page, "page")
+
+    other.goto(program.address)
+    wait_for(other, "document.body.dataset.finished === 'true'", "a second page shows the same")
+
+    page.evaluate(LOOK)
+    box = page.locator("#picture").bounding_box()
+    middle = (box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+    page.mouse.move(*middle)
+    wait_for(page, "document.getElementById('probe').textContent.includes(' m')", "values under the mouse")
+    page.mouse.down()
+    version = int(page.evaluate("document.body.dataset.version"))
+    start = time.monotonic()
+    page.mouse.move(middle[0] + 60, middle[1] + 20, steps=4)
+    wait_for(page, f"document.body.dataset.version > {version} + 1", "turning shows another picture")
+    print(f"a picture {time.monotonic() - start:.2f} s after the camera was turned")
+    page.mouse.up()
+    wait_for(page, "document.body.dataset.finished === 'true'", "the turned picture refines")
+    turned = page.evaluate(LOOK)
+    assert turned["changed"] > 1000, f"turning changes the picture: {turned}"
+    wait_for(other, "document.getElementById('command').value.includes('--eye')", "the other page follows")
+    command = page.input_value("#command")
+    assert "--eye" in command and "--target" in command, command
+
+    page.locator("#pass").select_option("normal")
+    wait_for(page, "document.body.dataset.finished === 'true'", "a pass is shown")
+    time.sleep(0.5)
+    normal = page.evaluate(LOOK)
+    assert all(abs(v - 127.5) < 30 for v in normal["mean"]), f"normals are grey on average: {normal}"
+    page.locator("#pass").select_option("")
+    page.locator("#exposure").fill("-3")
+    page.wait_for_timeout(500)
+    dark = page.evaluate(LOOK)
+    assert dark["mean"][2] < 0.7 * turned["mean"][2], f"less exposure is darker: {dark}"
+    page.locator("#exposure").fill("0")
+
+    program.scene.write_text(SCENE.replace("[0.8, 0.1, 0.1]", "[0.1, 0.8, 0.1]").replace("radius = 0.5", "radius = 1.5"))
+    page.wait_for_timeout(1500)
+    wait_for(page, "document.body.dataset.finished === 'true'", "the changed scene")
+    green = page.evaluate(LOOK)
+    assert green["mean"][0] < turned["mean"][0], f"a large green ball in place of a small red one: {green}"
+    program.scene.write_text("[camera\n")
+    wait_for(page, "!document.getElementById('trouble').hidden", "a broken scene is reported")
+    pictures(page, "trouble")
+    program.scene.write_text(SCENE)
+    wait_for(page, "document.getElementById('trouble').hidden", "a mended scene is shown")
+
+    for name, signature in [("EXR", b"\x76\x2f\x31\x01"), ("PNG", b"\x89PNG")]:
+        with page.expect_download() as download:
+            page.get_by_text(f"Save {name}").click()
+        assert pathlib.Path(download.value.path()).read_bytes().startswith(signature), name
+
+
+def main():
+    shots = pathlib.Path(sys.argv[2]) if len(sys.argv) > 2 else None
+
+    def pictures(page, name):
+        if shots:
+            page.screenshot(path=str(shots / f"view-{name}.png"))
+
+    folder = tempfile.mkdtemp()
+    program = Program(sys.argv[1], folder)
+    try:
+        check_hosts(program.address)
+        with sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=SWITCHES)
+            page, other = (browser.new_page(viewport={"width": 1280, "height": 720}) for _ in range(2))
+            errors = []
+            page.on("pageerror", lambda error: errors.append(str(error)))
+            check(page, other, program, pictures)
+            assert not errors, errors
+            browser.close()
+        program.end()
+    finally:
+        program.process.kill()
+        shutil.rmtree(folder)
+    print("all is well")
+
+
+if __name__ == "__main__":
+    main()
