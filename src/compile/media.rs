@@ -11,15 +11,23 @@ use crate::scene::{MaterialId, Outline, Scene, outline};
 /// a window, and would fill the room behind it with glass.
 pub(super) fn number(
     scene: &Scene,
+    surrounding: Medium,
     materials: &mut [CompiledMaterial],
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
-    let mut media = vec![Medium::AIR];
+    let mut media = vec![surrounding];
     let mut left_out = 0;
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(medium) = material.medium else { continue };
         let is_kept = match outline(scene, MaterialId(id as u32)) {
             Outline::None => false,
+            Outline::Open if medium.scattering.is_some() => {
+                let name = &scene.materials[id].name;
+                warnings.push(Warning::general(format!(
+                    "material '{name}' fills nothing: its surfaces have edges, and a medium needs a closed solid"
+                )));
+                false
+            }
             Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
             Outline::Closed => true,
         };

@@ -95,8 +95,12 @@ pub struct Features {
     pub footprints: bool,
     /// Light passes through solids.
     pub media: bool,
-    /// Some of them absorb it.
+    /// Some of them absorb it and do nothing else.
     pub absorption: bool,
+    /// Some medium scatters or shines.
+    pub scattering: bool,
+    /// Some media end where no surface is.
+    pub boundaries: bool,
     /// Cameras don't see the environment.
     pub hidden_environment: bool,
 }

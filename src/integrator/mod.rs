@@ -20,6 +20,7 @@ mod direct;
 mod emission;
 mod first_hit;
 mod flat;
+mod flight;
 mod generate;
 mod group;
 mod interior;
@@ -30,6 +31,7 @@ mod light_samples;
 mod media;
 mod normals;
 mod passes;
+mod phase;
 mod ray_counts;
 pub mod reuse;
 mod samples;
@@ -41,6 +43,7 @@ mod surface;
 #[cfg(test)]
 mod tests;
 mod textured;
+mod volume;
 mod wave;
 mod workspace;
 
@@ -142,6 +145,8 @@ enum Purpose {
     Light,
     /// Direction (2), lobe, roulette.
     Scatter,
+    /// How far a path flies through a medium (2), the lamp that guides it (2).
+    Flight,
 }
 
 impl<'a> Integrator<'a> {
@@ -220,6 +225,9 @@ impl<'a> Integrator<'a> {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
             }
+            if self.scene.features.scattering {
+                self.start_flights(bounce, w);
+            }
             w.intersect(&self.scene.accel);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
@@ -262,6 +270,8 @@ impl<'a> Integrator<'a> {
             Purpose::Camera => 0,
             Purpose::Light => 1 + 2 * bounce,
             Purpose::Scatter => 2 + 2 * bounce,
+            // Behind those of all bounces.
+            Purpose::Flight => u32::MAX - bounce,
         };
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }

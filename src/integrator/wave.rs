@@ -240,6 +240,8 @@ pub struct Vertices {
     pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
     pub light: LightLanes,
+    /// Mean cosine of the scattering angle, at points of media.
+    pub anisotropy: Lanes,
     /// The scattered ray.
     pub next_origin: Lanes3,
     pub next_direction: Lanes3,

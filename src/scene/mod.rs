@@ -23,6 +23,7 @@ mod groups;
 mod ids;
 mod light;
 mod material;
+mod medium;
 mod model;
 mod outline;
 mod pbr;
@@ -40,6 +41,7 @@ pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
+pub use medium::{Fog, Medium};
 pub use model::{FresnelModel, Model, Transmission};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
@@ -74,6 +76,8 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.
     pub environment: Environment,
+    /// What fills the space around all solids.
+    pub fog: Option<Fog>,
     /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
     pub is_environment_hidden: bool,
     /// What is laid behind the picture where it is transparent.

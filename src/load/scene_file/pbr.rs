@@ -10,6 +10,8 @@
 //! | `transmission` | 0 | share of light that passes |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
+//! | `medium` | none | what fills the solid, see `media` |
+//! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
 //! | `dispersion` | 0 | 20 / Abbe number of the solid |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a clear layer on top, 0 to 1 |
 //! | `sheen_color`, `sheen_roughness` | 0 | fibres on top |
@@ -21,6 +23,7 @@
 //! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
 
 use super::fields::Fields;
+use super::media;
 use crate::scene::{
     Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material, Model,
     PbrMaterial, Sheen,
@@ -56,6 +59,7 @@ pub(super) fn adjust(
     model.transmission = share(fields, "transmission", model.transmission);
     volume(fields, model);
     layers(fields, model, &mut slot);
+    filling(fields, material, model);
     material.double_sided = fields.flag("two_sided", material.double_sided);
     let two_sided = material.double_sided;
     if let Some(emission) = &mut material.emission {
@@ -91,6 +95,20 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
     if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
+    }
+}
+
+/// Reads what fills the solid.
+fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial) {
+    if let Some(medium) = media::table(fields, "medium") {
+        if !model.has_volume {
+            let message = "a 'medium' needs the inside of a solid: add 'volume = true'";
+            fields.problems.push(fields.span(), message);
+        }
+        material.medium = Some(medium);
+    }
+    if let Some(medium) = media::subsurface(fields, model) {
+        material.medium = Some(medium);
     }
 }
 
