@@ -100,14 +100,15 @@ fn features(
     media: &[Medium],
 ) -> Features {
     let is_foggy = media.first().is_some_and(|m| m.scattering.is_some());
+    let boundaries = materials.iter().any(|m| m.is_boundary && m.medium_index != 0);
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1 || is_foggy,
-        scattering: media.iter().any(|m| m.scattering.is_some()),
-        boundaries: materials.iter().any(|m| m.is_boundary && m.medium_index != 0),
+        scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
+        boundaries,
         hidden_environment: scene.is_environment_hidden,
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -97,7 +97,7 @@ pub struct Features {
     pub media: bool,
     /// Some of them absorb it and do nothing else.
     pub absorption: bool,
-    /// Some medium scatters or shines.
+    /// Some medium scatters or shines, or ends where no surface is.
     pub scattering: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
