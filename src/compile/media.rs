@@ -3,7 +3,7 @@
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use crate::error::Warning;
-use crate::scene::{MaterialId, Outline, Scene, outline};
+use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outline};
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
 ///
@@ -15,6 +15,7 @@ pub(super) fn number(
     materials: &mut [CompiledMaterial],
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
+    warn_of_endless_fog(scene, warnings);
     let mut media = vec![surrounding];
     let mut left_out = 0;
     for (id, material) in materials.iter_mut().enumerate() {
@@ -50,4 +51,17 @@ pub(super) fn number(
         )));
     }
     media
+}
+
+/// Light from infinitely far away that no way leads to through fog without an end.
+fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
+    let is_endless = |fog: &Fog| fog.radius.is_infinite() && fog.medium.extinction != [0.0; 3];
+    let is_far = |kind: &LightKind| matches!(kind, LightKind::Directional { .. } | LightKind::Sun { .. });
+    let has_far_light =
+        scene.environment != Environment::Black || scene.lights.iter().any(|light| is_far(&light.kind));
+    if scene.fog.as_ref().is_some_and(is_endless) && has_far_light {
+        warnings.push(Warning::general(
+            "the fog has no end, so that no light of the environment or a sun comes through: give it a radius",
+        ));
+    }
 }

@@ -27,10 +27,16 @@ const BALL: &str = "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n
 /// Shapes with a material.
 const SHAPE: &str = "[materials]\na = { type = \"lambert\" }\nb = { type = \"phong\" }\n[[objects]]\n";
 const PLAIN: &str = "[materials]\na = { type = \"lambert\" }\n";
+const FOG: &str = "[materials]\na = { type = \"lambert\" }\n[environment]\nfog = { ";
 const TEXTURED: &str = "[materials]\na = { type = \"lambert\", color = \"t\" }\n[textures.t]\n";
 
 const fn shape(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
     Table { about, before, between: ", ", after: " }\nmaterial = \"a\"\n", keys }
+}
+
+const fn fog(keys: &'static [Key]) -> Table {
+    let after = " }\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+    Table { about: "fog", before: FOG, between: ", ", after, keys }
 }
 
 const fn light(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
@@ -114,8 +120,17 @@ const TABLES: &[Table] = &[
             ("background", "[1, 2, 3]", "2"),
             ("visible_to_camera", "false", "true"),
             ("group", "\"sky\"", "\"other\""),
+            ("fog", "{ density = 0.1 }", "{ density = 0.2 }"),
         ],
     ),
+    fog(&[
+        ("density", "0.3", "[0.1, 0.2, 0.3]"),
+        ("color", "0.3", "[0.1, 0.2, 0.3]"),
+        ("anisotropy", "0.3", "-0.3"),
+        ("emission", "0.3", "[0.1, 0.2, 0.3]"),
+        ("center", "[0, 1, 0]", "[0, 2, 0]"),
+        ("radius", "10", "20"),
+    ]),
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
@@ -151,6 +166,21 @@ const TABLES: &[Table] = &[
             ("tint", "[1, 0.5, 1]", "0.9"),
             ("roughness", "0.3", "0.4"),
             ("thin", "true", "false"),
+        ],
+    ),
+    lines(
+        "dielectric",
+        before!(material "dielectric"),
+        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }")],
+    ),
+    lines(
+        "medium",
+        before!(material "medium"),
+        &[
+            ("density", "0.3", "0.4"),
+            ("color", "0.3", "0.4"),
+            ("anisotropy", "0.3", "0.4"),
+            ("emission", "0.3", "0.4"),
         ],
     ),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
@@ -194,6 +224,31 @@ const TABLES: &[Table] = &[
             ("light_group", "\"neon\"", "\"other\""),
         ],
     ),
+    lines(
+        "pbr",
+        concat!(before!(material "pbr"), "transmission = 1\nvolume = true\n"),
+        &[("medium", "{ density = 1 }", "{ density = 2 }")],
+    ),
+    lines(
+        "pbr",
+        before!(material "pbr"),
+        &[("subsurface", "{ color = [0.9, 0.5, 0.3] }", "{ color = 0.5, radius = 0.1 }")],
+    ),
+    Table {
+        about: "subsurface",
+        before: concat!(before!(material "pbr"), "subsurface = { "),
+        between: ", ",
+        after: concat!(
+            " }\n",
+            "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n"
+        ),
+        keys: &[
+            ("color", "0.3", "[0.1, 0.2, 0.3]"),
+            ("radius", "0.3", "[0.1, 0.2, 0.3]"),
+            ("scale", "0.3", "0.4"),
+            ("anisotropy", "0.3", "0.4"),
+        ],
+    },
     lines("solid", before!(texture "solid"), &[("color", "0.3", "[0.1, 0.2, 0.3]")]),
     lines(
         "image",
