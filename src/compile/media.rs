@@ -1,9 +1,13 @@
 //! The media of a scene's solids, numbered.
 
+use super::density::DensityGrid;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
+use super::scattering::surrounding;
 use crate::error::Warning;
+use crate::math::DVec3;
 use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outline};
+use std::sync::Arc;
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
 ///
@@ -11,15 +15,17 @@ use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outl
 /// a window, and would fill the room behind it with glass.
 pub(super) fn number(
     scene: &Scene,
-    surrounding: Medium,
+    anchor: DVec3,
     materials: &mut [CompiledMaterial],
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
     warn_of_endless_fog(scene, warnings);
-    let mut media = vec![surrounding];
+    let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
+    let grids: Vec<Arc<DensityGrid>> = grids.collect();
+    let mut media = vec![surrounding(scene.fog.as_ref(), anchor)];
     let mut left_out = 0;
     for (id, material) in materials.iter_mut().enumerate() {
-        let Some(medium) = material.medium else { continue };
+        let Some(mut medium) = material.medium.clone() else { continue };
         let is_kept = match outline(scene, MaterialId(id as u32)) {
             Outline::None => false,
             Outline::Open if medium.scattering.is_some() => {
@@ -38,6 +44,11 @@ pub(super) fn number(
         match u16::try_from(media.len()) {
             Ok(index) => {
                 material.medium_index = index;
+                if let Some(scattering) = &mut medium.scattering {
+                    let grid = scene.materials[id].medium.and_then(|m| m.grid);
+                    scattering.grid = grid.map(|grid| grids[grid.index()].clone());
+                    scattering.counts = material.is_boundary;
+                }
                 media.push(medium);
             }
             Err(_) => left_out += 1,

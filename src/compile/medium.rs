@@ -7,7 +7,7 @@ use crate::math::poly;
 use crate::scene::{self, Model, PbrMaterial, Transmission};
 
 /// The inside of a solid that light passes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// Index of refraction of the red, green and blue channel, relative to air; `None` where the surface reflects all
     /// light or none, whatever is beside it.

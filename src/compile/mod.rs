@@ -4,6 +4,7 @@
 mod bake;
 mod compiler;
 mod content;
+mod density;
 mod emitters;
 mod fold;
 mod geometry;
@@ -22,6 +23,7 @@ mod tree;
 mod view;
 
 pub use compiler::Compiler;
+pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};
 pub use medium::Medium;

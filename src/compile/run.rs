@@ -8,7 +8,6 @@ use super::media;
 use super::medium::Medium;
 use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
-use super::scattering::surrounding;
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
 use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
@@ -54,8 +53,7 @@ pub(super) fn compile_after(
     };
     let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
-    let media =
-        media::number(scene, surrounding(scene.fog.as_ref(), anchor), &mut materials, &mut report.warnings);
+    let media = media::number(scene, anchor, &mut materials, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, ..plan };
@@ -109,6 +107,7 @@ fn features(
         media: media.len() > 1 || is_foggy,
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
+        walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         hidden_environment: scene.is_environment_hidden,
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -1,12 +1,15 @@
 //! Media that scatter or shine, ready for rendering.
 
+use super::density::DensityGrid;
 use super::medium::Medium;
 use crate::color::Rgb;
 use crate::math::{DVec3, Vec3, poly};
+use crate::sampling::hash::hash32;
 use crate::scene::{self, Fog};
+use std::sync::Arc;
 
-/// A homogeneous medium that scatters or shines.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A medium that scatters or shines.
+#[derive(Clone, Debug, PartialEq)]
 pub struct Scattering {
     /// Extinction coefficient, per metre.
     pub extinction: Rgb,
@@ -18,6 +21,10 @@ pub struct Scattering {
     pub anisotropy: f32,
     /// Where it ends, if not at the surfaces of solids.
     pub ball: Option<Ball>,
+    /// Factors on the coefficients, the same for all channels; `None` where it is homogeneous.
+    pub grid: Option<Arc<DensityGrid>>,
+    /// What it scatters counts as bounces. Walks within solids that have a surface don't.
+    pub counts: bool,
 }
 
 /// A ball that fog fills.
@@ -41,7 +48,9 @@ impl Scattering {
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
         let does_anything = scattered.max_element() > 0.0 || emission.max_element() > 0.0;
         let anisotropy = medium.anisotropy;
-        does_anything.then_some(Scattering { extinction, scattered, emission, anisotropy, ball: None })
+        let (ball, grid) = (None, None);
+        let medium = Scattering { extinction, scattered, emission, anisotropy, ball, grid, counts: true };
+        does_anything.then_some(medium)
     }
 
     /// Where a ray enters and leaves the medium, behind `from`; empty where the second is not above the first.
@@ -80,9 +89,15 @@ impl Scattering {
         })
     }
 
-    /// What is left of light on a ray from `from` to `to`.
+    /// What is left of light on a ray from `from` to `to`; where there is a grid, an estimate by numbers that follow from the ray.
     #[inline]
     pub fn transmittance_between(&self, origin: Vec3, direction: Vec3, from: f32, to: f32) -> Rgb {
+        if let Some(grid) = &self.grid {
+            let bits = [origin.x, origin.y, origin.z, direction.x, direction.y, direction.z, from];
+            let salt = bits.into_iter().fold(0, |salt, x| hash32(salt ^ x.to_bits()));
+            let ray = grid.ray(origin, direction, self.extinction.r);
+            return Rgb::ONE * grid.left(&ray, from, to, salt);
+        }
         let [begin, end] = self.extent(origin, direction, from);
         let to = to.min(end);
         if to > begin { self.transmittance((to - begin) * direction.length()) } else { Rgb::ONE }
@@ -104,6 +119,8 @@ pub(super) fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
         emission: Rgb::from_array(fog.medium.emission),
         anisotropy: fog.medium.anisotropy,
         ball,
+        grid: None,
+        counts: true,
     };
     // Fog that only absorbs ends somewhere, too.
     let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);
@@ -117,7 +134,15 @@ mod tests {
     fn ball(radius: f32) -> Scattering {
         let extinction = Rgb::new(0.5, 1.0, 0.0);
         let ball = Some(Ball { center: Vec3::new(0.0, 0.0, 10.0), radius });
-        Scattering { extinction, scattered: extinction, emission: Rgb::ZERO, anisotropy: 0.0, ball }
+        Scattering {
+            extinction,
+            scattered: extinction,
+            emission: Rgb::ZERO,
+            anisotropy: 0.0,
+            ball,
+            grid: None,
+            counts: true,
+        }
     }
 
     #[test]

@@ -99,6 +99,8 @@ pub struct Features {
     pub absorption: bool,
     /// Some medium scatters or shines, or ends where no surface is.
     pub scattering: bool,
+    /// Some medium scatters within a solid that has a surface.
+    pub walks: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
     /// Cameras don't see the environment.

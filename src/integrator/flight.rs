@@ -10,6 +10,7 @@
 use crate::color::Rgb;
 use crate::compile::Scattering;
 use crate::math::{Vec3, poly};
+use crate::sampling::hash::hash32;
 
 /// Angles in which a point sees a ray.
 #[derive(Clone, Copy, Debug)]
@@ -36,6 +37,8 @@ pub(super) struct Flight {
     pub until: f32,
     /// It met nothing before.
     pub scatters: bool,
+    /// Found by tentative collisions on a grid, which need no weight.
+    is_tracked: bool,
 }
 
 /// How often a lamp guides, where one is.
@@ -47,7 +50,15 @@ const LEAST_ALBEDO: f32 = 0.1;
 impl Flight {
     /// Through a medium without a place where it scatters.
     pub fn straight(medium: u16, extent: [f32; 2]) -> Flight {
-        Flight { medium, extent, shares: [0.0; 3], guide: None, until: f32::INFINITY, scatters: false }
+        Flight {
+            medium,
+            extent,
+            shares: [0.0; 3],
+            guide: None,
+            until: f32::INFINITY,
+            scatters: false,
+            is_tracked: false,
+        }
     }
 
     /// Draws a way through a medium from `from` on; the ray's direction has unit length. Of the numbers in 0..1 the first chooses
@@ -64,6 +75,13 @@ impl Flight {
         let extent = medium.extent(origin, direction, from);
         let mut flight = Flight::straight(index, extent);
         if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
+            return flight;
+        }
+        if let Some(grid) = &medium.grid {
+            let ray = grid.ray(origin, direction, medium.extinction.r);
+            let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
+            flight.until = grid.collision(&ray, from, f32::INFINITY, u[0], salt);
+            flight.is_tracked = true;
             return flight;
         }
         flight.shares = shares(medium, throughput);
@@ -90,6 +108,9 @@ impl Flight {
     /// What the path's throughput is taken times where it arrives at a point without having scattered.
     #[inline]
     pub fn weight_of_passing(&self, medium: &Scattering, to: f32) -> Rgb {
+        if self.is_tracked {
+            return Rgb::ONE;
+        }
         let left = self.left(medium, to);
         let density = self.mixed(left, |guide| guide.beyond(to));
         if self.draws(medium) { over(left, density) } else { left }
@@ -98,6 +119,9 @@ impl Flight {
     /// What it is taken times where the path scatters.
     #[inline]
     pub fn weight_of_scattering(&self, medium: &Scattering) -> Rgb {
+        if self.is_tracked {
+            return medium.scattered / medium.extinction.r;
+        }
         let left = self.left(medium, self.until);
         let density = self.mixed(left * medium.extinction, |guide| guide.density(self.until));
         over(left * medium.scattered, density)

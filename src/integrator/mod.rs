@@ -136,6 +136,9 @@ const PREPARED_BOUNCES: u32 = 32;
 /// Bounces between two questions whether to stop; few paths see the first.
 const STOP_INTERVAL: u32 = 64;
 
+/// What paths may scatter within solids besides.
+const WALK: u32 = 1024;
+
 /// Which of a path's sets of four Sobol dimensions is for what.
 #[derive(Clone, Copy)]
 enum Purpose {
@@ -221,7 +224,8 @@ impl<'a> Integrator<'a> {
     /// Traces the paths of a wave to their ends; false if `stop` said so.
     fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let shares = self.options.reuse.is_some();
-        for bounce in 0..=self.options.max_depth {
+        let most = self.options.max_depth.saturating_add(if self.parts.depths { WALK } else { 0 });
+        for bounce in 0..=most {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
             }
@@ -232,7 +236,7 @@ impl<'a> Integrator<'a> {
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
             }
-            let is_last = bounce == self.options.max_depth;
+            let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
             if sorted.all().is_empty() {
                 return true;

@@ -82,7 +82,9 @@ impl Integrator<'_> {
         if !KNOWS_MATERIALS {
             w.materials.clear();
         }
+        let depths = self.parts.depths.then_some(&w.arriving.depth);
         for (i, hit) in w.hits.iter().enumerate() {
+            let is_last = is_last || depths.is_some_and(|depth| depth[i] >= self.options.max_depth);
             let (mut material, mut group) = (0, Group::None);
             if hit.is_hit() {
                 material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
@@ -155,6 +157,9 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
+            if self.parts.depths && self.counts_as_bounce(group, i, w) {
+                w.wave.paths.depth[k] += 1;
+            }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }

@@ -8,7 +8,7 @@
 use super::Integrator;
 use super::Purpose;
 use super::flight::Flight;
-use super::group::Sorted;
+use super::group::{Group, Sorted};
 use super::interior::Interior;
 use super::lanes::{get_rgb, set, set_rgb};
 use super::layers::{Origin, Way, way_of_path};
@@ -93,7 +93,7 @@ impl Integrator<'_> {
                 flight.scatters = true;
                 w.hits[i].t = flight.until;
                 let medium = &self.scene.media[usize::from(flight.medium)];
-                weight = medium.scattering.map_or(Rgb::ZERO, |s| flight.weight_of_scattering(&s));
+                weight = medium.scattering.as_ref().map_or(Rgb::ZERO, |s| flight.weight_of_scattering(s));
             }
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
@@ -147,6 +147,12 @@ impl Integrator<'_> {
         ends
     }
 
+    /// Does a vertex of a group count as a bounce? Steps of walks within solids don't.
+    pub(super) fn counts_as_bounce(&self, group: Group, i: usize, w: &Workspace) -> bool {
+        let medium = || &self.scene.media[usize::from(w.flights[i].medium)];
+        group != Group::Medium || medium().scattering.as_ref().is_none_or(|s| s.counts)
+    }
+
     /// Makes vertex `k` of the point where arriving path `i` scatters.
     pub(super) fn place_in_medium(&self, i: usize, k: usize, w: &mut Workspace) {
         let (flight, ray, v) = (&w.flights[i], &w.rays[i], &mut w.wave.vertices);
@@ -156,7 +162,7 @@ impl Integrator<'_> {
         set(&mut v.ns, k, Vec3::ZERO);
         v.offset[k] = 0.0;
         let medium = &self.scene.media[usize::from(flight.medium)];
-        v.anisotropy[k] = medium.scattering.map_or(0.0, |s| s.anisotropy);
+        v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
     }
 
     /// Takes the pending paths that hit boundaries without a surface to the media behind.

@@ -1,9 +1,10 @@
 //! What fills a space that light crosses: fog, smoke, milk.
 
+use super::ids::GridId;
 use super::slot::Parameters;
 use crate::math::DVec3;
 
-/// A homogeneous medium that scatters, absorbs and shines.
+/// A medium that scatters, absorbs and shines.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Medium {
     /// Extinction coefficient by channel, per metre: how often light meets something on its way.
@@ -15,6 +16,8 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Radiance that each metre adds.
     pub emission: [f32; 3],
+    /// Factors on the extinction, which is the same for all channels then; a medium with a grid does not shine.
+    pub grid: Option<GridId>,
 }
 
 /// What fills the space around all solids.
@@ -31,7 +34,7 @@ pub struct Fog {
 impl Medium {
     /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
     pub fn scattering(extinction: [f32; 3]) -> Medium {
-        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3] }
+        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None }
     }
 
     /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
@@ -51,6 +54,7 @@ impl Medium {
             albedo: color.map(albedo),
             anisotropy,
             emission: [0.0; 3],
+            grid: None,
         }
     }
 }

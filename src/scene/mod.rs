@@ -19,6 +19,7 @@ mod camera;
 mod construct;
 mod environment;
 mod geometry;
+mod grid;
 mod groups;
 mod ids;
 mod light;
@@ -37,8 +38,9 @@ pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
 pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
+pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
-pub use ids::{ImageId, MaterialId, MeshId, TextureId};
+pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
 pub use medium::{Fog, Medium};
@@ -72,6 +74,8 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Images, by [`ImageId`].
     pub images: Vec<Image>,
+    /// Grids of densities, by [`GridId`].
+    pub grids: Vec<Grid>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.

@@ -4,15 +4,16 @@ use crate::support::differences::{assert_same_bits, assert_same_means, bits};
 use crate::support::{assert_radiance, camera, material, options, picture, sphere, walls};
 use oscura::math::DVec3;
 use oscura::scene::{
-    Camera, ColorSlot, Environment, Fog, FresnelModel, Light, LightKind, Material, MaterialId, Medium, Model,
-    Projection, Scene,
+    Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material, MaterialId, Medium,
+    Model, Projection, Scene,
 };
 use std::f64::consts::PI;
 
 const NO_END: f64 = f64::INFINITY;
 
 fn medium(extinction: f32, albedo: f32, anisotropy: f32) -> Medium {
-    Medium { extinction: [extinction; 3], albedo: [albedo; 3], anisotropy, emission: [0.0; 3] }
+    let (extinction, albedo) = ([extinction; 3], [albedo; 3]);
+    Medium { extinction, albedo, anisotropy, emission: [0.0; 3], grid: None }
 }
 
 fn fog(medium: Medium, radius: f64) -> Option<Fog> {
@@ -84,6 +85,69 @@ fn media_that_shine_fill_up() {
     scene.fog = fog(shining, NO_END);
     scene.cameras.push(beam([0.0, 0.0, 5.0]));
     assert_radiance("shining fog", &scene, &options(16, 64, 200), 0.4 / (0.8 * 0.5), 5e-3);
+}
+
+/// Grids of one value are homogeneous: what they let through, what they scatter of a lamp once, and in a white furnace; also
+/// where values differ, since nothing is lost there.
+#[test]
+fn grids_agree_with_homogeneous_media() {
+    let with_grid = |scene: &mut Scene, value: &dyn Fn(usize) -> f32, albedo: f32| {
+        let size = [19, 8, 30];
+        let values = std::sync::Arc::new((0..19 * 8 * 30).map(value).collect());
+        let (name, min, max) = ("smoke".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
+        let grid = scene.add_grid(Grid { name, size, values, min, max });
+        let filled = body(scene, Medium { grid: Some(grid), ..medium(0.25, albedo, 0.3) });
+        sphere(scene, [0.0; 3], 1.0, filled);
+    };
+    let constant = |_: usize| 4.0;
+    let mut through = lit_all_around();
+    with_grid(&mut through, &constant, 0.0);
+    through.cameras.push(beam([0.0, 0.0, 5.0]));
+    assert_radiance("grid, through", &through, &options(16, 64, 4), (-2.0f64).exp(), 6e-3);
+
+    let mut lit = Scene::default();
+    with_grid(&mut lit, &constant, 0.8);
+    let kind = LightKind::Directional { direction: DVec3::NEG_Y };
+    lit.lights.push(Light { name: "sun".into(), kind, intensity: [3.0; 3], group: String::new() });
+    lit.cameras.push(beam([0.0, 0.0, 5.0]));
+    let truth = integral(0.0, 2.0, 20_000, |t| {
+        let way = (1.0 - (1.0 - t) * (1.0 - t)).sqrt();
+        0.8 * (-t - way).exp() * henyey_greenstein(0.3, 0.0) * 3.0
+    });
+    assert_radiance("grid, one scattering", &lit, &options(16, 64, 1), truth, 6e-3);
+
+    let mut furnace = lit_all_around();
+    with_grid(&mut furnace, &|i| (i % 7) as f32 * 3.0, 1.0);
+    furnace.cameras.push(beam([0.2, 0.1, 5.0]));
+    assert_radiance("grid, furnace", &furnace, &options(8, 4, 3000), 1.0, 1e-6);
+}
+
+/// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not
+/// count as bounces.
+#[test]
+fn subsurface_has_its_color() {
+    use oscura::scene::{DiffuseTransmission, FloatSlot, PbrMaterial};
+    for (color, anisotropy) in [(0.2, 0.0), (0.5, 0.5), (0.9, 0.0)] {
+        let mut scene = lit_all_around();
+        let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
+        let wax = PbrMaterial {
+            metallic: FloatSlot::constant(0.0),
+            specular: FloatSlot::constant(0.0),
+            ior: 1.0,
+            has_volume: true,
+            diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
+            ..PbrMaterial::default()
+        };
+        let medium = Some(Medium::subsurface([color; 3], [0.01; 3], anisotropy));
+        let wax = material(&mut scene, Material { medium, ..Material::gltf("wax", wax) });
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        let film = picture(&scene, &options(32, 64, 4));
+        let mean = crate::support::mean(&film);
+        println!("subsurface {color} {anisotropy}: {mean}");
+        // Van de Hulst's fit is that good.
+        assert!((mean - f64::from(color)).abs() < 0.02, "{color}: {mean}");
+    }
 }
 
 /// One scattering of the light of a point lamp, by quadrature along the ray.
@@ -219,12 +283,17 @@ fn closed_emitting_box_with_fog() {
 }
 
 /// Fog, a body without a surface, milk in glass, lamps of both kinds and a sky.
-fn everything() -> Scene {
+pub fn everything() -> Scene {
     let mut scene = lit_all_around();
     scene.environment = Environment::Gradient { nadir: [0.1, 0.1, 0.1], zenith: [0.4, 0.6, 1.0] };
     scene.fog = fog(Medium { extinction: [0.1, 0.12, 0.2], ..medium(1.0, 0.9, 0.4) }, 5.0);
     let smoke = body(&mut scene, Medium { emission: [0.3, 0.1, 0.0], ..medium(2.0, 0.7, 0.2) });
     sphere(&mut scene, [-0.8, 0.0, 0.0], 0.7, smoke);
+    let values = std::sync::Arc::new((0..9 * 5 * 4).map(|i| (i % 5) as f32).collect());
+    let (min, max) = (DVec3::new(-0.5, 0.6, -0.6), DVec3::new(0.3, 1.1, 0.1));
+    let grid = scene.add_grid(Grid { name: "cloud".into(), size: [9, 5, 4], values, min, max });
+    let cloud = body(&mut scene, Medium { grid: Some(grid), ..medium(2.0, 0.9, 0.2) });
+    sphere(&mut scene, [-0.1, 0.9, -0.2], 0.6, cloud);
     let tint = ColorSlot::constant([1.0; 3]);
     let model = Model::Dielectric { ior: 1.33, tint, fresnel: FresnelModel::Exact };
     let milk = Material { medium: Some(medium(6.0, 0.99, 0.7)), ..Material::new("milk", model) };

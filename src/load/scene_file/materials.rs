@@ -7,7 +7,7 @@
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
-//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, see `media` |
+//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `min`, `max`, see `media` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
@@ -205,10 +205,10 @@ fn read<'a>(
         }
         Kind::Dielectric => {
             let material = Material::new(name, dielectric(fields, slot("tint", 1.0)));
-            Material { medium: media::table(fields, "medium"), ..material }
+            Material { medium: media::table(build, fields, "medium"), ..material }
         }
         Kind::Medium => {
-            let medium = Some(media::medium(fields));
+            let medium = Some(media::filling(build, fields));
             Material { medium, ..Material::new(name, Model::Boundary {}) }
         }
         Kind::Emissive => {
@@ -219,8 +219,9 @@ fn read<'a>(
             Material { emission, ..Material::new(name, Model::Black) }
         }
         Kind::Pbr => {
+            let medium = media::table(build, fields, "medium");
             let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
-            pbr::material(fields, name, slot)
+            pbr::material(fields, name, medium, slot)
         }
     };
     material.light_group = light_group;

@@ -1,5 +1,5 @@
 //! What fills a space that light crosses: `fog` of `[environment]` around all solids, `medium` of a material within its
-//! solids. Media are homogeneous.
+//! solids, with densities on a grid if it has one.
 //!
 //! | Medium | Default | Meaning |
 //! |---|---|---|
@@ -7,6 +7,12 @@
 //! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
 //! | `emission` | 0 | radiance that each metre adds |
+//! | `grid` | none | `.vol` file of factors on the density, in solids only; `density` is one number then and there is no `emission` |
+//! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |
+//!
+//! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
+//! x, y and z, 1 (channel); six f32: the least and the greatest corner of the box; then the values as f32, x fastest, z
+//! slowest. Values lie in the middles of voxels, linear in between.
 //!
 //! Fog may end at a ball of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it has no end, and nothing
 //! infinitely far away is seen through it or lights the scene: no sky, no sun.
@@ -18,15 +24,41 @@
 //! | `scale` | 1 | factor on it |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1 |
 
+use super::build::Build;
 use super::fields::Fields;
+use crate::load::grid;
 use crate::math::DVec3;
-use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Medium, PbrMaterial};
+use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Grid, Medium, PbrMaterial};
 
 /// Most that an extinction coefficient may be: flights in denser media are shorter than positions are precise.
 const MOST_DENSITY: f32 = 1e9;
 
+/// The keys of a medium that fills a solid.
+pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
+    let medium = medium(fields);
+    let corners = [fields.vector("min"), fields.vector("max")];
+    let Some(file) = fields.string("grid") else {
+        if corners.iter().any(Option::is_some) {
+            fields.problems.push(fields.span(), "'min' and 'max' are the corners of a 'grid'");
+        }
+        return medium;
+    };
+    let path = build.file.parent().unwrap_or(build.file).join(file.value);
+    let [min, max] = corners.map(|c| c.map(|c| c.value));
+    match grid::read(&path) {
+        Ok(grid) => {
+            let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };
+            Medium { grid: Some(build.loaded.scene.add_grid(grid)), ..medium }
+        }
+        Err(e) => {
+            fields.problems.push(file.span, e);
+            medium
+        }
+    }
+}
+
 /// The keys of a medium in a table.
-pub(super) fn medium(fields: &Fields) -> Medium {
+fn medium(fields: &Fields) -> Medium {
     let extinction = fields.color("density").map_or([1.0; 3], |d| {
         if d.value.iter().any(|x| *x > MOST_DENSITY) {
             fields.problems.push(d.span, format!("'density' must be at most {MOST_DENSITY:e} per metre"));
@@ -38,6 +70,7 @@ pub(super) fn medium(fields: &Fields) -> Medium {
         albedo: share(fields, "color", 1.0),
         anisotropy: anisotropy(fields),
         emission: fields.color("emission").map_or([0.0; 3], |c| c.value),
+        grid: None,
     }
 }
 
@@ -63,9 +96,9 @@ fn anisotropy(fields: &Fields) -> f32 {
 }
 
 /// The table of a medium under a key.
-pub(super) fn table(fields: &Fields, key: &'static str) -> Option<Medium> {
+pub(super) fn table(build: &mut Build, fields: &Fields, key: &'static str) -> Option<Medium> {
     let table = fields.table(key)?;
-    let medium = medium(&table);
+    let medium = filling(build, &table);
     table.finish();
     Some(medium)
 }

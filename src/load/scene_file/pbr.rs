@@ -25,29 +25,30 @@
 use super::fields::Fields;
 use super::media;
 use crate::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material, Model,
-    PbrMaterial, Sheen,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material,
+    Medium, Model, PbrMaterial, Sheen,
 };
 
 /// Reads the material; `slot` reads a colour or the name of a texture, with a default.
 pub(super) fn material(
     fields: &Fields,
     name: &str,
+    medium: Option<Medium>,
     slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) -> Material {
     let metallic = FloatSlot::constant(0.0);
     let model = PbrMaterial { metallic, ..PbrMaterial::default() };
     check_layers(fields);
     let (mut model, mut material) = (model, Material::new(name, Model::Black));
-    adjust(fields, &mut material, &mut model, slot);
+    adjust(fields, (&mut material, &mut model), medium, slot);
     Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
 /// Changes a glTF material and its model in what the keys say; all else stays.
 pub(super) fn adjust(
     fields: &Fields,
-    material: &mut Material,
-    model: &mut PbrMaterial,
+    (material, model): (&mut Material, &mut PbrMaterial),
+    medium: Option<Medium>,
     mut slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) {
     model.base_color = slot("base_color", model.base_color);
@@ -59,7 +60,7 @@ pub(super) fn adjust(
     model.transmission = share(fields, "transmission", model.transmission);
     volume(fields, model);
     layers(fields, model, &mut slot);
-    filling(fields, material, model);
+    filling(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
     let two_sided = material.double_sided;
     if let Some(emission) = &mut material.emission {
@@ -99,8 +100,8 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
 }
 
 /// Reads what fills the solid.
-fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial) {
-    if let Some(medium) = media::table(fields, "medium") {
+fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
+    if let Some(medium) = medium {
         if !model.has_volume {
             let message = "a 'medium' needs the inside of a solid: add 'volume = true'";
             fields.problems.push(fields.span(), message);

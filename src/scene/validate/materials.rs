@@ -24,7 +24,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         check_alpha(material, place, findings);
         check_model(&material.model, place, findings);
         if let Some(medium) = &material.medium {
-            check_medium(medium, place, findings);
+            check_medium(medium, &scene.grids, place, findings);
         }
         check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
     }

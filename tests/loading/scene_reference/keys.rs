@@ -180,9 +180,12 @@ const TABLES: &[Table] = &[
             ("density", "0.3", "0.4"),
             ("color", "0.3", "0.4"),
             ("anisotropy", "0.3", "0.4"),
-            ("emission", "0.3", "0.4"),
+            ("grid", "\"one.vol\"", "\"two.vol\""),
+            ("min", "[-1, -1, -1]", "[-2, -1, -1]"),
+            ("max", "[1, 1, 1]", "[2, 1, 1]"),
         ],
     ),
+    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4")]),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
         "emissive",
@@ -383,6 +386,12 @@ fn scene(text: &str) -> String {
     for (name, red) in [("one.png", 10), ("two.png", 20)] {
         let picture = image::RgbImage::from_pixel(4, 2, image::Rgb([red, 0, 0]));
         picture.save(folder.path().join(name)).expect("a picture");
+    }
+    for (name, value) in [("one.vol", 1.0f32), ("two.vol", 2.0)] {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1u32, 1, 1, 1, 1].map(|n| bytes.extend(n.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, value].map(|x| bytes.extend(x.to_le_bytes()));
+        std::fs::write(folder.path().join(name), bytes).expect("a grid");
     }
     let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;
     format!("{scene:?}").replace(&folder.path().display().to_string(), "")

@@ -6,10 +6,10 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, ImageId, Instance,
-    Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium, Mesh, MeshId,
-    MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape,
-    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
+    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium,
+    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene,
+    Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -31,13 +31,14 @@ macro_rules! ids {
     )*};
 }
 
-ids! { ImageId MaterialId MeshId TextureId }
+ids! { GridId ImageId MaterialId MeshId TextureId }
 
 structs! {
-    Medium { extinction, albedo, anisotropy, emission }
+    Medium { extinction, albedo, anisotropy, emission, grid }
+    Grid { name, size, values, min, max }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, fog, is_environment_hidden,
+        name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, is_environment_hidden,
         backdrop, object_light_groups, environment_group, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
