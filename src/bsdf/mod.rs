@@ -23,6 +23,7 @@ mod look;
 mod metal_rough;
 mod microsurface;
 mod oren_nayar;
+pub mod phase;
 mod phong;
 mod program;
 mod program_pbr;
@@ -60,7 +61,7 @@ pub use through::DiffuseThrough;
 
 use crate::color::Rgb;
 use crate::math::Vec3;
-use crate::scene::{EnergyCompensation, FresnelModel, Model, PbrMaterial};
+use crate::scene::{ColorSlot, EnergyCompensation, FresnelModel, Model, PbrMaterial};
 use microsurface::MicrosurfaceProgram;
 use program::always;
 use sample::with_side;
@@ -149,6 +150,10 @@ impl BsdfProgram {
             .into(),
             Model::Dielectric { ior, tint, fresnel } => {
                 DielectricProgram { ior: *ior, tint: *tint, tints_once: false, fresnel: *fresnel }.into()
+            }
+            Model::Boundary {} => {
+                let (tint, fresnel) = (ColorSlot::constant([1.0; 3]), FresnelModel::Exact);
+                DielectricProgram { ior: 1.0, tint, tints_once: false, fresnel }.into()
             }
             Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()

@@ -25,6 +25,8 @@ pub struct CompiledMaterial {
     pub is_absent_from_behind: bool,
     /// A smooth thin sheet, which light passes straight on: light samples reach through it.
     pub passes_straight: bool,
+    /// Light passes it as if nothing was there; it bounds a medium.
+    pub is_boundary: bool,
     /// What its solids are filled with; `None` for opaque and thin-walled ones.
     pub medium: Option<Medium>,
     /// Number of that medium in [`super::CompiledScene::media`]; 0 where there is none.
@@ -138,7 +140,8 @@ impl CompiledMaterial {
             // What passes would not take its light along.
             passes_straight: program.may_pass_straight() && emission.is_none(),
             is_absent_from_behind,
-            medium: Medium::of(&model, class),
+            medium: Medium::of(&model, class, material.medium.as_ref()),
+            is_boundary: matches!(model, Model::Boundary {}),
             medium_index: 0,
             normal_map,
             alpha,
@@ -158,7 +161,11 @@ impl CompiledMaterial {
 
     /// May rays pass its surface?
     pub fn may_be_absent(&self) -> bool {
-        self.alpha.is_some() || self.lamp.is_some() || self.is_absent_from_behind || self.passes_straight
+        self.alpha.is_some()
+            || self.lamp.is_some()
+            || self.is_absent_from_behind
+            || self.passes_straight
+            || self.is_boundary
     }
 
     /// Do the normals of vertices matter?

@@ -1,9 +1,13 @@
 //! The media of a scene's solids, numbered.
 
+use super::density::DensityGrid;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
+use super::scattering::surrounding;
 use crate::error::Warning;
-use crate::scene::{MaterialId, Outline, Scene, outline};
+use crate::math::DVec3;
+use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outline};
+use std::sync::Arc;
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
 ///
@@ -11,15 +15,26 @@ use crate::scene::{MaterialId, Outline, Scene, outline};
 /// a window, and would fill the room behind it with glass.
 pub(super) fn number(
     scene: &Scene,
+    anchor: DVec3,
     materials: &mut [CompiledMaterial],
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
-    let mut media = vec![Medium::AIR];
+    warn_of_endless_fog(scene, warnings);
+    let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
+    let grids: Vec<Arc<DensityGrid>> = grids.collect();
+    let mut media = vec![surrounding(scene.fog.as_ref(), anchor)];
     let mut left_out = 0;
     for (id, material) in materials.iter_mut().enumerate() {
-        let Some(medium) = material.medium else { continue };
+        let Some(mut medium) = material.medium.clone() else { continue };
         let is_kept = match outline(scene, MaterialId(id as u32)) {
             Outline::None => false,
+            Outline::Open if medium.scattering.is_some() => {
+                let name = &scene.materials[id].name;
+                warnings.push(Warning::general(format!(
+                    "material '{name}' fills nothing: its surfaces have edges, and a medium needs a closed solid"
+                )));
+                false
+            }
             Outline::Open => medium.absorption.is_some() || medium.is_dispersive(),
             Outline::Closed => true,
         };
@@ -29,6 +44,11 @@ pub(super) fn number(
         match u16::try_from(media.len()) {
             Ok(index) => {
                 material.medium_index = index;
+                if let Some(scattering) = &mut medium.scattering {
+                    let grid = scene.materials[id].medium.and_then(|m| m.grid);
+                    scattering.grid = grid.map(|grid| grids[grid.index()].clone());
+                    scattering.counts = material.is_boundary;
+                }
                 media.push(medium);
             }
             Err(_) => left_out += 1,
@@ -42,4 +62,17 @@ pub(super) fn number(
         )));
     }
     media
+}
+
+/// Light from infinitely far away that no way leads to through fog without an end.
+fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
+    let is_endless = |fog: &Fog| fog.radius.is_infinite() && fog.medium.extinction != [0.0; 3];
+    let is_far = |kind: &LightKind| matches!(kind, LightKind::Directional { .. } | LightKind::Sun { .. });
+    let has_far_light =
+        scene.environment != Environment::Black || scene.lights.iter().any(|light| is_far(&light.kind));
+    if scene.fog.as_ref().is_some_and(is_endless) && has_far_light {
+        warnings.push(Warning::general(
+            "the fog has no end, so that no light of the environment or a sun comes through: give it a radius",
+        ));
+    }
 }

@@ -1,33 +1,52 @@
 //! What solids are filled with: indices of refraction and absorption.
 
+use super::scattering::Scattering;
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
 use crate::math::poly;
-use crate::scene::{Model, PbrMaterial, Transmission};
+use crate::scene::{self, Model, PbrMaterial, Transmission};
 
 /// The inside of a solid that light passes.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Medium {
     /// Index of refraction of the red, green and blue channel, relative to air; `None` where the surface reflects all
     /// light or none, whatever is beside it.
     pub iors: Option<[f32; 3]>,
-    /// Extinction coefficient by channel, per metre; `None` for clear media.
+    /// Extinction coefficient by channel, per metre, of media that only absorb; `None` for clear ones and those that
+    /// scatter.
     pub absorption: Option<Rgb>,
+    /// What scatters or shines.
+    pub scattering: Option<Scattering>,
 }
 
 impl Medium {
     /// What surrounds the scene.
-    pub const AIR: Medium = Medium { iors: Some([1.0; 3]), absorption: None };
+    pub const AIR: Medium = Medium { iors: Some([1.0; 3]), absorption: None, scattering: None };
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
-    pub(super) fn of(model: &Model, class: BsdfClass) -> Option<Medium> {
+    pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
+        let medium = Medium::of_model(model, class)?;
+        let Some(filling) = filling else { return Some(medium) };
+        let extinction = Rgb::from_array(filling.extinction);
+        Some(match Scattering::of(filling, medium.absorption) {
+            Some(scattering) => Medium { absorption: None, scattering: Some(scattering), ..medium },
+            None if extinction.max_element() > 0.0 => {
+                let absorption = Some(medium.absorption.unwrap_or(Rgb::ZERO) + extinction);
+                Medium { absorption, ..medium }
+            }
+            None => medium,
+        })
+    }
+
+    fn of_model(model: &Model, class: BsdfClass) -> Option<Medium> {
+        let clear = |iors| Medium { iors, ..Medium::AIR };
         match model.transmission() {
             Transmission::None | Transmission::Thin => None,
-            Transmission::Clear(ior) => Some(Medium { iors: relative_to_air([ior; 3]), absorption: None }),
+            Transmission::Clear(ior) => Some(clear(relative_to_air([ior; 3]))),
             Transmission::Pbr(pbr) => {
                 let has_inside = class.refracts() && pbr.has_volume && lets_light_in(pbr);
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
-                has_inside.then(|| Medium { iors: relative_to_air(iors), absorption: absorption(pbr) })
+                has_inside.then(|| Medium { absorption: absorption(pbr), ..clear(relative_to_air(iors)) })
             }
         }
     }

@@ -4,6 +4,7 @@
 mod bake;
 mod compiler;
 mod content;
+mod density;
 mod emitters;
 mod fold;
 mod geometry;
@@ -15,17 +16,20 @@ mod objects;
 mod plan;
 mod reuse;
 mod run;
+mod scattering;
 mod scene;
 mod tangents;
 mod tree;
 mod view;
 
 pub use compiler::Compiler;
+pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};
 pub use medium::Medium;
 pub use objects::ObjectId;
 pub use run::compile;
+pub use scattering::{Ball, Scattering};
 pub use scene::{CompileOptions, CompileReport, CompiledScene, Features};
 pub use tree::Tree;
 pub use view::{View, choose_camera};

@@ -53,7 +53,7 @@ pub(super) fn compile_after(
     };
     let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
-    let media = media::number(scene, &mut materials, &mut report.warnings);
+    let media = media::number(scene, anchor, &mut materials, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, ..plan };
@@ -97,12 +97,17 @@ fn features(
     textures: &CompiledTextures,
     media: &[Medium],
 ) -> Features {
+    let is_foggy = media.first().is_some_and(|m| m.scattering.is_some());
+    let boundaries = materials.iter().any(|m| m.is_boundary && m.medium_index != 0);
     Features {
         alpha: materials.iter().any(CompiledMaterial::may_be_absent),
         normals: geometries.has_normals(),
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
-        media: media.len() > 1,
+        media: media.len() > 1 || is_foggy,
+        scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
+        boundaries,
+        walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         hidden_environment: scene.is_environment_hidden,
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

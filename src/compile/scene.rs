@@ -95,8 +95,14 @@ pub struct Features {
     pub footprints: bool,
     /// Light passes through solids.
     pub media: bool,
-    /// Some of them absorb it.
+    /// Some of them absorb it and do nothing else.
     pub absorption: bool,
+    /// Some medium scatters or shines, or ends where no surface is.
+    pub scattering: bool,
+    /// Some medium scatters within a solid that has a surface.
+    pub walks: bool,
+    /// Some media end where no surface is.
+    pub boundaries: bool,
     /// Cameras don't see the environment.
     pub hidden_environment: bool,
 }

@@ -44,6 +44,9 @@ impl Integrator<'_> {
                 return;
             }
             self.take_light_along(bounce, w);
+            if self.scene.features.boundaries {
+                self.cross_boundaries(bounce, pass, w);
+            }
             let Workspace { pending, pending_rays, pending_hits, rays, hits, materials, .. } = &mut *w;
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
@@ -76,10 +79,8 @@ impl Integrator<'_> {
             let surface = self.scene.geometries.surface(&w.rays[i], &hit);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
-            if self.scene.features.absorption {
-                let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
-                set_rgb(&mut w.arriving.carried.throughput, i, throughput * medium.transmittance(hit.t));
-            }
+            let left = self.left_on_the_way(i, hit.t, w);
+            set_rgb(&mut w.arriving.carried.throughput, i, throughput * left);
             self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput);
         }
@@ -96,6 +97,7 @@ impl Integrator<'_> {
             pending,
             pending_rays,
             pending_hits,
+            shadow_ways,
             ..
         } = &mut *w;
         if pending_hits.len() < shadow_rays.len() {
@@ -140,6 +142,9 @@ impl Integrator<'_> {
                     occluded[k] = true;
                     return false;
                 }
+                if let Some(way) = shadow_ways.get_mut(k) {
+                    self.cross_with_light(i, &shadow_rays[k], &hit, way, light);
+                }
                 self.step_past(&mut shadow_rays[k], &hit);
                 true
             });
@@ -159,6 +164,7 @@ impl Integrator<'_> {
         material.alpha.is_none()
             && material.lamp.is_none()
             && !material.passes_straight
+            && !material.is_boundary
             && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
     }
 
@@ -186,7 +192,7 @@ impl Integrator<'_> {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        if material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
+        if material.is_boundary || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
             return false;
         }
         if let Some(lamp) = material.lamp {

@@ -14,6 +14,9 @@ pub trait Closure {
     /// All its lobes reflect, and the normals at its vertices are on the viewer's side.
     const OPAQUE: bool;
 
+    /// It is a point of a medium, which has no sides.
+    const IN_MEDIUM: bool = false;
+
     /// Evaluating costs more than a branch; otherwise it is free of branches, so that loops vectorise.
     const BRANCHES: bool;
 

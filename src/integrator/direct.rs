@@ -7,6 +7,7 @@ use super::group::Sorted;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::layers::Origin;
 use super::normals::terminator;
+use super::phase::MediumClass;
 use super::wave::Wave;
 use super::workspace::Workspace;
 use crate::color::Rgb;
@@ -23,7 +24,8 @@ impl Integrator<'_> {
         } else {
             direct::<false>(self.branches(bounce) as f32, sorted, w);
         }
-        if self.scene.features.absorption {
+        let features = &self.scene.features;
+        if (features.absorption || features.scattering) && !features.boundaries {
             self.absorb_light(sorted, &mut w.wave);
         }
         self.trace_shadow_rays(bounce, sorted, w);
@@ -43,7 +45,13 @@ impl Integrator<'_> {
                 w.shadow_vertices.push(i as u32);
             }
         }
+        if self.scene.features.boundaries {
+            self.start_shadow_ways(sorted, w);
+        }
         self.test_shadow_rays(bounce, w);
+        if self.scene.features.boundaries {
+            self.end_shadow_ways(w);
+        }
         let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, .. } = w;
         let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
         for (&i, &occluded) in shadow_vertices.iter().zip(&*occluded) {
@@ -80,6 +88,9 @@ fn direct<const SOFT: bool>(branches: f32, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
     dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
     dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
+    if !sorted.medium().is_empty() {
+        dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), branches });
+    }
     let range = sorted.rough();
     // Its loop has no use for a higher CPU level.
     Direct::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, branches }.run();
@@ -112,7 +123,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let mut weight = light_weight(light_pdf, eval.pdf_solid_angle * self.branches);
-            if SOFT && !closure.crosses(wi) {
+            if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
                 weight *= terminator(ns * side, ng * side, wi);
             }
             let is_lit = (light_pdf != 0.0) & (!C::Closure::OPAQUE | (height > 0.0));

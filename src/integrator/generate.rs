@@ -43,6 +43,9 @@ impl Integrator<'_> {
         if self.parts.interiors {
             paths.interior[..count].fill(self.camera_interior);
         }
+        if self.parts.depths {
+            paths.depth[..count].fill(0);
+        }
         let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
     }

@@ -16,6 +16,8 @@ pub enum Group {
     Textured,
     /// Other opaque glTF materials.
     MetalRough,
+    /// Points of media that scatter.
+    Medium,
     /// Others that light sampling may reach.
     Rough,
     /// It can't.
@@ -24,7 +26,7 @@ pub enum Group {
     None,
 }
 
-const GROUPS: usize = 7;
+const GROUPS: usize = 8;
 
 /// How many hits there are of each group.
 pub struct GroupCounts([usize; GROUPS]);
@@ -93,7 +95,12 @@ impl Sorted {
 
     /// Those and the other ones of opaque glTF materials.
     pub fn metal_rough(&self) -> Range<usize> {
-        self.from(Group::Textured, Group::Rough)
+        self.from(Group::Textured, Group::Medium)
+    }
+
+    /// The points of media.
+    pub fn medium(&self) -> Range<usize> {
+        self.from(Group::Medium, Group::Rough)
     }
 
     /// All others that light sampling can reach.

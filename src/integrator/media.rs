@@ -10,11 +10,12 @@ use super::Integrator;
 use super::group::Sorted;
 use super::interior::Interior;
 use super::lanes::{get, get_rgb, set_rgb};
-use super::wave::{Carried, Paths, Wave};
+use super::wave::{Carried, Paths, Vertices, Wave};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, Dielectric};
 use crate::color::Rgb;
 use crate::compile::CompiledMaterial;
+use crate::math::Vec3;
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::FresnelModel;
 
@@ -50,19 +51,43 @@ impl Integrator<'_> {
     pub(super) fn absorb_light(&self, sorted: &Sorted, wave: &mut Wave) {
         let Wave { paths, vertices: v, .. } = wave;
         for i in sorted.lit() {
-            let mut interior = paths.interior[i];
-            if i >= sorted.rough().start {
-                let ng = get(&v.ng, i);
-                if ng.dot(get(&v.wo, i)) * ng.dot(get(&v.light.wi, i)) < 0.0 {
-                    interior = v.beyond[i];
-                }
-            }
-            let medium = &self.scene.media[usize::from(interior.medium())];
-            if medium.absorption.is_some() && v.light.is_infinite[i] == 0.0 {
+            let ray = (get(&v.light.origin, i), get(&v.light.direction, i));
+            let end = if v.light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
+            let left = self.left_between(self.towards_light(sorted, paths, v, i), ray, 0.0, end);
+            if left != Rgb::ONE {
                 let contribution = get_rgb(&v.light.contribution, i);
-                let left = medium.transmittance(get(&v.light.direction, i).length());
                 set_rgb(&mut v.light.contribution, i, contribution * left);
             }
+        }
+    }
+
+    /// The solids that the light sample of vertex `i` comes through.
+    pub(super) fn towards_light(&self, sorted: &Sorted, paths: &Paths, v: &Vertices, i: usize) -> Interior {
+        if i >= sorted.rough().start {
+            let ng = get(&v.ng, i);
+            if ng.dot(get(&v.wo, i)) * ng.dot(get(&v.light.wi, i)) < 0.0 {
+                return v.beyond[i];
+            }
+        }
+        paths.interior[i]
+    }
+
+    /// What is left of light on a ray between two of its points, all in one medium. What ends nowhere in a solid was not
+    /// closed, and absorbs nothing.
+    pub(super) fn left_between(
+        &self,
+        interior: Interior,
+        (origin, direction): (Vec3, Vec3),
+        from: f32,
+        to: f32,
+    ) -> Rgb {
+        let medium = &self.scene.media[usize::from(interior.medium())];
+        match &medium.scattering {
+            Some(scattering) => scattering.transmittance_between(origin, direction, from, to),
+            None if medium.absorption.is_some() && to.is_finite() => {
+                medium.transmittance((to - from) * direction.length())
+            }
+            None => Rgb::ONE,
         }
     }
 

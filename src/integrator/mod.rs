@@ -20,6 +20,7 @@ mod direct;
 mod emission;
 mod first_hit;
 mod flat;
+mod flight;
 mod generate;
 mod group;
 mod interior;
@@ -30,6 +31,7 @@ mod light_samples;
 mod media;
 mod normals;
 mod passes;
+mod phase;
 mod ray_counts;
 pub mod reuse;
 mod samples;
@@ -41,6 +43,7 @@ mod surface;
 #[cfg(test)]
 mod tests;
 mod textured;
+mod volume;
 mod wave;
 mod workspace;
 
@@ -133,6 +136,9 @@ const PREPARED_BOUNCES: u32 = 32;
 /// Bounces between two questions whether to stop; few paths see the first.
 const STOP_INTERVAL: u32 = 64;
 
+/// What paths may scatter within solids besides.
+const WALK: u32 = 1024;
+
 /// Which of a path's sets of four Sobol dimensions is for what.
 #[derive(Clone, Copy)]
 enum Purpose {
@@ -142,6 +148,8 @@ enum Purpose {
     Light,
     /// Direction (2), lobe, roulette.
     Scatter,
+    /// How far a path flies through a medium (2), the lamp that guides it (2).
+    Flight,
 }
 
 impl<'a> Integrator<'a> {
@@ -216,15 +224,19 @@ impl<'a> Integrator<'a> {
     /// Traces the paths of a wave to their ends; false if `stop` said so.
     fn trace_paths(&self, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let shares = self.options.reuse.is_some();
-        for bounce in 0..=self.options.max_depth {
+        let most = self.options.max_depth.saturating_add(if self.parts.depths { WALK } else { 0 });
+        for bounce in 0..=most {
             if bounce % STOP_INTERVAL == STOP_INTERVAL - 1 && stop() {
                 return false;
+            }
+            if self.scene.features.scattering {
+                self.start_flights(bounce, w);
             }
             w.intersect(&self.scene.accel);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
             }
-            let is_last = bounce == self.options.max_depth;
+            let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
             if sorted.all().is_empty() {
                 return true;
@@ -262,6 +274,8 @@ impl<'a> Integrator<'a> {
             Purpose::Camera => 0,
             Purpose::Light => 1 + 2 * bounce,
             Purpose::Scatter => 2 + 2 * bounce,
+            // Behind those of all bounces.
+            Purpose::Flight => u32::MAX - bounce,
         };
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }

@@ -5,6 +5,7 @@ use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
+use super::phase::MediumClass;
 use super::wave::Wave;
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
@@ -82,6 +83,9 @@ fn scatter<const SOFT: bool>(how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
     dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
     dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
+    if !sorted.medium().is_empty() {
+        dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
+    }
     let range = sorted.general();
     // Its loop has no use for a higher CPU level.
     Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
@@ -112,7 +116,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
             let mut throughput = get_rgb(&path.throughput, i) * s.weight;
             if SOFT {
-                let is_smooth = s.is_specular | s.is_transmission;
+                let is_smooth = s.is_specular | s.is_transmission | C::Closure::IN_MEDIUM;
                 throughput *= if is_smooth { 1.0 } else { terminator(ns * side, ng * side, wi) };
             }
             if !C::Closure::OPAQUE {
@@ -126,7 +130,9 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng * side, v.offset[i]));
             set(&mut v.next_direction, i, wi);
             // A direction that shading normals lead to the wrong side of the surface carries nothing.
-            let is_right = if C::Closure::OPAQUE {
+            let is_right = if C::Closure::IN_MEDIUM {
+                true
+            } else if C::Closure::OPAQUE {
                 height > 0.0
             } else {
                 (closure.crosses(wi) == s.is_transmission) & (height != 0.0)

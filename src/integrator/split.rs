@@ -97,6 +97,7 @@ fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize) {
     v.offset.repeat(count, times);
     v.wo.repeat(count, times);
     v.origin_primitives.repeat(count, times);
+    v.anisotropy.repeat(sorted.medium().end, times);
     v.albedo.repeat(sorted.lambert().end, times);
     if !sorted.metal_rough().is_empty() {
         let count = sorted.metal_rough().end;

@@ -43,13 +43,16 @@ impl Integrator<'_> {
     /// Adds what the arriving paths hit to their radiance and makes sorted vertices of the surfaces where they go on.
     /// With `is_last` none goes on.
     pub(super) fn surfaces(&self, bounce: u32, is_last: bool, w: &mut Workspace) -> Sorted {
+        if self.scene.features.scattering {
+            self.end_flights(bounce, w);
+        }
         if self.scene.features.footprints {
             let footprints = &mut w.arriving.footprints;
             for (i, hit) in w.hits.iter().enumerate() {
                 footprints.width[i] += footprints.spread[i] * hit.t;
             }
         }
-        if self.scene.features.absorption {
+        if self.scene.features.absorption && !self.scene.features.scattering {
             self.absorb(w);
         }
         let counts = match self.scene.features.alpha {
@@ -74,11 +77,14 @@ impl Integrator<'_> {
     ) -> GroupCounts {
         let mut counts = GroupCounts::new();
         let needs_details = bounce == 0 && self.first_hits.any();
+        let scattering = self.scene.features.scattering;
         w.groups.clear();
         if !KNOWS_MATERIALS {
             w.materials.clear();
         }
+        let depths = self.parts.depths.then_some(&w.arriving.depth);
         for (i, hit) in w.hits.iter().enumerate() {
+            let is_last = is_last || depths.is_some_and(|depth| depth[i] >= self.options.max_depth);
             let (mut material, mut group) = (0, Group::None);
             if hit.is_hit() {
                 material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
@@ -88,6 +94,8 @@ impl Integrator<'_> {
                     Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
                     group => group,
                 };
+            } else if scattering && !is_last && w.flights[i].scatters {
+                group = Group::Medium;
             }
             counts.add(group);
             w.groups.push(group);
@@ -113,7 +121,9 @@ impl Integrator<'_> {
             next[group as usize] += 1;
             match group {
                 Group::None if !w.hits[i].is_hit() => {
-                    w.escaped.push(i as u32);
+                    if !self.ends_in_medium(bounce, i, w) {
+                        w.escaped.push(i as u32);
+                    }
                     continue;
                 }
                 Group::None => {
@@ -136,6 +146,7 @@ impl Integrator<'_> {
                     store_material(&mut w.wave.vertices.metal_rough, k, &material);
                     store_opaque(&mut w.wave.vertices, k, vertex);
                 }
+                Group::Medium => self.place_in_medium(i, k, w),
                 Group::Rough | Group::Specular => {
                     let vertex = self.vertex(bounce, i, w);
                     w.bsdfs[k - general.start] = vertex.bsdf;
@@ -146,6 +157,9 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
+            if self.parts.depths && self.counts_as_bounce(group, i, w) {
+                w.wave.paths.depth[k] += 1;
+            }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }

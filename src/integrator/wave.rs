@@ -52,6 +52,8 @@ pub struct Paths {
     pub receiver_normal: Lanes3,
     /// Solids that the path is inside of; where there are some.
     pub interior: Interiors,
+    /// Its bounces so far, but for walks within solids; where there are some.
+    pub depth: Words,
     /// How it scattered first; where light passes are asked for.
     pub first_bounces: FirstBounces,
 }
@@ -62,6 +64,7 @@ pub struct PathParts {
     pub footprints: bool,
     pub receiver_normals: bool,
     pub interiors: bool,
+    pub depths: bool,
     pub first_bounces: bool,
     /// One of them at least.
     any: bool,
@@ -71,16 +74,16 @@ impl PathParts {
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
     /// passes.
     pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
-        let Features { footprints, media: interiors, .. } = *features;
+        let Features { footprints, media: interiors, walks: depths, .. } = *features;
         let any = footprints || receiver_normals || interiors || first_bounces;
-        PathParts { footprints, receiver_normals, interiors, first_bounces, any }
+        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, any }
     }
 }
 
 impl Paths {
     /// Makes each of the first `count` paths several, one after the other.
     pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
         carried.repeat(count, times);
         if parts.footprints {
             footprints.repeat(count, times);
@@ -91,6 +94,9 @@ impl Paths {
         if parts.interiors {
             interior.repeat(count, times);
         }
+        if parts.depths {
+            depth.repeat(count, times);
+        }
         if parts.first_bounces {
             first_bounces.repeat(count, times);
         }
@@ -99,7 +105,7 @@ impl Paths {
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
             return;
@@ -112,6 +118,9 @@ impl Paths {
         }
         if parts.interiors {
             interior.copy_to(i, &mut other.interior, k);
+        }
+        if parts.depths {
+            depth.copy_to(i, &mut other.depth, k);
         }
         if parts.first_bounces {
             first_bounces.copy_to(i, &mut other.first_bounces, k);
@@ -240,6 +249,8 @@ pub struct Vertices {
     pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
     pub light: LightLanes,
+    /// Mean cosine of the scattering angle, at points of media.
+    pub anisotropy: Lanes,
     /// The scattered ray.
     pub next_origin: Lanes3,
     pub next_direction: Lanes3,

@@ -1,11 +1,13 @@
 //! All memory that tracing takes.
 
 use super::first_hit::FirstHits;
+use super::flight::Flight;
 use super::group::Group;
 use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;
 use super::sink::Sink;
+use super::volume::ShadowWay;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -40,6 +42,9 @@ pub struct Workspace {
     pub(super) pending: Vec<u32>,
     pub(super) pending_rays: Vec<Ray>,
     pub(super) pending_hits: Vec<Hit>,
+    /// How the paths fly through media, and shadow rays cross them; where some scatter.
+    pub(super) flights: Vec<Flight>,
+    pub(super) shadow_ways: Vec<ShadowWay>,
     /// Where paths are shared.
     pub(super) reuse: Option<Box<Reuse>>,
     /// Rays that had been traced when the samples of the wave split, if they did.
@@ -69,6 +74,8 @@ impl Workspace {
             pending: Vec::new(),
             pending_rays: Vec::new(),
             pending_hits: Vec::new(),
+            flights: Vec::new(),
+            shadow_ways: Vec::new(),
             reuse: None,
             rays_before_split: None,
             ray_counts: RayCounts::default(),

@@ -116,6 +116,18 @@ impl AreaLight {
         self.mean_luminance(textures) * self.area() * PI * sides * self.beam.share_of_power()
     }
 
+    /// Its middle, or a point near it.
+    pub fn middle(&self) -> Vec3 {
+        match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + (e.edge_u + e.edge_v) * 0.5,
+            AreaShape::Triangle(e) => e.corner + (e.edge_u + e.edge_v) / 3.0,
+            AreaShape::Analytic(shape) => {
+                let bounds = shape.bounds();
+                (bounds.min + bounds.max) * 0.5
+            }
+        }
+    }
+
     /// Where its light comes from and goes.
     pub fn bounds(&self, textures: &CompiledTextures) -> LightBounds {
         let corners = |e: &Edges| [e.corner, e.corner + e.edge_u, e.corner + e.edge_v];

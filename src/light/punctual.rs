@@ -57,6 +57,14 @@ impl PunctualLight {
         self.intensity.luminance() * solid_angle
     }
 
+    /// Where it is; `None` for one infinitely far away.
+    pub fn position(&self) -> Option<Vec3> {
+        match self.kind {
+            Kind::Point(position) | Kind::Spot { position, .. } => Some(position),
+            Kind::Directional { .. } | Kind::Sun(_) => None,
+        }
+    }
+
     /// Where its light comes from and goes; `None` for one infinitely far away.
     pub fn bounds(&self) -> Option<LightBounds> {
         let (position, axis, normals_rad, emission_rad) = match self.kind {

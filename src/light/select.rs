@@ -184,6 +184,15 @@ impl Lights {
         self.table.pdf_discrete(self.table.len() - 1)
     }
 
+    /// The middle of a light; `None` for one infinitely far away.
+    pub fn middle(&self, index: u32) -> Option<Vec3> {
+        let index = index as usize;
+        match self.area.get(index) {
+            Some(light) => Some(light.middle()),
+            None => self.punctual.get(index - self.area.len())?.position(),
+        }
+    }
+
     /// A point or direction of light `index`, as seen from `reference`.
     #[inline]
     pub fn sample(

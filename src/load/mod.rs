@@ -6,6 +6,7 @@ mod decoders;
 mod far;
 mod formats;
 pub mod gltf;
+mod grid;
 mod guard;
 pub mod image;
 mod loaded;

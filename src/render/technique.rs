@@ -55,7 +55,8 @@ impl Choice {
     /// What the options leave open.
     pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
         // Surfaces that are absent at random let visibility be known at random only.
-        let can_share = !has_random_surfaces(scene) && options.max_depth >= 2;
+        // Connections would have to cross media that scatter.
+        let can_share = !has_random_surfaces(scene) && !scene.features.scattering && options.max_depth >= 2;
         let branches = match options.splitting {
             Splitting::Into(branches) if options.max_depth >= 1 => branches,
             _ => 1,
@@ -83,6 +84,8 @@ impl Choice {
         let is_refused = matches!(options.path_reuse, PathReuse::Groups(_)) && self.now.shape().is_none();
         let reason = if has_random_surfaces(scene) {
             "the scene has surfaces that are partly transparent"
+        } else if scene.features.scattering {
+            "the scene has media that scatter"
         } else {
             "there is no indirect light with so few bounces"
         };

@@ -1,8 +1,8 @@
 //! Building scenes in code: what most things are, in one call.
 
 use super::{
-    Camera, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId, MeshPart, Motion,
-    Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
+    Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
+    MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
 };
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 
@@ -32,6 +32,8 @@ add! {
     add_texture: Texture => textures, TextureId;
     /// Adds an image and returns its id, for textures and the environment.
     add_image: Image => images, ImageId;
+    /// Adds a grid and returns its id, for media.
+    add_grid: Grid => grids, GridId;
 }
 
 impl Mesh {

@@ -32,3 +32,7 @@ id!(
     /// Index into `Scene::images`.
     ImageId
 );
+id!(
+    /// Index into `Scene::grids`.
+    GridId
+);

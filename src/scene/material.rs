@@ -2,6 +2,7 @@
 
 use super::TextureId;
 use super::light::SpotFade;
+use super::medium::Medium;
 use super::model::Model;
 use super::pbr::PbrMaterial;
 use super::slot::{
@@ -99,6 +100,8 @@ pub struct Material {
     pub normal_map: Option<NormalMap>,
     /// Vertex colours multiply the base colour.
     pub use_vertex_colors: bool,
+    /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
+    pub medium: Option<Medium>,
     /// What is special about a surface that shines; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
@@ -117,6 +120,7 @@ impl Material {
             alpha: FloatSlot::constant(1.0),
             normal_map: None,
             use_vertex_colors: false,
+            medium: None,
             lamp: None,
             light_group: String::new(),
         }
@@ -143,7 +147,9 @@ impl Parameters for AlphaMode {}
 impl Parameters for Lamp {}
 
 parameters_of_fields! {
-    Material { name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp, light_group }
+    Material {
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp, light_group,
+    }
     Emission { radiance, two_sided }
 }
 

@@ -19,10 +19,12 @@ mod camera;
 mod construct;
 mod environment;
 mod geometry;
+mod grid;
 mod groups;
 mod ids;
 mod light;
 mod material;
+mod medium;
 mod model;
 mod outline;
 mod pbr;
@@ -36,10 +38,12 @@ pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
 pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
+pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
-pub use ids::{ImageId, MaterialId, MeshId, TextureId};
+pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
+pub use medium::{Fog, Medium};
 pub use model::{FresnelModel, Model, Transmission};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
@@ -70,10 +74,14 @@ pub struct Scene {
     pub textures: Vec<Texture>,
     /// Images, by [`ImageId`].
     pub images: Vec<Image>,
+    /// Grids of densities, by [`GridId`].
+    pub grids: Vec<Grid>,
     /// Point, spot and directional lights.
     pub lights: Vec<Light>,
     /// What is seen where nothing is hit.
     pub environment: Environment,
+    /// What fills the space around all solids.
+    pub fog: Option<Fog>,
     /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
     pub is_environment_hidden: bool,
     /// What is laid behind the picture where it is transparent.

@@ -139,6 +139,8 @@ models! {
             /// Fresnel term.
             fresnel: FresnelModel,
         }
+        /// No surface: light passes as if nothing was there. It bounds the medium that fills the solid.
+        "medium" Boundary {}
         /// Glass of any roughness.
         "dielectric" Glass {
             /// Index of refraction relative to the outside, at least 1.
@@ -179,6 +181,7 @@ impl Model {
             Model::Dielectric { ior, .. } | Model::Glass { ior, is_thin: false, .. } => {
                 Transmission::Clear(*ior)
             }
+            Model::Boundary {} => Transmission::Clear(1.0),
             Model::Glass { is_thin: true, .. } => Transmission::Thin,
             Model::Pbr(pbr) => Transmission::Pbr(pbr),
         }

@@ -6,6 +6,7 @@ mod compile_scene;
 mod converged;
 mod determinism;
 mod lamps;
+mod media;
 mod one_sided;
 mod passes;
 mod path_reuse;

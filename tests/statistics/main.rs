@@ -2,4 +2,5 @@
 
 mod accel_stress;
 mod bsdf;
+mod phase;
 mod sampling_lights;

@@ -46,6 +46,10 @@ pub fn material(scene: &Scene, m: &Material) -> String {
         let sides = if e.two_sided { "both sides" } else { "its front" };
         parts.push(format!("emits {} W/sr/m2 from {sides}", color(&e.radiance)));
     }
+    if let Some(medium) = &m.medium {
+        let (extinction, albedo) = (list(&medium.extinction), list(&medium.albedo));
+        parts.push(format!("filled with a medium of extinction {extinction} a metre, albedo {albedo}"));
+    }
     match m.alpha_mode {
         AlphaMode::Opaque => {}
         AlphaMode::Mask { cutoff } => {

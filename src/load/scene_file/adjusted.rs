@@ -2,6 +2,7 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
+use super::media;
 use super::pbr;
 use super::textures::Textures;
 use crate::error::Warning;
@@ -20,8 +21,9 @@ pub(super) fn adjusted<'a>(
         fields.problems.push_help(fields.span(), message, "give it a 'type'");
         return None;
     };
+    let medium = media::table(build, fields, "medium");
     let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
-    pbr::adjust(fields, &mut material, &mut model, slot);
+    pbr::adjust(fields, (&mut material, &mut model), medium, slot);
     let modes = [
         ("opaque", AlphaMode::Opaque),
         ("mask", AlphaMode::Mask { cutoff: 0.5 }),

@@ -4,11 +4,14 @@
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
 //! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1).
 //!
+//! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
+//!
 //! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there.
 
 use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::group;
+use super::media;
 use super::textures::read_image;
 use crate::load::image::Use;
 use crate::scene::Environment;
@@ -21,10 +24,15 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
     build.loaded.scene.is_environment_hidden = !fields.flag("visible_to_camera", true);
     build.loaded.scene.environment_group = group(fields, "group");
+    build.loaded.scene.fog = media::fog(fields);
     fields.finish();
     let given = [fields.has("background"), fields.has("sky"), fields.has("image")];
-    if given.iter().filter(|g| **g).count() != 1 {
-        let message = "'environment' needs exactly one of 'background', 'sky' and 'image'";
+    let count = given.iter().filter(|g| **g).count();
+    if count == 0 && fields.has("fog") {
+        return;
+    }
+    if count != 1 {
+        let message = "'environment' needs exactly one of 'background', 'sky' and 'image', or 'fog' alone";
         return fields.problems.push(fields.span(), message);
     }
     if !given[2] && (fields.has("rotation") || fields.has("strength")) {

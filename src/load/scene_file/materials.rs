@@ -6,7 +6,8 @@
 //! | `"oren-nayar"` | `color` (0.8), `roughness` 0 to 1 (1) |
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
-//! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false) |
+//! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
+//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `min`, `max`, see `media` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
@@ -23,7 +24,7 @@ use super::build::Build;
 use super::fields::{Fields, named};
 use super::light_traits::group;
 use super::textures::Textures;
-use super::{adjusted, metals, pbr};
+use super::{adjusted, media, metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };
@@ -129,6 +130,7 @@ impl<'a> Materials<'a> {
 enum Kind {
     Metal,
     Dielectric,
+    Medium,
     Emissive,
     Pbr,
     Plain(fn() -> Model),
@@ -139,6 +141,7 @@ fn kinds() -> Vec<(&'static str, Kind)> {
     let others = [
         ("metal", Kind::Metal),
         ("dielectric", Kind::Dielectric),
+        ("medium", Kind::Medium),
         ("emissive", Kind::Emissive),
         ("pbr", Kind::Pbr),
     ];
@@ -200,7 +203,14 @@ fn read<'a>(
                 },
             )
         }
-        Kind::Dielectric => Material::new(name, dielectric(fields, slot("tint", 1.0))),
+        Kind::Dielectric => {
+            let material = Material::new(name, dielectric(fields, slot("tint", 1.0)));
+            Material { medium: media::table(build, fields, "medium"), ..material }
+        }
+        Kind::Medium => {
+            let medium = Some(media::filling(build, fields));
+            Material { medium, ..Material::new(name, Model::Boundary {}) }
+        }
         Kind::Emissive => {
             fields.require("radiance", fields.raw("radiance"));
             let radiance = slot("radiance", 0.0);
@@ -209,8 +219,9 @@ fn read<'a>(
             Material { emission, ..Material::new(name, Model::Black) }
         }
         Kind::Pbr => {
+            let medium = media::table(build, fields, "medium");
             let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
-            pbr::material(fields, name, slot)
+            pbr::material(fields, name, medium, slot)
         }
     };
     material.light_group = light_group;
@@ -226,6 +237,9 @@ fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {
     let is_thin = fields.flag("thin", false);
     if roughness == 0.0 && !is_thin {
         return Model::Dielectric { ior, tint, fresnel };
+    }
+    if is_thin && fields.has("medium") {
+        fields.problems.push(fields.span(), "thin glass has no inside for a 'medium'");
     }
     if ior < 1.0 {
         fields.problems.push(fields.span(), "the 'ior' of rough or thin glass must be at least 1");

@@ -24,6 +24,7 @@ mod light_shapes;
 mod light_traits;
 mod lights;
 mod materials;
+mod media;
 mod metals;
 mod object;
 mod objects;

@@ -10,6 +10,8 @@
 //! | `transmission` | 0 | share of light that passes |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
+//! | `medium` | none | what fills the solid, see `media` |
+//! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
 //! | `dispersion` | 0 | 20 / Abbe number of the solid |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a clear layer on top, 0 to 1 |
 //! | `sheen_color`, `sheen_roughness` | 0 | fibres on top |
@@ -21,30 +23,32 @@
 //! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
 
 use super::fields::Fields;
+use super::media;
 use crate::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material, Model,
-    PbrMaterial, Sheen,
+    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material,
+    Medium, Model, PbrMaterial, Sheen,
 };
 
 /// Reads the material; `slot` reads a colour or the name of a texture, with a default.
 pub(super) fn material(
     fields: &Fields,
     name: &str,
+    medium: Option<Medium>,
     slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) -> Material {
     let metallic = FloatSlot::constant(0.0);
     let model = PbrMaterial { metallic, ..PbrMaterial::default() };
     check_layers(fields);
     let (mut model, mut material) = (model, Material::new(name, Model::Black));
-    adjust(fields, &mut material, &mut model, slot);
+    adjust(fields, (&mut material, &mut model), medium, slot);
     Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
 /// Changes a glTF material and its model in what the keys say; all else stays.
 pub(super) fn adjust(
     fields: &Fields,
-    material: &mut Material,
-    model: &mut PbrMaterial,
+    (material, model): (&mut Material, &mut PbrMaterial),
+    medium: Option<Medium>,
     mut slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) {
     model.base_color = slot("base_color", model.base_color);
@@ -56,6 +60,7 @@ pub(super) fn adjust(
     model.transmission = share(fields, "transmission", model.transmission);
     volume(fields, model);
     layers(fields, model, &mut slot);
+    filling(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
     let two_sided = material.double_sided;
     if let Some(emission) = &mut material.emission {
@@ -91,6 +96,20 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
     if !model.has_volume && inside.iter().any(|key| fields.has(key)) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
+    }
+}
+
+/// Reads what fills the solid.
+fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, medium: Option<Medium>) {
+    if let Some(medium) = medium {
+        if !model.has_volume {
+            let message = "a 'medium' needs the inside of a solid: add 'volume = true'";
+            fields.problems.push(fields.span(), message);
+        }
+        material.medium = Some(medium);
+    }
+    if let Some(medium) = media::subsurface(fields, model) {
+        material.medium = Some(medium);
     }
 }
 

@@ -19,6 +19,7 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("scene files", &[include_str!("mod.rs")]),
     chapter("[camera]", &[include_str!("camera.rs")]),
     chapter("[environment]", &[include_str!("environment.rs")]),
+    chapter("media", &[include_str!("media.rs")]),
     chapter("[render]", &[include_str!("settings.rs")]),
     chapter("[textures]", &[include_str!("textures.rs")]),
     chapter(

@@ -1,6 +1,7 @@
 //! Materials: every parameter that the visitor shows, and what it doesn't.
 
 use super::findings::{Findings, Place};
+use super::media::check_medium;
 use crate::scene::{
     AlphaMode, Beam, ColorSlot, FloatSlot, Material, Model, Parameter, PbrMaterial, Scene, TextureId,
 };
@@ -22,6 +23,9 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         });
         check_alpha(material, place, findings);
         check_model(&material.model, place, findings);
+        if let Some(medium) = &material.medium {
+            check_medium(medium, &scene.grids, place, findings);
+        }
         check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
     }
 }

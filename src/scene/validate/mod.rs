@@ -12,6 +12,7 @@ mod groups;
 mod images;
 mod lights;
 mod materials;
+mod media;
 mod meshes;
 mod objects;
 mod settings;
@@ -37,6 +38,7 @@ impl Scene {
         images::check(self, &mut findings);
         lights::check(self, &mut findings);
         environment::check(self, &mut findings);
+        media::check(self, &mut findings);
         groups::check(self, &mut findings);
         for (i, camera) in self.cameras.iter().enumerate() {
             cameras::check(camera, i, &mut findings);

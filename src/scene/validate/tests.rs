@@ -192,3 +192,48 @@ fn lights_cameras_shapes_and_settings() {
     flat.world_from_camera.matrix3.y_axis = DVec3::X;
     assert_eq!(flat.validate().len(), 1);
 }
+
+#[test]
+fn media_are_checked() {
+    use crate::scene::{Fog, Grid, GridId, Medium};
+    let good = Medium::scattering([1.0; 3]);
+    let grid = |values: &[f32], size| {
+        let (name, min, max) = ("smoke".to_string(), DVec3::ZERO, DVec3::ONE);
+        Grid { name, size, values: std::sync::Arc::new(values.to_vec()), min, max }
+    };
+    let with = |medium: Medium, grids: Vec<Grid>| {
+        let mut scene = Scene { grids, ..Scene::default() };
+        scene.add_material(Material { medium: Some(medium), ..Material::lambert("body", [0.5; 3]) });
+        scene.validate()
+    };
+    assert!(with(good, Vec::new()).is_empty());
+    let one = |values: &[f32]| vec![grid(values, [1; 3])];
+    let gridded = Medium { grid: Some(GridId(0)), ..good };
+    assert!(with(gridded, one(&[1.0])).is_empty());
+    for (medium, grids, words) in [
+        (Medium { extinction: [1.0, -0.1, 1.0], ..good }, Vec::new(), "extinction"),
+        (Medium { extinction: [f32::NAN; 3], ..good }, Vec::new(), "extinction"),
+        (Medium { albedo: [1.1; 3], ..good }, Vec::new(), "albedo"),
+        (Medium { anisotropy: -1.0, ..good }, Vec::new(), "anisotropy"),
+        (Medium { anisotropy: f32::NAN, ..good }, Vec::new(), "anisotropy"),
+        (Medium { emission: [f32::INFINITY; 3], ..good }, Vec::new(), "emission"),
+        (gridded, Vec::new(), "one of the scene's grids"),
+        (Medium { extinction: [1.0, 2.0, 1.0], ..gridded }, one(&[1.0]), "grey"),
+        (Medium { emission: [1.0; 3], ..gridded }, one(&[1.0]), "emission"),
+        (good, one(&[-1.0]), "from 0 up"),
+        (good, one(&[f32::NAN]), "NaN"),
+        (good, vec![grid(&[1.0], [2, 1, 1])], "size"),
+        (good, vec![grid(&[], [0, 1, 1])], "size"),
+        (good, vec![Grid { max: DVec3::ZERO, ..grid(&[1.0], [1; 3]) }], "max"),
+        (gridded, one(&[1e6]), "mean free paths"),
+    ] {
+        let problems = with(medium, grids);
+        assert!(problems.iter().any(|p| p.to_string().contains(words)), "{words}: {problems:?}");
+    }
+    let mut scene = Scene::default();
+    scene.fog = Some(Fog { medium: good, center: DVec3::ZERO, radius: f64::NAN });
+    assert!(!scene.validate().is_empty());
+    let shining = Medium { emission: [1.0; 3], ..Medium::scattering([1.0, 0.0, 1.0]) };
+    scene.fog = Some(Fog { medium: shining, center: DVec3::ZERO, radius: f64::INFINITY });
+    assert!(!scene.validate().is_empty());
+}

@@ -27,10 +27,16 @@ const BALL: &str = "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n
 /// Shapes with a material.
 const SHAPE: &str = "[materials]\na = { type = \"lambert\" }\nb = { type = \"phong\" }\n[[objects]]\n";
 const PLAIN: &str = "[materials]\na = { type = \"lambert\" }\n";
+const FOG: &str = "[materials]\na = { type = \"lambert\" }\n[environment]\nfog = { ";
 const TEXTURED: &str = "[materials]\na = { type = \"lambert\", color = \"t\" }\n[textures.t]\n";
 
 const fn shape(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
     Table { about, before, between: ", ", after: " }\nmaterial = \"a\"\n", keys }
+}
+
+const fn fog(keys: &'static [Key]) -> Table {
+    let after = " }\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+    Table { about: "fog", before: FOG, between: ", ", after, keys }
 }
 
 const fn light(about: &'static str, before: &'static str, keys: &'static [Key]) -> Table {
@@ -114,8 +120,17 @@ const TABLES: &[Table] = &[
             ("background", "[1, 2, 3]", "2"),
             ("visible_to_camera", "false", "true"),
             ("group", "\"sky\"", "\"other\""),
+            ("fog", "{ density = 0.1 }", "{ density = 0.2 }"),
         ],
     ),
+    fog(&[
+        ("density", "0.3", "[0.1, 0.2, 0.3]"),
+        ("color", "0.3", "[0.1, 0.2, 0.3]"),
+        ("anisotropy", "0.3", "-0.3"),
+        ("emission", "0.3", "[0.1, 0.2, 0.3]"),
+        ("center", "[0, 1, 0]", "[0, 2, 0]"),
+        ("radius", "10", "20"),
+    ]),
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
@@ -153,6 +168,24 @@ const TABLES: &[Table] = &[
             ("thin", "true", "false"),
         ],
     ),
+    lines(
+        "dielectric",
+        before!(material "dielectric"),
+        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }")],
+    ),
+    lines(
+        "medium",
+        before!(material "medium"),
+        &[
+            ("density", "0.3", "0.4"),
+            ("color", "0.3", "0.4"),
+            ("anisotropy", "0.3", "0.4"),
+            ("grid", "\"one.vol\"", "\"two.vol\""),
+            ("min", "[-1, -1, -1]", "[-2, -1, -1]"),
+            ("max", "[1, 1, 1]", "[2, 1, 1]"),
+        ],
+    ),
+    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4")]),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
         "emissive",
@@ -194,6 +227,31 @@ const TABLES: &[Table] = &[
             ("light_group", "\"neon\"", "\"other\""),
         ],
     ),
+    lines(
+        "pbr",
+        concat!(before!(material "pbr"), "transmission = 1\nvolume = true\n"),
+        &[("medium", "{ density = 1 }", "{ density = 2 }")],
+    ),
+    lines(
+        "pbr",
+        before!(material "pbr"),
+        &[("subsurface", "{ color = [0.9, 0.5, 0.3] }", "{ color = 0.5, radius = 0.1 }")],
+    ),
+    Table {
+        about: "subsurface",
+        before: concat!(before!(material "pbr"), "subsurface = { "),
+        between: ", ",
+        after: concat!(
+            " }\n",
+            "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n"
+        ),
+        keys: &[
+            ("color", "0.3", "[0.1, 0.2, 0.3]"),
+            ("radius", "0.3", "[0.1, 0.2, 0.3]"),
+            ("scale", "0.3", "0.4"),
+            ("anisotropy", "0.3", "0.4"),
+        ],
+    },
     lines("solid", before!(texture "solid"), &[("color", "0.3", "[0.1, 0.2, 0.3]")]),
     lines(
         "image",
@@ -328,6 +386,12 @@ fn scene(text: &str) -> String {
     for (name, red) in [("one.png", 10), ("two.png", 20)] {
         let picture = image::RgbImage::from_pixel(4, 2, image::Rgb([red, 0, 0]));
         picture.save(folder.path().join(name)).expect("a picture");
+    }
+    for (name, value) in [("one.vol", 1.0f32), ("two.vol", 2.0)] {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1u32, 1, 1, 1, 1].map(|n| bytes.extend(n.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, value].map(|x| bytes.extend(x.to_le_bytes()));
+        std::fs::write(folder.path().join(name), bytes).expect("a grid");
     }
     let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;
     format!("{scene:?}").replace(&folder.path().display().to_string(), "")

@@ -131,6 +131,20 @@ fn objects_and_transforms_are_explained() {
     assert_explained(&step, "transform", "a step");
 }
 
+#[test]
+fn media_are_explained() {
+    let object = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+    let fog = known_keys(&format!(
+        "[environment]\nfog = {{ {WRONG} = 1 }}\n[materials]\na = {{ type = \"lambert\" }}\n{object}"
+    ));
+    assert_explained(&fog, "media", "fog");
+    for (key, head) in [("medium", "Medium"), ("subsurface", "Subsurface")] {
+        let text =
+            format!("[materials.a]\ntype = \"pbr\"\nvolume = true\n{key} = {{ {WRONG} = 1 }}\n{object}");
+        assert_eq!(known_keys(&text), first_column(&chapter("media"), head), "{key}");
+    }
+}
+
 /// A module that explains keys in a table has a chapter.
 #[test]
 fn every_module_with_a_table_has_a_chapter() {

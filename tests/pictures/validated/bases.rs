@@ -13,8 +13,13 @@ use std::sync::Arc;
 
 /// All of them, by name.
 pub fn all() -> Vec<(String, Scene)> {
-    let built =
-        [("shapes", shapes()), ("textures", textures()), ("materials", materials()), ("layers", layers())];
+    let built = [
+        ("shapes", shapes()),
+        ("textures", textures()),
+        ("materials", materials()),
+        ("layers", layers()),
+        ("media", crate::media::everything()),
+    ];
     built.into_iter().map(|(name, scene)| (name.to_string(), scene)).collect()
 }
 

@@ -6,10 +6,10 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Emission, EnergyCompensation, Environment, Filter, FloatSlot, FresnelModel, ImageId, Instance,
-    Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Mesh, MeshId,
-    MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene, Settings, Shape,
-    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
+    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium,
+    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene,
+    Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -31,11 +31,14 @@ macro_rules! ids {
     )*};
 }
 
-ids! { ImageId MaterialId MeshId TextureId }
+ids! { GridId ImageId MaterialId MeshId TextureId }
 
 structs! {
+    Medium { extinction, albedo, anisotropy, emission, grid }
+    Grid { name, size, values, min, max }
+    Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, lights, environment, is_environment_hidden,
+        name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, is_environment_hidden,
         backdrop, object_light_groups, environment_group, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
@@ -44,7 +47,7 @@ structs! {
     Shape { name, kind, center, radius, rotation, material }
     Quad { name, corner, edge_u, edge_v, material }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, lamp,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp,
         light_group,
     }
     Emission { radiance, two_sided }
@@ -89,6 +92,7 @@ enums! {
         Conductor { eta, k, roughness }
         Dielectric { ior, tint, fresnel }
         Glass { ior, tint, roughness, is_thin }
+        Boundary {}
     } { Pbr }
     Texture {
         Image { image, wrap_u, wrap_v, interpolation, mapping }

@@ -1,0 +1,350 @@
+//! Densities on a grid, with what rays need to fly through them: an upper bound for each block of voxels.
+//!
+//! Rays meet tentative collisions in proportion to the bounds, block by block, and each is real with the probability of the density
+//! there over the bound (Woodcock et al. 1965; with a grid of bounds Szirmay-Kalos et al. 2011, "Free path sampling in high
+//! resolution inhomogeneous participating media"). What is left of light is the product over tentative
+//! collisions of the probabilities that they are none (Novak et al. 2014, "Residual ratio tracking for estimating attenuation in
+//! participating media", section 3.1).
+
+use crate::math::{DVec3, Vec3, poly};
+use crate::sampling::hash::{hash32, unit};
+use crate::scene::Grid;
+use std::sync::Arc;
+
+/// Voxels along an edge of a block.
+const BLOCK: u32 = 8;
+
+/// A grid of densities, ready for rendering.
+#[derive(Clone, Debug, PartialEq)]
+pub struct DensityGrid {
+    size: [u32; 3],
+    values: Arc<Vec<f32>>,
+    /// From the compiled scene's coordinates to voxels: less this, times that.
+    min: Vec3,
+    voxels_per_metre: Vec3,
+    /// Largest value that interpolation finds in each block.
+    bounds: Vec<f32>,
+    blocks: [u32; 3],
+}
+
+/// A ray in voxels: densities are met at parameters of the ray itself.
+#[derive(Clone, Copy, Debug)]
+pub struct GridRay {
+    origin: Vec3,
+    direction: Vec3,
+    /// Extinction per unit of density and of the parameter.
+    scale: f32,
+}
+
+impl DensityGrid {
+    /// Prepares a grid; the world's origin moves to `anchor`.
+    pub(super) fn new(grid: &Grid, anchor: DVec3) -> DensityGrid {
+        let size = grid.size;
+        let extent = (grid.max - grid.min).as_vec3();
+        let counts = Vec3::new(size[0] as f32, size[1] as f32, size[2] as f32);
+        let blocks = size.map(|n| n.div_ceil(BLOCK));
+        let mut prepared = DensityGrid {
+            size,
+            values: grid.values.clone(),
+            min: (grid.min - anchor).as_vec3(),
+            voxels_per_metre: counts / extent,
+            bounds: Vec::new(),
+            blocks,
+        };
+        for z in 0..blocks[2] {
+            for y in 0..blocks[1] {
+                for x in 0..blocks[0] {
+                    let bound = prepared.largest_near([x, y, z]);
+                    prepared.bounds.push(bound);
+                }
+            }
+        }
+        prepared
+    }
+
+    /// The largest value of a block and the voxels beside it.
+    fn largest_near(&self, block: [u32; 3]) -> f32 {
+        let range = |axis: usize| {
+            let first = (block[axis] * BLOCK).saturating_sub(1);
+            first..((block[axis] + 1) * BLOCK + 1).min(self.size[axis])
+        };
+        let mut largest = 0.0f32;
+        for z in range(2) {
+            for y in range(1) {
+                for x in range(0) {
+                    largest = largest.max(self.voxel(x, y, z));
+                }
+            }
+        }
+        // Interpolation may round upwards.
+        largest * 1.000_001
+    }
+
+    fn voxel(&self, x: u32, y: u32, z: u32) -> f32 {
+        let [nx, ny, _] = self.size.map(|n| n as usize);
+        self.values[(z as usize * ny + y as usize) * nx + x as usize]
+    }
+
+    /// A ray in voxels, of an extinction per metre where the density is 1.
+    #[inline]
+    pub fn ray(&self, origin: Vec3, direction: Vec3, extinction: f32) -> GridRay {
+        GridRay {
+            origin: (origin - self.min) * self.voxels_per_metre,
+            direction: direction * self.voxels_per_metre,
+            scale: extinction * direction.length(),
+        }
+    }
+
+    /// The density at a point in voxels; values lie in the middles of voxels.
+    #[inline]
+    fn density(&self, p: Vec3) -> f32 {
+        let (mut lower, mut upper, mut weights) = ([0; 3], [0; 3], [0.0; 3]);
+        for axis in 0..3 {
+            let last = self.size[axis] - 1;
+            let at = (p[axis] - 0.5).clamp(0.0, last as f32);
+            lower[axis] = (at as u32).min(last);
+            upper[axis] = (lower[axis] + 1).min(last);
+            weights[axis] = at - lower[axis] as f32;
+        }
+        let mix = |a: f32, b: f32, w: f32| a + (b - a) * w;
+        let [wx, wy, wz] = weights;
+        let row = |y: u32, z: u32| mix(self.voxel(lower[0], y, z), self.voxel(upper[0], y, z), wx);
+        let sheet = |z: u32| mix(row(lower[1], z), row(upper[1], z), wy);
+        mix(sheet(lower[2]), sheet(upper[2]), wz)
+    }
+
+    /// Where a ray collides between two of its points, by numbers that follow `salt` and a first one in 0..1; infinite if
+    /// nowhere.
+    #[inline]
+    pub fn collision(&self, ray: &GridRay, from: f32, to: f32, first: f32, salt: u32) -> f32 {
+        let mut found = f32::INFINITY;
+        let mut numbers = Numbers(salt);
+        self.tentative(ray, [from, to], first, &mut numbers, |t, share, numbers| {
+            let collides = numbers.next() < share;
+            if collides {
+                found = t;
+            }
+            !collides
+        });
+        found
+    }
+
+    /// An estimate of what is left of light between two points of a ray.
+    #[inline]
+    pub fn left(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
+        /// Less than this goes on in one of four cases, four times as much.
+        const LITTLE: f32 = 0.1;
+        let mut left = 1.0;
+        let mut numbers = Numbers(salt);
+        let first = numbers.next();
+        self.tentative(ray, [from, to], first, &mut numbers, |_, share, numbers| {
+            left *= 1.0 - share;
+            if left < LITTLE {
+                left = if numbers.next() < 0.25 { left * 4.0 } else { 0.0 };
+            }
+            left > 0.0
+        });
+        left
+    }
+
+    /// Shows `visit` tentative collisions, each with the probability that it is real, until that says false.
+    #[inline]
+    fn tentative(
+        &self,
+        ray: &GridRay,
+        [from, to]: [f32; 2],
+        first: f32,
+        numbers: &mut Numbers,
+        mut visit: impl FnMut(f32, f32, &mut Numbers) -> bool,
+    ) {
+        let Some(mut walk) = Walk::new(self, ray, from, to) else { return };
+        // So many mean free paths to the next one.
+        let mut depth = -poly::ln(1.0 - first);
+        loop {
+            let bound = self.bounds[walk.index(self)] * ray.scale;
+            loop {
+                let way = depth / bound;
+                if !(walk.t + way < walk.next()) {
+                    break;
+                }
+                walk.t += way;
+                let density = self.density(ray.origin + ray.direction * walk.t) * ray.scale;
+                if !visit(walk.t, density / bound, numbers) {
+                    return;
+                }
+                depth = -poly::ln(1.0 - numbers.next());
+            }
+            depth -= (walk.next() - walk.t) * bound;
+            depth = depth.max(0.0);
+            if !walk.step(self) {
+                return;
+            }
+        }
+    }
+}
+
+/// Numbers in 0..1 that follow a salt.
+struct Numbers(u32);
+
+impl Numbers {
+    #[inline]
+    fn next(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9);
+        unit(hash32(self.0))
+    }
+}
+
+/// A ray's way from block to block (Amanatides, Woo 1987).
+struct Walk {
+    t: f32,
+    end: f32,
+    block: [i32; 3],
+    step: [i32; 3],
+    /// Where the ray leaves the block along each axis, and how far it is from one to the next.
+    leaves: [f32; 3],
+    between: [f32; 3],
+}
+
+impl Walk {
+    /// `None` where the ray misses the grid.
+    fn new(grid: &DensityGrid, ray: &GridRay, from: f32, to: f32) -> Option<Walk> {
+        let (mut begin, mut end) = (from, to);
+        for axis in 0..3 {
+            let (o, d) = (ray.origin[axis], ray.direction[axis]);
+            if d == 0.0 {
+                if !(o >= 0.0 && o <= grid.size[axis] as f32) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((0.0 - o) / d, (grid.size[axis] as f32 - o) / d);
+            begin = begin.max(a.min(b));
+            end = end.min(a.max(b));
+        }
+        if !(begin < end) {
+            return None;
+        }
+        let mut walk = Walk {
+            t: begin,
+            end,
+            block: [0; 3],
+            step: [0; 3],
+            leaves: [f32::INFINITY; 3],
+            between: [0.0; 3],
+        };
+        for axis in 0..3 {
+            let (o, d) = (ray.origin[axis], ray.direction[axis]);
+            let at = ((o + d * begin) / BLOCK as f32).floor() as i32;
+            walk.block[axis] = at.clamp(0, grid.blocks[axis] as i32 - 1);
+            if d != 0.0 {
+                walk.step[axis] = if d > 0.0 { 1 } else { -1 };
+                let edge = (walk.block[axis] + i32::from(d > 0.0)) as f32 * BLOCK as f32;
+                walk.leaves[axis] = (edge - o) / d;
+                walk.between[axis] = BLOCK as f32 / d.abs();
+            }
+        }
+        Some(walk)
+    }
+
+    fn index(&self, grid: &DensityGrid) -> usize {
+        let [x, y, z] = self.block.map(|b| b as usize);
+        let [nx, ny, _] = grid.blocks.map(|n| n as usize);
+        (z * ny + y) * nx + x
+    }
+
+    /// Where the ray leaves the block.
+    fn next(&self) -> f32 {
+        self.leaves[0].min(self.leaves[1]).min(self.leaves[2]).min(self.end).max(self.t)
+    }
+
+    /// To the next block; false behind the last.
+    fn step(&mut self, grid: &DensityGrid) -> bool {
+        let next = self.next();
+        if next >= self.end {
+            return false;
+        }
+        self.t = next;
+        let [x, y, z] = self.leaves;
+        let axis = if x <= y && x <= z {
+            0
+        } else if y <= z {
+            1
+        } else {
+            2
+        };
+        self.block[axis] += self.step[axis];
+        self.leaves[axis] += self.between[axis];
+        (0..grid.blocks[axis] as i32).contains(&self.block[axis])
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A grid of 20 x 9 x 3 voxels over a box of 2 x 3 x 1 metres whose density rises along x and y.
+    fn grid() -> DensityGrid {
+        let size = [20, 9, 3];
+        let value = |i: usize| ((i % 20) as f32) * 0.1 + ((i / 20 % 9) as f32) * 0.3;
+        let values = Arc::new((0..20 * 9 * 3).map(value).collect());
+        let (name, min, max) = (String::new(), DVec3::new(-1.0, 0.0, 0.0), DVec3::new(1.0, 3.0, 1.0));
+        DensityGrid::new(&Grid { name, size, values, min, max }, DVec3::ZERO)
+    }
+
+    /// Mean free paths on a ray, by quadrature.
+    fn thickness(grid: &DensityGrid, ray: &GridRay, to: f32) -> f64 {
+        let n = 40_000;
+        let inside = |p: Vec3| (0..3).all(|a| p[a] >= 0.0 && p[a] <= grid.size[a] as f32);
+        let at = |i: i32| {
+            let p = ray.origin + ray.direction * (to * (i as f32 + 0.5) / n as f32);
+            if inside(p) { f64::from(grid.density(p) * ray.scale) } else { 0.0 }
+        };
+        (0..n).map(at).sum::<f64>() * f64::from(to) / f64::from(n)
+    }
+
+    #[test]
+    fn collisions_and_what_is_left_follow_the_density() {
+        let grid = grid();
+        for (origin, direction) in [
+            (Vec3::new(-2.0, 0.5, 0.5), Vec3::new(0.8, 0.6, 0.0)),
+            (Vec3::new(0.3, 1.0, 0.2), Vec3::new(-0.3, 0.9, 0.1)),
+            (Vec3::new(0.9, 2.9, 0.9), Vec3::new(-0.6, -0.7, -0.2)),
+        ] {
+            let ray = grid.ray(origin, direction, 0.7);
+            for to in [0.8f32, 50.0] {
+                let truth = (-thickness(&grid, &ray, to.min(6.0))).exp();
+                let n = 40_000;
+                let (mut left, mut passed) = (0.0, 0.0);
+                for i in 0..n {
+                    let salt = hash32(i);
+                    left += f64::from(grid.left(&ray, 0.0, to, salt));
+                    let first = unit(hash32(i ^ 0x5bd1_e995));
+                    let t = grid.collision(&ray, 0.0, to, first, salt);
+                    passed += f64::from(u8::from(t == f32::INFINITY));
+                    assert!(t == f32::INFINITY || (0.0..=to).contains(&t));
+                }
+                let n = f64::from(n);
+                let error = (truth * (1.0 - truth) / n).sqrt().max(1e-4);
+                assert!((left / n - truth).abs() < 4.5 * error, "left {} {truth}", left / n);
+                assert!((passed / n - truth).abs() < 4.5 * error, "passed {} {truth}", passed / n);
+            }
+        }
+    }
+
+    #[test]
+    fn one_voxel_and_rays_beside_the_grid() {
+        let values = Arc::new(vec![2.0]);
+        let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::ONE);
+        let grid = DensityGrid::new(&Grid { name, size: [1; 3], values, min, max }, DVec3::ZERO);
+        let ray = grid.ray(Vec3::new(0.5, 0.5, -1.0), Vec3::Z, 1.0);
+        let n = 20_000;
+        let mean =
+            (0..n).map(|i| f64::from(grid.left(&ray, 0.0, 9.0, hash32(i)))).sum::<f64>() / f64::from(n);
+        assert!((mean - (-2.0f64).exp()).abs() < 0.01, "{mean}");
+        for origin in [Vec3::new(1.5, 0.5, -1.0), Vec3::new(0.5, 0.5, 2.0)] {
+            let ray = grid.ray(origin, Vec3::Z, 1.0);
+            assert_eq!(grid.left(&ray, 0.0, 9.0, 1), 1.0);
+            assert_eq!(grid.collision(&ray, 0.0, 9.0, 0.99, 1), f32::INFINITY);
+        }
+    }
+}

@@ -1,0 +1,235 @@
+//! How far paths fly through a scattering medium: distances in proportion to what is left of light there, or to what a
+//! lamp sends there, and the weights that make up for the choice.
+//!
+//! A distance is drawn from a mixture of densities: for each channel the exponential of its extinction, chosen in
+//! proportion to what the path carries there; and where a lamp is, as often as not, one that is even over the angles in which the lamp
+//! sees the ray (Kulla, Fajardo 2012, "Importance Sampling Techniques for Path Tracing in Participating Media", section
+//! 3.1). The weight is the value over the density of the whole mixture, as in Veach's balance heuristic with one sample: it is
+//! at most one over a channel's share, or two where a lamp is. The lamp that guides the choice is drawn for itself and lights nothing by it.
+
+use crate::color::Rgb;
+use crate::compile::Scattering;
+use crate::math::{Vec3, poly};
+use crate::sampling::hash::hash32;
+
+/// Angles in which a point sees a ray.
+#[derive(Clone, Copy, Debug)]
+struct Guide {
+    /// Where on the ray the point is closest.
+    closest: f32,
+    /// How far it is from there.
+    distance: f32,
+    /// The angles between the way there and those to the ray's first and last point.
+    angles: [f32; 2],
+}
+
+/// One way of a path from a point to the next in one medium.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Flight {
+    /// Number of the medium.
+    pub medium: u16,
+    /// Where on the ray the medium begins and ends, metres.
+    pub extent: [f32; 2],
+    /// Shares of the channels in the choice.
+    shares: [f32; 3],
+    guide: Option<Guide>,
+    /// Where it scatters; infinite if nowhere.
+    pub until: f32,
+    /// It met nothing before.
+    pub scatters: bool,
+    /// Found by tentative collisions on a grid, which need no weight.
+    is_tracked: bool,
+}
+
+/// How often a lamp guides, where one is.
+const GUIDED: f32 = 0.5;
+
+/// What channels that are only absorbed count: they too must be met by some.
+const LEAST_ALBEDO: f32 = 0.1;
+
+impl Flight {
+    /// Through a medium without a place where it scatters.
+    pub fn straight(medium: u16, extent: [f32; 2]) -> Flight {
+        Flight {
+            medium,
+            extent,
+            shares: [0.0; 3],
+            guide: None,
+            until: f32::INFINITY,
+            scatters: false,
+            is_tracked: false,
+        }
+    }
+
+    /// Draws a way through a medium from `from` on; the ray's direction has unit length. Of the numbers in 0..1 the first chooses
+    /// the distance, the second what it is drawn from.
+    #[inline]
+    pub fn draw(
+        (index, medium): (u16, &Scattering),
+        (origin, direction): (Vec3, Vec3),
+        from: f32,
+        throughput: Rgb,
+        lamp: Option<Vec3>,
+        u: [f32; 2],
+    ) -> Flight {
+        let extent = medium.extent(origin, direction, from);
+        let mut flight = Flight::straight(index, extent);
+        if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
+            return flight;
+        }
+        if let Some(grid) = &medium.grid {
+            let ray = grid.ray(origin, direction, medium.extinction.r);
+            let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
+            flight.until = grid.collision(&ray, from, f32::INFINITY, u[0], salt);
+            flight.is_tracked = true;
+            return flight;
+        }
+        flight.shares = shares(medium, throughput);
+        flight.guide = lamp.and_then(|lamp| Guide::new(origin, direction, extent, lamp));
+        let (guided, mut choice) = match flight.guide {
+            Some(_) => (u[1] < GUIDED, if u[1] < GUIDED { 0.0 } else { (u[1] - GUIDED) / (1.0 - GUIDED) }),
+            None => (false, u[1]),
+        };
+        let until = match flight.guide.filter(|_| guided) {
+            Some(guide) => guide.sample(u[0]),
+            None => {
+                let mut channel = 0;
+                while channel < 2 && choice >= flight.shares[channel] {
+                    choice -= flight.shares[channel];
+                    channel += 1;
+                }
+                extent[0] - poly::ln(1.0 - u[0]) / medium.extinction.to_array()[channel]
+            }
+        };
+        flight.until = if until < extent[1] { until } else { f32::INFINITY };
+        flight
+    }
+
+    /// What the path's throughput is taken times where it arrives at a point without having scattered.
+    #[inline]
+    pub fn weight_of_passing(&self, medium: &Scattering, to: f32) -> Rgb {
+        if self.is_tracked {
+            return Rgb::ONE;
+        }
+        let left = self.left(medium, to);
+        let density = self.mixed(left, |guide| guide.beyond(to));
+        if self.draws(medium) { over(left, density) } else { left }
+    }
+
+    /// What it is taken times where the path scatters.
+    #[inline]
+    pub fn weight_of_scattering(&self, medium: &Scattering) -> Rgb {
+        if self.is_tracked {
+            return medium.scattered / medium.extinction.r;
+        }
+        let left = self.left(medium, self.until);
+        let density = self.mixed(left * medium.extinction, |guide| guide.density(self.until));
+        over(left * medium.scattered, density)
+    }
+
+    /// What the medium's own light adds to the path on its way to a point: an estimate by one point of the way, which a number in
+    /// 0..1 chooses.
+    #[inline]
+    pub fn glow(&self, medium: &Scattering, to: f32, u: f32) -> Rgb {
+        let [begin, end] = self.extent;
+        let way = to.min(self.until).min(end) - begin;
+        if !self.draws(medium) {
+            let way = way.clamp(0.0, Scattering::FARTHEST);
+            return medium.emission * medium.mean_transmittance(way) * way;
+        }
+        if !(way > 0.0 && way.is_finite()) {
+            return Rgb::ZERO;
+        }
+        medium.emission * self.weight_of_passing(medium, begin + u * way) * way
+    }
+
+    /// Does the flight choose where it ends? Media that scatter nothing are flown through.
+    #[inline(always)]
+    fn draws(&self, medium: &Scattering) -> bool {
+        medium.scattered.max_element() > 0.0
+    }
+
+    /// What is left of light at a point.
+    #[inline(always)]
+    fn left(&self, medium: &Scattering, to: f32) -> Rgb {
+        let [begin, end] = self.extent;
+        let way = to.min(end) - begin;
+        if way > 0.0 { medium.transmittance(way) } else { Rgb::ONE }
+    }
+
+    /// The mixture of what each channel would have, and the lamp's.
+    #[inline(always)]
+    fn mixed(&self, of_channels: Rgb, of_guide: impl Fn(&Guide) -> f32) -> f32 {
+        let [r, g, b] = of_channels.to_array();
+        let sum = self.shares[0] * r + self.shares[1] * g + self.shares[2] * b;
+        match &self.guide {
+            Some(guide) => GUIDED * of_guide(guide) + (1.0 - GUIDED) * sum,
+            None => sum,
+        }
+    }
+}
+
+/// A value over a density; nothing where the density has vanished.
+#[inline(always)]
+fn over(value: Rgb, density: f32) -> Rgb {
+    if density > f32::MIN_POSITIVE { value / density } else { Rgb::ZERO }
+}
+
+/// The channels' shares in the choice of a distance: what the path carries on if it scatters, and a little of what it
+/// carries.
+#[inline]
+fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
+    let (carried, scattered) = (throughput.to_array(), medium.scattered.to_array());
+    let extinction = medium.extinction.to_array();
+    let mut shares = [0.0; 3];
+    for c in 0..3 {
+        let albedo = if extinction[c] > 0.0 { scattered[c] / extinction[c] } else { 0.0 };
+        shares[c] = carried[c] * (albedo + LEAST_ALBEDO);
+    }
+    let sum = shares[0] + shares[1] + shares[2];
+    if sum > f32::MIN_POSITIVE { shares.map(|s| s / sum) } else { [1.0 / 3.0; 3] }
+}
+
+impl Guide {
+    /// `None` where the numbers give no angle.
+    #[inline]
+    fn new(origin: Vec3, direction: Vec3, extent: [f32; 2], lamp: Vec3) -> Option<Guide> {
+        let to_lamp = lamp - origin;
+        let closest = to_lamp.dot(direction);
+        // A ray through the lamp itself would see nothing but its point.
+        let least = 1e-3 * to_lamp.length();
+        let distance = (to_lamp - direction * closest).length().max(least);
+        let angle = |t: f32| {
+            if t.is_finite() { poly::atan2(t - closest, distance) } else { 0.5 * std::f32::consts::PI }
+        };
+        let angles = extent.map(angle);
+        let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
+        is_usable.then_some(Guide { closest, distance, angles })
+    }
+
+    /// A point of the ray.
+    #[inline]
+    fn sample(&self, u: f32) -> f32 {
+        let [first, last] = self.angles;
+        let (sine, cosine) = poly::sin_cos(first + (last - first) * u);
+        if cosine > 0.0 { self.closest + self.distance * sine / cosine } else { f32::INFINITY }
+    }
+
+    /// Density of its points, per metre.
+    #[inline]
+    fn density(&self, t: f32) -> f32 {
+        let [first, last] = self.angles;
+        let along = t - self.closest;
+        self.distance / ((last - first) * (self.distance * self.distance + along * along))
+    }
+
+    /// The probability of a point behind this one.
+    #[inline]
+    fn beyond(&self, t: f32) -> f32 {
+        let [first, last] = self.angles;
+        if t == f32::INFINITY {
+            return 0.0;
+        }
+        ((last - poly::atan2(t - self.closest, self.distance)) / (last - first)).clamp(0.0, 1.0)
+    }
+}

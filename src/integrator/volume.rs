@@ -1,0 +1,246 @@
+//! Media that scatter: paths fly through them until they scatter or meet a surface, shadow rays lose light in them, and
+//! both cross the boundaries of media where no surface is.
+//!
+//! How far a path flies is drawn before its ray is traced, and the ray ends there: what it would meet behind is not
+//! looked for. A boundary without a surface ends a flight, and another begins; the path stays what it was, with its origin and its
+//! density, so that lights behind are weighted as any others.
+
+use super::Integrator;
+use super::Purpose;
+use super::flight::Flight;
+use super::group::{Group, Sorted};
+use super::interior::Interior;
+use super::lanes::{get_rgb, set, set_rgb};
+use super::layers::{Origin, Way, way_of_path};
+use super::wave::{LightLanes, Wave};
+use super::workspace::Workspace;
+use crate::color::Rgb;
+use crate::light::Receiver;
+use crate::math::{Hit, Ray, Vec3};
+use crate::sampling::hash::{hash32, unit};
+use crate::sampling::sampler::SobolPoint;
+
+/// Keeps choices apart from others with the same salt.
+const GLOW: u32 = 0x3c6e_f372;
+const BOUNDARY: u32 = 0x1f83_d9ab;
+
+/// What a shadow ray has crossed so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShadowWay {
+    /// The solids around it.
+    interior: Interior,
+    /// Where on it the light that is left was last reckoned.
+    from: f32,
+}
+
+impl Integrator<'_> {
+    /// Draws how far each path flies through the medium that it is in, and lets its ray end there.
+    pub(super) fn start_flights(&self, bounce: u32, w: &mut Workspace) {
+        let dimensions = &self.dimensions(bounce, Purpose::Flight);
+        let Workspace { flights, rays, arriving, .. } = w;
+        flights.clear();
+        for (i, ray) in rays.iter_mut().enumerate() {
+            let medium = arriving.interior[i].medium();
+            if self.scene.media[usize::from(medium)].scattering.is_none() {
+                flights.push(Flight::straight(medium, [0.0, f32::INFINITY]));
+                continue;
+            }
+            let path = &arriving.carried;
+            let point = SobolPoint::from_parts(path.seed[i], path.shuffled[i]);
+            let [distance, kind, lamp0, lamp1] = point.sample_4d(dimensions);
+            let lamp = self.guiding_lamp(medium, ray.origin, [lamp0, lamp1]);
+            let throughput = get_rgb(&path.throughput, i);
+            let flight = self.fly(medium, ray, 0.0, throughput, lamp, [distance, kind]);
+            ray.t_max = flight.until;
+            flights.push(flight);
+        }
+    }
+
+    fn fly(
+        &self,
+        medium: u16,
+        ray: &Ray,
+        from: f32,
+        throughput: Rgb,
+        lamp: Option<Vec3>,
+        u: [f32; 2],
+    ) -> Flight {
+        match &self.scene.media[usize::from(medium)].scattering {
+            Some(s) => Flight::draw((medium, s), (ray.origin, ray.direction), from, throughput, lamp, u),
+            None => Flight::straight(medium, [from, f32::INFINITY]),
+        }
+    }
+
+    /// The lamp that guides a flight. Within solids there is none: what bounds them hides lamps.
+    fn guiding_lamp(&self, medium: u16, origin: Vec3, u: [f32; 2]) -> Option<Vec3> {
+        let lights = &self.scene.lights;
+        if medium != 0 || lights.is_empty() {
+            return None;
+        }
+        let selected = lights.select(&Receiver { p: origin, normal: Vec3::ZERO }, u);
+        if selected.pdf_discrete > 0.0 { lights.middle(selected.index) } else { None }
+    }
+
+    /// Ends all flights: where a surface was hit, where the path scatters, or nowhere. Weighs the paths by it and adds what
+    /// media emit.
+    pub(super) fn end_flights(&self, bounce: u32, w: &mut Workspace) {
+        for i in 0..w.rays.len() {
+            let hit = w.hits[i];
+            let weight = self.passed(bounce, i, hit.t, w);
+            let flight = &mut w.flights[i];
+            let mut weight = weight;
+            if !hit.is_hit() && flight.until.is_finite() {
+                flight.scatters = true;
+                w.hits[i].t = flight.until;
+                let medium = &self.scene.media[usize::from(flight.medium)];
+                weight = medium.scattering.as_ref().map_or(Rgb::ZERO, |s| flight.weight_of_scattering(s));
+            }
+            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
+        }
+    }
+
+    /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what the medium emits
+    /// on the way.
+    fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
+        let flight = w.flights[i];
+        let medium = &self.scene.media[usize::from(flight.medium)];
+        let Some(scattering) = &medium.scattering else {
+            let is_absorbed = medium.absorption.is_some() && to.is_finite();
+            return if is_absorbed { medium.transmittance(to - flight.extent[0]) } else { Rgb::ONE };
+        };
+        if scattering.emission.max_element() > 0.0 {
+            let path = &w.arriving.carried;
+            let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
+            let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
+            let value = get_rgb(&path.throughput, i) * flight.glow(scattering, to, u);
+            w.sink.contribute(path.sample[i], value, || Origin {
+                way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
+                group: 0,
+            });
+        }
+        flight.weight_of_passing(scattering, to)
+    }
+
+    /// What arriving path `i` is taken times at a point of its ray, which it reached.
+    pub(super) fn left_on_the_way(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
+        if self.scene.features.scattering {
+            let flight = &w.flights[i];
+            let medium = &self.scene.media[usize::from(flight.medium)];
+            return match &medium.scattering {
+                Some(scattering) => flight.weight_of_passing(scattering, to),
+                None => medium.transmittance(to - flight.extent[0]),
+            };
+        }
+        match self.scene.features.absorption {
+            true => self.scene.media[usize::from(w.arriving.interior[i].medium())].transmittance(to),
+            false => Rgb::ONE,
+        }
+    }
+
+    /// Does a path that hit nothing end in a medium, because this is its last bounce?
+    pub(super) fn ends_in_medium(&self, bounce: u32, i: usize, w: &mut Workspace) -> bool {
+        let ends = self.scene.features.scattering && w.flights[i].scatters;
+        if ends && bounce == 0 {
+            w.sink.cover(w.arriving.carried.sample[i]);
+        }
+        ends
+    }
+
+    /// Does a vertex of a group count as a bounce? Steps of walks within solids don't.
+    pub(super) fn counts_as_bounce(&self, group: Group, i: usize, w: &Workspace) -> bool {
+        let medium = || &self.scene.media[usize::from(w.flights[i].medium)];
+        group != Group::Medium || medium().scattering.as_ref().is_none_or(|s| s.counts)
+    }
+
+    /// Makes vertex `k` of the point where arriving path `i` scatters.
+    pub(super) fn place_in_medium(&self, i: usize, k: usize, w: &mut Workspace) {
+        let (flight, ray, v) = (&w.flights[i], &w.rays[i], &mut w.wave.vertices);
+        set(&mut v.p, k, ray.at(flight.until));
+        set(&mut v.wo, k, -ray.direction);
+        set(&mut v.ng, k, Vec3::ZERO);
+        set(&mut v.ns, k, Vec3::ZERO);
+        v.offset[k] = 0.0;
+        let medium = &self.scene.media[usize::from(flight.medium)];
+        v.anisotropy[k] = medium.scattering.as_ref().map_or(0.0, |s| s.anisotropy);
+    }
+
+    /// Takes the pending paths that hit boundaries without a surface to the media behind.
+    pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
+        for at in 0..w.pending.len() {
+            let i = w.pending[at] as usize;
+            let hit = w.hits[i];
+            let Some(beyond) = self.beyond_boundary(&w.rays[i], &hit, w.arriving.interior[i]) else {
+                continue;
+            };
+            let throughput = get_rgb(&w.arriving.carried.throughput, i);
+            let throughput = throughput * self.passed(bounce, i, hit.t, w);
+            let path = &mut w.arriving.carried;
+            set_rgb(&mut path.throughput, i, throughput);
+            w.arriving.interior[i] = beyond;
+            let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
+            let salt = hash32(salt.wrapping_add(pass) ^ BOUNDARY);
+            let u = [unit(salt), unit(hash32(salt))];
+            let flight = self.fly(beyond.medium(), &w.rays[i], hit.t, throughput, None, u);
+            w.rays[i].t_max = flight.until;
+            w.flights[i] = flight;
+        }
+    }
+
+    /// The solids behind a hit on a boundary without a surface; `None` at all others.
+    fn beyond_boundary(&self, ray: &Ray, hit: &Hit, here: Interior) -> Option<Interior> {
+        let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        if !material.is_boundary || material.medium_index == 0 {
+            return None;
+        }
+        let own = material.medium_index;
+        Some(match self.scene.geometries.is_back(ray, hit) {
+            true if here.contains(own) => here.left(own),
+            true => here.left(here.medium()),
+            false => here.entered(own),
+        })
+    }
+
+    /// Starts the ways of all shadow rays.
+    pub(super) fn start_shadow_ways(&self, sorted: &Sorted, w: &mut Workspace) {
+        let Workspace { wave, shadow_ways, shadow_vertices, .. } = w;
+        let Wave { paths, vertices: v, .. } = &**wave;
+        shadow_ways.clear();
+        shadow_ways.extend(
+            shadow_vertices.iter().map(|&i| ShadowWay {
+                interior: self.towards_light(sorted, paths, v, i as usize),
+                from: 0.0,
+            }),
+        );
+    }
+
+    /// Takes a shadow ray past a surface that isn't there: behind a boundary another medium begins.
+    pub(super) fn cross_with_light(
+        &self,
+        i: usize,
+        ray: &Ray,
+        hit: &Hit,
+        way: &mut ShadowWay,
+        light: &mut LightLanes,
+    ) {
+        if let Some(beyond) = self.beyond_boundary(ray, hit, way.interior) {
+            let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, hit.t);
+            let contribution = get_rgb(&light.contribution, i);
+            set_rgb(&mut light.contribution, i, contribution * left);
+            *way = ShadowWay { interior: beyond, from: hit.t };
+        }
+    }
+
+    /// Ends the ways of all shadow rays at their lights.
+    pub(super) fn end_shadow_ways(&self, w: &mut Workspace) {
+        let Workspace { wave, shadow_ways, shadow_vertices, shadow_rays, occluded, .. } = w;
+        let light = &mut wave.vertices.light;
+        for (k, way) in shadow_ways.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
+            let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
+            let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, ray.t_max);
+            let contribution = get_rgb(&light.contribution, i);
+            set_rgb(&mut light.contribution, i, contribution * left);
+        }
+        shadow_ways.clear();
+    }
+}

@@ -1,0 +1,98 @@
+//! Grid files: the `.vol` format of Mitsuba, version 3.
+//!
+//! Bytes 0 to 2 are `VOL`, byte 3 the version 3. Little-endian numbers follow: the encoding (u32; 1 is f32), voxels along x, y and z
+//! (u32 each), channels (u32; 1 is read), the least and the greatest corner of the box (six f32), then the values (f32), those
+//! along x one after another, then those along y, then z.
+
+use crate::math::DVec3;
+use crate::scene::Grid;
+use std::path::Path;
+use std::sync::Arc;
+
+const HEADER: usize = 48;
+
+/// Reads a grid file; an error is a sentence.
+pub(super) fn read(path: &Path) -> Result<Grid, String> {
+    let name = path.display().to_string();
+    let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
+    parse(&bytes, &name).map_err(|e| format!("{name}: {e}"))
+}
+
+fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {
+    let Some((header, data)) = bytes.split_at_checked(HEADER) else {
+        return Err(format!("has {} bytes, but the header of a .vol file has {HEADER}", bytes.len()));
+    };
+    if &header[..3] != b"VOL" {
+        return Err("is no .vol file: it does not begin with 'VOL'".into());
+    }
+    if header[3] != 3 {
+        return Err(format!("is of version {}, but only version 3 is read", header[3]));
+    }
+    let word = |i: usize| {
+        let at = 4 + 4 * i;
+        u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]])
+    };
+    if word(0) != 1 {
+        return Err(format!("has the encoding {}, but only 1 (32-bit floats) is read", word(0)));
+    }
+    if word(4) != 1 {
+        return Err(format!("has {} channels, but one is read: a density", word(4)));
+    }
+    let size = [word(1), word(2), word(3)];
+    let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(u64::from(n)));
+    let wanted = voxels.and_then(|n| n.checked_mul(4)).filter(|&n| n == data.len() as u64 && n > 0);
+    if wanted.is_none() {
+        let [x, y, z] = size;
+        return Err(format!("says {x} x {y} x {z} voxels, but holds {} bytes for them", data.len()));
+    }
+    let corner =
+        |first: usize| DVec3::from_array([0, 1, 2].map(|i| f64::from(f32::from_bits(word(first + i)))));
+    let values = data.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+    Ok(Grid { name: name.to_string(), size, values: Arc::new(values), min: corner(5), max: corner(8) })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn file(size: [u32; 3], values: &[f32]) -> Vec<u8> {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1, size[0], size[1], size[2], 1].map(|n: u32| bytes.extend(n.to_le_bytes()));
+        [-1.0, 0.0, -2.0, 1.0, 3.0, 2.0].map(|x: f32| bytes.extend(x.to_le_bytes()));
+        values.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+        bytes
+    }
+
+    #[test]
+    fn grids_are_read() {
+        let grid = parse(&file([3, 2, 1], &[0.0, 1.0, 2.0, 3.0, 4.0, 5.0]), "smoke").expect("a grid");
+        assert_eq!((grid.size, grid.values[4]), ([3, 2, 1], 4.0));
+        assert_eq!((grid.min, grid.max), (DVec3::new(-1.0, 0.0, -2.0), DVec3::new(1.0, 3.0, 2.0)));
+    }
+
+    #[test]
+    fn damaged_files_are_told() {
+        let good = file([2, 1, 1], &[1.0, 2.0]);
+        let with = |at: usize, byte: u8| {
+            let mut bytes = good.clone();
+            bytes[at] = byte;
+            bytes
+        };
+        for (bytes, words) in [
+            (Vec::new(), "has 0 bytes"),
+            (good[..20].to_vec(), "has 20 bytes"),
+            (good[..50].to_vec(), "holds 2 bytes"),
+            ([&good[..], &[0]].concat(), "holds 9 bytes"),
+            (with(0, b'X'), "does not begin"),
+            (with(3, 2), "version 2"),
+            (with(4, 3), "encoding 3"),
+            (with(20, 3), "3 channels"),
+            (with(8, 0), "says 0 x 1 x 1"),
+            (with(11, 0xff), "voxels"),
+            (file([u32::MAX; 3], &[1.0]), "voxels"),
+        ] {
+            let message = parse(&bytes, "smoke").expect_err(words);
+            assert!(message.contains(words), "{message}: {words}");
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! What fills a space that light crosses: `fog` of `[environment]` around all solids, `medium` of a material within its
+//! solids, with densities on a grid if it has one.
+//!
+//! | Medium | Default | Meaning |
+//! |---|---|---|
+//! | `density` | 1 | extinction coefficient per metre: light meets something after 1 / `density` metres on average; a number or one for each channel |
+//! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
+//! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
+//! | `emission` | 0 | radiance that each metre adds |
+//! | `grid` | none | `.vol` file of factors on the density, in solids only; `density` is one number then and there is no `emission` |
+//! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |
+//!
+//! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
+//! x, y and z, 1 (channel); six f32: the least and the greatest corner of the box; then the values as f32, x fastest, z
+//! slowest. Values lie in the middles of voxels, linear in between.
+//!
+//! Fog may end at a ball of `radius` metres around `center` ([0, 0, 0]). Without a `radius` it has no end, and nothing
+//! infinitely far away is seen through it or lights the scene: no sky, no sun.
+//!
+//! | Subsurface | Default | Meaning |
+//! |---|---|---|
+//! | `color` | 0.8 | colour of a thick body in white light, 0 to 1 |
+//! | `radius` | 1 | mean free path, metres; a number or one for each channel |
+//! | `scale` | 1 | factor on it |
+//! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1 |
+
+use super::build::Build;
+use super::fields::Fields;
+use crate::load::grid;
+use crate::math::DVec3;
+use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Grid, Medium, PbrMaterial};
+
+/// Most that an extinction coefficient may be: flights in denser media are shorter than positions are precise.
+const MOST_DENSITY: f32 = 1e9;
+
+/// The keys of a medium that fills a solid.
+pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
+    let medium = medium(fields);
+    let corners = [fields.vector("min"), fields.vector("max")];
+    let Some(file) = fields.string("grid") else {
+        if corners.iter().any(Option::is_some) {
+            fields.problems.push(fields.span(), "'min' and 'max' are the corners of a 'grid'");
+        }
+        return medium;
+    };
+    let path = build.file.parent().unwrap_or(build.file).join(file.value);
+    let [min, max] = corners.map(|c| c.map(|c| c.value));
+    match grid::read(&path) {
+        Ok(grid) => {
+            let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };
+            Medium { grid: Some(build.loaded.scene.add_grid(grid)), ..medium }
+        }
+        Err(e) => {
+            fields.problems.push(file.span, e);
+            medium
+        }
+    }
+}
+
+/// The keys of a medium in a table.
+fn medium(fields: &Fields) -> Medium {
+    let extinction = fields.color("density").map_or([1.0; 3], |d| {
+        if d.value.iter().any(|x| *x > MOST_DENSITY) {
+            fields.problems.push(d.span, format!("'density' must be at most {MOST_DENSITY:e} per metre"));
+        }
+        d.value.map(|x| x.min(MOST_DENSITY))
+    });
+    Medium {
+        extinction,
+        albedo: share(fields, "color", 1.0),
+        anisotropy: anisotropy(fields),
+        emission: fields.color("emission").map_or([0.0; 3], |c| c.value),
+        grid: None,
+    }
+}
+
+fn share(fields: &Fields, key: &'static str, otherwise: f32) -> [f32; 3] {
+    let Some(color) = fields.color(key) else { return [otherwise; 3] };
+    if color.value.iter().any(|c| *c > 1.0) {
+        fields
+            .problems
+            .push(color.span, format!("'{key}' must be from 0 to 1: a medium can't add light by it"));
+    }
+    color.value.map(|c| c.min(1.0))
+}
+
+fn anisotropy(fields: &Fields) -> f32 {
+    let Some(given) = fields.number("anisotropy") else { return 0.0 };
+    let g = given.value as f32;
+    if g.abs() >= 1.0 {
+        let message = format!("'anisotropy' is {}, but must be above -1 and below 1", given.value);
+        fields.problems.push(given.span, message);
+        return 0.0;
+    }
+    g
+}
+
+/// The table of a medium under a key.
+pub(super) fn table(build: &mut Build, fields: &Fields, key: &'static str) -> Option<Medium> {
+    let table = fields.table(key)?;
+    let medium = filling(build, &table);
+    table.finish();
+    Some(medium)
+}
+
+/// `fog` of the environment.
+pub(super) fn fog(fields: &Fields) -> Option<Fog> {
+    let table = fields.table("fog")?;
+    let fog = Fog {
+        medium: medium(&table),
+        center: table.vector("center").map_or(DVec3::ZERO, |c| c.value),
+        radius: table.number_in("radius", 1e-9..1e18, f64::INFINITY),
+    };
+    table.finish();
+    Some(fog)
+}
+
+/// `subsurface` of a glTF material: what is diffuse goes in, walks through the solid at random and comes out diffusely.
+pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Medium> {
+    let table = fields.table("subsurface")?;
+    let color = share(&table, "color", 0.8);
+    let scale = table.number_in("scale", 1e-9..1e9, 1.0);
+    let radius = table.color("radius").map_or([1.0; 3], |r| {
+        if r.value.iter().any(|x| *x <= 0.0) {
+            table.problems.push(r.span, "'radius' must be above 0");
+        }
+        r.value
+    });
+    let anisotropy = anisotropy(&table);
+    table.finish();
+    if fields.has("transmission") || fields.has("diffuse_transmission") || fields.has("medium") {
+        let message = "'subsurface' says what light does that enters: leave transmission and 'medium' out";
+        fields.problems.push(fields.span(), message);
+    }
+    model.has_volume = true;
+    let (factor, color_slot) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
+    model.diffuse_transmission = Some(DiffuseTransmission { factor, color: color_slot });
+    let radius = radius.map(|r| (f64::from(r) * scale).clamp(1e-9, 1e9) as f32);
+    Some(Medium::subsurface(color, radius, anisotropy))
+}

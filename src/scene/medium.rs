@@ -1,0 +1,62 @@
+//! What fills a space that light crosses: fog, smoke, milk.
+
+use super::ids::GridId;
+use super::slot::Parameters;
+use crate::math::DVec3;
+
+/// A medium that scatters, absorbs and shines.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Medium {
+    /// Extinction coefficient by channel, per metre: how often light meets something on its way.
+    pub extinction: [f32; 3],
+    /// The share of it that is scattered, 0..1; the rest is absorbed.
+    pub albedo: [f32; 3],
+    /// Mean cosine of the scattering angle, between -1 and 1 (Henyey, Greenstein 1941): 0 is the same to all sides, above it
+    /// light goes on as it went.
+    pub anisotropy: f32,
+    /// Radiance that each metre adds.
+    pub emission: [f32; 3],
+    /// Factors on the extinction, which is the same for all channels then; a medium with a grid does not shine.
+    pub grid: Option<GridId>,
+}
+
+/// What fills the space around all solids.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Fog {
+    /// The medium.
+    pub medium: Medium,
+    /// Middle of the ball that it fills.
+    pub center: DVec3,
+    /// Radius of the ball, metres; infinite for fog without an end, through which nothing infinitely far away is seen.
+    pub radius: f64,
+}
+
+impl Medium {
+    /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
+    pub fn scattering(extinction: [f32; 3]) -> Medium {
+        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None }
+    }
+
+    /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
+    /// scatters a share `color` of the light back.
+    ///
+    /// The share of each event follows by van de Hulst's fit for a half space that is lit diffusely, as inverted by Kulla
+    /// and Conty (2017, "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
+    pub fn subsurface(color: [f32; 3], radius: [f32; 3], anisotropy: f32) -> Medium {
+        let g = f64::from(anisotropy);
+        let albedo = |c: f32| {
+            let c = f64::from(c.clamp(0.0, 1.0));
+            let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
+            ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
+        };
+        Medium {
+            extinction: radius.map(f32::recip),
+            albedo: color.map(albedo),
+            anisotropy,
+            emission: [0.0; 3],
+            grid: None,
+        }
+    }
+}
+
+impl Parameters for Medium {}

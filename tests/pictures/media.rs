@@ -1,0 +1,344 @@
+//! Media that scatter, absorb and shine, against closed forms and quadrature.
+
+use crate::support::differences::{assert_same_bits, assert_same_means, bits};
+use crate::support::{assert_radiance, camera, material, options, picture, sphere, walls};
+use oscura::math::DVec3;
+use oscura::scene::{
+    Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material, MaterialId, Medium,
+    Model, Projection, Scene,
+};
+use std::f64::consts::PI;
+
+const NO_END: f64 = f64::INFINITY;
+
+fn medium(extinction: f32, albedo: f32, anisotropy: f32) -> Medium {
+    let (extinction, albedo) = ([extinction; 3], [albedo; 3]);
+    Medium { extinction, albedo, anisotropy, emission: [0.0; 3], grid: None }
+}
+
+fn fog(medium: Medium, radius: f64) -> Option<Fog> {
+    Some(Fog { medium, center: DVec3::ZERO, radius })
+}
+
+/// A body without a surface.
+fn body(scene: &mut Scene, medium: Medium) -> MaterialId {
+    let filled = Material { medium: Some(medium), ..Material::new("body", Model::Boundary {}) };
+    material(scene, filled)
+}
+
+/// Parallel rays along -z, next to each other.
+fn beam(from: [f64; 3]) -> Camera {
+    let from = DVec3::from(from);
+    let mut view = camera(from, from - DVec3::Z, DVec3::Y, 1.0);
+    view.projection = Projection::Orthographic { half_height: 1e-3 };
+    view
+}
+
+fn lit_all_around() -> Scene {
+    Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() }
+}
+
+/// The midpoint rule.
+fn integral(from: f64, to: f64, steps: u32, f: impl Fn(f64) -> f64) -> f64 {
+    let width = (to - from) / f64::from(steps);
+    (0..steps).map(|i| f(from + (f64::from(i) + 0.5) * width) * width).sum()
+}
+
+fn henyey_greenstein(g: f64, cosine: f64) -> f64 {
+    (1.0 - g * g) / (4.0 * PI * (1.0 + g * g - 2.0 * g * cosine).powf(1.5))
+}
+
+/// Light falls off as Beer and Lambert say: in fog, in a body, and in fog that a clear body displaces.
+#[test]
+fn media_that_absorb_follow_beers_law() {
+    let absorbing = medium(0.7, 0.0, 0.0);
+    let mut foggy = lit_all_around();
+    foggy.fog = fog(absorbing, 2.0);
+    let mut solid = lit_all_around();
+    let filled = body(&mut solid, absorbing);
+    sphere(&mut solid, [0.0; 3], 2.0, filled);
+    let mut displaced = lit_all_around();
+    displaced.fog = fog(absorbing, 2.0);
+    let bubble = body(&mut displaced, medium(0.0, 0.0, 0.0));
+    sphere(&mut displaced, [0.0; 3], 0.5, bubble);
+    for (what, mut scene, way) in [("fog", foggy, 4.0), ("body", solid, 4.0), ("bubble", displaced, 3.0)] {
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        assert_radiance(what, &scene, &options(8, 4, 4), (-0.7f64 * way).exp(), 1e-4);
+    }
+}
+
+/// What absorbs and shines: the emission per metre over the extinction, as far as it is thick. Also where it scatters.
+#[test]
+fn media_that_shine_fill_up() {
+    for (extinction, albedo) in [(0.8, 0.0), (0.0, 0.0)] {
+        let mut scene = Scene::default();
+        let shining = Medium { emission: [0.4; 3], ..medium(extinction, albedo, 0.0) };
+        let filled = body(&mut scene, shining);
+        sphere(&mut scene, [0.0; 3], 1.5, filled);
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        let truth = integral(0.0, 3.0, 4000, |t| 0.4 * (-f64::from(extinction) * t).exp());
+        assert_radiance(&format!("shining {extinction}"), &scene, &options(8, 64, 8), truth, 3e-3);
+    }
+    // In equilibrium: fog without an end is everywhere as bright as it is thick.
+    let mut scene = Scene::default();
+    let shining = Medium { emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
+    scene.fog = fog(shining, NO_END);
+    scene.cameras.push(beam([0.0, 0.0, 5.0]));
+    assert_radiance("shining fog", &scene, &options(16, 64, 200), 0.4 / (0.8 * 0.5), 5e-3);
+}
+
+/// Grids of one value are homogeneous: what they let through, what they scatter of a lamp once, and in a white furnace; also
+/// where values differ, since nothing is lost there.
+#[test]
+fn grids_agree_with_homogeneous_media() {
+    let with_grid = |scene: &mut Scene, value: &dyn Fn(usize) -> f32, albedo: f32| {
+        let size = [19, 8, 30];
+        let values = std::sync::Arc::new((0..19 * 8 * 30).map(value).collect());
+        let (name, min, max) = ("smoke".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
+        let grid = scene.add_grid(Grid { name, size, values, min, max });
+        let filled = body(scene, Medium { grid: Some(grid), ..medium(0.25, albedo, 0.3) });
+        sphere(scene, [0.0; 3], 1.0, filled);
+    };
+    let constant = |_: usize| 4.0;
+    let mut through = lit_all_around();
+    with_grid(&mut through, &constant, 0.0);
+    through.cameras.push(beam([0.0, 0.0, 5.0]));
+    assert_radiance("grid, through", &through, &options(16, 64, 4), (-2.0f64).exp(), 6e-3);
+
+    let mut lit = Scene::default();
+    with_grid(&mut lit, &constant, 0.8);
+    let kind = LightKind::Directional { direction: DVec3::NEG_Y };
+    lit.lights.push(Light { name: "sun".into(), kind, intensity: [3.0; 3], group: String::new() });
+    lit.cameras.push(beam([0.0, 0.0, 5.0]));
+    let truth = integral(0.0, 2.0, 20_000, |t| {
+        let way = (1.0 - (1.0 - t) * (1.0 - t)).sqrt();
+        0.8 * (-t - way).exp() * henyey_greenstein(0.3, 0.0) * 3.0
+    });
+    assert_radiance("grid, one scattering", &lit, &options(16, 64, 1), truth, 6e-3);
+
+    let mut furnace = lit_all_around();
+    with_grid(&mut furnace, &|i| (i % 7) as f32 * 3.0, 1.0);
+    furnace.cameras.push(beam([0.2, 0.1, 5.0]));
+    assert_radiance("grid, furnace", &furnace, &options(8, 4, 3000), 1.0, 1e-6);
+}
+
+/// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not
+/// count as bounces.
+#[test]
+fn subsurface_has_its_color() {
+    use oscura::scene::{DiffuseTransmission, FloatSlot, PbrMaterial};
+    for (color, anisotropy) in [(0.2, 0.0), (0.5, 0.5), (0.9, 0.0)] {
+        let mut scene = lit_all_around();
+        let (factor, white) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
+        let wax = PbrMaterial {
+            metallic: FloatSlot::constant(0.0),
+            specular: FloatSlot::constant(0.0),
+            ior: 1.0,
+            has_volume: true,
+            diffuse_transmission: Some(DiffuseTransmission { factor, color: white }),
+            ..PbrMaterial::default()
+        };
+        let medium = Some(Medium::subsurface([color; 3], [0.01; 3], anisotropy));
+        let wax = material(&mut scene, Material { medium, ..Material::gltf("wax", wax) });
+        sphere(&mut scene, [0.0; 3], 1.0, wax);
+        scene.cameras.push(beam([0.0, 0.0, 5.0]));
+        let film = picture(&scene, &options(32, 64, 4));
+        let mean = crate::support::mean(&film);
+        println!("subsurface {color} {anisotropy}: {mean}");
+        // Van de Hulst's fit is that good.
+        assert!((mean - f64::from(color)).abs() < 0.02, "{color}: {mean}");
+    }
+}
+
+/// One scattering of the light of a point lamp, by quadrature along the ray.
+#[test]
+fn single_scattering_agrees_with_quadrature() {
+    const SIGMA: f64 = 0.6;
+    let lamp = DVec3::new(0.7, 0.2, -0.5);
+    for g in [-0.4, 0.0, 0.7] {
+        let mut scene = Scene::default();
+        scene.fog = fog(medium(SIGMA as f32, 0.8, g), NO_END);
+        let kind = LightKind::Point { position: lamp };
+        scene.lights.push(Light { name: "lamp".into(), kind, intensity: [3.0; 3], group: String::new() });
+        scene.cameras.push(beam([0.0, 0.0, 3.0]));
+        let truth = integral(0.0, 60.0, 400_000, |t| {
+            let x = DVec3::new(0.0, 0.0, 3.0 - t);
+            let to_lamp = lamp - x;
+            let r = to_lamp.length();
+            // Light travels away from the lamp, then against the ray.
+            let cosine = to_lamp.dot(DVec3::NEG_Z) / r;
+            0.8 * SIGMA * (-SIGMA * (t + r)).exp() * henyey_greenstein(g.into(), cosine) * 3.0 / (r * r)
+        });
+        assert_radiance(&format!("point lamp, g {g}"), &scene, &options(16, 256, 1), truth, 5e-3);
+    }
+}
+
+/// The same of a ball that shines, which both light samples and scattered rays find, and through the boundary of a body.
+#[test]
+fn single_scattering_of_a_ball_agrees_with_quadrature() {
+    const SIGMA: f64 = 0.5;
+    let (middle, radius) = (DVec3::new(0.0, 1.0, 0.0), 0.4);
+    let from_ball = |x: DVec3, left: &dyn Fn(f64) -> f64| {
+        let d = middle.distance(x);
+        let edge = (1.0 - (radius / d).powi(2)).sqrt();
+        integral(edge, 1.0, 60, |c| {
+            let way = d * c - (radius * radius - d * d * (1.0 - c * c)).max(0.0).sqrt();
+            2.0 * PI / (4.0 * PI) * left(way)
+        })
+    };
+    let with_lamp = |scene: &mut Scene| {
+        let shining = material(scene, Material::emitter("ball", [5.0; 3], false));
+        sphere(scene, middle.to_array(), radius, shining);
+    };
+    let mut foggy = Scene::default();
+    foggy.fog = fog(medium(SIGMA as f32, 1.0, 0.0), NO_END);
+    with_lamp(&mut foggy);
+    foggy.cameras.push(beam([0.0, 0.0, 2.0]));
+    let truth = integral(0.0, 60.0, 20_000, |t| {
+        let x = DVec3::new(0.0, 0.0, 2.0 - t);
+        SIGMA * (-SIGMA * t).exp() * 5.0 * from_ball(x, &|way| (-SIGMA * way).exp())
+    });
+    assert_radiance("ball in fog", &foggy, &options(16, 256, 1), truth, 4e-3);
+
+    // The body has its lamp outside: the boundary is crossed on the way in and towards the lamp.
+    let (center, size) = (DVec3::new(0.0, -0.5, 0.0), 0.6);
+    let mut scene = Scene::default();
+    let filled = body(&mut scene, medium(SIGMA as f32, 1.0, 0.0));
+    sphere(&mut scene, center.to_array(), size, filled);
+    with_lamp(&mut scene);
+    scene.cameras.push(beam([0.0, -0.3, 2.0]));
+    let half = (size * size - 0.04f64).sqrt();
+    let truth = integral(0.0, 2.0 * half, 600, |t| {
+        let x = DVec3::new(0.0, -0.3, half - t);
+        // How far light from the ball travels in the body depends on its direction: by a grid over the ball's cone.
+        let axis = middle - x;
+        let d = axis.length();
+        let (axis, edge) = (axis / d, (1.0 - (radius / d).powi(2)).sqrt());
+        let side = axis.any_orthonormal_vector();
+        let other = axis.cross(side);
+        let arriving = integral(edge, 1.0, 24, |c| {
+            integral(0.0, 2.0 * PI, 24, |phi| {
+                let sine = (1.0 - c * c).sqrt();
+                let w = axis * c + (side * phi.cos() + other * phi.sin()) * sine;
+                let b = (x - center).dot(w);
+                let way = -b + (b * b - (x - center).length_squared() + size * size).sqrt();
+                (-SIGMA * way).exp() / (4.0 * PI)
+            })
+        });
+        SIGMA * (-SIGMA * t).exp() * 5.0 * arriving
+    });
+    assert_radiance("ball beside a body", &scene, &options(16, 256, 1), truth, 4e-3);
+}
+
+/// What absorbs nothing in uniform light looks like that light: fog, coloured bodies, glass filled with milk, any of them
+/// within another.
+#[test]
+fn media_without_absorption_in_a_white_furnace() {
+    let glass = |medium| {
+        let (ior, tint, fresnel) = (1.5, ColorSlot::constant([1.0; 3]), FresnelModel::Exact);
+        Material { medium: Some(medium), ..Material::new("milk", Model::Dielectric { ior, tint, fresnel }) }
+    };
+    let colored = Medium { extinction: [0.6, 1.0, 1.6], ..medium(1.0, 1.0, 0.5) };
+    let mut foggy = lit_all_around();
+    foggy.fog = fog(colored, 2.0);
+    let mut solid = lit_all_around();
+    let filled = body(&mut solid, colored);
+    sphere(&mut solid, [0.0; 3], 1.0, filled);
+    let mut milky = lit_all_around();
+    let milk = material(&mut milky, glass(colored));
+    sphere(&mut milky, [0.0; 3], 1.0, milk);
+    let mut nested = lit_all_around();
+    nested.fog = fog(medium(0.2, 1.0, 0.0), 4.0);
+    let (outer, inner) = (body(&mut nested, colored), material(&mut nested, glass(medium(3.0, 1.0, -0.3))));
+    let white = material(&mut nested, Material::lambert("white", [1.0; 3]));
+    sphere(&mut nested, [0.0; 3], 1.0, outer);
+    sphere(&mut nested, [0.1, 0.0, 0.2], 0.5, inner);
+    sphere(&mut nested, [-0.2, 0.1, 1.0], 0.3, white);
+    // Two that overlap by chance.
+    let overlapping = body(&mut nested, medium(1.0, 1.0, 0.0));
+    sphere(&mut nested, [1.1, 0.5, 0.0], 0.5, overlapping);
+    let scenes = [("fog", foggy), ("body", solid), ("milk", milky), ("nested", nested)];
+    for (what, mut scene) in scenes {
+        let mut view = camera(DVec3::new(0.0, 0.0, 6.0), DVec3::ZERO, DVec3::Y, 1.0);
+        view.projection = Projection::Orthographic { half_height: 0.7 };
+        scene.cameras.push(view);
+        assert_radiance(&format!("furnace, {what}"), &scene, &options(16, 16, 3000), 1.0, 4e-3);
+    }
+}
+
+/// In a closed box that emits e and reflects p everywhere, L = e + p L, whatever floats in it and scatters all light: by
+/// light samples and by rays that find the walls.
+#[test]
+fn closed_emitting_box_with_fog() {
+    let mut scene = Scene::default();
+    let mut shiny = Material::emitter("wall", [0.25; 3], false);
+    shiny.model = Model::Lambert { albedo: ColorSlot::constant([0.5; 3]) };
+    shiny.double_sided = true;
+    let wall = material(&mut scene, shiny);
+    walls(&mut scene, [1.0, 1.5, 2.0], |_, _| wall);
+    scene.fog = fog(Medium { extinction: [0.5, 1.0, 2.0], ..medium(1.0, 1.0, 0.6) }, NO_END);
+    let eye = DVec3::new(0.3, -0.2, 0.5);
+    scene.cameras.push(camera(eye, eye + DVec3::new(0.5, 0.3, -1.0), DVec3::Y, 90.0));
+    assert_radiance("closed box with fog", &scene, &options(16, 64, 2000), 0.5, 3e-3);
+}
+
+/// Fog, a body without a surface, milk in glass, lamps of both kinds and a sky.
+pub fn everything() -> Scene {
+    let mut scene = lit_all_around();
+    scene.environment = Environment::Gradient { nadir: [0.1, 0.1, 0.1], zenith: [0.4, 0.6, 1.0] };
+    scene.fog = fog(Medium { extinction: [0.1, 0.12, 0.2], ..medium(1.0, 0.9, 0.4) }, 5.0);
+    let smoke = body(&mut scene, Medium { emission: [0.3, 0.1, 0.0], ..medium(2.0, 0.7, 0.2) });
+    sphere(&mut scene, [-0.8, 0.0, 0.0], 0.7, smoke);
+    let values = std::sync::Arc::new((0..9 * 5 * 4).map(|i| (i % 5) as f32).collect());
+    let (min, max) = (DVec3::new(-0.5, 0.6, -0.6), DVec3::new(0.3, 1.1, 0.1));
+    let grid = scene.add_grid(Grid { name: "cloud".into(), size: [9, 5, 4], values, min, max });
+    let cloud = body(&mut scene, Medium { grid: Some(grid), ..medium(2.0, 0.9, 0.2) });
+    sphere(&mut scene, [-0.1, 0.9, -0.2], 0.6, cloud);
+    let tint = ColorSlot::constant([1.0; 3]);
+    let model = Model::Dielectric { ior: 1.33, tint, fresnel: FresnelModel::Exact };
+    let milk = Material { medium: Some(medium(6.0, 0.99, 0.7)), ..Material::new("milk", model) };
+    let milk = material(&mut scene, milk);
+    sphere(&mut scene, [0.8, 0.0, 0.0], 0.6, milk);
+    let clay = material(&mut scene, Material::lambert("clay", [0.6, 0.4, 0.3]));
+    sphere(&mut scene, [0.0, -101.0, 0.0], 100.0, clay);
+    let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], false));
+    sphere(&mut scene, [0.0, 1.2, 0.3], 0.15, lamp);
+    let kind = LightKind::Point { position: DVec3::new(-1.5, 1.0, 1.5) };
+    scene.lights.push(Light { name: "point".into(), kind, intensity: [2.0; 3], group: String::new() });
+    scene.cameras.push(camera(DVec3::new(0.0, 0.5, 4.0), DVec3::ZERO, DVec3::Y, 45.0));
+    scene
+}
+
+#[test]
+fn pictures_with_media_have_the_same_bits_everywhere() {
+    assert_same_bits("media", &everything(), &options(32, 4, 20));
+}
+
+#[test]
+fn splitting_keeps_the_picture_of_media() {
+    use oscura::render::Splitting;
+    let mut scene = lit_all_around();
+    scene.fog = fog(medium(0.3, 0.8, 0.4), 2.0);
+    let clay = material(&mut scene, Material::lambert("clay", [0.6, 0.4, 0.3]));
+    sphere(&mut scene, [0.0; 3], 0.5, clay);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.5, 4.0), DVec3::ZERO, DVec3::Y, 45.0));
+    let alone = options(32, 32, 20).splitting(Splitting::OFF);
+    let split = alone.splitting(Splitting::Into(4));
+    assert!(bits(&picture(&scene, &alone)) != bits(&picture(&scene, &split)));
+    assert_same_means("splitting", &scene, [&alone, &split], 16);
+}
+
+/// Densities that no light crosses, and such that hardly anything is there.
+#[test]
+fn extreme_densities_give_numbers() {
+    for extinction in [0.0, 1e-30, 1e-9, 1e6, 1e9] {
+        let mut scene = everything();
+        let extreme = medium(extinction, 1.0, 0.99);
+        scene.fog = fog(extreme, NO_END);
+        for material in &mut scene.materials {
+            material.medium = material.medium.map(|_| extreme);
+        }
+        // Counts numbers that are none.
+        picture(&scene, &options(16, 4, 30));
+    }
+}
