@@ -44,6 +44,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
         matte_levels: args.crypto_levels,
         light_groups: args.light_groups,
+        halves: false,
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
         splitting: args.splitting,

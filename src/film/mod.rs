@@ -61,8 +61,15 @@ impl Film {
     /// # Errors
     /// A usage error that tells how much memory it takes, if that isn't there.
     pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
+        Film::of_layout(width, height, Layout::new(further))
+    }
+
+    /// An empty film that holds what the layout says.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    pub fn of_layout(width: u32, height: u32, layout: Layout) -> Result<Film> {
         let pixels = u64::from(width) * u64::from(height);
-        let layout = Layout::new(further);
         let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout));
         let sums = sums.ok_or_else(|| {
             let gib = pixels as f64 * layout.bytes_per_pixel() as f64 / f64::from(1u32 << 30);
@@ -137,6 +144,17 @@ impl Film {
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
         self.sums.mean_rgba(self.index(x, y))
+    }
+
+    /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
+    /// zero where a half has no sample. The halves are nearly independent: half the difference of their means estimates the
+    /// error of the mean of all. `None` unless the film keeps them apart (see
+    /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
+    pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+        let of = |half: usize| {
+            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel)[half]).collect()
+        };
+        self.layout.has_halves().then(|| [of(0), of(1)])
     }
 
     /// Valid samples that a pixel has.

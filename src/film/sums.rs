@@ -9,6 +9,8 @@ pub struct Layout {
     pub(super) channels: Vec<Channel>,
     /// Whether any channel shows first hits.
     pub(super) has_first_hits: bool,
+    /// Whether the colour of the first half of each pixel's samples is kept apart.
+    pub(super) has_halves: bool,
 }
 
 impl Layout {
@@ -17,7 +19,12 @@ impl Layout {
         let mut channels = vec![Channel::color()];
         channels.extend(further);
         let has_first_hits = channels.iter().any(|channel| channel.source == Source::FirstHit);
-        Layout { channels, has_first_hits }
+        Layout { channels, has_first_hits, has_halves: false }
+    }
+
+    /// The same, with the colour of the first half of each pixel's samples kept apart if `has_halves`.
+    pub fn with_halves(self, has_halves: bool) -> Layout {
+        Layout { has_halves, ..self }
     }
 
     /// All channels but colour.
@@ -32,15 +39,28 @@ impl Layout {
 
     /// Are there more than colour?
     pub fn has_more_than_color(&self) -> bool {
-        self.channels.len() > 1
+        self.channels.len() > 1 || self.has_halves
+    }
+
+    /// Is the first half of each pixel's samples kept apart?
+    pub fn has_halves(&self) -> bool {
+        self.has_halves
     }
 
     /// Bytes for one pixel.
     pub fn bytes_per_pixel(&self) -> u64 {
         let counts = size_of::<u32>() * (1 + usize::from(self.has_first_hits));
         let further: usize = self.further().iter().map(Accumulator::bytes_per_pixel).sum();
-        (size_of::<[f64; 4]>() + counts + further) as u64
+        let halves = if self.has_halves { size_of::<HalfSum>() } else { 0 };
+        (size_of::<[f64; 4]>() + counts + further + halves) as u64
     }
+}
+
+/// Red, green and blue of the first half of a pixel's samples, and how many there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct HalfSum {
+    rgb: [f64; 3],
+    count: u32,
 }
 
 /// Sums and counts, one entry a pixel.
@@ -54,18 +74,27 @@ pub(super) struct Sums {
     hits: Vec<u32>,
     /// One for each channel beyond colour.
     further: Vec<Accumulator>,
+    /// Empty where halves are not kept apart.
+    first_half: Vec<HalfSum>,
 }
 
 impl Sums {
     /// Empty sums; `None` if the memory isn't there.
     pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
         let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
+        let halves = |pixels| {
+            let mut list = Vec::new();
+            list.try_reserve_exact(pixels).ok()?;
+            list.resize(pixels, HalfSum::default());
+            Some(list)
+        };
         let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels));
         Some(Sums {
             rgba: bytemuck::try_zeroed_vec(pixels).ok()?,
             count: counts(pixels)?,
             hits: counts(if layout.has_first_hits { pixels } else { 0 })?,
             further: further.collect::<Option<_>>()?,
+            first_half: halves(if layout.has_halves { pixels } else { 0 })?,
         })
     }
 
@@ -78,6 +107,24 @@ impl Sums {
         sum[2] += f64::from(rgb[2]);
         sum[3] += f64::from(alpha);
         self.count[pixel] += 1;
+    }
+
+    /// Adds a sample of the first half, whose colour was added.
+    pub fn add_to_first_half(&mut self, pixel: usize, rgb: [f32; 3]) {
+        let half = &mut self.first_half[pixel];
+        half.rgb.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
+        half.count += 1;
+    }
+
+    /// Mean colour of the first and of the second half of a pixel's samples; zero where there are none.
+    pub fn halves(&self, pixel: usize) -> [[f32; 3]; 2] {
+        let HalfSum { rgb, count } = self.first_half[pixel];
+        let all = &self.rgba[pixel];
+        let (first, second) = (reciprocal(count), reciprocal(self.count[pixel] - count));
+        [
+            std::array::from_fn(|c| (rgb[c] * first) as f32),
+            std::array::from_fn(|c| ((all[c] - rgb[c]) * second) as f32),
+        ]
     }
 
     /// Adds what the channels beyond colour take from a sample whose colour was added.
@@ -128,6 +175,13 @@ impl Sums {
         let rgba = other.rgba[there.clone()].iter().flatten();
         self.rgba[here.clone()].iter_mut().flatten().zip(rgba).for_each(|(sum, value)| *sum += value);
         count(&mut self.count[here.clone()], &other.count[there.clone()]);
+        if layout.has_halves {
+            for (into, from) in self.first_half[here.clone()].iter_mut().zip(&other.first_half[there.clone()])
+            {
+                into.rgb.iter_mut().zip(from.rgb).for_each(|(sum, value)| *sum += value);
+                into.count = into.count.saturating_add(from.count);
+            }
+        }
         if layout.has_first_hits {
             count(&mut self.hits[here], &other.hits[there]);
         }

@@ -101,6 +101,9 @@ pub struct RenderOptions {
     pub matte_levels: u32,
     /// Record the light of each of the scene's groups of lights besides colour. Default false.
     pub light_groups: bool,
+    /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
+    /// Default false.
+    pub halves: bool,
     /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
     /// true.
     pub soft_terminator: bool,
@@ -176,6 +179,7 @@ impl Default for RenderOptions {
             aovs: AovSet::NONE,
             matte_levels: MATTE_LEVELS,
             light_groups: false,
+            halves: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
             splitting: Splitting::default(),
@@ -232,6 +236,12 @@ impl RenderOptions {
     #[must_use]
     pub fn light_groups(self, light_groups: bool) -> RenderOptions {
         RenderOptions { light_groups, ..self }
+    }
+
+    /// Sets whether the halves of the samples are kept apart.
+    #[must_use]
+    pub fn halves(self, halves: bool) -> RenderOptions {
+        RenderOptions { halves, ..self }
     }
 
     /// Sets whether the shadow terminator is softened.

@@ -14,7 +14,7 @@ use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Channel, Film, FilterSampler};
+use crate::film::{Channel, Film, FilterSampler, Layout};
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
 use crate::scene::Camera;
@@ -89,7 +89,8 @@ impl Rendering {
     ) -> Result<Rendering> {
         let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
         let further = options.aovs.channels_with(options.matte_levels).chain(groups);
-        let film = Film::try_new(options.width, options.height, further)?;
+        let layout = Layout::new(further).with_halves(options.halves);
+        let film = Film::of_layout(options.width, options.height, layout)?;
         let scene = scene.into();
         let view = View::new(&scene, camera, options.width, options.height);
         let stopwatch = Stopwatch::start(Spent::default());

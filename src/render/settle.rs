@@ -25,6 +25,8 @@ pub struct Choices {
     pub matte_levels: u32,
     /// See [`RenderOptions::light_groups`].
     pub light_groups: bool,
+    /// See [`RenderOptions::halves`].
+    pub halves: bool,
     /// See [`RenderOptions::soft_terminator`].
     pub soft_terminator: bool,
     /// See [`RenderOptions::path_reuse`].
@@ -64,6 +66,7 @@ impl Default for Choices {
             aovs: options.aovs,
             matte_levels: options.matte_levels,
             light_groups: options.light_groups,
+            halves: options.halves,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
             splitting: options.splitting,
@@ -93,6 +96,7 @@ impl Choices {
             .aovs(self.aovs.union(aovs_of(&settings)?))
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
+            .halves(self.halves)
             .soft_terminator(self.soft_terminator)
             .path_reuse(self.path_reuse)
             .splitting(self.splitting)
