@@ -4,9 +4,11 @@
 mod aov_arg;
 mod args;
 mod asset_args;
+mod batch;
 mod beside;
 mod blender_args;
 mod cache;
+mod checkpoint;
 mod compare;
 mod environment;
 mod excerpt;
@@ -15,7 +17,10 @@ mod frames;
 mod help;
 mod inspect;
 mod json;
+mod limits;
+mod long_args;
 mod markdown;
+mod merge;
 mod new;
 mod orbit;
 mod outcome;
@@ -52,7 +57,8 @@ pub(crate) fn main() -> ExitCode {
         },
     };
     let (json, result) = match arguments.command {
-        Command::Render(a) => (a.json, render::run(&a)),
+        Command::Render(a) => (a.json, batch::run(&a)),
+        Command::Merge(a) => (a.json, merge::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),

@@ -21,6 +21,7 @@ mod tree;
 mod view;
 
 pub use compiler::Compiler;
+pub use content::{Fingerprint, of_mesh};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};
 pub use medium::Medium;

@@ -6,8 +6,10 @@
 mod accumulator;
 mod aov;
 mod aov_set;
+mod bytes;
 mod channel;
 mod coverage;
+mod exact;
 mod filter;
 mod matte;
 mod sums;
@@ -31,6 +33,8 @@ use sums::Sums;
 pub struct Film {
     width: u32,
     height: u32,
+    /// Where its first pixel stands in the picture that it is a part of.
+    origin: (u32, u32),
     layout: Arc<Layout>,
     sums: Sums,
     invalid_samples: u64,
@@ -70,7 +74,7 @@ impl Film {
     /// As for [`Film::try_new`].
     pub fn of_layout(width: u32, height: u32, layout: Layout) -> Result<Film> {
         let pixels = u64::from(width) * u64::from(height);
-        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout));
+        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout, true));
         let sums = sums.ok_or_else(|| {
             let gib = pixels as f64 * layout.bytes_per_pixel() as f64 / f64::from(1u32 << 30);
             Error::usage(format!(
@@ -78,7 +82,25 @@ impl Film {
             ))
             .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
-        Ok(Film { width, height, layout: Arc::new(layout), sums, invalid_samples: 0 })
+        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), sums, invalid_samples: 0 })
+    }
+
+    /// A film without pixels, for tiles of this layout.
+    pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
+        let sums = Sums::try_new(0, layout, true).expect("nothing takes no memory");
+        Film { width: 0, height: 0, origin: (0, 0), layout: layout.clone(), sums, invalid_samples: 0 }
+    }
+
+    /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
+    /// that picture, and only what is within the part is taken.
+    #[must_use]
+    pub fn at(self, x0: u32, y0: u32) -> Film {
+        Film { origin: (x0, y0), ..self }
+    }
+
+    /// Where its first pixel stands in the picture that it is a part of.
+    pub fn origin(&self) -> (u32, u32) {
+        self.origin
     }
 
     /// Pixels in a row.
@@ -117,23 +139,48 @@ impl Film {
         FilmTile::new(x0, y0, width.min(self.width - x0), height.min(self.height - y0), &self.layout)
     }
 
-    /// Adds a tile. For the same picture at any number of threads, merge the tiles that share pixels in one order.
+    /// Adds a tile, as far as it is within the film.
     ///
     /// # Panics
-    /// If the tile reaches beyond the film or has other channels.
+    /// If the tile has other channels.
     pub fn merge(&mut self, tile: FilmTile) {
-        assert!(
-            tile.x0 + tile.width <= self.width && tile.y0 + tile.height <= self.height,
-            "a tile reaches beyond the film"
-        );
         let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
         assert!(is_ours, "a tile has other channels than the film");
-        for row in 0..tile.height {
-            let at = self.index(tile.x0, tile.y0 + row);
-            let from = row as usize * tile.width as usize;
-            self.sums.add_row(at, &tile.sums, from, tile.width as usize, &self.layout);
-        }
+        self.add_sums(&tile.sums, (tile.x0, tile.y0), (tile.width, tile.height));
         self.invalid_samples += tile.invalid_samples;
+    }
+
+    /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
+    /// order, but for channels that show first samples.
+    ///
+    /// # Panics
+    /// If it has other channels.
+    pub fn merge_film(&mut self, other: &Film) {
+        assert!(other.layout == self.layout, "films have different channels");
+        self.add_sums(&other.sums, other.origin, (other.width, other.height));
+        self.invalid_samples += other.invalid_samples;
+    }
+
+    /// Counts the samples that were left out, where each pixel was brought so many.
+    pub fn count_invalid(&mut self, brought: u32) {
+        let brought = u64::from(brought) * self.sums.count.len() as u64;
+        let valid: u64 = self.sums.count.iter().map(|&n| u64::from(n)).sum();
+        self.invalid_samples = brought.saturating_sub(valid);
+    }
+
+    /// Adds what is within the film of sums that stand at a place of the picture and are so large.
+    fn add_sums(&mut self, sums: &Sums, (x0, y0): (u32, u32), (width, height): (u32, u32)) {
+        let (left, top) = (x0.max(self.origin.0), y0.max(self.origin.1));
+        let right = (x0 + width).min(self.origin.0 + self.width);
+        let bottom = (y0 + height).min(self.origin.1 + self.height);
+        if left >= right {
+            return;
+        }
+        for y in top..bottom {
+            let at = self.index(left - self.origin.0, y - self.origin.1);
+            let from = (y - y0) as usize * width as usize + (left - x0) as usize;
+            self.sums.add_row(at, sums, from, (right - left) as usize, &self.layout);
+        }
     }
 
     /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.

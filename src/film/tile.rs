@@ -26,7 +26,7 @@ impl FilmTile {
     /// # Panics
     /// If there is no memory for it.
     pub fn new(x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
-        let sums = Sums::try_new(width as usize * height as usize, layout);
+        let sums = Sums::try_new(width as usize * height as usize, layout, false);
         let sums = sums.expect("there is memory for a tile");
         FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 }
     }

@@ -53,21 +53,7 @@ impl Picture {
 
     /// Lays a scene's backdrop behind the pixels that are transparent.
     pub fn put_behind(&mut self, backdrop: &Backdrop) {
-        let (width, height) = (self.film.width(), self.film.height());
-        match backdrop {
-            Backdrop::Color(color) => self.film.put_behind(|_, _| *color),
-            Backdrop::Picture(image) => {
-                let scale = (f64::from(image.width) / f64::from(width))
-                    .min(f64::from(image.height) / f64::from(height));
-                self.film.put_behind(|x, y| {
-                    let place = |p: u32, own: u32, of: u32| {
-                        let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
-                        f64::from(of) / 2.0 + scale * from_middle
-                    };
-                    bilinear(image, place(x, width, image.width), place(y, height, image.height))
-                });
-            }
-        }
+        put_behind(&mut self.film, backdrop);
     }
 
     /// Says in headers how far from the world's origin the scene's coordinates have theirs; zero is not said.
@@ -88,6 +74,25 @@ impl Picture {
     /// What was ignored, approximated or repaired on the way from the file to the picture.
     pub fn warnings(&self) -> &[Warning] {
         &self.warnings
+    }
+}
+
+/// Lays a scene's backdrop behind the pixels of a film that are transparent.
+pub fn put_behind(film: &mut Film, backdrop: &Backdrop) {
+    let (width, height) = (film.width(), film.height());
+    match backdrop {
+        Backdrop::Color(color) => film.put_behind(|_, _| *color),
+        Backdrop::Picture(image) => {
+            let scale =
+                (f64::from(image.width) / f64::from(width)).min(f64::from(image.height) / f64::from(height));
+            film.put_behind(|x, y| {
+                let place = |p: u32, own: u32, of: u32| {
+                    let from_middle = f64::from(p) + 0.5 - f64::from(own) / 2.0;
+                    f64::from(of) / 2.0 + scale * from_middle
+                };
+                bilinear(image, place(x, width, image.width), place(y, height, image.height))
+            });
+        }
     }
 }
 

@@ -7,6 +7,7 @@ use super::options::RenderOptions;
 use super::pilot::{self, Best, Errors, Tally, Trial};
 use super::progress::{Listener, Progress};
 use super::schedule::Pass;
+use super::share::within;
 use super::technique::Technique;
 use super::tiles::{Tiles, parts};
 use crate::compile::{CompiledScene, View};
@@ -47,6 +48,9 @@ impl PassWork<'_> {
     pub fn run(&self, technique: Technique, trials: &[Trial]) -> bool {
         let tracer = self.tracer(technique, false);
         let blocks = pilot::without(tracer.tiles.blocks(self.view, self.pass), trials);
+        let region = self.options.pixels();
+        let shares = technique.shape().is_some();
+        let blocks: Vec<Block> = blocks.iter().filter_map(|b| within(&region, b, shares)).collect();
         let one = |block: &Block| {
             let Some(errors) = &self.errors else { return self.take(&tracer, block, None) };
             let mut tally = Tally::new(block);
@@ -98,7 +102,10 @@ impl PassWork<'_> {
 
     fn tracer(&self, technique: Technique, keeps_plain: bool) -> Tracer<'_> {
         let branches = technique.branches();
-        let even = || Arrangement::new(self.options.seed, self.options.samples.saturating_mul(branches));
+        let even = || {
+            let RenderOptions { seed, samples, planned, .. } = *self.options;
+            Arrangement::new(seed, samples.max(planned), branches)
+        };
         let reuse = technique.shape().map(|shape| Tiling::new(shape, self.pass.first_sample));
         let tiles = Tiles::of(self.pass, reuse.as_ref(), self.allotment.is_some());
         let paths = PathOptions {
