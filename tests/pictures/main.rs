@@ -7,6 +7,7 @@ mod converged;
 mod determinism;
 mod lamps;
 mod one_sided;
+mod parts;
 mod passes;
 mod path_reuse;
 mod references;
