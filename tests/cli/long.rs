@@ -68,7 +68,11 @@ fn parts_are_put_together_to_the_same_bytes() {
     shoot(folder, &["--spp", "20", "-o", "e.part", "--sample-range", "0..8", "--seed", "3"]);
     let foreign = merge(&["d.part", "e.part", "c.part", "-o", "y.exr"]);
     assert_eq!(code(&foreign), 3);
-    assert!(stderr(&foreign).contains("seed is 0 here and 3 there"), "{}", stderr(&foreign));
+    assert!(
+        stderr(&foreign).contains("e.part: is of another picture than c.part: seed is 0 here and 3 there"),
+        "{}",
+        stderr(&foreign)
+    );
     fs::write(folder.join("f.part"), "text").unwrap();
     let broken = merge(&["d.part", "f.part", "-o", "y.exr"]);
     assert_eq!((code(&broken), folder.join("y.exr").exists()), (3, false));
@@ -156,7 +160,7 @@ fn progress_for_programs() {
     };
     let line: serde_json::Value =
         serde_json::from_str(told("json").0.lines().last().expect("a line")).unwrap();
-    assert_eq!((&line["event"], &line["progress"]), (&"progress".into(), &1.0.into()));
+    assert_eq!((line["event"].as_str(), line["progress"].as_f64()), (Some("progress"), Some(1.0)));
     assert!(told("openjd").0.contains("openjd_progress: 100.00\n"));
     assert_eq!((told("none").0, told("plain").0), (String::new(), String::new()));
 }
@@ -170,11 +174,11 @@ fn noise_that_is_asked_for_is_reached() {
         assert_eq!(code(&output), 0, "{}", stderr(&output));
         report(&output)
     };
-    let said = told(&["--noise", "12", "--spp", "400"]);
+    let said = told(&["--noise", "3", "--spp", "400"]);
     let (error, samples) =
         (said["estimated_error"].as_f64().unwrap(), said["samples_per_pixel"].as_f64().unwrap());
-    assert!((0.06..=0.12).contains(&error) && samples < 400.0, "{said}");
-    let again = told(&["--noise", "12", "--spp", "400", "--threads", "1"]);
+    assert!((0.02..=0.03).contains(&error) && samples < 400.0, "{said}");
+    let again = told(&["--noise", "3", "--spp", "400", "--threads", "1"]);
     assert_eq!(again["estimated_error"], said["estimated_error"]);
     assert_eq!(told(&["--noise", "0.01", "--spp", "40"])["samples_per_pixel"], 40);
 }

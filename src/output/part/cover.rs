@@ -34,7 +34,7 @@ fn words(&[(x0, x1), (y0, y1), (from, to)]: &Bounds) -> String {
 /// # Errors
 /// An input error that lists all that are wrong.
 pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
-    let Some((first_file, first)) = parts.first() else { return Ok(Vec::new()) };
+    let Some((first_file, first)) = most_common(parts) else { return Ok(Vec::new()) };
     let foreign = parts.iter().filter_map(|(file, header)| {
         let mut different = differences(&first.identity, &header.identity);
         if (header.width, header.height, header.samples) != (first.width, first.height, first.samples)
@@ -63,6 +63,18 @@ pub fn check_parts(parts: &[(PathBuf, PartHeader)]) -> Result<Vec<String>> {
         return Err(Error::input_problems(first_file, problems));
     }
     Ok(missing(parts, first))
+}
+
+/// A part of the picture that most are of.
+fn most_common(parts: &[(PathBuf, PartHeader)]) -> Option<&(PathBuf, PartHeader)> {
+    let mut counts: Vec<(&(PathBuf, PartHeader), usize)> = Vec::new();
+    for part in parts {
+        match counts.iter_mut().find(|(other, _)| other.1.identity == part.1.identity) {
+            Some((_, count)) => *count += 1,
+            None => counts.push((part, 1)),
+        }
+    }
+    counts.into_iter().rev().max_by_key(|(_, count)| *count).map(|(part, _)| part)
 }
 
 /// Pairs of parts that have something in common.
