@@ -5,6 +5,7 @@ use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
 use super::frames::Frames;
+use super::long_args::LongArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -155,10 +156,14 @@ pub(crate) enum ViewArg {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
-    /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
+    /// The scenes, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
+    #[arg(required = true, value_name = "SCENE")]
+    pub scenes: Vec<PathBuf>,
+    /// The one of them that is rendered now.
+    #[arg(skip)]
     pub scene: PathBuf,
-    /// File to write, .exr or .png (with --orbit also .gif or .apng); may be given several times. In a sequence, ####
-    /// stands for the frame.
+    /// File to write, .exr, .png or .part (with --orbit also .gif or .apng); may be given several times. In a sequence,
+    /// #### stands for the frame; {stem} stands for the scene's name without its extension.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
@@ -167,9 +172,6 @@ pub(crate) struct RenderArgs {
     /// Frames a second of a sequence or a moving picture.
     #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
-    /// Leave out those frames of a sequence whose pictures exist; a frame that is interrupted is not written.
-    #[arg(long, requires = "frames")]
-    pub resume: bool,
     /// Render N pictures while the camera goes once around: numbered files, or one .gif or .apng.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
@@ -218,12 +220,6 @@ pub(crate) struct RenderArgs {
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
-    /// Stop after this many seconds of rendering and write what is there.
-    #[arg(long, value_name = "S", value_parser = seconds)]
-    pub time_limit: Option<std::time::Duration>,
-    /// Also write the picture so far, each time that so many seconds of rendering have passed.
-    #[arg(long, value_name = "S", value_parser = seconds, conflicts_with = "resume")]
-    pub save_every: Option<std::time::Duration>,
     /// Show the picture in the browser while it renders; =address prints the page's address only.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page", hide_possible_values = true)]
     pub preview: Option<PreviewArg>,
@@ -289,6 +285,8 @@ pub(crate) struct RenderArgs {
     pub json: bool,
     #[command(flatten)]
     pub place: CameraArgs,
+    #[command(flatten)]
+    pub long: LongArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]
@@ -386,13 +384,4 @@ fn degrees(text: &str) -> Result<f64, String> {
 /// The range is that of scene files.
 fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
-}
-
-fn seconds(text: &str) -> Result<std::time::Duration, String> {
-    let value: f64 = text.parse().map_err(|_| "not a number of seconds".to_string())?;
-    let valid = value > 0.0;
-    std::time::Duration::try_from_secs_f64(value)
-        .ok()
-        .filter(|_| valid)
-        .ok_or_else(|| "must be a number of seconds above 0".to_string())
 }

@@ -4,6 +4,7 @@ use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
     ThumbArgs,
 };
+use super::long_args::MergeArgs;
 use super::view::{self, ViewArgs};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -43,6 +44,8 @@ impl Arguments {
 pub(crate) enum Command {
     /// Render a scene to EXR and PNG files.
     Render(Box<RenderArgs>),
+    /// Put a picture together from parts.
+    Merge(MergeArgs),
     /// Say what is in a scene and what would not be rendered.
     Inspect(InspectArgs),
     /// Export a Blender file as .glb with an .oscura.toml of what glTF can't carry.

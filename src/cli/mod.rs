@@ -4,10 +4,12 @@
 mod aov_arg;
 mod args;
 mod asset_args;
+mod batch;
 mod beside;
 mod blender_args;
 mod cache;
 mod camera_args;
+mod checkpoint;
 mod command_line;
 mod compare;
 mod environment;
@@ -17,7 +19,10 @@ mod frames;
 mod help;
 mod inspect;
 mod json;
+mod limits;
+mod long_args;
 mod markdown;
+mod merge;
 mod new;
 mod orbit;
 mod outcome;
@@ -55,7 +60,8 @@ pub(crate) fn main() -> ExitCode {
         },
     };
     let (json, result) = match arguments.command {
-        Command::Render(a) => (a.json, render::run(&a)),
+        Command::Render(a) => (a.json, batch::run(&a)),
+        Command::Merge(a) => (a.json, merge::run(&a)),
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),

@@ -11,43 +11,73 @@ use oscura::render::{Picture, Rendering};
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
+/// The extension of files of sums.
+const PART: &str = "part";
+
 /// Files to write, checked before any work.
-pub(crate) struct Targets(Vec<(PathBuf, Format)>);
+pub(crate) struct Targets {
+    pictures: Vec<(PathBuf, Format)>,
+    parts: Vec<PathBuf>,
+}
 
 impl Targets {
     /// # Errors
     /// A usage error for unknown formats and for one file given twice; an output error for one that can't be written.
     pub fn check(paths: &[PathBuf]) -> Result<Targets> {
-        let mut targets: Vec<(PathBuf, Format)> = Vec::new();
-        for path in paths {
-            let format = Format::of(path)?;
-            if let Some((earlier, _)) = targets.iter().find(|(t, _)| is_same_target(t, path)) {
+        let mut targets = Targets { pictures: Vec::new(), parts: Vec::new() };
+        for (at, path) in paths.iter().enumerate() {
+            if let Some(earlier) = paths[..at].iter().find(|earlier| is_same_target(earlier, path)) {
                 let message = format!("-o {} is given twice", path.display());
                 let same = format!("it is the same file as -o {}", earlier.display());
                 return Err(Error::usage(message).with_help(same));
             }
-            targets.push((path.clone(), format));
+            match path.extension().is_some_and(|e| e.eq_ignore_ascii_case(PART)) {
+                true => targets.parts.push(path.clone()),
+                false => targets.pictures.push((path.clone(), Format::of(path)?)),
+            }
         }
         paths.iter().try_for_each(check_target)?;
-        Ok(Targets(targets))
+        Ok(targets)
     }
 
-    /// Is any of them an EXR?
+    /// Is any of them an EXR, or may it become one?
     pub fn has_exr(&self) -> bool {
-        self.0.iter().any(|(_, format)| *format == Format::Exr)
+        !self.parts.is_empty() || self.pictures.iter().any(|(_, format)| *format == Format::Exr)
+    }
+
+    /// Those that hold sums.
+    pub fn parts(&self) -> &[PathBuf] {
+        &self.parts
     }
 
     /// Their names.
     pub fn names(&self) -> Vec<String> {
-        self.0.iter().map(|(path, _)| path.display().to_string()).collect()
+        let pictures = self.pictures.iter().map(|(path, _)| path);
+        pictures.chain(&self.parts).map(|path| path.display().to_string()).collect()
+    }
+}
+
+/// How files are written, whatever picture they show.
+pub(crate) struct How {
+    /// Whose picture it is.
+    pub owner: Option<String>,
+    /// Leave times and dates out.
+    pub reproducible: bool,
+    /// Write 32-bit colours.
+    pub float: bool,
+}
+
+impl From<&RenderArgs> for How {
+    fn from(args: &RenderArgs) -> How {
+        How { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float }
     }
 }
 
 /// A picture before it is encoded: when all is rendered, or on the way.
 pub(crate) struct Shot<'a> {
-    film: Cow<'a, Film>,
-    warnings: Vec<Warning>,
-    metadata: Metadata,
+    pub film: Cow<'a, Film>,
+    pub warnings: Vec<Warning>,
+    pub metadata: Metadata,
 }
 
 impl<'a> From<&'a Picture> for Shot<'a> {
@@ -83,21 +113,21 @@ pub(crate) struct Pictures<'a> {
 impl<'a> Pictures<'a> {
     /// Encodes all pictures, so that an encoder's refusal leaves no file at all.
     pub fn encode(
-        args: &RenderArgs,
+        how: &How,
         targets: &'a Targets,
         shot: Shot,
         png: PngOptions,
         earlier: &[Warning],
     ) -> Result<Pictures<'a>> {
         let Shot { film, mut warnings, mut metadata } = shot;
-        metadata.owner.clone_from(&args.owner);
+        metadata.owner.clone_from(&how.owner);
         metadata.warnings = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
-        if args.reproducible {
+        if how.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }
-        let options = OutputOptions { float: args.float, png, metadata };
+        let options = OutputOptions { float: how.float, png, metadata };
         let mut files = Vec::new();
-        for (path, format) in &targets.0 {
+        for (path, format) in &targets.pictures {
             let mut encoded = encode(&film, *format, &options, path)?;
             for warning in encoded.warnings.drain(..) {
                 warnings.push(Warning { file: Some(path.clone()), ..warning });

@@ -1,19 +1,57 @@
 //! Progress while rendering: a bar on a terminal, plain lines elsewhere.
 
+use super::json;
+use super::report::print_line;
+use clap::ValueEnum;
 use indicatif::{ProgressBar, ProgressStyle};
 use oscura::render::Event;
+use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Mutex;
 use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
+/// Least time between two lines for programs.
+const MACHINE_PAUSE: Duration = Duration::from_millis(500);
+
 /// Least time between two plain lines.
 const PAUSE: Duration = Duration::from_secs(2);
+
+/// How progress is told.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ProgressArg {
+    /// Lines for people, on standard error.
+    Plain,
+    /// A JSON object a line, on standard output.
+    Json,
+    /// As Open Job Description has it: openjd_progress and openjd_status, on standard output.
+    Openjd,
+    /// Not at all.
+    None,
+}
+
+/// A line of `--progress json`.
+#[derive(Serialize)]
+struct ProgressLine {
+    event: &'static str,
+    /// 0..1.
+    progress: f64,
+    samples_done: u64,
+    samples_total: u64,
+    elapsed_s: f64,
+    rays: u64,
+}
 
 /// Shows how far rendering is.
 pub(crate) enum Progress {
     Silent,
+    /// For other programs.
+    Machine {
+        kind: ProgressArg,
+        /// When the last line was printed.
+        last: Mutex<Duration>,
+    },
     Bar {
         bar: ProgressBar,
         /// When rendering ends at the latest.
@@ -29,11 +67,14 @@ pub(crate) enum Progress {
 
 impl Progress {
     /// Chooses by what standard error is. `limit` is the time that rendering may take.
-    pub fn new(quiet: bool, limit: Option<Duration>) -> Progress {
-        if quiet {
+    pub fn new(quiet: bool, kind: Option<ProgressArg>, limit: Option<Duration>) -> Progress {
+        if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
+            return Progress::Machine { kind, last: Mutex::new(Duration::ZERO) };
+        }
+        if quiet || kind == Some(ProgressArg::None) {
             return Progress::Silent;
         }
-        if !std::io::stderr().is_terminal() {
+        if kind == Some(ProgressArg::Plain) || !std::io::stderr().is_terminal() {
             return Progress::Lines { last: Mutex::new(Duration::ZERO), limit };
         }
         let bar = ProgressBar::new(1000);
@@ -47,11 +88,26 @@ impl Progress {
     /// Takes the renderer's news; may be called from any thread.
     pub fn show(&self, event: &Event) {
         let Event::Progress { samples_done, samples_total, rays, elapsed, .. } = *event else { return };
-        let share = samples_done as f64 / samples_total.max(1) as f64;
+        let share = (samples_done as f64 / samples_total.max(1) as f64).min(1.0);
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let speed = rays as f64 / seconds / 1e6;
         match self {
             Progress::Silent => {}
+            Progress::Machine { kind, last } => {
+                let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                if samples_done < samples_total && elapsed < *last + MACHINE_PAUSE {
+                    return;
+                }
+                *last = elapsed;
+                if *kind == ProgressArg::Openjd {
+                    print_line(&format!("openjd_progress: {:.2}", share * 100.0));
+                    print_line(&format!("openjd_status: rendering, {seconds:.0} s, {speed:.1} M rays/s"));
+                    return;
+                }
+                let elapsed_s = elapsed.as_secs_f64();
+                let (event, progress) = ("progress", share);
+                json::print(&ProgressLine { event, progress, samples_done, samples_total, elapsed_s, rays });
+            }
             Progress::Bar { bar, limit } => {
                 bar.set_position((share * 1000.0) as u64);
                 let left = left(share, elapsed, *limit);

@@ -4,10 +4,9 @@ use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
 use super::pictures::Targets;
-use super::process::cancel_by_signals;
 use super::settings::choices;
 use super::shot::{Kept, load_options, load_scene, run_one};
-use super::{Outcome, orbit, scene_path};
+use super::{Outcome, checkpoint, limits, orbit, scene_path};
 use oscura::compile::Compiler;
 use oscura::error::Result;
 use oscura::load::{is_of_blender, load_frames};
@@ -15,15 +14,16 @@ use oscura::render::{CancelHandle, in_pool};
 use std::ops::ControlFlow;
 use std::time::Instant;
 
-pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
-    let cancel = cancel_by_signals()?;
-    in_pool(args.threads.map(usize::from), || run_all(args, &cancel))
+/// Renders what the arguments say of their scene.
+pub(super) fn run(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
+    in_pool(args.threads.map(usize::from), || run_all(args, cancel))
         .map_err(|error| error.with_help("ask for fewer with --threads"))?
 }
 
 /// Renders one picture, or each of a sequence.
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     choices(args).check_size()?;
+    checkpoint::check(args)?;
     if let Some(count) = args.orbit {
         return orbit::run(args, count, cancel);
     }
@@ -31,6 +31,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         let targets = Targets::check(&args.output)?;
         let start = Instant::now();
         scene_path::check(&args.scene)?;
+        limits::before_loading(args)?;
         let environment = EnvironmentOverride::load(args)?;
         let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
         let mut kept = Kept::new(args, Compiler::single())?;
@@ -40,12 +41,13 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
-    let is_missing = |&number: &u32| !args.resume || !file(number).iter().all(|path| path.exists());
+    let is_missing = |&number: &u32| !args.long.resume || !file(number).iter().all(|path| path.exists());
     let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
     let mut kept = Kept::new(args, Compiler::sequence())?;
     scene_path::check(&args.scene)?;
+    limits::before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
     load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
         let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
@@ -56,7 +58,9 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
                 false => eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
             }
         }
-        outcome = run_one(args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
+        let mut args = args.clone();
+        args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
+        outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
         start = Instant::now();
         Ok(match outcome {
             Outcome::Done => ControlFlow::Continue(()),

@@ -185,6 +185,9 @@ impl Run {
             s.rays as f64 / s.render_s.max(1e-9) / 1e6,
             self.write_s
         );
+        if let Some(error) = s.error {
+            eprintln!("noise    {:.2} % relative error, estimated", error * 100.0);
+        }
         if let Some(bytes) = self.peak_memory {
             eprintln!("memory   {:.1} MiB at most", mib(bytes));
         }

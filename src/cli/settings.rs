@@ -7,6 +7,9 @@ use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::{Choices, TreeChoice};
 use oscura::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
 
+/// Samples a pixel at most where the noise decides on their number.
+const MOST_SAMPLES: u32 = 1 << 16;
+
 /// The choices that the arguments make.
 pub(crate) fn choices(args: &RenderArgs) -> Choices {
     let filter = args.filter.map(|f| match f {
@@ -31,7 +34,8 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         settings: Settings {
             width: args.width,
             height: args.height,
-            samples: args.spp,
+            // The noise decides then, unless a number is given.
+            samples: args.spp.or(args.long.noise.map(|_| MOST_SAMPLES)),
             depth: args.depth,
             seed: args.seed,
             filter,
@@ -44,12 +48,17 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
         matte_levels: args.crypto_levels,
         light_groups: args.light_groups,
+        planned: args.long.plan.unwrap_or(0),
+        sample_range: args.long.sample_range,
+        region: args.long.region,
+        halves: false,
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
         splitting: args.splitting,
         adaptive: args.adaptive,
         tree,
-        time_limit: args.time_limit,
+        noise: args.long.noise.map(|percent| percent / 100.0),
+        time_limit: args.long.time_limit,
     }
 }
 

@@ -2,6 +2,7 @@
 
 use super::Outcome;
 use super::args::RenderArgs;
+use super::checkpoint::Keeper;
 use super::environment::EnvironmentOverride;
 use super::page::Preview;
 use super::pictures::{Pictures, Shot, Targets};
@@ -9,7 +10,7 @@ use super::process::peak_memory;
 use super::progress::{Progress, Waiting};
 use super::report::{Run, Said};
 use super::settings::{choices, png, without_exr};
-use super::{json, report_json, terms};
+use super::{json, limits, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
@@ -102,12 +103,15 @@ pub(super) fn run_one(
     stop_before_pixels(cancel)?;
 
     let png = png(args, settled.exposure, is_stage_lit);
-    let encode = |shot: Shot| Pictures::encode(args, targets, shot, png, &warnings);
+    let encode = |shot: Shot| Pictures::encode(&args.into(), targets, shot, png, &warnings);
+    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
         .placed(loaded.scene.backdrop.clone(), loaded.offset);
+    let rendering = keeper.begin(rendering)?;
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
-    let picture = take_picture(args, cancel, rendering, &encode, said, preview.as_mut())?;
-    if args.resume && picture.statistics().interrupted {
+    let (picture, kept) =
+        take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
+    if args.long.resume && args.frames.is_some() && picture.statistics().interrupted {
         // Else it would pass for a finished one the next time.
         return Ok(Outcome::Interrupted);
     }
@@ -123,6 +127,8 @@ pub(super) fn run_one(
         refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
     }
     pictures.write()?;
+    // The pictures come first: who runs out of space for the one may have some for the others.
+    kept?;
     let write_s = start.elapsed().as_secs_f64();
     warnings.extend(pictures.warnings);
 
@@ -167,28 +173,35 @@ fn take_picture<'a>(
     args: &RenderArgs,
     cancel: &CancelHandle,
     rendering: Rendering,
+    keeper: &mut Keeper,
     encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
     said: &mut Said,
     mut preview: Option<&mut Preview>,
-) -> Result<Picture> {
-    let progress = Arc::new(Progress::new(args.quiet, args.time_limit));
+) -> Result<(Picture, Result<()>)> {
+    let progress = Arc::new(Progress::new(args.quiet, args.long.progress, args.long.time_limit));
     let shown = progress.clone();
     let mut rendering =
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
     let mut saved = Instant::now();
-    while rendering.next_pass() == PassOutcome::Progressed {
+    let outcome = loop {
+        keeper.before_pass(&mut rendering, said);
+        let outcome = rendering.next_pass();
+        if outcome != PassOutcome::Progressed {
+            break outcome;
+        }
         preview.iter_mut().for_each(|page| page.show(&rendering, false));
-        if args.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
+        if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
             // A disk that is full for a while is no reason to lose the rest.
             if let Err(error) = encode(Shot::from(&rendering))?.write() {
                 said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
             }
             saved = Instant::now();
         }
-    }
+    };
     preview.iter_mut().for_each(|page| page.show(&rendering, true));
     progress.finish();
-    Ok(rendering.into_picture())
+    let kept = keeper.finish(&mut rendering, outcome);
+    Ok((rendering.into_picture(), kept))
 }
 
 /// All that rendering needs.
@@ -225,6 +238,7 @@ fn prepare(
     let load_s = start.elapsed().as_secs_f64();
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
+    limits::before_building(args, loaded, &settled)?;
     let camera = settled.camera(&loaded.scene)?.clone();
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));

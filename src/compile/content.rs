@@ -8,7 +8,7 @@ use bytemuck::Pod;
 
 /// A running fingerprint of 64 bits: by chance one pair of contents in 2^64 has the same.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Fingerprint(u64);
+pub struct Fingerprint(u64);
 
 /// Odd, and half of its bits are set.
 const FACTOR: u64 = 0x9e37_79b9_7f4a_7c15;
@@ -20,6 +20,11 @@ impl Fingerprint {
     /// With a number more.
     pub fn with(self, number: u64) -> Fingerprint {
         Fingerprint(mix64((self.0 ^ number).wrapping_mul(FACTOR).wrapping_add(number)))
+    }
+
+    /// As a number.
+    pub fn value(self) -> u64 {
+        self.0
     }
 
     /// With another fingerprint.
@@ -55,7 +60,7 @@ impl Fingerprint {
 }
 
 /// Everything of a mesh but its name.
-pub(super) fn of_mesh(mesh: &Mesh) -> Fingerprint {
+pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
     let lists = Fingerprint::START
         .with_all(&mesh.positions)
         .with_all(&mesh.triangles)

@@ -23,6 +23,7 @@ mod tree;
 mod view;
 
 pub use compiler::Compiler;
+pub use content::{Fingerprint, of_mesh};
 pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};

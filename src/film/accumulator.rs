@@ -2,6 +2,7 @@
 
 use super::channel::{Channel, PixelType, Reduction};
 use super::coverage::Coverage;
+use super::exact::SumList;
 use std::ops::Range;
 
 /// Values of one component of a channel, one a pixel, rows from the top.
@@ -36,16 +37,16 @@ pub(super) struct Counts<'a> {
 pub(super) struct Accumulator {
     /// Numbers that a sample brings.
     width: usize,
-    kept: Kept,
+    pub(super) kept: Kept,
 }
 
 /// Sums and the like. Lists hold a channel's components pixel by pixel; all start at zero.
 #[derive(Clone, Debug, PartialEq)]
-enum Kept {
+pub(super) enum Kept {
     /// Sums of values.
-    Sums(Vec<f64>),
+    Sums(SumList),
     /// Sums of values, and of their squares.
-    Moments { sums: Vec<f64>, squares: Vec<f64> },
+    Moments { sums: SumList, squares: SumList },
     /// Smallest values.
     Minimum(Vec<f32>),
     /// Values of the first samples.
@@ -57,16 +58,17 @@ enum Kept {
 }
 
 impl Accumulator {
-    /// Empty; `None` if there is no memory for it.
-    pub fn try_new(channel: &Channel, pixels: usize) -> Option<Accumulator> {
+    /// Empty, of a film or of a tile; `None` if there is no memory for it.
+    pub fn try_new(channel: &Channel, pixels: usize, is_of_film: bool) -> Option<Accumulator> {
         fn zeros<T: bytemuck::Zeroable>(count: usize) -> Option<Vec<T>> {
             bytemuck::try_zeroed_vec(count).ok()
         }
         let width = channel.components();
         let numbers = pixels.checked_mul(width)?;
+        let sums = || SumList::try_new(numbers, is_of_film);
         let kept = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => Kept::Sums(zeros(numbers)?),
-            Reduction::VarianceOfMean => Kept::Moments { sums: zeros(numbers)?, squares: zeros(numbers)? },
+            Reduction::Mean | Reduction::MeanOfHits { .. } => Kept::Sums(sums()?),
+            Reduction::VarianceOfMean => Kept::Moments { sums: sums()?, squares: sums()? },
             Reduction::Minimum { .. } => Kept::Minimum(zeros(numbers)?),
             Reduction::First => Kept::First(zeros(numbers)?),
             Reduction::Coverage => Kept::Coverage(Coverage::try_new(pixels)?),
@@ -77,9 +79,10 @@ impl Accumulator {
 
     /// Bytes for one pixel; lists of ids grow beyond it.
     pub fn bytes_per_pixel(channel: &Channel) -> usize {
+        const SUM: usize = size_of::<f64>() + size_of::<f32>();
         let number = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => size_of::<f64>(),
-            Reduction::VarianceOfMean => 2 * size_of::<f64>(),
+            Reduction::Mean | Reduction::MeanOfHits { .. } => SUM,
+            Reduction::VarianceOfMean => 2 * SUM,
             Reduction::Minimum { .. } | Reduction::First | Reduction::Coverage => size_of::<f32>(),
             Reduction::Count => 0,
         };
@@ -91,10 +94,10 @@ impl Accumulator {
         let places = places(pixel..pixel + 1, self.width);
         match &mut self.kept {
             Kept::Sums(sums) => {
-                sums[places].iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v));
+                sums.high[places].iter_mut().zip(values).for_each(|(sum, &v)| *sum += f64::from(v));
             }
             Kept::Moments { sums, squares } => {
-                let (sums, squares) = (&mut sums[places.clone()], &mut squares[places]);
+                let (sums, squares) = (&mut sums.high[places.clone()], &mut squares.high[places]);
                 for ((sum, square), v) in sums.iter_mut().zip(squares).zip(values) {
                     let v = f64::from(*v);
                     *sum += v;
@@ -115,16 +118,13 @@ impl Accumulator {
     /// Adds pixels of another accumulator of the same channel, which start at `from`, to those that start at `at`.
     /// `before` and `added` count what this and the other have been brought, a pixel each.
     pub fn merge(&mut self, at: usize, other: &Accumulator, from: usize, before: &[u32], added: &[u32]) {
-        fn add(into: &mut [f64], from: &[f64]) {
-            into.iter_mut().zip(from).for_each(|(sum, value)| *sum += value);
-        }
         let (length, width) = (added.len(), self.width);
         let (here, there) = (places(at..at + length, width), places(from..from + length, width));
         match (&mut self.kept, &other.kept) {
-            (Kept::Sums(a), Kept::Sums(b)) => add(&mut a[here], &b[there]),
+            (Kept::Sums(a), Kept::Sums(b)) => a.merge(here.start, b, there.start, here.len()),
             (Kept::Moments { sums, squares }, Kept::Moments { sums: b, squares: b2 }) => {
-                add(&mut sums[here.clone()], &b[there.clone()]);
-                add(&mut squares[here], &b2[there]);
+                sums.merge(here.start, b, there.start, here.len());
+                squares.merge(here.start, b2, there.start, here.len());
             }
             (Kept::Minimum(a), Kept::Minimum(b)) => {
                 let less = |is_first: bool, a: f32, b: f32| if is_first { b } else { a.min(b) };
@@ -157,14 +157,16 @@ impl Accumulator {
         let floats = match (&self.kept, channel.reduction) {
             (Kept::Counts | Kept::Coverage(_), _) => return Values::Uint(brought.to_vec()),
             (Kept::Sums(sums), Reduction::MeanOfHits { empty }) => {
-                let pixels = component_of(sums, self.width, component).zip(brought);
+                let pixels = component_of(&sums.high, self.width, component).zip(brought);
                 pixels.map(|(sum, &hits)| if hits == 0 { empty } else { mean(sum, hits) }).collect()
             }
-            (Kept::Sums(sums), _) => {
-                component_of(sums, self.width, component).zip(samples).map(|(sum, &n)| mean(sum, n)).collect()
-            }
+            (Kept::Sums(sums), _) => component_of(&sums.high, self.width, component)
+                .zip(samples)
+                .map(|(sum, &n)| mean(sum, n))
+                .collect(),
             (Kept::Moments { sums, squares }, _) => {
-                let [sums, squares] = [sums, squares].map(|list| component_of(list, self.width, component));
+                let [sums, squares] =
+                    [sums, squares].map(|list| component_of(&list.high, self.width, component));
                 let pixels = sums.zip(squares).zip(samples);
                 pixels.map(|((sum, square), &n)| variance_of_mean(sum, square, n)).collect()
             }

@@ -4,12 +4,13 @@
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Coverage {
     /// First entry of each pixel's chain, plus one; 0 for none.
-    heads: Vec<u32>,
-    entries: Vec<Entry>,
+    pub heads: Vec<u32>,
+    pub entries: Vec<Entry>,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-struct Entry {
+#[derive(Clone, Copy, Debug, PartialEq, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
+pub(super) struct Entry {
     id: u32,
     /// Samples that showed it.
     count: u32,
@@ -47,6 +48,13 @@ impl Coverage {
         let mut list: Vec<(u32, u32)> = self.of(pixel).map(|entry| (entry.id, entry.count)).collect();
         list.sort_unstable_by_key(|&(id, count)| (std::cmp::Reverse(count), id));
         list
+    }
+
+    /// Do all chains end? Each entry is followed by an earlier one.
+    pub fn is_valid(&self) -> bool {
+        let follows = |(at, entry): (usize, &Entry)| entry.next as usize <= at;
+        self.heads.iter().all(|&head| head as usize <= self.entries.len())
+            && self.entries.iter().enumerate().all(follows)
     }
 
     fn of(&self, pixel: usize) -> impl Iterator<Item = &Entry> {

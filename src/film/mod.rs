@@ -7,8 +7,10 @@ mod accumulator;
 mod aov;
 mod aov_set;
 mod backdrop;
+mod bytes;
 mod channel;
 mod coverage;
+mod exact;
 mod filter;
 mod matte;
 mod sums;
@@ -32,6 +34,8 @@ use sums::Sums;
 pub struct Film {
     width: u32,
     height: u32,
+    /// Where its first pixel stands in the picture that it is a part of.
+    origin: (u32, u32),
     layout: Arc<Layout>,
     sums: Sums,
     invalid_samples: u64,
@@ -62,9 +66,16 @@ impl Film {
     /// # Errors
     /// A usage error that tells how much memory it takes, if that isn't there.
     pub fn try_new(width: u32, height: u32, further: impl IntoIterator<Item = Channel>) -> Result<Film> {
+        Film::of_layout(width, height, Layout::new(further))
+    }
+
+    /// An empty film that holds what the layout says.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    pub fn of_layout(width: u32, height: u32, layout: Layout) -> Result<Film> {
         let pixels = u64::from(width) * u64::from(height);
-        let layout = Layout::new(further);
-        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout));
+        let sums = usize::try_from(pixels).ok().and_then(|pixels| Sums::try_new(pixels, &layout, true));
         let sums = sums.ok_or_else(|| {
             let gib = pixels as f64 * layout.bytes_per_pixel() as f64 / f64::from(1u32 << 30);
             Error::usage(format!(
@@ -72,7 +83,25 @@ impl Film {
             ))
             .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
-        Ok(Film { width, height, layout: Arc::new(layout), sums, invalid_samples: 0 })
+        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), sums, invalid_samples: 0 })
+    }
+
+    /// A film without pixels, for tiles of this layout.
+    pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
+        let sums = Sums::try_new(0, layout, true).expect("nothing takes no memory");
+        Film { width: 0, height: 0, origin: (0, 0), layout: layout.clone(), sums, invalid_samples: 0 }
+    }
+
+    /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
+    /// that picture, and only what is within the part is taken.
+    #[must_use]
+    pub fn at(self, x0: u32, y0: u32) -> Film {
+        Film { origin: (x0, y0), ..self }
+    }
+
+    /// Where its first pixel stands in the picture that it is a part of.
+    pub fn origin(&self) -> (u32, u32) {
+        self.origin
     }
 
     /// Pixels in a row.
@@ -111,23 +140,48 @@ impl Film {
         FilmTile::new(x0, y0, width.min(self.width - x0), height.min(self.height - y0), &self.layout)
     }
 
-    /// Adds a tile. For the same picture at any number of threads, merge the tiles that share pixels in one order.
+    /// Adds a tile, as far as it is within the film.
     ///
     /// # Panics
-    /// If the tile reaches beyond the film or has other channels.
+    /// If the tile has other channels.
     pub fn merge(&mut self, tile: FilmTile) {
-        assert!(
-            tile.x0 + tile.width <= self.width && tile.y0 + tile.height <= self.height,
-            "a tile reaches beyond the film"
-        );
         let is_ours = Arc::ptr_eq(&tile.layout, &self.layout) || tile.layout == self.layout;
         assert!(is_ours, "a tile has other channels than the film");
-        for row in 0..tile.height {
-            let at = self.index(tile.x0, tile.y0 + row);
-            let from = row as usize * tile.width as usize;
-            self.sums.add_row(at, &tile.sums, from, tile.width as usize, &self.layout);
-        }
+        self.add_sums(&tile.sums, (tile.x0, tile.y0), (tile.width, tile.height));
         self.invalid_samples += tile.invalid_samples;
+    }
+
+    /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
+    /// order, but for channels that show first samples.
+    ///
+    /// # Panics
+    /// If it has other channels.
+    pub fn merge_film(&mut self, other: &Film) {
+        assert!(other.layout == self.layout, "films have different channels");
+        self.add_sums(&other.sums, other.origin, (other.width, other.height));
+        self.invalid_samples += other.invalid_samples;
+    }
+
+    /// Counts the samples that were left out, where each pixel was brought so many.
+    pub fn count_invalid(&mut self, brought: u32) {
+        let brought = u64::from(brought) * self.sums.count.len() as u64;
+        let valid: u64 = self.sums.count.iter().map(|&n| u64::from(n)).sum();
+        self.invalid_samples = brought.saturating_sub(valid);
+    }
+
+    /// Adds what is within the film of sums that stand at a place of the picture and are so large.
+    fn add_sums(&mut self, sums: &Sums, (x0, y0): (u32, u32), (width, height): (u32, u32)) {
+        let (left, top) = (x0.max(self.origin.0), y0.max(self.origin.1));
+        let right = (x0 + width).min(self.origin.0 + self.width);
+        let bottom = (y0 + height).min(self.origin.1 + self.height);
+        if left >= right {
+            return;
+        }
+        for y in top..bottom {
+            let at = self.index(left - self.origin.0, y - self.origin.1);
+            let from = (y - y0) as usize * width as usize + (left - x0) as usize;
+            self.sums.add_row(at, sums, from, (right - left) as usize, &self.layout);
+        }
     }
 
     /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
@@ -138,6 +192,17 @@ impl Film {
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
         self.sums.mean_rgba(self.index(x, y))
+    }
+
+    /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
+    /// zero where a half has no sample. The halves are nearly independent: half the difference of their means estimates the
+    /// error of the mean of all. `None` unless the film keeps them apart (see
+    /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
+    pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
+        let of = |half: usize| {
+            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel)[half]).collect()
+        };
+        self.layout.has_halves().then(|| [of(0), of(1)])
     }
 
     /// Valid samples that a pixel has.

@@ -2,6 +2,7 @@
 
 use super::accumulator::{Accumulator, Counts, Values, reciprocal};
 use super::channel::{Channel, Source};
+use super::exact::{self, HalfSum};
 
 /// What a film is a list of. The first channel is colour.
 #[derive(Debug, PartialEq)]
@@ -9,6 +10,8 @@ pub struct Layout {
     pub(super) channels: Vec<Channel>,
     /// Whether any channel shows first hits.
     pub(super) has_first_hits: bool,
+    /// Whether the colour of the first half of each pixel's samples is kept apart.
+    pub(super) has_halves: bool,
 }
 
 impl Layout {
@@ -17,7 +20,12 @@ impl Layout {
         let mut channels = vec![Channel::color()];
         channels.extend(further);
         let has_first_hits = channels.iter().any(|channel| channel.source == Source::FirstHit);
-        Layout { channels, has_first_hits }
+        Layout { channels, has_first_hits, has_halves: false }
+    }
+
+    /// The same, with the colour of the first half of each pixel's samples kept apart if `has_halves`.
+    pub fn with_halves(self, has_halves: bool) -> Layout {
+        Layout { has_halves, ..self }
     }
 
     /// All channels but colour.
@@ -32,14 +40,20 @@ impl Layout {
 
     /// Are there more than colour?
     pub fn has_more_than_color(&self) -> bool {
-        self.channels.len() > 1
+        self.channels.len() > 1 || self.has_halves
+    }
+
+    /// Is the first half of each pixel's samples kept apart?
+    pub fn has_halves(&self) -> bool {
+        self.has_halves
     }
 
     /// Bytes for one pixel.
     pub fn bytes_per_pixel(&self) -> u64 {
         let counts = size_of::<u32>() * (1 + usize::from(self.has_first_hits));
         let further: usize = self.further().iter().map(Accumulator::bytes_per_pixel).sum();
-        (size_of::<[f64; 4]>() + counts + further) as u64
+        let halves = if self.has_halves { size_of::<HalfSum>() } else { 0 };
+        (size_of::<[f64; 4]>() + size_of::<[f32; 3]>() + counts + further + halves) as u64
     }
 }
 
@@ -48,24 +62,32 @@ impl Layout {
 pub(super) struct Sums {
     /// Red, green, blue, alpha.
     pub rgba: Vec<[f64; 4]>,
+    /// What the sums of red, green and blue leave out; empty in tiles.
+    pub(super) rgb_low: Vec<[f32; 3]>,
     /// Samples of each pixel.
     pub count: Vec<u32>,
     /// Those that hit something; empty where no channel asks for it.
-    hits: Vec<u32>,
+    pub(super) hits: Vec<u32>,
     /// One for each channel beyond colour.
-    further: Vec<Accumulator>,
+    pub(super) further: Vec<Accumulator>,
+    /// Empty where halves are not kept apart.
+    pub(super) first_half: Vec<HalfSum>,
 }
 
 impl Sums {
-    /// Empty sums; `None` if the memory isn't there.
-    pub fn try_new(pixels: usize, layout: &Layout) -> Option<Sums> {
+    /// Empty sums of a film or of a tile; `None` if the memory isn't there.
+    pub fn try_new(pixels: usize, layout: &Layout, is_of_film: bool) -> Option<Sums> {
         let counts = |pixels| bytemuck::try_zeroed_vec(pixels).ok();
-        let further = layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels));
+        let further =
+            layout.further().iter().map(|channel| Accumulator::try_new(channel, pixels, is_of_film));
+        let halves = if layout.has_halves { pixels } else { 0 };
         Some(Sums {
             rgba: bytemuck::try_zeroed_vec(pixels).ok()?,
+            rgb_low: bytemuck::try_zeroed_vec(if is_of_film { pixels } else { 0 }).ok()?,
             count: counts(pixels)?,
             hits: counts(if layout.has_first_hits { pixels } else { 0 })?,
             further: further.collect::<Option<_>>()?,
+            first_half: bytemuck::try_zeroed_vec(halves).ok()?,
         })
     }
 
@@ -78,6 +100,22 @@ impl Sums {
         sum[2] += f64::from(rgb[2]);
         sum[3] += f64::from(alpha);
         self.count[pixel] += 1;
+    }
+
+    /// Adds a sample of the first half, whose colour was added.
+    pub fn add_to_first_half(&mut self, pixel: usize, rgb: [f32; 3]) {
+        self.first_half[pixel].add(rgb);
+    }
+
+    /// Mean colour of the first and of the second half of a pixel's samples; zero where there are none.
+    pub fn halves(&self, pixel: usize) -> [[f32; 3]; 2] {
+        let HalfSum { rgb, count, .. } = self.first_half[pixel];
+        let all = &self.rgba[pixel];
+        let (first, second) = (reciprocal(count), reciprocal(self.count[pixel] - count));
+        [
+            std::array::from_fn(|c| (rgb[c] * first) as f32),
+            std::array::from_fn(|c| ((all[c] - rgb[c]) * second) as f32),
+        ]
     }
 
     /// Adds what the channels beyond colour take from a sample whose colour was added.
@@ -125,11 +163,39 @@ impl Sums {
             };
             into.merge(at, more, from, &before[here.clone()], &added[there.clone()]);
         }
-        let rgba = other.rgba[there.clone()].iter().flatten();
-        self.rgba[here.clone()].iter_mut().flatten().zip(rgba).for_each(|(sum, value)| *sum += value);
+        self.add_colors(at, other, from, length);
         count(&mut self.count[here.clone()], &other.count[there.clone()]);
+        if layout.has_halves {
+            let halves = self.first_half[here.clone()].iter_mut().zip(&other.first_half[there.clone()]);
+            halves.for_each(|(into, from)| into.merge(from, other.is_of_tile()));
+        }
         if layout.has_first_hits {
             count(&mut self.hits[here], &other.hits[there]);
+        }
+    }
+
+    /// Are these the sums of a tile, and not of a film?
+    fn is_of_tile(&self) -> bool {
+        self.rgb_low.is_empty()
+    }
+
+    /// Adds the colours of one row of other sums.
+    fn add_colors(&mut self, at: usize, other: &Sums, from: usize, length: usize) {
+        let here = self.rgba[at..at + length].iter_mut().zip(&mut self.rgb_low[at..at + length]);
+        let there = &other.rgba[from..from + length];
+        for ((sum, low), value) in here.zip(there) {
+            for c in 0..3 {
+                let value = if other.rgb_low.is_empty() { exact::on_grid(value[c]) } else { value[c] };
+                exact::add(&mut sum[c], &mut low[c], value);
+            }
+            // Samples are opaque or not: these are whole numbers.
+            sum[3] += value[3];
+        }
+        if let Some(lows) = other.rgb_low.get(from..from + length) {
+            let here = self.rgba[at..at + length].iter_mut().zip(&mut self.rgb_low[at..at + length]);
+            for ((sum, low), rest) in here.zip(lows) {
+                (0..3).for_each(|c| exact::add(&mut sum[c], &mut low[c], f64::from(rest[c])));
+            }
         }
     }
 

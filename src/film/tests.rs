@@ -168,3 +168,18 @@ fn a_film_lists_its_planes_and_first_hits_stay_apart() {
         assert_eq!(film.plane(plane.name), Some(plane.values), "{}", plane.name);
     }
 }
+
+#[test]
+fn halves_are_means_of_their_samples() {
+    let layout = || Layout::new([]).with_halves(true);
+    let mut film = Film::of_layout(2, 1, layout()).expect("two pixels");
+    let mut tile = film.tile(0, 0, 2, 1);
+    for (value, is_of_first_half) in [(1.0, true), (3.0, true), (f32::NAN, true), (8.0, false)] {
+        tile.add_with_parts(1, [value; 3], 1.0, None, &[], is_of_first_half);
+    }
+    film.merge(tile.clone());
+    film.merge(tile);
+    assert_eq!(film.halves(), Some([vec![[0.0; 3], [2.0; 3]], vec![[0.0; 3], [8.0; 3]]]));
+    assert_eq!((film.mean_rgba(1, 0), film.planes().count()), ([4.0, 4.0, 4.0, 1.0], 4));
+    assert_eq!(Film::new(2, 1, AovSet::default()).halves(), None);
+}

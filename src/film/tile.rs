@@ -26,7 +26,7 @@ impl FilmTile {
     /// # Panics
     /// If there is no memory for it.
     pub fn new(x0: u32, y0: u32, width: u32, height: u32, layout: &Arc<Layout>) -> FilmTile {
-        let sums = Sums::try_new(width as usize * height as usize, layout);
+        let sums = Sums::try_new(width as usize * height as usize, layout, false);
         let sums = sums.expect("there is memory for a tile");
         FilmTile { x0, y0, width, height, layout: layout.clone(), sums, invalid_samples: 0 }
     }
@@ -50,11 +50,11 @@ impl FilmTile {
     /// components one after another in the order of the film's channels; `None` when the sample hit nothing. What is
     /// not finite counts as having hit nothing.
     pub fn add_with_first_hit(&mut self, pixel: u32, rgb: [f32; 3], alpha: f32, first_hit: Option<&[f32]>) {
-        self.add_with_parts(pixel, rgb, alpha, first_hit, &[]);
+        self.add_with_parts(pixel, rgb, alpha, first_hit, &[], false);
     }
 
     /// The same with the parts of the colour for the channels that show them, red, green and blue of each, in the order of
-    /// the film's channels.
+    /// the film's channels. Films that keep the halves of their samples apart need to know which one it belongs to.
     pub fn add_with_parts(
         &mut self,
         pixel: u32,
@@ -62,9 +62,13 @@ impl FilmTile {
         alpha: f32,
         first_hit: Option<&[f32]>,
         parts: &[[f32; 3]],
+        is_of_first_half: bool,
     ) {
         if !self.add(pixel, rgb, alpha) {
             return;
+        }
+        if is_of_first_half && self.layout.has_halves {
+            self.sums.add_to_first_half(pixel as usize, rgb);
         }
         let first_hit = first_hit.filter(|values| self.is_finite(values));
         self.sums.add_further(pixel as usize, rgb, first_hit, parts, &self.layout);

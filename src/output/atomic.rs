@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use std::ffi::OsString;
 use std::fs::{self, File};
-use std::io::{self, Write};
+use std::io::{self, BufWriter, Write};
 use std::path::Path;
 use tempfile::NamedTempFile;
 
@@ -36,9 +36,19 @@ pub fn is_same_target(a: &Path, b: &Path) -> bool {
 /// # Errors
 /// An output error with the reason; the temporary file is gone then and an older file of that name unharmed.
 pub fn write_atomically(path: impl AsRef<Path>, bytes: &[u8]) -> Result<()> {
-    let path = path.as_ref();
+    write_with(path.as_ref(), &mut |writer| writer.write_all(bytes))
+}
+
+/// The same with what `write` writes.
+///
+/// # Errors
+/// As for [`write_atomically`].
+pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> io::Result<()>) -> Result<()> {
     let mut temporary = create(path)?;
-    let written = temporary.as_file_mut().write_all(bytes).and_then(|()| temporary.as_file().sync_all());
+    let mut writer = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
+    let written = write(&mut writer).and_then(|()| writer.flush());
+    drop(writer);
+    let written = written.and_then(|()| temporary.as_file().sync_all());
     written.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
     // The rename itself becomes durable with the folder; some systems can't sync folders, and lose nothing else by it.
     let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());

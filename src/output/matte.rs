@@ -24,6 +24,11 @@ impl Matte {
         Matte { kind, manifest }
     }
 
+    /// The names of all that it may show.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.manifest.keys().map(String::as_str)
+    }
+
     /// The attributes of the header: names and texts.
     pub fn attributes(&self) -> [(String, String); 4] {
         let key = matte_key(self.kind);

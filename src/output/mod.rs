@@ -7,6 +7,7 @@ mod encoded;
 mod exr;
 mod exr_header;
 mod matte;
+pub mod part;
 pub mod place_folder;
 mod png;
 mod tone;

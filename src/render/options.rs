@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::film::{AovSet, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
+use crate::output::part::Region;
 use crate::scene::Filter;
 use std::str::FromStr;
 use std::time::Duration;
@@ -89,6 +90,14 @@ pub struct RenderOptions {
     pub height: u32,
     /// Samples per pixel. Default 128.
     pub samples: u32,
+    /// Samples per pixel that rendering may go on to later. How samples are arranged over the picture depends on how many
+    /// are planned, up to 256; from 257 on, any number may be gone on from to any other. Default 0: no more than `samples`.
+    pub planned: u32,
+    /// Take only the samples from the first to before the second of these of each pixel, in blocks of
+    /// [`SAMPLE_BLOCK`](super::SAMPLE_BLOCK). Default all.
+    pub sample_range: Option<(u32, u32)>,
+    /// Take only these pixels. Default all.
+    pub region: Option<Region>,
     /// Seed of all randomness. Default 0.
     pub seed: u32,
     /// Maximum number of scattering events of a path; 0 shows emission only. Default 100.
@@ -101,6 +110,9 @@ pub struct RenderOptions {
     pub matte_levels: u32,
     /// Record the light of each of the scene's groups of lights besides colour. Default false.
     pub light_groups: bool,
+    /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
+    /// Default false.
+    pub halves: bool,
     /// Soften the shadow terminator of surfaces with shading normals, which otherwise shows their triangles. Default
     /// true.
     pub soft_terminator: bool,
@@ -110,6 +122,10 @@ pub struct RenderOptions {
     pub splitting: Splitting,
     /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,
+    /// Stop when the estimated relative error of the whole picture is this or less: the root of the mean over pixels and
+    /// colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the picture and `r` what it would be with all samples there are.
+    /// Default none.
+    pub noise: Option<f32>,
     /// Stop after rendering for this time. The number of samples then depends on the machine. Default none.
     pub time_limit: Option<Duration>,
 }
@@ -170,16 +186,21 @@ impl Default for RenderOptions {
             width: 1280,
             height: 720,
             samples: 128,
+            planned: 0,
+            sample_range: None,
+            region: None,
             seed: 0,
             max_depth: 100,
             filter: Filter::default(),
             aovs: AovSet::NONE,
             matte_levels: MATTE_LEVELS,
             light_groups: false,
+            halves: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
             splitting: Splitting::default(),
             adaptive: Adaptive::default(),
+            noise: None,
             time_limit: None,
         }
     }
@@ -196,6 +217,24 @@ impl RenderOptions {
     #[must_use]
     pub fn samples(self, samples: u32) -> RenderOptions {
         RenderOptions { samples, ..self }
+    }
+
+    /// Sets to how many samples per pixel rendering may go on later.
+    #[must_use]
+    pub fn planned(self, planned: u32) -> RenderOptions {
+        RenderOptions { planned, ..self }
+    }
+
+    /// Sets which samples of each pixel are taken.
+    #[must_use]
+    pub fn sample_range(self, sample_range: impl Into<Option<(u32, u32)>>) -> RenderOptions {
+        RenderOptions { sample_range: sample_range.into(), ..self }
+    }
+
+    /// Sets which pixels are taken.
+    #[must_use]
+    pub fn region(self, region: impl Into<Option<Region>>) -> RenderOptions {
+        RenderOptions { region: region.into(), ..self }
     }
 
     /// Sets the seed of all randomness.
@@ -234,6 +273,12 @@ impl RenderOptions {
         RenderOptions { light_groups, ..self }
     }
 
+    /// Sets whether the halves of the samples are kept apart.
+    #[must_use]
+    pub fn halves(self, halves: bool) -> RenderOptions {
+        RenderOptions { halves, ..self }
+    }
+
     /// Sets whether the shadow terminator is softened.
     #[must_use]
     pub fn soft_terminator(self, soft_terminator: bool) -> RenderOptions {
@@ -256,6 +301,12 @@ impl RenderOptions {
     #[must_use]
     pub fn adaptive(self, adaptive: Adaptive) -> RenderOptions {
         RenderOptions { adaptive, ..self }
+    }
+
+    /// Sets the relative error at which rendering stops, or removes it.
+    #[must_use]
+    pub fn noise(self, noise: impl Into<Option<f32>>) -> RenderOptions {
+        RenderOptions { noise: noise.into(), ..self }
     }
 
     /// Sets the limit on rendering time, or removes it.

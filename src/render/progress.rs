@@ -40,6 +40,12 @@ impl Progress {
         Progress { samples: AtomicU64::new(0), rays: AtomicU64::new(0), total, next_ms: AtomicU64::new(100) }
     }
 
+    /// Goes on from so many paths and rays.
+    pub fn go_on_from(&self, paths: u64, rays: u64) {
+        self.samples.store(paths, Ordering::Relaxed);
+        self.rays.store(rays, Ordering::Relaxed);
+    }
+
     /// Paths done so far.
     pub fn samples(&self) -> u64 {
         self.samples.load(Ordering::Relaxed)

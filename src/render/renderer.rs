@@ -137,6 +137,12 @@ impl Renderer {
         self
     }
 
+    /// Whether to keep the halves of each pixel's samples apart, for [`Film::halves`](crate::film::Film::halves).
+    pub fn halves(mut self, halves: bool) -> Renderer {
+        self.choices.halves = halves;
+        self
+    }
+
     /// Whether the shadow terminator is softened on surfaces with shading normals.
     pub fn soft_terminator(mut self, soft_terminator: bool) -> Renderer {
         self.choices.soft_terminator = soft_terminator;

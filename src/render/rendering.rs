@@ -4,17 +4,18 @@ use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::clock::{Spent, Stopwatch};
 use super::labels::Labels;
+use super::noise::Noise;
 use super::options::RenderOptions;
 use super::picture::{self, Picture};
 use super::pilot;
 use super::progress::{Event, Listener, Progress};
-use super::schedule::Schedule;
+use super::schedule::{Pass, Schedule};
 use super::statistics::{PassOutcome, Statistics};
 use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Channel, Film, FilterSampler};
+use crate::film::{Channel, Film, FilterSampler, Layout};
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
@@ -43,15 +44,15 @@ use std::time::{Instant, SystemTime};
 /// # Ok::<(), oscura::Error>(())
 /// ```
 pub struct Rendering {
-    scene: Arc<CompiledScene>,
-    view: View,
-    labels: Labels,
-    options: RenderOptions,
+    pub(super) scene: Arc<CompiledScene>,
+    pub(super) view: View,
+    pub(super) labels: Labels,
+    pub(super) options: RenderOptions,
     filter: FilterSampler,
-    film: Film,
-    schedule: Schedule,
-    progress: Progress,
-    spent: Spent,
+    pub(super) film: Film,
+    pub(super) schedule: Schedule,
+    pub(super) progress: Progress,
+    pub(super) spent: Spent,
     outcome: PassOutcome,
     cancel: CancelHandle,
     listener: Option<Box<Listener>>,
@@ -62,8 +63,12 @@ pub struct Rendering {
     backdrop: Option<Backdrop>,
     /// How far from the world's origin the scene's coordinates have theirs.
     world_offset: DVec3,
-    choice: Choice,
+    pub(super) choice: Choice,
     allotment: Option<Allotment>,
+    /// Passes are finished even when it is cancelled or late.
+    pub(super) finishes_passes: bool,
+    /// How noisy the picture is, where that is asked for.
+    pub(super) noise: Option<Noise>,
 }
 
 impl Rendering {
@@ -93,13 +98,15 @@ impl Rendering {
         camera: &Camera,
         options: RenderOptions,
     ) -> Result<Rendering> {
-        let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
-        let further = options.aovs.channels_with(options.matte_levels).chain(groups);
-        let film = Film::try_new(options.width, options.height, further)?;
+        let layout = layout(&options, &labels);
+        options.check_share()?;
+        let region = options.pixels();
+        let film = Film::of_layout(region.width(), region.height(), layout)?.at(region.x0, region.y0);
         let scene = scene.into();
         let view = View::new(&scene, camera, options.width, options.height);
         let stopwatch = Stopwatch::start(Spent::default());
-        let pixels = u64::from(view.width) * u64::from(view.height);
+        let pixels = u64::from(region.width()) * u64::from(region.height());
+        let samples = options.taken();
         Ok(Rendering {
             choice: Choice::new(&scene, &options),
             allotment: None,
@@ -108,8 +115,8 @@ impl Rendering {
             labels,
             filter: FilterSampler::new(options.filter),
             film,
-            schedule: Schedule::new(options.samples, options.time_limit),
-            progress: Progress::new(pixels * u64::from(options.samples)),
+            progress: Progress::new(pixels * samples.len() as u64),
+            schedule: Schedule::new(samples, options.time_limit),
             spent: stopwatch.stop(),
             outcome: PassOutcome::Progressed,
             cancel: CancelHandle::new(),
@@ -118,6 +125,8 @@ impl Rendering {
             exposure: 0.0,
             backdrop: None,
             world_offset: DVec3::ZERO,
+            finishes_passes: false,
+            noise: options.noise.map(|_| Noise::default()),
             options,
         })
     }
@@ -213,20 +222,11 @@ impl Rendering {
 
     /// What was ignored, approximated or repaired on the way from the file to the picture so far.
     pub fn warnings(&self) -> Vec<Warning> {
-        let invalid = self.film.invalid_samples();
         // Between passes all pixels have the same number.
         let has_stopped = self.outcome != PassOutcome::Progressed;
-        let unsampled = if has_stopped { self.film.unsampled_pixels() } else { 0 };
-        let all = u64::from(self.film.width()) * u64::from(self.film.height());
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
-        let mut warn = |count: u64, message: String| {
-            if count > 0 {
-                warnings.push(Warning::general(message));
-            }
-        };
-        warn(invalid, format!("{invalid} samples were NaN or infinite and were left out"));
-        warn(unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent"));
+        warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }
 
@@ -282,15 +282,58 @@ impl Rendering {
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
+            error: self.noise.as_ref().and_then(Noise::error),
         }
     }
 
     fn take_pass(&mut self, stopwatch: &Stopwatch) -> PassOutcome {
+        if !self.choose_technique(stopwatch) {
+            return PassOutcome::Cancelled;
+        }
         let Some(pass) = self.schedule.next(stopwatch.wall()) else {
             return if self.schedule.is_complete() { PassOutcome::Done } else { PassOutcome::TimedOut };
         };
         let start = Instant::now();
+        let is_finished = self.trace(pass, Takes::All, stopwatch);
+        self.schedule.finished(pass, start.elapsed());
+        if is_finished && let Some(noise) = &mut self.noise {
+            noise.observe(&self.film, self.schedule.next_sample());
+        }
+        let is_cancelled = self.cancel.is_cancelled();
+        match is_finished {
+            true if self.schedule.is_complete() => PassOutcome::Done,
+            true if self.has_converged() => PassOutcome::Converged,
+            true if !(self.finishes_passes && is_cancelled) => PassOutcome::Progressed,
+            _ if is_cancelled => PassOutcome::Cancelled,
+            _ => PassOutcome::TimedOut,
+        }
+    }
+
+    /// Is the picture as good as it was to be?
+    fn has_converged(&self) -> bool {
+        let error = self.noise.as_ref().and_then(Noise::error);
+        error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+    }
+
+    /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
+    /// taken. False if it was stopped.
+    fn choose_technique(&mut self, stopwatch: &Stopwatch) -> bool {
+        let first = self.options.taken().start;
+        if first == 0 || self.schedule.next_sample() > first || !self.choice.is_open() {
+            return true;
+        }
+        let Some(pass) = Schedule::new(0..self.options.samples, None).next(stopwatch.wall()) else {
+            return true;
+        };
+        self.trace(pass, Takes::TrialsOnly, stopwatch)
+    }
+
+    /// Takes a pass. False if it was stopped.
+    fn trace(&mut self, pass: Pass, takes: Takes, stopwatch: &Stopwatch) -> bool {
         let layout = self.film.layout().clone();
+        // Samples that only decide on a technique go nowhere.
+        let mut nowhere = Film::nowhere(&layout);
+        let film = if takes == Takes::All { &mut self.film } else { &mut nowhere };
         let work = PassWork {
             scene: &self.scene,
             view: &self.view,
@@ -299,13 +342,16 @@ impl Rendering {
             filter: &self.filter,
             pass,
             layout: &layout,
-            film: Mutex::new(&mut self.film),
+            film: Mutex::new(film),
             allotment: self.allotment.as_ref(),
             errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
-            stop: &|| self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall()),
+            stop: &|| {
+                let is_over = || self.cancel.is_cancelled() || self.schedule.is_late(stopwatch.wall());
+                !self.finishes_passes && is_over()
+            },
         };
         let is_finished = {
             let mut trials = pilot::trials(self.choice, &self.view, pass);
@@ -313,7 +359,7 @@ impl Rendering {
             if !trials.is_empty() {
                 self.choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
             }
-            best.is_some_and(|best| work.run(best, &trials))
+            best.is_some_and(|best| takes == Takes::TrialsOnly || work.run(best, &trials))
         };
         if let Some(errors) =
             work.errors.map(|e| e.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
@@ -321,12 +367,43 @@ impl Rendering {
         {
             self.allotment = errors.allot(self.options.seed, pass.samples, self.options.samples);
         }
-        self.schedule.finished(pass, start.elapsed());
-        match is_finished {
-            true if self.schedule.is_complete() => PassOutcome::Done,
-            true => PassOutcome::Progressed,
-            false if self.cancel.is_cancelled() => PassOutcome::Cancelled,
-            false => PassOutcome::TimedOut,
-        }
+        is_finished
     }
+}
+
+/// What the film of a picture holds.
+fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
+    let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
+    let further = options.aovs.channels_with(options.matte_levels).chain(groups);
+    Layout::new(further).with_halves(options.halves)
+}
+
+/// What has to be said about the samples of a film.
+pub fn film_warnings(film: &Film) -> Vec<Warning> {
+    of_film(film, true)
+}
+
+fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
+    let invalid = film.invalid_samples();
+    let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
+    let all = u64::from(film.width()) * u64::from(film.height());
+    let messages = [
+        (invalid, format!("{invalid} samples were NaN or infinite and were left out")),
+        (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
+    ];
+    messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
+}
+
+/// Bytes that the film of a picture takes.
+pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
+    let region = options.pixels();
+    u64::from(region.width()) * u64::from(region.height()) * layout(options, labels).bytes_per_pixel()
+}
+
+/// What is taken of a pass.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Takes {
+    All,
+    /// What decides on the technique, and the picture gets nothing of it.
+    TrialsOnly,
 }

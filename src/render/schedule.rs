@@ -2,6 +2,7 @@
 
 use crate::integrator::WAVE;
 use crate::integrator::reuse::INTERVAL;
+use std::ops::Range;
 use std::time::Duration;
 
 /// Samples of a full pass.
@@ -13,8 +14,10 @@ const SHARE: f64 = 0.1;
 /// most a tenth of the time that is left (but at least one sample), and none begins that would not end in time.
 pub(super) struct Schedule {
     limit: Option<Duration>,
-    samples: u32,
+    end: u32,
     next: u32,
+    /// Take whole passes, whatever time they take.
+    whole_passes: bool,
     /// Seconds of one sample of every pixel, as the last pass found.
     sample_s: Option<f64>,
 }
@@ -58,8 +61,24 @@ impl Pass {
 }
 
 impl Schedule {
-    pub fn new(samples: u32, limit: Option<Duration>) -> Schedule {
-        Schedule { limit, samples, next: 0, sample_s: None }
+    /// For these samples of every pixel.
+    pub fn new(samples: Range<u32>, limit: Option<Duration>) -> Schedule {
+        Schedule { limit, end: samples.end, next: samples.start, whole_passes: false, sample_s: None }
+    }
+
+    /// The same with whole passes, whatever time they take: none begins when the time is over.
+    pub fn with_whole_passes(self) -> Schedule {
+        Schedule { whole_passes: true, ..self }
+    }
+
+    /// Goes on from this sample.
+    pub fn go_on_from(&mut self, sample: u32) {
+        self.next = sample;
+    }
+
+    /// The first sample that is not planned yet.
+    pub fn next_sample(&self) -> u32 {
+        self.next
     }
 
     /// Is the time over when `elapsed` was spent?
@@ -70,9 +89,13 @@ impl Schedule {
     /// The next pass when `elapsed` was spent; `None` if all samples are planned or no pass fits
     /// any more.
     pub fn next(&mut self, elapsed: Duration) -> Option<Pass> {
-        let left = self.samples - self.next;
+        let left = self.end - self.next;
+        if self.whole_passes && self.is_late(elapsed) {
+            return None;
+        }
         let samples = match (self.limit, self.sample_s) {
             (None, _) => MOST,
+            _ if self.whole_passes => MOST,
             (Some(_), None) => 1,
             (Some(limit), Some(sample_s)) => {
                 let left_s = limit.saturating_sub(elapsed).as_secs_f64();
@@ -97,7 +120,7 @@ impl Schedule {
 
     /// Are all samples planned?
     pub fn is_complete(&self) -> bool {
-        self.next == self.samples
+        self.next == self.end
     }
 }
 
@@ -120,19 +143,19 @@ mod tests {
 
     #[test]
     fn without_a_limit_passes_are_full() {
-        assert_eq!(play(Schedule::new(20, None), 1.0).0, [8, 8, 4]);
+        assert_eq!(play(Schedule::new(0..20, None), 1.0).0, [8, 8, 4]);
     }
 
     #[test]
     fn passes_stay_within_the_limit_and_use_most_of_it() {
         for sample_s in [0.011, 0.11, 0.4] {
-            let (sizes, end) = play(Schedule::new(1 << 20, Some(Duration::from_secs(10))), sample_s);
+            let (sizes, end) = play(Schedule::new(0..1 << 20, Some(Duration::from_secs(10))), sample_s);
             assert_eq!(sizes[0], 1);
             assert!(end <= 10.0 + 1e-9 && end > 10.0 - 1.5 * sample_s, "{sample_s}: {end}");
             assert!(sizes.iter().all(|&n| n == 1 || f64::from(n) * sample_s <= 1.0), "{sizes:?}");
         }
         // All samples done long before.
-        assert_eq!(play(Schedule::new(12, Some(Duration::from_secs(10))), 0.001).0, [1, 7, 4]);
+        assert_eq!(play(Schedule::new(0..12, Some(Duration::from_secs(10))), 0.001).0, [1, 7, 4]);
     }
 
     #[test]

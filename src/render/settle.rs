@@ -4,6 +4,7 @@ use super::options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet};
+use crate::output::part::Region;
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
 use std::time::Duration;
 
@@ -25,6 +26,14 @@ pub struct Choices {
     pub matte_levels: u32,
     /// See [`RenderOptions::light_groups`].
     pub light_groups: bool,
+    /// See [`RenderOptions::planned`].
+    pub planned: u32,
+    /// See [`RenderOptions::sample_range`].
+    pub sample_range: Option<(u32, u32)>,
+    /// See [`RenderOptions::region`].
+    pub region: Option<Region>,
+    /// See [`RenderOptions::halves`].
+    pub halves: bool,
     /// See [`RenderOptions::soft_terminator`].
     pub soft_terminator: bool,
     /// See [`RenderOptions::path_reuse`].
@@ -35,6 +44,8 @@ pub struct Choices {
     pub adaptive: Adaptive,
     /// How good trees are.
     pub tree: TreeChoice,
+    /// See [`RenderOptions::noise`].
+    pub noise: Option<f32>,
     /// See [`RenderOptions::time_limit`].
     pub time_limit: Option<Duration>,
 }
@@ -64,11 +75,16 @@ impl Default for Choices {
             aovs: options.aovs,
             matte_levels: options.matte_levels,
             light_groups: options.light_groups,
+            planned: options.planned,
+            sample_range: options.sample_range,
+            region: options.region,
+            halves: options.halves,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
             splitting: options.splitting,
             adaptive: options.adaptive,
             tree: TreeChoice::default(),
+            noise: options.noise,
             time_limit: options.time_limit,
         }
     }
@@ -93,10 +109,15 @@ impl Choices {
             .aovs(self.aovs.union(aovs_of(&settings)?))
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
+            .planned(self.planned)
+            .sample_range(self.sample_range)
+            .region(self.region)
+            .halves(self.halves)
             .soft_terminator(self.soft_terminator)
             .path_reuse(self.path_reuse)
             .splitting(self.splitting)
             .adaptive(self.adaptive)
+            .noise(self.noise)
             .time_limit(self.time_limit);
         Ok(Settled {
             options,

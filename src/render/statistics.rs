@@ -12,6 +12,8 @@ pub enum PassOutcome {
     Done,
     /// Stopped by a [`CancelHandle`](super::CancelHandle); no further pass will be taken.
     Cancelled,
+    /// The picture is as good as it was to be; no further pass will be taken.
+    Converged,
     /// Stopped by the time limit; no further pass will be taken.
     TimedOut,
 }
@@ -42,4 +44,7 @@ pub struct Statistics {
     pub interrupted: bool,
     /// Stopped by the time limit before all samples were done.
     pub timed_out: bool,
+    /// The estimated relative error of the whole picture, where [`RenderOptions::noise`](super::RenderOptions::noise) asks
+    /// for it: see there. `None` below 32 samples a pixel.
+    pub error: Option<f64>,
 }

@@ -74,6 +74,11 @@ impl Choice {
         }
     }
 
+    /// Is anything still to be tried?
+    pub fn is_open(self) -> bool {
+        self.may_share || self.may_split
+    }
+
     /// Nothing is open any more.
     pub fn decided(now: Technique) -> Choice {
         Choice { now, may_share: false, may_split: false }

@@ -7,11 +7,12 @@ use super::options::RenderOptions;
 use super::pilot::{self, Best, Errors, Tally, Trial};
 use super::progress::{Listener, Progress};
 use super::schedule::Pass;
+use super::share::within;
 use super::technique::Technique;
 use super::tiles::{Tiles, parts};
 use crate::compile::{CompiledScene, View};
 use crate::film::{Film, FilmTile, FilterSampler, Layout};
-use crate::integrator::reuse::Tiling;
+use crate::integrator::reuse::{INTERVAL, Tiling};
 use crate::integrator::{Block, Integrator, PathOptions, PathSample, SamplePlan, Workspace};
 use crate::sampling::{Allotment, Arrangement};
 use rayon::prelude::*;
@@ -47,6 +48,9 @@ impl PassWork<'_> {
     pub fn run(&self, technique: Technique, trials: &[Trial]) -> bool {
         let tracer = self.tracer(technique, false);
         let blocks = pilot::without(tracer.tiles.blocks(self.view, self.pass), trials);
+        let region = self.options.pixels();
+        let shares = technique.shape().is_some();
+        let blocks: Vec<Block> = blocks.iter().filter_map(|b| within(&region, b, shares)).collect();
         let one = |block: &Block| {
             let Some(errors) = &self.errors else { return self.take(&tracer, block, None) };
             let mut tally = Tally::new(block);
@@ -98,7 +102,10 @@ impl PassWork<'_> {
 
     fn tracer(&self, technique: Technique, keeps_plain: bool) -> Tracer<'_> {
         let branches = technique.branches();
-        let even = || Arrangement::new(self.options.seed, self.options.samples.saturating_mul(branches));
+        let even = || {
+            let RenderOptions { seed, samples, planned, .. } = *self.options;
+            Arrangement::new(seed, samples.max(planned), branches)
+        };
         let reuse = technique.shape().map(|shape| Tiling::new(shape, self.pass.first_sample));
         let tiles = Tiles::of(self.pass, reuse.as_ref(), self.allotment.is_some());
         let paths = PathOptions {
@@ -127,6 +134,18 @@ impl PassWork<'_> {
         true
     }
 
+    /// How many of the samples of a block's pixels belong to the first half. Samples that follow each other are well spread
+    /// together, so halves are runs of them: those up to the middle and the others. Where the end is not known beforehand,
+    /// or pixels' numbers differ, passes take turns.
+    fn of_first_half(&self, block: &Block) -> u64 {
+        let Block { first_sample, samples, .. } = *block;
+        if self.options.time_limit.is_some() || self.allotment.is_some() {
+            let turn = first_sample / INTERVAL % 2;
+            return u64::from(if turn == 0 { samples } else { 0 });
+        }
+        u64::from((self.options.samples / 2).saturating_sub(first_sample).min(samples))
+    }
+
     /// Traces a block into a tile of its own; returns it with the numbers of paths and rays, or `None` if it was stopped.
     fn fill(
         &self,
@@ -140,19 +159,24 @@ impl PassWork<'_> {
             let workspace = &mut *workspace.borrow_mut();
             let mut paths = 0;
             let before = workspace.ray_counts;
-            let mut sink = |sample: &PathSample<'_>| {
-                paths += 1;
-                if has_more {
-                    add_all(&mut tile, sample);
-                } else {
-                    tile.add(sample.pixel, sample.rgb, sample.alpha);
-                }
-                if let Some(tally) = &mut tally {
-                    tally.add(sample);
-                }
-            };
-            let is_done = parts(block, tracer.tiles.samples())
-                .all(|part| tracer.integrator.trace(&part, workspace, &self.stop, &mut sink));
+            let is_done = parts(block, tracer.tiles.samples()).all(|part| {
+                let of_first_half = self.of_first_half(&part);
+                let before = paths;
+                let sink = |sample: &PathSample<'_>| {
+                    if has_more {
+                        // Pixel by pixel, all have as many samples.
+                        let is_of_first_half = (paths - before) % u64::from(part.samples) < of_first_half;
+                        add_all(&mut tile, sample, is_of_first_half);
+                    } else {
+                        tile.add(sample.pixel, sample.rgb, sample.alpha);
+                    }
+                    paths += 1;
+                    if let Some(tally) = &mut tally {
+                        tally.add(sample);
+                    }
+                };
+                tracer.integrator.trace(&part, workspace, &self.stop, sink)
+            });
             let rays = workspace.ray_counts.since(before);
             if let Some(tally) = tally {
                 tally.count(rays);
@@ -168,9 +192,9 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 
 /// Adds a sample to all channels.
 #[inline(never)]
-fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>) {
+fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>, is_of_first_half: bool) {
     let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
-    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts);
+    tile.add_with_parts(pixel, rgb, alpha, first_hit, parts, is_of_first_half);
 }
 
 /// What takes tiles.

@@ -5,6 +5,10 @@ use super::sampler::{SAMPLES_PER_SEED, pixel_seed};
 /// Largest edge of a region, in bits: 16 pixels.
 pub(super) const MOST_EDGE_BITS: u32 = 4;
 
+/// Most samples a pixel that are arranged with those of other pixels. Beyond, each pixel has a sequence of its own, whatever
+/// the number: rendering may go on from any to any other.
+pub const MOST_ARRANGED: u32 = 256;
+
 /// Arranges samples over the picture: a square region of pixels shares one Sobol sequence. Its pixels, in Morton order,
 /// take runs of the sequence one after the other, each as long as the next power of two of the samples that are planned.
 ///
@@ -13,8 +17,8 @@ pub(super) const MOST_EDGE_BITS: u32 = 4;
 /// other: their samples complement each other, and the error of the mean over such a block is lower (Ahmed, Wonka 2020,
 /// "Screen-Space Blue-Noise Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels").
 ///
-/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 samples on), and each a
-/// seed of its own. They lie at fixed places of the picture, so that samples depend on nothing but their pixel.
+/// Regions have 16x16 pixels, fewer where so many runs do not fit into one sequence (from 257 points a pixel on, those of
+/// all paths of its samples), and each a seed of its own. They lie at fixed places of the picture, so that samples depend on nothing but their pixel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Arrangement {
     seed: u32,
@@ -25,11 +29,13 @@ pub struct Arrangement {
 }
 
 impl Arrangement {
-    /// For this many samples a pixel, by the user's seed.
-    pub fn new(seed: u32, samples: u32) -> Arrangement {
+    /// For this many samples a pixel, by the user's seed, with so many paths from each.
+    pub fn new(seed: u32, samples: u32, branches: u32) -> Arrangement {
         const MOST_BITS: u32 = SAMPLES_PER_SEED.trailing_zeros();
-        let run_bits = (32 - samples.saturating_sub(1).leading_zeros()).min(MOST_BITS);
+        let points = samples.saturating_mul(branches);
+        let run_bits = (32 - points.saturating_sub(1).leading_zeros()).min(MOST_BITS);
         let edge_bits = ((MOST_BITS - run_bits) / 2).min(MOST_EDGE_BITS);
+        let edge_bits = if samples > MOST_ARRANGED { 0 } else { edge_bits };
         Arrangement { seed, run_bits, edge_bits }
     }
 
@@ -85,7 +91,7 @@ mod tests {
 
     #[test]
     fn pixels_and_blocks_of_pixels_are_stratified() {
-        let arrangement = Arrangement::new(9, 16);
+        let arrangement = Arrangement::new(9, 16, 1);
         for edge in [1, 2, 4, 8, 16] {
             assert!(is_net(&points(arrangement, 32, 48, edge, 16)), "{edge}");
         }
@@ -98,7 +104,7 @@ mod tests {
     #[test]
     fn samples_of_a_region_are_all_different() {
         for samples in [1, 3, 100, 256, 257, 1000, 20_000, 70_000, u32::MAX] {
-            let arrangement = Arrangement::new(1, samples);
+            let arrangement = Arrangement::new(1, samples, 1);
             let mut starts = HashSet::new();
             for (x, y) in (0..16).flat_map(|y| (0..16).map(move |x| (x, y))) {
                 let (seed, first) = arrangement.first(x, y);
@@ -108,8 +114,11 @@ mod tests {
                 assert!(starts.insert((seed, first)), "{samples}");
             }
         }
-        assert_eq!(Arrangement::new(1, 256).edge_bits, 4);
-        assert_eq!(Arrangement::new(1, 257).edge_bits, 3);
-        assert_eq!(Arrangement::new(1, 70_000).edge_bits, 0);
+        assert_eq!(Arrangement::new(1, 256, 1).edge_bits, 4);
+        assert_eq!(Arrangement::new(1, 256, 2).edge_bits, 3);
+        assert_eq!(Arrangement::new(1, 70_000, 1).edge_bits, 0);
+        // From there on, what is planned doesn't matter.
+        let [some, more] = [257, 5000].map(|samples| Arrangement::new(1, samples, 4).first(5, 6));
+        assert_eq!(some, more);
     }
 }

@@ -16,7 +16,7 @@ pub mod sampler;
 pub mod warp;
 
 pub use allotment::Allotment;
-pub use arrangement::Arrangement;
+pub use arrangement::{Arrangement, MOST_ARRANGED};
 pub use bilinear::{BilinearMap, MapSample, MapSamples};
 pub use distribution::AliasTable;
 pub use mis::power_heuristic;

@@ -9,6 +9,7 @@ mod examples;
 mod inspect;
 mod layers;
 mod limits;
+mod long;
 mod options;
 mod output;
 mod program;

@@ -8,6 +8,7 @@ mod determinism;
 mod lamps;
 mod media;
 mod one_sided;
+mod parts;
 mod passes;
 mod path_reuse;
 mod references;

@@ -150,3 +150,29 @@ fn positions_are_in_world_space() {
     assert!(x[middle + 5] > x[middle] + 0.4 && z[middle + 17 * 5] > z[middle] + 0.4);
     assert!(plane("material.id").iter().all(|id| *id == 1.0));
 }
+
+/// The first half of the samples are those of half the picture's plan, and keeping it apart changes nothing else.
+#[test]
+fn halves_of_samples_are_kept_apart_where_that_is_asked_for() {
+    let scene = cornell();
+    for samples in [2, 6, 8, 16, 32] {
+        let whole = options(40, 28, 100).samples(samples);
+        let film = picture(&scene, &whole.halves(true));
+        let plain = picture(&scene, &whole);
+        assert!(bits(&film) == bits(&plain) && plain.halves().is_none(), "{samples}");
+        let [first, second] = film.halves().expect("halves");
+        let both = first.iter().zip(&second).map(|(a, b)| [0, 1, 2].map(|c| 0.5 * (a[c] + b[c])));
+        for (both, all) in both.zip(film.rgba()) {
+            assert!(
+                (0..3).all(|c| (both[c] - all[c]).abs() <= 1e-5 * all[c].abs()),
+                "{samples}: {both:?} {all:?}"
+            );
+        }
+        assert!(first != second);
+    }
+    let mut stepping = rendering(&scene, &options(40, 28, 100).samples(16).halves(true));
+    stepping.next_pass();
+    let half: Vec<[f32; 3]> = stepping.film().rgba().iter().map(|p| [p[0], p[1], p[2]]).collect();
+    stepping.next_pass();
+    assert!(stepping.film().halves().expect("halves")[0] == half);
+}

@@ -6,7 +6,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command};
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 16] = [
+const UNUSED: [&str; 24] = [
     "output",
     "frames",
     "fps",
@@ -15,6 +15,14 @@ const UNUSED: [&str; 16] = [
     "preview",
     "time_limit",
     "save_every",
+    "noise",
+    "checkpoint",
+    "checkpoint_interval",
+    "plan",
+    "sample_range",
+    "region",
+    "progress",
+    "memory_limit",
     "float",
     "aov",
     "light_groups",

@@ -2,6 +2,7 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
+use oscura::output::part::{check_parts, read_part};
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
@@ -19,6 +20,26 @@ pub fn check(files: &[(&str, &[u8])]) {
             std::fs::write(folder.path().join(name), bytes).expect("written");
         }
         load_and_compile(&folder.path().join(files[0].0));
+    });
+}
+
+/// Reads bytes as a file of sums, once as they are and once with the checksum that they should end with.
+pub fn check_part(bytes: &[u8]) {
+    FOLDER.with(|folder| {
+        let folder = folder.get_or_init(|| memory_folder().expect("a temporary folder"));
+        let file = folder.path().join("a.part");
+        let summed = [bytes, &crc32fast::hash(bytes).to_le_bytes()].concat();
+        for bytes in [bytes, &summed] {
+            std::fs::write(&file, bytes).expect("written");
+            match read_part(&file) {
+                Err(error) => assert!(error.problems.iter().all(|p| !p.message.is_empty()), "a problem without words"),
+                Ok(part) => {
+                    let _ = check_parts(&[(file.clone(), part.header)]);
+                    let planes = part.film.planes().count();
+                    assert!(planes >= 4, "a film without colour");
+                }
+            }
+        }
     });
 }
 

@@ -1,0 +1,88 @@
+//! `oscura render` of one scene or of several, one after another.
+
+use super::args::RenderArgs;
+use super::outcome::{Outcome, exit_code};
+use super::process::cancel_by_signals;
+use super::{json, render, report, report_json, terms};
+use oscura::error::{Error, Result};
+use oscura::output::is_same_target;
+use oscura::render::CancelHandle;
+use std::path::{Path, PathBuf};
+
+/// What stands for a scene's name in names of files.
+const STEM: &str = "{stem}";
+
+/// Renders all scenes. Those that fail are told at the end, and the worst decides the exit code.
+pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
+    let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
+    check(&shots)?;
+    let cancel = cancel_by_signals()?;
+    match &shots[..] {
+        [only] => render::run(only, &cancel),
+        _ => all(args, &shots, &cancel),
+    }
+}
+
+/// The arguments about one of the scenes.
+fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
+    let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
+    let named = |path: &PathBuf| PathBuf::from(path.to_string_lossy().replace(STEM, &stem));
+    let has_stem = |path: &PathBuf| path.to_string_lossy().contains(STEM);
+    let named = |path: &PathBuf| if has_stem(path) { named(path) } else { path.clone() };
+    let mut own = args.clone();
+    own.scene = scene.to_path_buf();
+    own.output = args.output.iter().map(named).collect();
+    own.long.checkpoint = args.long.checkpoint.as_ref().map(named);
+    own
+}
+
+/// Do several scenes write different files?
+fn check(shots: &[RenderArgs]) -> Result<()> {
+    for (at, shot) in shots.iter().enumerate() {
+        for earlier in &shots[..at] {
+            let files = |args: &RenderArgs| -> Vec<PathBuf> {
+                args.output.iter().chain(&args.long.checkpoint).cloned().collect()
+            };
+            let theirs = files(earlier);
+            let same =
+                files(shot).into_iter().find(|own| theirs.iter().any(|file| is_same_target(own, file)));
+            if let Some(file) = same {
+                let (a, b) = (earlier.scene.display(), shot.scene.display());
+                let message = format!("{a} and {b} would both write {}", file.display());
+                return Err(Error::usage(message)
+                    .with_help("put {stem} into the names of files, such as -o '{stem}.exr'"));
+            }
+        }
+    }
+    Ok(())
+}
+
+fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result<Outcome> {
+    let mut failures: Vec<(&Path, u8)> = Vec::new();
+    for shot in shots {
+        if !args.quiet {
+            eprintln!("scene    {}", shot.scene.display());
+        }
+        match render::run(shot, cancel) {
+            Ok(Outcome::Interrupted) => return Ok(Outcome::Interrupted),
+            Ok(Outcome::Failed(code)) => failures.push((&shot.scene, code)),
+            Ok(_) => {}
+            Err(error) => {
+                let error = terms::in_error(error);
+                let code = exit_code(&error);
+                report::error(&error);
+                if args.json {
+                    json::print(&report_json::of_error(&error, code));
+                }
+                failures.push((&shot.scene, code));
+            }
+        }
+        if cancel.is_cancelled() {
+            return Ok(Outcome::Interrupted);
+        }
+    }
+    let Some(worst) = failures.iter().map(|(_, code)| *code).max() else { return Ok(Outcome::Done) };
+    eprintln!("{} of {} scenes failed:", failures.len(), shots.len());
+    failures.iter().for_each(|(scene, code)| eprintln!("  {} (exit code {code})", scene.display()));
+    Ok(Outcome::Failed(worst))
+}

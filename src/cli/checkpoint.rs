@@ -1,0 +1,154 @@
+//! What is kept of a render that takes long: its checkpoint, and the files of parts of pictures.
+
+use super::args::RenderArgs;
+use super::pictures::Targets;
+use super::report::Said;
+use oscura::error::{Error, Result, Warning};
+use oscura::load::Loaded;
+use oscura::output::part::{Finish, Identity, read_part};
+use oscura::output::{PngOptions, ViewTransform, check_target};
+use oscura::render::{PassOutcome, Rendering, Settled, identity};
+use oscura::scene::Backdrop;
+use std::path::PathBuf;
+use std::time::Instant;
+
+/// Writes checkpoints and parts. Does nothing where neither is asked for.
+pub(super) struct Keeper<'a> {
+    args: &'a RenderArgs,
+    parts: &'a [PathBuf],
+    identity: Identity,
+    finish: Finish,
+    backdrop: Option<Backdrop>,
+    /// When the checkpoint was written, or rendering began.
+    written: Instant,
+}
+
+impl<'a> Keeper<'a> {
+    /// For a scene that was loaded. Fingerprints are taken only where they are of use.
+    pub fn new(
+        args: &'a RenderArgs,
+        targets: &'a Targets,
+        loaded: &mut Loaded,
+        settled: &Settled,
+        png: PngOptions,
+        warnings: &[Warning],
+    ) -> Result<Keeper<'a>> {
+        let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
+        let identity = if keeps { identity(&mut loaded.scene, settled)? } else { Identity::new() };
+        let offset = loaded.offset.to_array();
+        let finish = Finish {
+            world_offset: (offset != [0.0; 3]).then_some(offset.map(f64::to_bits)),
+            warnings: warnings.iter().map(Warning::to_string).collect(),
+            owner: args.owner.clone(),
+            float: args.float,
+            reproducible: args.reproducible,
+            filmic: png.view == ViewTransform::Filmic,
+            exposure: png.exposure.to_bits(),
+            dither: png.dither,
+            ..Finish::default()
+        };
+        let backdrop = if keeps { loaded.scene.backdrop.clone() } else { None };
+        Ok(Keeper { args, parts: targets.parts(), identity, finish, backdrop, written: Instant::now() })
+    }
+
+    /// Goes on from the checkpoint, if that is asked for and there is one.
+    pub fn begin(&self, rendering: Rendering) -> Result<Rendering> {
+        let keeps = self.args.long.checkpoint.is_some() || !self.parts.is_empty();
+        let mut rendering = if keeps { rendering.with_whole_passes() } else { rendering };
+        let Some(file) = &self.args.long.checkpoint else { return Ok(rendering) };
+        if !file.exists() {
+            return Ok(rendering);
+        }
+        if !self.args.long.resume {
+            if !self.args.quiet {
+                eprintln!("warning: {} is replaced; --resume would go on from it", file.display());
+            }
+            return Ok(rendering);
+        }
+        rendering.go_on(file, read_part(file)?, &self.identity).map_err(plan_help)?;
+        if !self.args.quiet {
+            let samples = rendering.film().samples(0, 0);
+            eprintln!("resume   {} from {samples} samples a pixel", file.display());
+        }
+        Ok(rendering)
+    }
+
+    /// Writes the checkpoint if it is time to. A disk that is full for a while is no reason to lose the rest.
+    pub fn before_pass(&mut self, rendering: &mut Rendering, said: &mut Said) {
+        let is_due = self.written.elapsed() >= self.args.long.checkpoint_interval;
+        // The last samples may be less than a block: what is gone on from lies before them.
+        if (is_due || rendering.ends_within_block()) && rendering.is_between_blocks() {
+            if let Err(error) = self.write_checkpoint(rendering) {
+                let message = format!("the checkpoint was not written, an older one is as it was: {error}");
+                said.warnings(&[Warning::general(message)]);
+            }
+            self.written = Instant::now();
+        }
+    }
+
+    /// Writes the last checkpoint and, when all samples are there, the files of parts.
+    pub fn finish(&self, rendering: &mut Rendering, outcome: PassOutcome) -> Result<()> {
+        let checkpoint = match rendering.is_between_blocks() {
+            true => self.write_checkpoint(rendering),
+            false => Ok(()),
+        };
+        if matches!(outcome, PassOutcome::Done | PassOutcome::Converged) {
+            for path in self.parts {
+                rendering.write_part(path, &self.identity, &self.finish, self.backdrop.as_ref())?;
+            }
+        }
+        checkpoint
+    }
+
+    fn write_checkpoint(&self, rendering: &mut Rendering) -> Result<()> {
+        let Some(file) = &self.args.long.checkpoint else { return Ok(()) };
+        rendering.write_part(file, &self.identity, &self.finish, None)
+    }
+}
+
+/// Says how to go on to more samples where that was refused.
+fn plan_help(error: Error) -> Error {
+    match error.to_string().contains("samples are arranged for") {
+        true => error.with_help("go on to as many samples as were planned; begin with --plan N to go on to N, or with more than 256"),
+        false => error,
+    }
+}
+
+/// Do the options about long renders make sense together, and can the files be written?
+pub(super) fn check(args: &RenderArgs) -> Result<()> {
+    let long = &args.long;
+    let is_sequence = args.frames.is_some() || args.orbit.is_some();
+    if long.resume && args.frames.is_none() && long.checkpoint.is_none() {
+        let help = "give --checkpoint FILE to go on from, or --frames";
+        return Err(Error::usage("--resume has nothing to go on from").with_help(help));
+    }
+    if long.resume && args.frames.is_some() && long.save_every.is_some() {
+        let message = "--save-every and --resume can't be used together for a sequence";
+        return Err(Error::usage(message).with_help("pictures so far would pass for finished ones"));
+    }
+    if args.orbit.is_some() && (long.checkpoint.is_some() || long.is_part()) {
+        return Err(Error::usage("--orbit takes neither checkpoints nor parts"));
+    }
+    if args.frames.is_some()
+        && long.checkpoint.as_ref().is_some_and(|file| !file.to_string_lossy().contains('#'))
+    {
+        let message = "each frame of a sequence needs a checkpoint of its own";
+        return Err(
+            Error::usage(message).with_help("give a name with ####, such as --checkpoint frame.####.part")
+        );
+    }
+    let is_adaptive = args.adaptive == oscura::render::Adaptive::Auto;
+    if is_adaptive && (long.checkpoint.is_some() || long.noise.is_some()) {
+        let message = "--adaptive auto can't be used with --checkpoint and --noise";
+        return Err(Error::usage(message).with_help("leave it off"));
+    }
+    let is_part = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
+    if long.is_part() && !args.output.iter().all(is_part) {
+        let message = "a part of a picture is written as a .part file";
+        return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
+    }
+    if !is_sequence && let Some(file) = &long.checkpoint {
+        check_target(file)?;
+    }
+    Ok(())
+}

@@ -1,0 +1,47 @@
+//! Refusing what won't fit into memory before work starts.
+
+use super::args::RenderArgs;
+use super::process;
+use oscura::error::{Error, Result};
+use oscura::load::Loaded;
+use oscura::render::{Labels, Settled, film_bytes};
+
+/// Memory that building the tree over a triangle takes at most, bytes.
+const BYTES_A_TRIANGLE: u64 = 150;
+
+/// Is the file alone too large?
+pub(super) fn before_loading(args: &RenderArgs) -> Result<()> {
+    let size = process::size_of(&args.scene).unwrap_or(0);
+    refuse(args, &[("the file", size)])
+}
+
+/// Will the loaded scene, what is built of it, and the picture fit?
+pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Settled) -> Result<()> {
+    let scene = &loaded.scene;
+    let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    let labels = Labels::of(scene, &settled.options);
+    refuse(
+        args,
+        &[
+            ("the scene as loaded", process::memory_now().unwrap_or(0)),
+            ("building the tree over its triangles", triangles as u64 * BYTES_A_TRIANGLE),
+            ("the picture", film_bytes(&settled.options, &labels)),
+        ],
+    )
+}
+
+/// Refuses what takes more than there may be.
+fn refuse(args: &RenderArgs, needed: &[(&str, u64)]) -> Result<()> {
+    let Some(limit) = args.long.memory_limit.or_else(process::memory_of_machine) else { return Ok(()) };
+    let all = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
+    if all <= limit {
+        return Ok(());
+    }
+    let gib = |bytes: u64| bytes as f64 / f64::from(1u32 << 30);
+    let items: Vec<String> =
+        needed.iter().map(|(what, bytes)| format!("{what} {:.1} GiB", gib(*bytes))).collect();
+    let whose = if args.long.memory_limit.is_some() { "--memory-limit allows" } else { "the machine has" };
+    let message = format!("this takes more memory than {whose}, {:.1} GiB: {}", gib(limit), items.join(", "));
+    Err(Error::usage(message)
+        .with_help("make the picture smaller, render parts of it by --region, or leave out --aov"))
+}

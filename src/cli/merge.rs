@@ -1,0 +1,169 @@
+//! `oscura merge`: a picture from its parts.
+
+use super::long_args::MergeArgs;
+use super::outcome::Outcome;
+use super::pictures::{How, Pictures, Shot, Targets};
+use super::report;
+use super::{json, process};
+use oscura::error::{Error, Problem, Result, Warning};
+use oscura::film::Film;
+use oscura::math::{DMat4, DVec3};
+use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
+use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
+use oscura::render::{film_warnings, in_pool};
+use serde::Serialize;
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::time::{Instant, SystemTime};
+
+/// What `--json` says.
+#[derive(Serialize)]
+struct MergeReport {
+    parts: usize,
+    width: u32,
+    height: u32,
+    samples_per_pixel: u32,
+    /// Of all parts together, seconds.
+    render_s: f64,
+    render_cpu_s: f64,
+    rays: u64,
+    merge_s: f64,
+    peak_memory_bytes: Option<u64>,
+    missing: Vec<String>,
+    outputs: Vec<String>,
+    warnings: Vec<String>,
+}
+
+pub(crate) fn run(args: &MergeArgs) -> Result<Outcome> {
+    in_pool(args.threads.map(usize::from), || merge(args))
+        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+}
+
+fn merge(args: &MergeArgs) -> Result<Outcome> {
+    let start = Instant::now();
+    let targets = Targets::check(&args.output)?;
+    if let Some(part) = targets.parts().first() {
+        return Err(Error::usage(format!("{}: parts become an EXR or a PNG", part.display())));
+    }
+    let mut parts = heads(&args.parts)?;
+    // Channels that show first samples take the parts in the order of samples.
+    parts.sort_by_key(|(_, header)| (header.first_sample, header.region.y0, header.region.x0));
+    let missing = check_parts(&parts)?;
+    if !missing.is_empty() && !args.allow_missing {
+        let problems = missing.iter().map(|what| Problem::new("", format!("no part has {what}"))).collect();
+        let error = Error::input_problems(&parts[0].0, problems);
+        return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
+    }
+    let (mut film, behind) = sum(&parts)?;
+    let warnings = film_warnings(&film);
+    behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
+    let first = &parts[0].1;
+    let finish = &first.finish;
+    let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
+    if !missing.is_empty() {
+        earlier.push(Warning::general(format!("parts are missing: {}", missing.join("; "))));
+    }
+    let shot = Shot { film: Cow::Borrowed(&film), warnings, metadata: metadata(&parts, missing.is_empty()) };
+    let how = How {
+        owner: args.owner.clone().or_else(|| finish.owner.clone()),
+        reproducible: args.reproducible || finish.reproducible,
+        float: args.float || finish.float,
+    };
+    let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier)?;
+    pictures.write()?;
+    earlier.extend(pictures.warnings);
+    let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
+    let report = MergeReport {
+        parts: parts.len(),
+        width: first.width,
+        height: first.height,
+        samples_per_pixel: first.samples,
+        render_s: sum(|header| header.effort.wall_s),
+        render_cpu_s: sum(|header| header.effort.cpu_s),
+        rays: parts.iter().fold(0, |sum, (_, header)| sum.saturating_add(header.effort.rays)),
+        merge_s: start.elapsed().as_secs_f64(),
+        peak_memory_bytes: process::peak_memory(),
+        missing,
+        outputs: targets.names(),
+        warnings: earlier.iter().map(Warning::to_string).collect(),
+    };
+    say(args, &report, &earlier);
+    Ok(Outcome::Done)
+}
+
+/// The heads of all files; those that can't be read are told together.
+fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
+    let (mut heads, mut problems) = (Vec::new(), Vec::new());
+    for file in files {
+        match read_header(file) {
+            Ok(header) => heads.push((file.clone(), header)),
+            Err(error) => problems.extend(error.problems.into_iter().map(|problem| {
+                let place = file.display().to_string();
+                Problem { place, ..problem }
+            })),
+        }
+    }
+    match problems.is_empty() {
+        true => Ok(heads),
+        false => Err(Error::input_problems(&files[0], problems)),
+    }
+}
+
+/// The film of all parts, and what lies behind it.
+fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
+    let (file, first) = &parts[0];
+    let layout =
+        first.channels.layout().ok_or_else(|| Error::input(file, "has channels that are unknown"))?;
+    let mut film = Film::of_layout(first.width, first.height, layout)?;
+    let mut behind = None;
+    for (file, header) in parts {
+        let part = read_part(file)?;
+        if part.header != *header {
+            return Err(Error::input(file, "was changed while it was read"));
+        }
+        film.merge_film(&part.film);
+        behind = part.backdrop;
+    }
+    Ok((film, behind))
+}
+
+/// What the headers of pictures say, as those of a single run do.
+fn metadata(parts: &[(PathBuf, PartHeader)], is_complete: bool) -> Metadata {
+    let first = &parts[0].1;
+    let Finish { seed, world_to_camera, world_offset, mattes, .. } = &first.finish;
+    let aovs = first.channels.aovs().unwrap_or_default();
+    let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
+    Metadata {
+        samples: f64::from(first.samples),
+        seed: *seed,
+        owner: None,
+        render_s: Some(parts.iter().map(|(_, header)| header.effort.wall_s).sum()),
+        captured: Some(SystemTime::now()),
+        world_to_camera: Some(DMat4::from_cols_array(&world_to_camera.map(f64::from_bits))),
+        mattes: mattes.collect(),
+        world_offset: world_offset.map(|offset| DVec3::from_array(offset.map(f64::from_bits))),
+        stopped_by: (!is_complete).then(|| "parts are missing".to_string()),
+        warnings: Vec::new(),
+    }
+}
+
+fn png(finish: &Finish) -> PngOptions {
+    PngOptions {
+        view: if finish.filmic { ViewTransform::Filmic } else { ViewTransform::Srgb },
+        exposure: f32::from_bits(finish.exposure),
+        dither: finish.dither,
+    }
+}
+
+fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
+    if !args.quiet {
+        report::Said::default().warnings(warnings);
+        let (count, seconds) = (report.parts, report.merge_s);
+        let (width, height, samples) = (report.width, report.height, report.samples_per_pixel);
+        eprintln!("merged   {count} parts in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
+        report.outputs.iter().for_each(|output| eprintln!("wrote    {output}"));
+    }
+    if args.json {
+        json::print(report);
+    }
+}

@@ -1,0 +1,160 @@
+//! Sums of which the order of addends doesn't matter: parts of a picture that are added in any order give the same bits.
+//!
+//! A sum is a pair of numbers: the sum rounded to an f64, and what that leaves out. Both together are exact, and the pair is
+//! the only one of its sum, as long as addends are multiples of a grid and sums don't grow beyond [`LARGEST`]: addends are
+//! rounded to the grid first, which is so fine that rounding is below what f32 addends of 1e-6 say themselves. Beyond, sums
+//! depend on the order by the last digit of an f64.
+
+use bytemuck::{Pod, Zeroable};
+
+/// Bits of the grid after the binary point.
+const GRID_BITS: i32 = 44;
+
+/// Adding this and taking it away again rounds what is less than [`ROUNDED`] to the grid.
+const ROUNDER: f64 = 1.5 * (1u64 << (52 - GRID_BITS)) as f64;
+
+/// From here on, an f64 has no digits beyond half of the grid.
+const ROUNDED: f64 = (1u64 << (51 - GRID_BITS)) as f64;
+
+/// Sums are exact below this.
+#[cfg(test)]
+const LARGEST: f64 = (1u64 << (76 - GRID_BITS)) as f64;
+
+/// A number on the grid.
+#[inline(always)]
+pub(super) fn on_grid(value: f64) -> f64 {
+    if value.abs() < ROUNDED { (value + ROUNDER) - ROUNDER } else { value }
+}
+
+/// Adds to a sum (Knuth 1969; Dekker 1971, "A Floating-Point Technique for Extending the Available Precision").
+#[inline(always)]
+pub(super) fn add(high: &mut f64, low: &mut f32, value: f64) {
+    let sum = *high + value;
+    let of_value = sum - *high;
+    let error = (*high - (sum - of_value)) + (value - of_value);
+    let rest = f64::from(*low) + error;
+    *high = sum + rest;
+    *low = (rest - (*high - sum)) as f32;
+}
+
+/// A list of sums. Those of tiles, which follow each other in one order, are plain.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct SumList {
+    pub high: Vec<f64>,
+    /// What `high` leaves out; empty in tiles.
+    pub low: Vec<f32>,
+}
+
+impl SumList {
+    /// Zeros; `None` if there is no memory for them.
+    pub fn try_new(count: usize, is_exact: bool) -> Option<SumList> {
+        let low = if is_exact { count } else { 0 };
+        Some(SumList {
+            high: bytemuck::try_zeroed_vec(count).ok()?,
+            low: bytemuck::try_zeroed_vec(low).ok()?,
+        })
+    }
+
+    /// Adds sums of another list: those of a tile, or exact ones.
+    pub fn merge(&mut self, at: usize, other: &SumList, from: usize, count: usize) {
+        let (high, low) = (&mut self.high[at..at + count], &mut self.low[at..at + count]);
+        let sums = high.iter_mut().zip(low);
+        let highs = &other.high[from..from + count];
+        if other.low.is_empty() {
+            sums.zip(highs).for_each(|((high, low), value)| add(high, low, on_grid(*value)));
+            return;
+        }
+        let others = highs.iter().zip(&other.low[from..from + count]);
+        for ((high, low), (value, rest)) in sums.zip(others) {
+            add(high, low, *value);
+            add(high, low, f64::from(*rest));
+        }
+    }
+}
+
+/// Red, green and blue of the first half of a pixel's samples, and how many there are.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub(super) struct HalfSum {
+    pub rgb: [f64; 3],
+    pub low: [f32; 3],
+    pub count: u32,
+}
+
+impl HalfSum {
+    /// Adds a sample, in a tile.
+    pub fn add(&mut self, rgb: [f32; 3]) {
+        self.rgb.iter_mut().zip(rgb).for_each(|(sum, v)| *sum += f64::from(v));
+        self.count += 1;
+    }
+
+    /// Adds the sum of a tile, or an exact one.
+    pub fn merge(&mut self, other: &HalfSum, is_of_tile: bool) {
+        for c in 0..3 {
+            let value = if is_of_tile { on_grid(other.rgb[c]) } else { other.rgb[c] };
+            add(&mut self.rgb[c], &mut self.low[c], value);
+            if !is_of_tile {
+                add(&mut self.rgb[c], &mut self.low[c], f64::from(other.low[c]));
+            }
+        }
+        self.count = self.count.saturating_add(other.count);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::sampling::hash::SplitMix64;
+
+    /// Numbers of very different sizes, as blocks of samples bring them.
+    fn numbers(seed: u64, count: usize) -> Vec<f64> {
+        let mut random = SplitMix64::new(seed);
+        let size = |random: &mut SplitMix64| 2f64.powf(60.0 * random.next_unit() - 45.0);
+        let sums = (0..count).map(|_| (0..8).map(|_| size(&mut random) * random.next_unit()).sum());
+        sums.collect()
+    }
+
+    fn summed(values: &[f64]) -> SumList {
+        let mut sum = SumList::try_new(1, true).expect("one number");
+        for &value in values {
+            sum.merge(0, &SumList { high: vec![value], low: Vec::new() }, 0, 1);
+        }
+        sum
+    }
+
+    #[test]
+    fn the_order_and_the_grouping_do_not_matter() {
+        for seed in 0..50 {
+            let mut values = numbers(seed, 250);
+            let whole = summed(&values);
+            assert!(whole.high[0] < LARGEST);
+            let mut random = SplitMix64::new(seed);
+            for at in (1..values.len()).rev() {
+                values.swap(at, (random.next_unit() * (at + 1) as f64) as usize);
+            }
+            assert_eq!(summed(&values), whole, "{seed}: another order");
+            let mut grouped = SumList::try_new(1, true).expect("one number");
+            values.chunks(37).rev().for_each(|chunk| grouped.merge(0, &summed(chunk), 0, 1));
+            assert_eq!(grouped, whole, "{seed}: in groups");
+        }
+    }
+
+    /// Plain sums do depend on the order: else there would be nothing to do here.
+    #[test]
+    fn plain_sums_do_depend_on_the_order() {
+        let differs = |seed: &u64| {
+            let values = numbers(*seed, 250);
+            values.iter().sum::<f64>() != values.iter().rev().sum::<f64>()
+        };
+        assert!((0..50).filter(differs).count() > 20);
+    }
+
+    #[test]
+    fn the_grid_is_finer_than_what_samples_say() {
+        for value in [1e-6f32, 3.7e-4, 0.1, 5.0, 127.9, 128.1, 1e9] {
+            let value = f64::from(value);
+            assert_eq!(on_grid(value), value, "{value}");
+        }
+        assert!((on_grid(1e-9) / 1e-9 - 1.0).abs() < 1e-4);
+    }
+}

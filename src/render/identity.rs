@@ -1,0 +1,194 @@
+//! What a picture depends on, in names and values: pictures with the same are the same, to the bit.
+
+use super::options::RenderOptions;
+use super::settle::Settled;
+use crate::compile::{Fingerprint, of_mesh};
+use crate::error::Result;
+use crate::image::{Image, Pixels};
+use crate::output::part::{Identity, PRINT};
+use crate::sampling::MOST_ARRANGED;
+use crate::scene::{Backdrop, Scene};
+use std::fmt::{self, Debug, Write};
+use std::mem::take;
+
+/// Changes when the same scene and options give another picture.
+const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 1");
+
+/// What the picture of a scene by settled options depends on: everything in the scene, and all options that change pixels.
+/// The scene is afterwards as it was.
+///
+/// # Errors
+/// An input error for a scene without a camera.
+pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
+    let camera = of_debug(settled.camera(scene)?);
+    let mut rest = take(scene);
+    // What is large goes in by its bytes, all else by what `Debug` says of it, which leaves no field out.
+    let (meshes, images, backdrop) =
+        (take(&mut rest.meshes), take(&mut rest.images), take(&mut rest.backdrop));
+    let (name, cameras, settings) = (take(&mut rest.name), take(&mut rest.cameras), take(&mut rest.settings));
+    let (materials, textures) = (take(&mut rest.materials), take(&mut rest.textures));
+    let (lights, environment) = (take(&mut rest.lights), take(&mut rest.environment));
+    let of_meshes = meshes.iter().fold(Fingerprint::START, |sum, mesh| sum.with_print(of_mesh(mesh)));
+    let of_images = images.iter().fold(Fingerprint::START, with_image);
+    let of_backdrop = match &backdrop {
+        Some(Backdrop::Picture(image)) => with_image(Fingerprint::START, image),
+        other => of_debug(other),
+    };
+    let prints = [
+        ("the camera", camera),
+        ("the geometry", of_meshes.with_print(of_debug(&rest))),
+        ("what materials are", of_debug(&materials).with_print(of_debug(&textures))),
+        ("what pictures textures show", of_images),
+        ("the light", of_debug(&lights).with_print(of_debug(&environment))),
+        ("the background", of_backdrop),
+    ];
+    *scene = Scene {
+        name,
+        meshes,
+        images,
+        backdrop,
+        cameras,
+        settings,
+        materials,
+        textures,
+        lights,
+        environment,
+        ..rest
+    };
+    let prints = prints.map(|(name, print)| (name.to_string(), format!("{PRINT}{:016x}", print.value())));
+    Ok(prints.into_iter().chain(options(settled)).collect())
+}
+
+/// The options that pixels depend on.
+fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
+    let options = settled.options;
+    let planned = options.samples.max(options.planned);
+    let arranged = match planned > MOST_ARRANGED {
+        true => "any number".to_string(),
+        false => planned.next_power_of_two().to_string(),
+    };
+    // The others together: none is forgotten.
+    let others = RenderOptions {
+        width: 0,
+        height: 0,
+        samples: 0,
+        planned: 0,
+        sample_range: None,
+        region: None,
+        seed: 0,
+        max_depth: 0,
+        noise: None,
+        time_limit: None,
+        ..options
+    };
+    let named = [
+        ("version", PICTURES.to_string()),
+        ("size", format!("{} x {}", options.width, options.height)),
+        ("samples", options.samples.to_string()),
+        ("the number that samples are arranged for", arranged),
+        ("seed", options.seed.to_string()),
+        ("depth", options.max_depth.to_string()),
+        ("path reuse", format!("{:?}", options.path_reuse)),
+        ("splitting", format!("{:?}", options.splitting)),
+        ("the filter", format!("{:?}", options.filter)),
+        ("one of the other options", format!("{PRINT}{:016x}", of_debug(&(others, settled.shading)).value())),
+    ];
+    named.into_iter().map(|(name, value)| (name.to_string(), value))
+}
+
+/// With an image more, but for its name.
+fn with_image(sum: Fingerprint, image: &Image) -> Fingerprint {
+    let sum = [image.width, image.height, image.channels].into_iter().fold(sum, |sum, n| sum.with(n.into()));
+    let sum = sum.with_print(of_debug(&image.encoding));
+    match &*image.pixels {
+        Pixels::U8(values) => sum.with(8).with_all(values),
+        Pixels::U16(values) => sum.with(16).with_all(values),
+        Pixels::F32(values) => sum.with(32).with_all(values),
+    }
+}
+
+/// The fingerprint of all that `Debug` says, as it is said.
+fn of_debug(value: &impl Debug) -> Fingerprint {
+    let mut sum = Printed { sum: Fingerprint::START, pending: Vec::new() };
+    // It can't fail: writing to it doesn't.
+    let _ = write!(sum, "{value:?}");
+    sum.sum.with_all(&sum.pending)
+}
+
+/// Takes text in pieces; the fingerprint is that of the whole.
+struct Printed {
+    sum: Fingerprint,
+    pending: Vec<u8>,
+}
+
+impl Write for Printed {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        const PIECE: usize = 1 << 12;
+        self.pending.extend_from_slice(text.as_bytes());
+        while self.pending.len() >= PIECE {
+            self.sum = self.sum.with_all(&self.pending[..PIECE]);
+            self.pending.drain(..PIECE);
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::output::part::differences;
+    use crate::render::Choices;
+    use crate::scene::{Camera, Material, Mesh, Shape};
+
+    fn scene() -> Scene {
+        let mut scene = Scene::default();
+        let clay = scene.add_material(Material::lambert("clay", [0.6, 0.3, 0.2]));
+        scene.shapes.push(Shape::sphere([0.0, 1.0, 0.0], 1.0, clay));
+        scene.meshes.push(Mesh { positions: vec![[0.0; 3]; 3], ..Mesh::default() });
+        scene.images.push(Image::from_linear_rgb("a", 2, 1, vec![0.5; 6]));
+        scene.cameras.push(Camera::look_at([0.0, 2.0, 6.0], [0.0, 1.0, 0.0], 30.0));
+        scene
+    }
+
+    fn of(scene: &mut Scene, change: impl Fn(&mut Choices)) -> Identity {
+        let mut choices = Choices::default();
+        change(&mut choices);
+        let settled = choices.settle(scene).expect("a camera");
+        identity(scene, &settled).expect("a camera")
+    }
+
+    #[test]
+    fn whatever_changes_is_named() {
+        let same = |_: &mut Choices| {};
+        let (mut before, mut after) = (scene(), scene());
+        let ours = of(&mut before, same);
+        assert_eq!(of(&mut after, same), ours);
+        assert_eq!(format!("{before:?}"), format!("{:?}", scene()), "the scene is as it was");
+        let mut told = |change: fn(&mut Scene), name: &str| {
+            let mut other = scene();
+            change(&mut other);
+            assert_eq!(differences(&ours, &of(&mut other, same)), [format!("{name} differs")]);
+        };
+        told(|s| s.meshes[0].positions[1][2] = 1e-30, "the geometry");
+        told(|s| s.shapes.clear(), "the geometry");
+        told(
+            |s| s.images[0] = Image::from_linear_rgb("a", 1, 2, vec![0.5; 6]),
+            "what pictures textures show",
+        );
+        told(|s| s.materials[0] = Material::lambert("clay", [0.6, 0.3, 0.21]), "what materials are");
+        told(|s| s.backdrop = Some(Backdrop::Color([1.0; 3])), "the background");
+        told(|s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0), "the camera");
+        let other = of(&mut after, |choices| choices.settings.depth = Some(7));
+        assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
+        let other = of(&mut after, |choices| choices.soft_terminator = false);
+        assert_eq!(differences(&ours, &other), ["one of the other options differs"]);
+    }
+
+    #[test]
+    fn from_257_samples_on_their_number_does_not_matter() {
+        let with =
+            |samples| of(&mut scene(), |choices: &mut Choices| choices.settings.samples = Some(samples));
+        assert_eq!(differences(&with(500), &with(2000)), ["samples is 500 here and 2000 there"]);
+        assert_eq!(differences(&with(16), &with(17)).len(), 2);
+    }
+}

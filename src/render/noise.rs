@@ -1,0 +1,172 @@
+//! How noisy a picture is: an estimate of its error from what its samples show.
+//!
+//! Samples of a pixel are points of one well spread sequence, so that their variance says little about the error of their mean.
+//! What tells is how far the mean still moves: the means of the first `n / 2` and of all `n` samples, where `n` is a power of
+//! two. Runs of a scrambled sequence of such lengths are complementary: the mean of `n` samples is the mean of two halves `A`
+//! and `B` that are exchangeable, so that `(A - B) / 2` is uncorrelated with it, and
+//!
+//! `E[(M_(n/2) - M_n)^2] = V_(n/2) - V_n`
+//!
+//! is what the variance `V` loses by doubling the samples (Owen 1997, "Monte Carlo variance of scrambled net quadrature":
+//! scrambled nets have a variance for each such block). For independent samples that is `V_n` itself; for smooth integrands it
+//! is more, up to `7 V_n`. So what is left, `V_n`, is the sum of all further losses, which fall by a factor each time that the
+//! samples are doubled: the factor that the last two losses show, of the whole picture.
+
+use crate::film::Film;
+
+/// Samples below which nothing is estimated.
+const LEAST: u32 = 8;
+
+/// What is added to squares of values so that black has a relative error.
+const FLOOR: f64 = 0.01;
+
+/// How losses fall when the samples are doubled: by half where samples are as good as independent, by an eighth at best.
+const RATIOS: std::ops::RangeInclusive<f64> = 0.125..=0.5;
+
+/// What estimates go by.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) struct Noise {
+    /// Samples that the means are of: a power of two; 0 before there are any.
+    samples: u32,
+    /// The means then, red, green and blue, pixel by pixel.
+    means: Vec<[f32; 3]>,
+    /// What the whole picture's mean squared relative error lost by each doubling so far.
+    losses: Vec<f64>,
+    /// Samples now.
+    now: u32,
+}
+
+impl Noise {
+    /// Takes down a film whose pixels all have so many samples.
+    pub fn observe(&mut self, film: &Film, samples: u32) {
+        self.now = samples;
+        if samples < LEAST || !samples.is_power_of_two() {
+            return;
+        }
+        let means: Vec<[f32; 3]> = film.rgba().into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
+        if self.samples * 2 == samples && self.means.len() == means.len() {
+            self.losses.push(loss(&self.means, &means, film.width() as usize));
+        }
+        (self.samples, self.means) = (samples, means);
+    }
+
+    /// The estimated relative error of the whole picture now.
+    pub fn error(&self) -> Option<f64> {
+        let [.., before, last] = self.losses[..] else { return None };
+        let ratio = if before > 0.0 { (last / before).clamp(*RATIOS.start(), *RATIOS.end()) } else { 0.5 };
+        let variance = last * ratio / (1.0 - ratio);
+        // From there on as it falls from doubling to doubling.
+        let since = f64::from(self.now) / f64::from(self.samples);
+        Some((variance * ratio.powf(since.log2())).sqrt())
+    }
+
+    /// All of it, for a file.
+    pub fn to_bytes(&self) -> Vec<u8> {
+        let mut bytes = Vec::new();
+        bytes.extend(
+            [self.samples, self.now, self.losses.len() as u32].into_iter().flat_map(u32::to_le_bytes),
+        );
+        bytes.extend(self.losses.iter().flat_map(|loss| loss.to_le_bytes()));
+        bytes.extend_from_slice(bytemuck::cast_slice(&self.means));
+        bytes
+    }
+
+    /// Goes on from what [`Noise::to_bytes`] gave for so many pixels; begins anew with anything else.
+    pub fn go_on(&mut self, bytes: &[u8], pixels: usize) {
+        *self = Noise::read(bytes, pixels).unwrap_or_default();
+    }
+
+    fn read(bytes: &[u8], pixels: usize) -> Option<Noise> {
+        let (head, rest) = bytes.split_at_checked(12)?;
+        let [samples, now, count] =
+            [0, 4, 8].map(|at| u32::from_le_bytes([0, 1, 2, 3].map(|i| head[at + i])));
+        let (losses, means) = rest.split_at_checked((count as usize).checked_mul(8)?)?;
+        let losses = losses.as_chunks::<8>().0.iter().map(|bytes| f64::from_le_bytes(*bytes)).collect();
+        let means: Vec<[f32; 3]> = bytemuck::try_cast_slice::<u8, u8>(means)
+            .ok()
+            .filter(|means| means.len() == pixels * size_of::<[f32; 3]>() || means.is_empty())
+            .map(bytemuck::pod_collect_to_vec)?;
+        Some(Noise { samples, means, losses, now })
+    }
+}
+
+/// The mean over pixels and colours of how far means moved, relative to the values.
+fn loss(before: &[[f32; 3]], now: &[[f32; 3]], width: usize) -> f64 {
+    let height = now.len() / width.max(1);
+    let mut sum = 0.0;
+    for y in 0..height {
+        let mut of_row = 0.0;
+        for x in 0..width {
+            let at = y * width + x;
+            let value = settled(now, width, height, x, y);
+            for c in 0..3 {
+                let moved = f64::from(now[at][c]) - f64::from(before[at][c]);
+                of_row += moved * moved / (value[c] * value[c] + FLOOR);
+            }
+        }
+        sum += of_row;
+    }
+    sum / (3 * now.len()).max(1) as f64
+}
+
+/// The value of a pixel, as far as its neighbours bear it out: within the range of the eight around it, their outermost left
+/// out. A pixel that one bright sample decides would have a small relative error else.
+fn settled(values: &[[f32; 3]], width: usize, height: usize, x: usize, y: usize) -> [f64; 3] {
+    let rows = y.saturating_sub(1)..(y + 2).min(height);
+    let columns = x.saturating_sub(1)..(x + 2).min(width);
+    let (mut low, mut high) = ([[f32::INFINITY; 2]; 3], [[f32::NEG_INFINITY; 2]; 3]);
+    for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
+        if (column, row) == (x, y) {
+            continue;
+        }
+        for (c, &value) in values[row * width + column].iter().enumerate() {
+            let [least, second] = &mut low[c];
+            (*least, *second) = (least.min(value), second.min(least.max(value)));
+            let [most, second] = &mut high[c];
+            (*most, *second) = (most.max(value), second.max(most.min(value)));
+        }
+    }
+    let own = values[y * width + x];
+    std::array::from_fn(|c| {
+        let (low, high) = (low[c][1], high[c][1]);
+        f64::from(if low <= high { own[c].clamp(low, high) } else { own[c] })
+    })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn what_is_saved_comes_back() {
+        let noise = Noise { samples: 16, means: vec![[0.1, 2.0, 3.0]; 6], losses: vec![0.3, 0.1], now: 24 };
+        let mut other = Noise::default();
+        other.go_on(&noise.to_bytes(), 6);
+        assert_eq!(other, noise);
+        for length in 0..noise.to_bytes().len() {
+            other.go_on(&noise.to_bytes()[..length], 6);
+            assert_ne!(other, noise);
+        }
+        other.go_on(&noise.to_bytes(), 7);
+        assert_eq!(other, Noise::default());
+    }
+
+    /// Independent samples: the error falls by the root of two at each doubling, and the loss is the variance.
+    #[test]
+    fn of_independent_samples_the_error_is_the_last_move() {
+        let noise = Noise { samples: 32, means: Vec::new(), losses: vec![0.02, 0.01], now: 32 };
+        assert!((noise.error().unwrap() - 0.1).abs() < 1e-12);
+        let later = Noise { now: 64, ..noise.clone() };
+        assert!((later.error().unwrap() - 0.1 / 2f64.sqrt()).abs() < 1e-12);
+        assert_eq!(Noise { losses: vec![0.01], ..noise }.error(), None);
+    }
+
+    #[test]
+    fn one_bright_pixel_is_measured_by_its_neighbours() {
+        let mut values = vec![[0.5f32; 3]; 25];
+        values[12] = [100.0; 3];
+        values[11] = [90.0; 3];
+        assert_eq!(settled(&values, 5, 5, 2, 2), [0.5; 3]);
+        assert_eq!(settled(&values, 5, 5, 0, 0), [0.5; 3]);
+    }
+}

@@ -1,0 +1,247 @@
+//! Renders that are killed, gone on with, divided and put together, as users do it.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+use std::process::{Child, Command, Stdio};
+use std::time::Duration;
+
+/// Options that make bytes comparable.
+const FIXED: [&str; 4] = ["--reproducible", "--float", "--aov", "all"];
+
+fn arguments<'a>(scene: &'a str, more: &[&'a str]) -> Vec<&'a str> {
+    let width: &[&str] = if more.contains(&"--width") { &[] } else { &["--width", "64"] };
+    [&["render", scene], &FIXED[..], width, more].concat()
+}
+
+fn shoot(folder: &Path, more: &[&str]) -> String {
+    let scene = cornell();
+    let output = oscura(folder, &arguments(&scene, more));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    stderr(&output)
+}
+
+/// The exit code and what was said.
+fn fails(folder: &Path, args: &[&str]) -> (i32, String) {
+    let output = oscura(folder, args);
+    (code(&output), stderr(&output))
+}
+
+fn same(folder: &Path, a: &str, b: &str) -> bool {
+    fs::read(folder.join(a)).expect("a file") == fs::read(folder.join(b)).expect("a file")
+}
+
+#[test]
+fn parts_are_put_together_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shoot(folder, &["--spp", "20", "-o", "whole.exr", "-o", "whole.png"]);
+    let parts = [
+        ("a.part", "0..5", "0,0,64,20", "1"),
+        ("b.part", "5..20", "0,0,64,20", "2"),
+        ("c.part", "0..20", "0,20,30,64", "7"),
+        ("d.part", "0..20", "30,20,64,64", "2"),
+    ];
+    for (file, samples, region, threads) in parts {
+        let more = ["--spp", "20", "-o", file, "--sample-range", samples, "--region", region];
+        shoot(folder, &[&more[..], &["--threads", threads]].concat());
+    }
+    let merge = |more: &[&str]| oscura(folder, &[&["merge"], more].concat());
+    let output = merge(&["d.part", "b.part", "a.part", "c.part", "-o", "m.exr", "-o", "m.png", "--json"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert_eq!(report(&output)["parts"], 4);
+    assert!(same(folder, "whole.exr", "m.exr") && same(folder, "whole.png", "m.png"));
+
+    let missing = merge(&["d.part", "b.part", "c.part", "-o", "x.exr"]);
+    assert_eq!(code(&missing), 3);
+    assert!(
+        stderr(&missing).contains("no part has samples 0..8 of the pixels 0,0,64,20"),
+        "{}",
+        stderr(&missing)
+    );
+    let allowed = merge(&["d.part", "b.part", "c.part", "-o", "x.exr", "--allow-missing"]);
+    assert_eq!(code(&allowed), 0, "{}", stderr(&allowed));
+    assert_eq!(attribute(&folder.join("x.exr"), "stoppedBy"), text("parts are missing"));
+    let twice = merge(&["d.part", "b.part", "a.part", "c.part", "c.part", "-o", "y.exr"]);
+    assert_eq!(code(&twice), 3);
+    assert!(stderr(&twice).contains("which c.part has as well"), "{}", stderr(&twice));
+    shoot(folder, &["--spp", "20", "-o", "e.part", "--sample-range", "0..8", "--seed", "3"]);
+    let foreign = merge(&["d.part", "e.part", "c.part", "-o", "y.exr"]);
+    assert_eq!(code(&foreign), 3);
+    assert!(
+        stderr(&foreign).contains("e.part: is of another picture than c.part: seed is 0 here and 3 there"),
+        "{}",
+        stderr(&foreign)
+    );
+    fs::write(folder.join("f.part"), "text").unwrap();
+    let broken = merge(&["d.part", "f.part", "-o", "y.exr"]);
+    assert_eq!((code(&broken), folder.join("y.exr").exists()), (3, false));
+    assert!(stderr(&broken).contains("f.part") && stderr(&broken).contains("no file of sums"));
+}
+
+#[test]
+fn what_makes_no_sense_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let refused = |more: &[&str]| {
+        let (code, said) = fails(folder.path(), &arguments(&scene, more));
+        assert_eq!(code, 2, "{said}");
+        said
+    };
+    assert!(refused(&["-o", "a.exr", "--sample-range", "0..8"]).contains(".part"));
+    assert!(refused(&["-o", "a.exr", "--resume"]).contains("--checkpoint"));
+    assert!(refused(&["-o", "a.part", "--region", "0,0,65,9"]).contains("64 x 64"));
+    assert!(refused(&["-o", "a.part", "--region", "9,0,9,9"]).contains("region"));
+    assert!(refused(&["-o", "a.exr", "--checkpoint", "c", "--adaptive", "auto"]).contains("--adaptive"));
+    assert!(refused(&["-o", "f.exr", "--checkpoint", "c", "--frames", "1-2"]).contains("####"));
+    assert!(refused(&["-o", "a.exr", "--noise", "0"]).contains("percent"));
+    assert!(refused(&["-o", "a.exr", "--memory-limit", "1M"]).contains("GiB"));
+    assert!(
+        refused(&["-o", "a.exr", "--width", "16384", "--height", "8192", "--memory-limit", "2G"])
+            .contains("the picture")
+    );
+    assert!(names(folder.path()).is_empty());
+}
+
+#[test]
+fn a_finished_picture_goes_on_where_it_can() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let kept = ["--checkpoint", "c.part"];
+    shoot(folder, &["--spp", "300", "--width", "16", "-o", "whole.exr"]);
+    shoot(folder, &[&["--spp", "260", "--width", "16", "-o", "a.exr"], &kept[..]].concat());
+    let said =
+        shoot(folder, &[&["--spp", "300", "--width", "16", "-o", "a.exr", "--resume"], &kept[..]].concat());
+    assert!(said.contains("from 256 samples a pixel") && same(folder, "a.exr", "whole.exr"), "{said}");
+
+    let scene = cornell();
+    let go_on = |more: &[&str]| {
+        let fixed = ["-o", "a.exr", "--resume", "--checkpoint", "c.part", "--width", "16"];
+        let (code, said) = fails(folder, &arguments(&scene, &[&fixed[..], more].concat()));
+        assert_eq!(code, 3, "{said}");
+        said
+    };
+    assert!(go_on(&["--spp", "300", "--depth", "3"]).contains("depth is 3 here and 100 there"));
+    assert!(go_on(&["--spp", "260"]).contains("296 samples"));
+    let said = go_on(&["--spp", "100"]);
+    assert!(said.contains("samples are arranged for is 128 here and any number there"), "{said}");
+    let changed = fs::read_to_string(&scene).unwrap().replacen("0.725", "0.625", 1);
+    fs::write(folder.join("changed.gltf"), changed).unwrap();
+    let before = fs::read(folder.join("c.part")).unwrap();
+    let fixed = ["-o", "a.exr", "--resume", "--checkpoint", "c.part", "--width", "16", "--spp", "300"];
+    let (code, said) = fails(folder, &[&["render", "changed.gltf"], &FIXED[..], &fixed[..]].concat());
+    assert!(code == 3 && said.contains("differs"), "{said}");
+    assert!(fs::read(folder.join("c.part")).unwrap() == before);
+}
+
+#[test]
+fn several_scenes_in_one_go() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = cornell();
+    let small = ["--width", "16", "--spp", "1"];
+    fs::write(folder.join("broken.glb"), "nothing").unwrap();
+    let batch =
+        |more: &[&str]| oscura(folder, &[&["render", &scene, "broken.glb"], more, &small[..]].concat());
+    let same_file = batch(&["-o", "a.exr"]);
+    assert!(code(&same_file) == 2 && stderr(&same_file).contains("{stem}"), "{}", stderr(&same_file));
+    let output = batch(&["-o", "{stem}.exr"]);
+    assert_eq!(code(&output), 3, "{}", stderr(&output));
+    assert!(stderr(&output).contains("1 of 2 scenes failed:\n  broken.glb"), "{}", stderr(&output));
+    assert_eq!(names(folder), ["broken.glb", "cornell-box.exr"]);
+}
+
+#[test]
+fn progress_for_programs() {
+    let folder = tempfile::tempdir().unwrap();
+    let told = |kind| {
+        let output = render(folder.path(), "a.exr", &["--progress", kind]);
+        (stdout(&output), stderr(&output))
+    };
+    let line: serde_json::Value =
+        serde_json::from_str(told("json").0.lines().last().expect("a line")).unwrap();
+    assert_eq!((line["event"].as_str(), line["progress"].as_f64()), (Some("progress"), Some(1.0)));
+    assert!(told("openjd").0.contains("openjd_progress: 100.00\n"));
+    assert_eq!((told("none").0, told("plain").0), (String::new(), String::new()));
+}
+
+#[test]
+fn noise_that_is_asked_for_is_reached() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let told = |more: &[&str]| {
+        let output = oscura(folder.path(), &arguments(&scene, &[&["-o", "a.exr", "--json"], more].concat()));
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        report(&output)
+    };
+    let said = told(&["--noise", "3", "--spp", "400"]);
+    let (error, samples) =
+        (said["estimated_error"].as_f64().unwrap(), said["samples_per_pixel"].as_f64().unwrap());
+    assert!((0.02..=0.03).contains(&error) && samples < 400.0, "{said}");
+    let again = told(&["--noise", "3", "--spp", "400", "--threads", "1"]);
+    assert_eq!(again["estimated_error"], said["estimated_error"]);
+    assert_eq!(told(&["--noise", "0.01", "--spp", "40"])["samples_per_pixel"], 40);
+}
+
+/// Kills a checkpointing render at moments that a hash chooses, goes on each time, and looks at what is there.
+#[cfg(target_os = "linux")]
+#[test]
+fn killed_renders_go_on_to_the_same_picture() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = cornell();
+    let size = ["--spp", "300", "-o", "a.exr"];
+    shoot(folder, &["--spp", "300", "-o", "whole.exr"]);
+    let kept = ["--checkpoint", "c.part", "--checkpoint-interval", "0.03", "--resume"];
+    let all = arguments(&scene, &[&size[..], &kept[..]].concat());
+    let start = || -> Child {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+        command.args(&all).current_dir(folder).stdout(Stdio::null()).stderr(Stdio::null());
+        command.spawn().expect("the program starts")
+    };
+    let mut random = oscura::sampling::hash::SplitMix64::new(7);
+    let mut progress = Vec::new();
+    for _ in 0..6 {
+        let mut child = start();
+        std::thread::sleep(Duration::from_secs_f64(0.1 + 0.5 * random.next_unit()));
+        child.kill().expect("it can be killed");
+        child.wait().expect("it ends");
+        if folder.join("a.exr").exists() {
+            assert!(same(folder, "a.exr", "whole.exr"), "a broken picture has its final name");
+        }
+        let checkpoint = folder.join("c.part");
+        if checkpoint.exists() {
+            let header = oscura::output::part::read_header(&checkpoint).expect("it is whole");
+            oscura::output::part::read_part(&checkpoint).expect("it is whole");
+            progress.push(header.end_sample);
+        }
+    }
+    assert!(progress.windows(2).all(|w| w[0] <= w[1]), "{progress:?}");
+    shoot(folder, &[&size[..], &kept[..]].concat());
+    assert!(same(folder, "a.exr", "whole.exr"));
+}
+
+/// A disk without space, as a limit on the size of files shows it: the older checkpoint and picture stay as they were.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_full_disk_harms_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = cornell();
+    let run = |blocks: &str, spp: &str| {
+        let program = env!("CARGO_BIN_EXE_oscura");
+        let line = format!(
+            "trap '' XFSZ; ulimit -f {blocks}; exec {program} render {scene} -o a.exr --width 64 --spp {spp} \
+             --checkpoint c.part --resume --plan 64"
+        );
+        let output = Command::new("sh").args(["-c", &line]).current_dir(folder).output();
+        output.expect("the shell runs")
+    };
+    assert_eq!(code(&run("unlimited", "16")), 0);
+    let before = ["a.exr", "c.part"].map(|name| fs::read(folder.join(name)).unwrap());
+    let full = run("8", "64");
+    assert_eq!(code(&full), 4, "{}", stderr(&full));
+    assert_eq!(["a.exr", "c.part"].map(|name| fs::read(folder.join(name)).unwrap()), before);
+    assert_eq!(names(folder), ["a.exr", "c.part"]);
+    assert_eq!(code(&run("unlimited", "64")), 0);
+}

@@ -1,0 +1,6 @@
+//! Files of sums: checkpoints and parts of pictures.
+#![no_main]
+
+use libfuzzer_sys::fuzz_target;
+
+fuzz_target!(|data: &[u8]| oscura_fuzz::check_part(data));
