@@ -20,6 +20,8 @@ pub(crate) struct Frame {
     pub output: OutputOptions,
     pub samples: f64,
     pub seconds: f64,
+    /// Estimated relative error of the whole picture, once there is an estimate.
+    pub error: Option<f64>,
     /// Size of the finished picture over that of this one.
     pub scale: u32,
     pub is_finished: bool,
@@ -36,6 +38,7 @@ impl Frame {
             output: rendering.output_options(),
             samples: statistics.samples_per_pixel,
             seconds: statistics.render_s,
+            error: statistics.error,
             scale: 1,
             is_finished,
             order,

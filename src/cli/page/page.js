@@ -96,7 +96,8 @@ function tell() {
   $("facts").textContent = `${facts.triangles.toLocaleString("en")} triangles`;
   const samples = told.samples.toLocaleString("en", { maximumFractionDigits: 0 });
   const progress = told.preview ? "preview" : `${samples} of ${facts.samples} samples`;
-  $("state").textContent = `${progress}, ${told.seconds.toFixed(1)} s${told.finished ? ", done" : ""}`;
+  const error = told.error && !told.preview ? `, error about ${(100 * told.error).toPrecision(2)} %` : "";
+  $("state").textContent = `${progress}, ${told.seconds.toFixed(1)} s${error}${told.finished ? ", done" : ""}`;
   showTrouble(told.trouble);
   slide("exposure", told.exposure, `${told.exposure.toFixed(1)} stops`);
   slide("defocus", told.defocus, told.defocus ? `${told.defocus.toFixed(2)}°` : "closed");

@@ -25,6 +25,7 @@ pub(super) fn state(state: &State, frame: &Frame) -> Value {
         "height": frame.film.height(),
         "samples": frame.samples,
         "seconds": frame.seconds,
+        "error": frame.error,
         "finished": frame.is_finished && frame.order == state.wishes,
         "preview": frame.scale > 1,
         "trouble": state.trouble,

@@ -88,7 +88,9 @@ fn render_at(
         .size((width / scale).max(1), (height / scale).max(1))
         .samples(samples)
         .aovs(aovs)
-        .time_limit(Some(Duration::from_secs(1 << 30)));
+        .time_limit(Some(Duration::from_secs(1 << 30)))
+        // Estimated, but never low enough to stop.
+        .noise(Some(f32::MIN_POSITIVE));
     let labels = Labels::of(&model.loaded.scene, &options);
     let camera = order.wish.pose.for_rendering();
     let rendering = Rendering::labelled(model.compiled.clone(), labels, &camera, options)?;
