@@ -1,7 +1,8 @@
 //! The film: where samples become pixels. Threads fill [`FilmTile`]s; the renderer merges them in a fixed order.
 //!
 //! Every sample belongs to one pixel (filters are importance-sampled, see [`FilterSampler`]), so a pixel is a sum and a
-//! count. Sums are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
+//! count. Sums of a tile are f64: adding f32 values to them loses nothing that a picture could show, however many samples.
+//! Sums of a film are exact (`exact.rs`): tiles and films may be added in any order.
 
 mod accumulator;
 mod aov;
@@ -140,7 +141,7 @@ impl Film {
         FilmTile::new(x0, y0, width.min(self.width - x0), height.min(self.height - y0), &self.layout)
     }
 
-    /// Adds a tile, as far as it is within the film.
+    /// Adds a tile, as far as it is within the film, in any order but for channels that show first samples.
     ///
     /// # Panics
     /// If the tile has other channels.

@@ -3,6 +3,9 @@
 //! The picture is made in passes of a few samples a pixel. In a pass, threads take tiles in any order and merge each into
 //! the film when it is done; tiles share no pixels and passes follow each other, so every pixel's sum has one order at
 //! any number of threads.
+//!
+//! A rendering may take a share of a picture (`share.rs`), be written to a file and gone on from (`resume.rs`): its film's sums
+//! are exact, and the technique that the first pass decides on is part of what is written.
 
 mod adaptive;
 mod cancel;

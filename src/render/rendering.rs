@@ -287,6 +287,9 @@ impl Rendering {
     }
 
     fn take_pass(&mut self, stopwatch: &Stopwatch) -> PassOutcome {
+        if self.has_converged() {
+            return PassOutcome::Converged;
+        }
         if !self.choose_technique(stopwatch) {
             return PassOutcome::Cancelled;
         }

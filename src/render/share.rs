@@ -48,6 +48,9 @@ impl RenderOptions {
         if self.is_part() && self.time_limit.is_some() {
             return Err(Error::usage("parts of pictures have all their samples, whatever time that takes"));
         }
+        if self.is_part() && self.noise.is_some() {
+            return Err(Error::usage("how noisy a picture is, no part of it can tell"));
+        }
         Ok(())
     }
 }

@@ -139,7 +139,8 @@ impl PassWork<'_> {
     /// or pixels' numbers differ, passes take turns.
     fn of_first_half(&self, block: &Block) -> u64 {
         let Block { first_sample, samples, .. } = *block;
-        if self.options.time_limit.is_some() || self.allotment.is_some() {
+        let RenderOptions { time_limit, noise, .. } = self.options;
+        if time_limit.is_some() || noise.is_some() || self.allotment.is_some() {
             let turn = first_sample / INTERVAL % 2;
             return u64::from(if turn == 0 { samples } else { 0 });
         }

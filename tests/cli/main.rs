@@ -6,6 +6,7 @@ mod blender;
 mod comparing;
 mod errors;
 mod examples;
+mod farms;
 mod inspect;
 mod layers;
 mod limits;
