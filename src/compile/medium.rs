@@ -71,16 +71,9 @@ fn relative_to_air(iors: [f32; 3]) -> Option<[f32; 3]> {
     iors.iter().all(|&ior| ior >= 1.0).then_some(iors)
 }
 
-/// The extinction coefficient of Beer's law from colour and distance (KHR_materials_volume).
+/// What the solid of a glTF material absorbs.
 fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
-    let is_clear = pbr.attenuation_color == [1.0; 3] || !pbr.attenuation_distance.is_finite();
-    if is_clear || pbr.attenuation_distance <= 0.0 {
-        return None;
-    }
-    // Black would be infinite; f32's smallest normal number is black enough.
-    let sigma =
-        |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(pbr.attenuation_distance);
-    Some(Rgb::from_array(pbr.attenuation_color.map(|c| sigma(c) as f32)))
+    scene::coefficients(pbr.attenuation_color, pbr.attenuation_distance).map(Rgb::from_array)
 }
 
 /// Indices of refraction by channel of a dispersive solid (KHR_materials_dispersion).

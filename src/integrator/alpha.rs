@@ -142,9 +142,7 @@ impl Integrator<'_> {
                     occluded[k] = true;
                     return false;
                 }
-                if let Some(way) = shadow_ways.get_mut(k) {
-                    self.cross_with_light(i, &shadow_rays[k], &hit, way, light);
-                }
+                self.cross_with_light(i, &shadow_rays[k], &hit, shadow_ways.get_mut(k), light);
                 self.step_past(&mut shadow_rays[k], &hit);
                 true
             });

@@ -220,9 +220,10 @@ impl Integrator<'_> {
         i: usize,
         ray: &Ray,
         hit: &Hit,
-        way: &mut ShadowWay,
+        way: Option<&mut ShadowWay>,
         light: &mut LightLanes,
     ) {
+        let Some(way) = way else { return };
         if let Some(beyond) = self.beyond_boundary(ray, hit, way.interior) {
             let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, hit.t);
             let contribution = get_rgb(&light.contribution, i);

@@ -57,9 +57,9 @@ mod tests {
 
     fn file(size: [u32; 3], values: &[f32]) -> Vec<u8> {
         let mut bytes = b"VOL\x03".to_vec();
-        [1, size[0], size[1], size[2], 1].map(|n: u32| bytes.extend(n.to_le_bytes()));
-        [-1.0, 0.0, -2.0, 1.0, 3.0, 2.0].map(|x: f32| bytes.extend(x.to_le_bytes()));
-        values.iter().for_each(|x| bytes.extend(x.to_le_bytes()));
+        bytes.extend([1, size[0], size[1], size[2], 1].into_iter().flat_map(u32::to_le_bytes));
+        bytes.extend([-1.0, 0.0, -2.0, 1.0, 3.0, 2.0].into_iter().flat_map(f32::to_le_bytes));
+        bytes.extend(values.iter().flat_map(|x| x.to_le_bytes()));
         bytes
     }
 

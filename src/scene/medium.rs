@@ -60,3 +60,12 @@ impl Medium {
 }
 
 impl Parameters for Medium {}
+
+/// The extinction coefficients of Beer's law from what is left of white light after a distance (KHR_materials_volume); `None`
+/// where nothing is lost.
+pub fn coefficients(color: [f32; 3], distance: f32) -> Option<[f32; 3]> {
+    let is_clear = color == [1.0; 3] || !distance.is_finite() || distance <= 0.0;
+    // Black would be infinite; f32's smallest normal number is black enough.
+    let sigma = |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(distance);
+    (!is_clear).then(|| color.map(|c| sigma(c) as f32))
+}

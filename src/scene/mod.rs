@@ -43,7 +43,7 @@ pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
-pub use medium::{Fog, Medium};
+pub use medium::{Fog, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};

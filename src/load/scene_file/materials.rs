@@ -204,13 +204,13 @@ fn read<'a>(
             )
         }
         Kind::Dielectric => {
-            let material = Material::new(name, dielectric(fields, slot("tint", 1.0)));
-            Material { medium: media::table(build, fields, "medium"), ..material }
+            let model = dielectric(fields, slot("tint", 1.0));
+            Material { medium: media::table(build, fields, "medium"), ..Material::new(name, model) }
         }
-        Kind::Medium => {
-            let medium = Some(media::filling(build, fields));
-            Material { medium, ..Material::new(name, Model::Boundary {}) }
-        }
+        Kind::Medium => Material {
+            medium: Some(media::filling(build, fields)),
+            ..Material::new(name, Model::Boundary {})
+        },
         Kind::Emissive => {
             fields.require("radiance", fields.raw("radiance"));
             let radiance = slot("radiance", 0.0);

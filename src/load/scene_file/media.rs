@@ -20,7 +20,7 @@
 //! | Subsurface | Default | Meaning |
 //! |---|---|---|
 //! | `color` | 0.8 | colour of a thick body in white light, 0 to 1 |
-//! | `radius` | 1 | mean free path, metres; a number or one for each channel |
+//! | `radius` | 1 | mean free path, metres; a number or one for each channel (of Blender's Random Walk: its radius over 4 pi) |
 //! | `scale` | 1 | factor on it |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1 |
 

@@ -202,3 +202,32 @@ fn extensions_that_are_not_read_are_named() {
     assert_eq!(unread.len(), 1, "{unread:?}");
     assert_eq!(unread[0].message, "ACME_b is not read, in 2 places");
 }
+
+/// A draft: read with a warning by name. What the volume would absorb is scattered as far as the colour says.
+#[test]
+fn volumes_that_scatter() {
+    let json = |thickness: f32| {
+        json!({
+            "extensions": {
+                "KHR_materials_volume":
+                    {"attenuationColor": [0.1, 0.5, 0.5], "attenuationDistance": 2, "thicknessFactor": thickness},
+                "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 1},
+                "KHR_materials_volume_scatter": {"multiscatterColor": [0.8, 0.5, 0], "scatterAnisotropy": 0.25}
+            }
+        })
+    };
+    let loaded = load_material(json(0.1));
+    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
+    assert!(told(&loaded, "KHR_materials_volume_scatter is a draft"), "{:?}", loaded.warnings);
+    let medium = loaded.scene.materials[0].medium.expect("a medium");
+    let sigma = |c: f32| -c.ln() / 2.0;
+    for (found, c) in medium.extinction.into_iter().zip([0.1, 0.5, 0.5]) {
+        assert!((found - sigma(c)).abs() < 1e-5);
+    }
+    let [r, g, b] = medium.albedo;
+    assert!(r > 0.9 && r < 1.0 && g > 0.7 && g < r && b.abs() < 1e-3, "{:?}", medium.albedo);
+    assert_eq!(medium.anisotropy, 0.25);
+    assert!(!pbr(&loaded.scene.materials[0]).attenuation_distance.is_finite());
+    let flat = load_material(json(0.0));
+    assert!(flat.scene.materials[0].medium.is_none() && told(&flat, "scatters nothing"));
+}

@@ -389,8 +389,8 @@ fn scene(text: &str) -> String {
     }
     for (name, value) in [("one.vol", 1.0f32), ("two.vol", 2.0)] {
         let mut bytes = b"VOL\x03".to_vec();
-        [1u32, 1, 1, 1, 1].map(|n| bytes.extend(n.to_le_bytes()));
-        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, value].map(|x| bytes.extend(x.to_le_bytes()));
+        bytes.extend([1; 5].into_iter().flat_map(u32::to_le_bytes));
+        bytes.extend([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, value].into_iter().flat_map(f32::to_le_bytes));
         std::fs::write(folder.path().join(name), bytes).expect("a grid");
     }
     let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;

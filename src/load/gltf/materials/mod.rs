@@ -135,6 +135,7 @@ fn build(
             None => builder.model(&json, base.color, &extensions),
         };
         builder.add_layers(&mut model);
+        material.medium = builder.volume_scatter(&mut model);
         material.model = Model::Pbr(Box::new(model));
         material.normal_map = builder.normal_map(&json);
     }
