@@ -4,6 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::frames::Frames;
+use super::picture_args::{DenoiseArgs, PictureArgs};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -33,6 +34,8 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Take the noise out of a picture.
+    Denoise(DenoiseArgs),
     /// Write small pictures of many models.
     Thumb(ThumbArgs),
     /// Write a commented scene file to start from.
@@ -310,6 +313,8 @@ pub(crate) struct RenderArgs {
     /// Print one JSON object about the run on standard output; one a frame for a sequence.
     #[arg(long)]
     pub json: bool,
+    #[command(flatten)]
+    pub picture: PictureArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]

@@ -8,6 +8,7 @@ mod beside;
 mod blender_args;
 mod cache;
 mod compare;
+mod denoise;
 mod environment;
 mod excerpt;
 mod export;
@@ -19,6 +20,7 @@ mod markdown;
 mod new;
 mod orbit;
 mod outcome;
+mod picture_args;
 mod pictures;
 mod process;
 mod progress;
@@ -56,6 +58,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Inspect(a) => (a.json, inspect::run(&a)),
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
+        Command::Denoise(a) => (false, denoise::run(&a)),
         Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),

@@ -8,6 +8,7 @@ mod aov;
 mod aov_set;
 mod channel;
 mod coverage;
+mod edit;
 mod filter;
 mod matte;
 mod sums;

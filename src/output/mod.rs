@@ -14,7 +14,7 @@ mod tone;
 pub use animation::{Animation, AnimationFormat};
 pub use atomic::{check_target, is_same_target, write_atomically};
 pub use encoded::Encoded;
-pub use exr::{Metadata, encode_exr};
+pub use exr::{Metadata, encode_exr, encode_layered};
 pub use matte::Matte;
 pub use png::{PngOptions, encode_png, encode_png_rgb8};
 pub use tone::ViewTransform;

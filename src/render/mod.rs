@@ -7,6 +7,7 @@
 mod adaptive;
 mod cancel;
 mod clock;
+mod denoising;
 mod halves;
 mod labels;
 mod options;
@@ -25,6 +26,7 @@ mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
+pub use denoising::denoising_guides;
 pub use labels::Labels;
 pub use options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
 pub use picture::Picture;
