@@ -4,7 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::frames::Frames;
-use super::picture_args::{DenoiseArgs, PictureArgs};
+use super::picture_args::{DenoiseArgs, PictureArgs, ViewArg};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -175,18 +175,11 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
-/// View transforms of PNGs.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum ViewArg {
-    Srgb,
-    Filmic,
-}
-
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scene: .gltf, .glb, .obj, .ply, .toml or .blend.
     pub scene: PathBuf,
-    /// File to write, .exr or .png (with --orbit also .gif or .apng); may be given several times. In a sequence, ####
+    /// File to write, .exr, .png, .jpg, .tif, .webp or .hdr (with --orbit also .gif or .apng); may be given several times. In a sequence, ####
     /// stands for the frame.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
@@ -386,6 +379,9 @@ pub(crate) struct CompareArgs {
     /// Write the signed difference as a picture: red where the picture is brighter, blue where it is darker.
     #[arg(short, long, value_name = "FILE.png")]
     pub output: Option<PathBuf>,
+    /// Write the picture, the reference and their FLIP differences beside each other.
+    #[arg(long, value_name = "FILE.png")]
+    pub side_by_side: Option<PathBuf>,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,

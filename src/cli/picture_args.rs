@@ -1,7 +1,42 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
-use clap::Args;
+use clap::{Args, ValueEnum};
+use oscura::output::ViewTransform;
 use std::path::PathBuf;
+
+/// View transforms: how linear colours look on a display.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ViewArg {
+    /// As they are; what is above 1 is clipped.
+    Srgb,
+    /// A filmic curve (Narkowicz 2016).
+    Filmic,
+    /// Blender's AgX.
+    Agx,
+    /// Blender's AgX with its look Punchy.
+    AgxPunchy,
+    /// Khronos PBR Neutral: base colours stay.
+    PbrNeutral,
+    /// Stops from middle grey as colours.
+    FalseColor,
+    /// A power of 1 / 2.2.
+    Gamma,
+}
+
+impl ViewArg {
+    /// What it stands for.
+    pub fn transform(self) -> ViewTransform {
+        match self {
+            ViewArg::Srgb => ViewTransform::Srgb,
+            ViewArg::Filmic => ViewTransform::Filmic,
+            ViewArg::Agx => ViewTransform::Agx,
+            ViewArg::AgxPunchy => ViewTransform::AgxPunchy,
+            ViewArg::PbrNeutral => ViewTransform::PbrNeutral,
+            ViewArg::FalseColor => ViewTransform::FalseColor,
+            ViewArg::Gamma => ViewTransform::Gamma,
+        }
+    }
+}
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PictureArgs {
@@ -9,6 +44,17 @@ pub(crate) struct PictureArgs {
     /// keep it.)
     #[arg(long)]
     pub denoise: bool,
+    /// Light of this temperature looks white in PNGs and the like, kelvin (1667 to 25000; daylight is 6500).
+    #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
+    pub white_balance: Option<f32>,
+    /// Write PNGs and TIFFs with 16 bits a channel.
+    #[arg(long)]
+    pub deep: bool,
+}
+
+fn kelvin(text: &str) -> Result<f32, String> {
+    let fits = |v: &f32| (1667.0..=25_000.0).contains(v);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a number of kelvin from 1667 to 25000".to_string())
 }
 
 #[derive(Args, Debug)]
