@@ -4,7 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::frames::Frames;
-use super::picture_args::{DenoiseArgs, PictureArgs, ViewArg};
+use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs, PictureArgs, ViewArg};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -36,6 +36,10 @@ pub(crate) enum Command {
     Compare(CompareArgs),
     /// Take the noise out of a picture.
     Denoise(DenoiseArgs),
+    /// Make a picture to look at of an EXR or of one of its layers.
+    Convert(ConvertArgs),
+    /// Say what is in an EXR: channels, their ranges, what is not a number, the header.
+    Info(InfoArgs),
     /// Write small pictures of many models.
     Thumb(ThumbArgs),
     /// Write a commented scene file to start from.
@@ -279,13 +283,13 @@ pub(crate) struct RenderArgs {
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    /// How PNGs and the like look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
     #[arg(long)]
     pub view: Option<ViewArg>,
-    /// Exposure of PNGs in stops, -100 to 100 [default: 0].
+    /// Exposure of PNGs and the like in stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
-    /// Dither PNGs.
+    /// Dither pictures of 8 bits.
     #[arg(long)]
     pub dither: bool,
     /// Whose picture it is, for the EXR's header.
@@ -406,7 +410,7 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 /// The range is that of scene files.
-fn stops(text: &str) -> Result<f32, String> {
+pub(super) fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }
 

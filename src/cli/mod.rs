@@ -8,12 +8,14 @@ mod beside;
 mod blender_args;
 mod cache;
 mod compare;
+mod convert;
 mod denoise;
 mod environment;
 mod excerpt;
 mod export;
 mod frames;
 mod help;
+mod info;
 mod inspect;
 mod json;
 mod markdown;
@@ -59,6 +61,8 @@ pub(crate) fn main() -> ExitCode {
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
         Command::Denoise(a) => (false, denoise::run(&a)),
+        Command::Convert(a) => (false, convert::run(&a)),
+        Command::Info(a) => (a.json, info::run(&a)),
         Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),

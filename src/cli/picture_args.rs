@@ -75,3 +75,42 @@ pub(crate) struct DenoiseArgs {
     #[arg(long)]
     pub quiet: bool,
 }
+
+#[derive(Args, Debug)]
+pub(crate) struct InfoArgs {
+    /// The picture (.exr).
+    pub picture: PathBuf,
+    /// Print one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ConvertArgs {
+    /// The picture (.exr).
+    pub picture: PathBuf,
+    /// File to write: .png, .jpg, .tif, .webp or .hdr.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// A layer, a part or a channel instead of the picture itself: N, DiffDir, Z, ...
+    #[arg(long, value_name = "LAYER")]
+    pub layer: Option<String>,
+    /// How it looks.
+    #[arg(long, default_value = "srgb")]
+    pub view: ViewArg,
+    /// Exposure in stops, -100 to 100.
+    #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = super::args::stops)]
+    pub exposure: f32,
+    /// Light of this temperature looks white, kelvin (1667 to 25000; daylight is 6500).
+    #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
+    pub white_balance: Option<f32>,
+    /// Hide the steps between 8-bit values.
+    #[arg(long)]
+    pub dither: bool,
+    /// 16 bits a channel in PNGs and TIFFs.
+    #[arg(long)]
+    pub deep: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+}

@@ -6,6 +6,7 @@ mod blender;
 mod comparing;
 mod errors;
 mod examples;
+mod finishing;
 mod inspect;
 mod layers;
 mod limits;

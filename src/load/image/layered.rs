@@ -4,8 +4,10 @@ use super::openexr::check_sizes;
 use super::source::Source;
 use super::{guarded, read_bytes, signature};
 use crate::error::Result;
-use exr::image::{AnyChannels, FlatSamples, Layers};
+use exr::image::{AnyChannels, Blocks, FlatSamples, Layers};
+use exr::math::Vec2;
 use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
 use exr::prelude::{ReadChannels, ReadLayers, f16};
 use image::ImageFormat;
 use std::io::Cursor;
@@ -54,6 +56,52 @@ impl Layered {
         list.map(|c| ChannelInfo { name: c.name.to_string(), kind: kind(&c.sample_data) }).collect()
     }
 
+    /// The name of a part, if it has one.
+    pub fn name(&self, part: usize) -> Option<String> {
+        self.file.layer_data[part].attributes.layer_name.as_ref().map(Text::to_string)
+    }
+
+    /// How a part's pixels are stored: `scan lines, ZIP16`.
+    pub fn compression(&self, part: usize) -> String {
+        let encoding = &self.file.layer_data[part].encoding;
+        let blocks = match encoding.blocks {
+            Blocks::ScanLines => "scan lines".to_string(),
+            Blocks::Tiles(size) => format!("tiles of {} x {}", size.0, size.1),
+        };
+        format!("{blocks}, {:?}", encoding.compression)
+    }
+
+    /// The attributes of a part's header that say something about the picture, as text, by name.
+    pub fn attributes(&self, part: usize) -> Vec<(String, String)> {
+        let (file, own) = (&self.file.attributes, &self.file.layer_data[part].attributes);
+        let window = file.display_window;
+        let mut list = vec![
+            ("dataWindow".to_string(), rectangle(own.layer_position, self.file.layer_data[part].size)),
+            ("displayWindow".to_string(), rectangle(window.position, window.size)),
+        ];
+        let mut add = |name: &str, value: Option<String>| list.extend(value.map(|v| (name.to_string(), v)));
+        let chromaticities = |c: Chromaticities| {
+            let pair = |v: Vec2<f32>| format!("{} {}", v.0, v.1);
+            format!("{}, {}, {}, white {}", pair(c.red), pair(c.green), pair(c.blue), pair(c.white))
+        };
+        add("chromaticities", file.chromaticities.map(chromaticities));
+        for (name, value) in [
+            ("software", &own.software_name),
+            ("owner", &own.owner),
+            ("capDate", &own.capture_date),
+            ("comments", &own.comments),
+            ("view", &own.view_name),
+        ] {
+            add(name, value.as_ref().map(Text::to_string));
+        }
+        add("worldToCamera", own.world_to_camera.map(|m| format!("{m:?}")));
+        for (name, value) in file.other.iter().chain(&own.other) {
+            add(&name.to_string(), Some(shown(value)));
+        }
+        list.sort();
+        list
+    }
+
     /// The values of a channel, row by row from the top, integers as floats. `None` if there is no such channel.
     pub fn values(&self, part: usize, name: &str) -> Option<Vec<f32>> {
         let channel = self.file.layer_data[part].channel_data.list.iter().find(|c| c.name == *name)?;
@@ -86,6 +134,22 @@ impl Layered {
     /// The file in the types of the crate that writes it.
     pub(crate) fn file(&self) -> &exr::image::Image<Layers<AnyChannels<FlatSamples>>> {
         &self.file
+    }
+}
+
+/// Corner and size.
+fn rectangle(position: Vec2<i32>, size: Vec2<usize>) -> String {
+    format!("{} x {} at {}, {}", size.0, size.1, position.0, position.1)
+}
+
+/// The value of an attribute as text.
+fn shown(value: &AttributeValue) -> String {
+    match value {
+        AttributeValue::Text(text) => text.to_string(),
+        AttributeValue::F64(number) => number.to_string(),
+        AttributeValue::F32(number) => number.to_string(),
+        AttributeValue::I32(number) => number.to_string(),
+        other => format!("{other:?}"),
     }
 }
 
