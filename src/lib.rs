@@ -85,6 +85,8 @@ pub mod color;
 #[doc(hidden)]
 pub mod compile;
 #[doc(hidden)]
+pub mod denoise;
+#[doc(hidden)]
 pub mod integrator;
 #[doc(hidden)]
 pub mod light;

@@ -6,6 +6,7 @@ use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
 use super::frames::Frames;
 use super::long_args::LongArgs;
+use super::picture_args::{PictureArgs, ViewArg};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -147,13 +148,6 @@ pub(crate) enum PreviewArg {
     Address,
 }
 
-/// View transforms of PNGs.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum ViewArg {
-    Srgb,
-    Filmic,
-}
-
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scenes, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
@@ -162,8 +156,8 @@ pub(crate) struct RenderArgs {
     /// The one of them that is rendered now.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// File to write, .exr, .png or .part (with --orbit also .gif or .apng); may be given several times. In a sequence,
-    /// #### stands for the frame; {stem} stands for the scene's name without its extension.
+    /// File to write, .exr, .png, .jpg, .tif, .webp, .hdr or .part (with --orbit also .gif or .apng); may be given several
+    /// times. In a sequence, #### stands for the frame; {stem} stands for the scene's name without its extension.
     #[arg(short, long, required = true, value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
@@ -256,13 +250,13 @@ pub(crate) struct RenderArgs {
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    /// How PNGs and the like look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
     #[arg(long)]
     pub view: Option<ViewArg>,
-    /// Exposure of PNGs in stops, -100 to 100 [default: 0].
+    /// Exposure of PNGs and the like in stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
-    /// Dither PNGs.
+    /// Dither pictures of 8 bits.
     #[arg(long)]
     pub dither: bool,
     /// Whose picture it is, for the EXR's header.
@@ -287,6 +281,8 @@ pub(crate) struct RenderArgs {
     pub place: CameraArgs,
     #[command(flatten)]
     pub long: LongArgs,
+    #[command(flatten)]
+    pub picture: PictureArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]
@@ -358,6 +354,9 @@ pub(crate) struct CompareArgs {
     /// Write the signed difference as a picture: red where the picture is brighter, blue where it is darker.
     #[arg(short, long, value_name = "FILE.png")]
     pub output: Option<PathBuf>,
+    /// Write the picture, the reference and their FLIP differences beside each other.
+    #[arg(long, value_name = "FILE.png")]
+    pub side_by_side: Option<PathBuf>,
     /// Print one JSON object on standard output.
     #[arg(long)]
     pub json: bool,
@@ -382,6 +381,6 @@ fn degrees(text: &str) -> Result<f64, String> {
 }
 
 /// The range is that of scene files.
-fn stops(text: &str) -> Result<f32, String> {
+pub(super) fn stops(text: &str) -> Result<f32, String> {
     number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }

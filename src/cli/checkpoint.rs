@@ -6,7 +6,7 @@ use super::report::Said;
 use oscura::error::{Error, Result, Warning};
 use oscura::load::Loaded;
 use oscura::output::part::{Finish, Identity, read_part};
-use oscura::output::{PngOptions, ViewTransform, check_target};
+use oscura::output::{PngOptions, check_target};
 use oscura::render::{PassOutcome, Rendering, Settled, identity};
 use oscura::scene::Backdrop;
 use std::path::PathBuf;
@@ -42,7 +42,9 @@ impl<'a> Keeper<'a> {
             owner: args.owner.clone(),
             float: args.float,
             reproducible: args.reproducible,
-            filmic: png.view == ViewTransform::Filmic,
+            view: png.view.name().to_string(),
+            white_balance: png.white_balance.map(f32::to_bits),
+            deep: png.deep,
             exposure: png.exposure.to_bits(),
             dither: png.dither,
             ..Finish::default()

@@ -5,6 +5,7 @@ use super::args::{
     ThumbArgs,
 };
 use super::long_args::MergeArgs;
+use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::view::{self, ViewArgs};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -52,6 +53,12 @@ pub(crate) enum Command {
     Export(ExportArgs),
     /// Measure how far a picture is from a reference.
     Compare(CompareArgs),
+    /// Take the noise out of a picture.
+    Denoise(DenoiseArgs),
+    /// Make a picture to look at of an EXR or of one of its layers.
+    Convert(ConvertArgs),
+    /// Say what is in an EXR: channels, their ranges, what is not a number, the header.
+    Info(InfoArgs),
     /// Show a scene in the browser while it renders, and turn it.
     View(Box<ViewArgs>),
     /// Write small pictures of many models.

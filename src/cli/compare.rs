@@ -8,16 +8,17 @@ use oscura::error::{Error, Result};
 use oscura::image::Image;
 use oscura::load::image::load_linear_rgb;
 use oscura::metrics::{
-    BLOCK, ChannelTest, Errors, ZTest, difference_picture, errors, non_finite_pixels, z_test,
+    BLOCK, ChannelTest, Errors, ZTest, difference_picture, errors, flip, non_finite_pixels, side_by_side,
+    z_test,
 };
 use oscura::output::{Format, check_target, encode_png_rgb8, write_atomically};
 use serde::Serialize;
 use std::path::Path;
 
 pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
-    if let Some(path) = &args.output {
+    for path in args.output.iter().chain(&args.side_by_side) {
         if Format::of(path)? != Format::Png {
-            return Err(Error::usage(format!("{}: the difference is written as .png", path.display())));
+            return Err(Error::usage(format!("{}: differences are written as .png", path.display())));
         }
         check_target(path)?;
     }
@@ -37,18 +38,24 @@ pub(crate) fn run(args: &CompareArgs) -> Result<Outcome> {
         }
         _ => None,
     };
+    let looks = flip(&picture, &reference);
     if let Some(path) = &args.output {
-        let pixels = difference_picture(&picture, &reference);
-        let png = encode_png_rgb8(&pixels, picture.width, picture.height)
-            .map_err(|message| Error::output(path, message))?;
-        write_atomically(path, &png)?;
+        write_png(path, &difference_picture(&picture, &reference), picture.width, picture.height)?;
+    }
+    if let Some(path) = &args.side_by_side {
+        write_png(path, &side_by_side(&picture, &reference, &looks), 3 * picture.width, picture.height)?;
     }
     if args.json {
-        json::print(&Report::new(&measured, test.as_ref()));
+        json::print(&Report::new(&measured, looks.mean, test.as_ref()));
     } else {
-        print(&measured, test.as_ref());
+        print(&measured, looks.mean, test.as_ref());
     }
     Ok(if test.is_none_or(|t| t.agrees()) { Outcome::Done } else { Outcome::Disagreement })
+}
+
+fn write_png(path: &Path, pixels: &[u8], width: u32, height: u32) -> Result<()> {
+    let png = encode_png_rgb8(pixels, width, height).map_err(|message| Error::output(path, message))?;
+    write_atomically(path, &png)
 }
 
 /// A picture whose numbers can be compared: finite, and as large as the reference.
@@ -68,10 +75,11 @@ fn read(path: &Path, reference: Option<&Image>) -> Result<Image> {
     Ok(image)
 }
 
-fn print(measured: &Errors, test: Option<&ZTest>) {
+fn print(measured: &Errors, flip: f64, test: Option<&ZTest>) {
     let [r, g, b] = measured.mean_ratio();
     print_line(&format!("RMSE {:.6}", measured.rmse));
     print_line(&format!("relMSE {:.6}", measured.rel_mse));
+    print_line(&format!("FLIP {flip:.6}"));
     print_line(&format!("mean ratio R {r:.5} G {g:.5} B {b:.5}"));
     let Some(test) = test else { return };
     for (name, c) in ["R", "G", "B"].iter().zip(&test.channels) {
@@ -97,6 +105,7 @@ fn print(measured: &Errors, test: Option<&ZTest>) {
 struct Report {
     rmse: f64,
     rel_mse: f64,
+    flip: f64,
     mean: [f64; 3],
     reference_mean: [f64; 3],
     mean_ratio: [f64; 3],
@@ -116,7 +125,7 @@ struct Verdict {
 }
 
 impl Report {
-    fn new(measured: &Errors, test: Option<&ZTest>) -> Report {
+    fn new(measured: &Errors, flip: f64, test: Option<&ZTest>) -> Report {
         let verdict = |test: &ZTest| {
             let each = |f: fn(&ChannelTest) -> f64| test.channels.map(|c| f(&c));
             Verdict {
@@ -132,6 +141,7 @@ impl Report {
         Report {
             rmse: measured.rmse,
             rel_mse: measured.rel_mse,
+            flip,
             mean: measured.mean,
             reference_mean: measured.reference_mean,
             mean_ratio: measured.mean_ratio(),

@@ -149,7 +149,9 @@ fn metadata(parts: &[(PathBuf, PartHeader)], is_complete: bool) -> Metadata {
 
 fn png(finish: &Finish) -> PngOptions {
     PngOptions {
-        view: if finish.filmic { ViewTransform::Filmic } else { ViewTransform::Srgb },
+        view: ViewTransform::from_name(&finish.view).unwrap_or_default(),
+        white_balance: finish.white_balance.map(f32::from_bits),
+        deep: finish.deep,
         exposure: f32::from_bits(finish.exposure),
         dither: finish.dither,
     }

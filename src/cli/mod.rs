@@ -12,11 +12,14 @@ mod camera_args;
 mod checkpoint;
 mod command_line;
 mod compare;
+mod convert;
+mod denoise;
 mod environment;
 mod excerpt;
 mod export;
 mod frames;
 mod help;
+mod info;
 mod inspect;
 mod json;
 mod limits;
@@ -27,6 +30,7 @@ mod new;
 mod orbit;
 mod outcome;
 mod page;
+mod picture_args;
 mod pictures;
 mod process;
 mod progress;
@@ -66,6 +70,9 @@ pub(crate) fn main() -> ExitCode {
         Command::Export(a) => (false, export::run(&a)),
         Command::Compare(a) => (a.json, compare::run(&a)),
         Command::View(a) => (false, view::run(&a)),
+        Command::Denoise(a) => (false, denoise::run(&a)),
+        Command::Convert(a) => (false, convert::run(&a)),
+        Command::Info(a) => (a.json, info::run(&a)),
         Command::Thumb(a) => (false, thumb::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),

@@ -137,6 +137,7 @@ impl Said {
 /// Everything about a finished run.
 pub(crate) struct Run {
     pub load_s: f64,
+    pub denoise_s: Option<f64>,
     pub write_s: f64,
     pub width: u32,
     pub height: u32,
@@ -177,12 +178,13 @@ impl Run {
             counted(s.rays, "ray")
         );
         eprintln!(
-            "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), write {:.3} s",
+            "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), {}write {:.3} s",
             self.load_s,
             c.build_s,
             s.render_s,
             s.render_cpu_s,
             s.rays as f64 / s.render_s.max(1e-9) / 1e6,
+            self.denoise_s.map(|s| format!("denoise {s:.3} s, ")).unwrap_or_default(),
             self.write_s
         );
         if let Some(error) = s.error {

@@ -1,6 +1,6 @@
 //! What the command line says about a picture.
 
-use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg, ViewArg};
+use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
 use oscura::error::Warning;
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
@@ -74,13 +74,18 @@ pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Ve
     Choices { aovs: AovSet::NONE, light_groups: false, ..choices }
 }
 
-/// How PNGs look.
+/// How PNGs and the like look.
 pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool) -> PngOptions {
     let view = match args.view {
-        Some(ViewArg::Srgb) => ViewTransform::Srgb,
-        Some(ViewArg::Filmic) => ViewTransform::Filmic,
+        Some(view) => view.transform(),
         None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
         None => ViewTransform::Srgb,
     };
-    PngOptions { view, exposure, dither: args.dither }
+    PngOptions {
+        view,
+        exposure,
+        white_balance: args.picture.white_balance,
+        dither: args.dither,
+        deep: args.picture.deep,
+    }
 }

@@ -13,11 +13,11 @@ use super::settings::{choices, png, without_exr};
 use super::{json, limits, report_json, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::film::Aov;
+use oscura::film::{Aov, AovSet};
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::Animation;
-use oscura::render::{CancelHandle, Labels, PassOutcome, Picture, Rendering, Settled};
+use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, denoising_guides};
 use oscura::scene::Camera;
 use std::sync::Arc;
 use std::time::Instant;
@@ -92,7 +92,7 @@ pub(super) fn run_one(
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let Prepared { scene, labels, camera, settled, build, load_s, notes, mut warnings, left_out } =
+    let Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     if !args.quiet {
         said.notes(&notes);
@@ -109,12 +109,14 @@ pub(super) fn run_one(
         .placed(loaded.scene.backdrop.clone(), loaded.offset);
     let rendering = keeper.begin(rendering)?;
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
-    let (picture, kept) =
+    let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
-    if args.long.resume && args.frames.is_some() && picture.statistics().interrupted {
+    if args.long.resume && args.frames.is_some() && rendering.statistics().interrupted {
         // Else it would pass for a finished one the next time.
         return Ok(Outcome::Interrupted);
     }
+    let denoise_s = args.picture.denoise.then(|| denoise(args, &mut rendering, kept_aovs));
+    let picture = rendering.into_picture();
 
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture))?;
@@ -134,6 +136,7 @@ pub(super) fn run_one(
 
     let run = Run {
         load_s,
+        denoise_s,
         write_s,
         width: settled.options.width,
         height: settled.options.height,
@@ -148,6 +151,15 @@ pub(super) fn run_one(
     };
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Takes the noise out; returns how long it took, seconds.
+fn denoise(args: &RenderArgs, rendering: &mut Rendering, kept: AovSet) -> f64 {
+    let start = Instant::now();
+    let waiting = Waiting::new(args.quiet, "denoise");
+    rendering.denoise(kept);
+    drop(waiting);
+    start.elapsed().as_secs_f64()
 }
 
 /// Says how a run went.
@@ -177,7 +189,7 @@ fn take_picture<'a>(
     encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
     said: &mut Said,
     mut preview: Option<&mut Preview>,
-) -> Result<(Picture, Result<()>)> {
+) -> Result<(Rendering, Result<()>)> {
     let progress = Arc::new(Progress::new(args.quiet, args.long.progress, args.long.time_limit));
     let shown = progress.clone();
     let mut rendering =
@@ -201,7 +213,7 @@ fn take_picture<'a>(
     preview.iter_mut().for_each(|page| page.show(&rendering, true));
     progress.finish();
     let kept = keeper.finish(&mut rendering, outcome);
-    Ok((rendering.into_picture(), kept))
+    Ok((rendering, kept))
 }
 
 /// All that rendering needs.
@@ -210,6 +222,8 @@ struct Prepared {
     labels: Labels,
     camera: Camera,
     settled: Settled,
+    /// AOVs that the files are to have.
+    kept_aovs: AovSet,
     build: CompileReport,
     load_s: f64,
     notes: Vec<Warning>,
@@ -233,7 +247,11 @@ fn prepare(
         choices = without_exr(args, choices, &mut warnings);
         loaded.scene.settings.aovs = None;
     }
-    let settled = choices.settle(&loaded.scene)?;
+    let mut settled = choices.settle(&loaded.scene)?;
+    let kept_aovs = settled.options.aovs;
+    if args.picture.denoise {
+        settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
+    }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
     let load_s = start.elapsed().as_secs_f64();
 
@@ -250,7 +268,7 @@ fn prepare(
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    Ok(Prepared { scene, labels, camera, settled, build, load_s, notes, warnings, left_out })
+    Ok(Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

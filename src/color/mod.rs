@@ -1,8 +1,10 @@
 //! Linear RGB, luminance and the sRGB transfer function.
 
 mod rgb;
+mod white_balance;
 
 pub use rgb::Rgb;
+pub use white_balance::white_balance;
 
 /// Relative luminance of a linear Rec. 709 colour (ITU-R BT.709-6, Y row of the RGB to XYZ matrix).
 #[inline(always)]

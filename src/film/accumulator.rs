@@ -141,6 +141,17 @@ impl Accumulator {
         }
     }
 
+    /// Sets three components to means of so many samples; nothing where sums are not what is kept.
+    pub fn set_means(&mut self, values: [&[f32]; 3], samples: &[u32]) {
+        let Kept::Sums(sums) = &mut self.kept else { return };
+        sums.low.fill(0.0);
+        for (pixel, (sums, &count)) in sums.high.chunks_exact_mut(self.width).zip(samples).enumerate() {
+            for (sum, values) in sums.iter_mut().zip(values) {
+                *sum = f64::from(values[pixel]) * f64::from(count);
+            }
+        }
+    }
+
     /// The values of all pixels, one list a name of the channel.
     pub fn planes(&self, channel: &Channel, counts: Counts) -> Vec<Values> {
         if let Kept::Coverage(lists) = &self.kept {

@@ -11,6 +11,7 @@ mod backdrop;
 mod bytes;
 mod channel;
 mod coverage;
+mod edit;
 mod exact;
 mod filter;
 mod matte;

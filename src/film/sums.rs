@@ -199,6 +199,30 @@ impl Sums {
         }
     }
 
+    /// Sets the means of colour over all samples.
+    pub fn set_color(&mut self, color: [&[f32]; 3]) {
+        for (pixel, sum) in self.rgba.iter_mut().enumerate() {
+            let count = f64::from(self.count[pixel]);
+            (0..3).for_each(|c| sum[c] = f64::from(color[c][pixel]) * count);
+        }
+        self.rgb_low.fill([0.0; 3]);
+    }
+
+    /// Sets the means over all samples of a channel beyond colour.
+    pub fn set_means(&mut self, further: usize, values: [&[f32]; 3]) {
+        self.further[further].set_means(values, &self.count);
+    }
+
+    /// Takes a channel beyond colour away.
+    pub fn remove(&mut self, further: usize) {
+        self.further.remove(further);
+    }
+
+    /// Takes the counts of first hits away.
+    pub fn forget_hits(&mut self) {
+        self.hits = Vec::new();
+    }
+
     /// Mean colour and alpha of a pixel.
     pub fn mean_rgba(&self, pixel: usize) -> [f32; 4] {
         let scale = reciprocal(self.count[pixel]);

@@ -1,5 +1,10 @@
 //! How far a picture is from a reference: errors, and a statistical test of agreement.
 
+mod flip;
+
+pub use flip::{Flip, flip};
+
+use crate::color::srgb_from_linear;
 use crate::image::Image;
 
 /// Edge of the blocks of [`z_test`], pixels.
@@ -170,6 +175,24 @@ pub fn difference_picture(a: &Image, reference: &Image) -> Vec<u8> {
         [1.0 + d.min(0.0), 1.0 - d.abs(), 1.0 - d.max(0.0)].map(|v| (v * 255.0).round() as u8)
     };
     pixels(a).flat_map(shade).collect()
+}
+
+/// The picture, the reference and their FLIP differences (black for none, then red, yellow, white) beside each other, colours
+/// as sRGB shows them. 8-bit RGB, rows from the top, three times as wide as each.
+pub fn side_by_side(a: &Image, reference: &Image, flip: &Flip) -> Vec<u8> {
+    assert_same_size(&[a, reference]);
+    let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() as u8;
+    let shown = |image: &Image, x, y| rgb(image, x, y).map(|v| byte(srgb_from_linear(v as f32)));
+    let heat = |v: f32| [3.0 * v, 3.0 * v - 1.0, 3.0 * v - 2.0].map(byte);
+    let row = |y: u32| {
+        let columns = || 0..a.width;
+        let differences = columns().map(move |x| heat(flip.map[(y * a.width + x) as usize]));
+        columns()
+            .map(move |x| shown(a, x, y))
+            .chain(columns().map(move |x| shown(reference, x, y)))
+            .chain(differences)
+    };
+    (0..a.height).flat_map(row).flatten().collect()
 }
 
 /// How many pixels hold NaN or an infinity in red, green or blue.

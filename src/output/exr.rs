@@ -6,6 +6,7 @@ use super::exr_header::sort_attributes;
 use super::matte::Matte;
 use crate::error::{Choice, Warning};
 use crate::film::{Film, PixelType, Plane, Values};
+use crate::load::image::Layered;
 use crate::math::{DAffine3, DMat4, DVec3};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
@@ -69,6 +70,22 @@ pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encod
     let mut bytes = bytes.into_inner();
     sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
     Ok(Encoded { bytes, warnings })
+}
+
+/// Encodes a file that was read, with all its parts, channels and attributes.
+///
+/// # Errors
+/// What the encoder objects to.
+pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
+    let mut bytes = Cursor::new(Vec::new());
+    let write = layered.file().write();
+    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
+    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+    let mut bytes = bytes.into_inner();
+    if layered.len() == 1 {
+        sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
+    }
+    Ok(bytes)
 }
 
 /// All planes of the film, half floats as floats if `float`; adds to `clamped` how many values didn't fit.

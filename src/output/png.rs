@@ -1,20 +1,43 @@
-//! PNG: 8 bits, display-referred, with straight alpha where the picture has holes.
+//! Pictures for looking at: display-referred, with straight alpha where they have holes. PNG, JPEG, TIFF and WebP; and
+//! Radiance HDR, which is linear.
 
 use super::encoded::Encoded;
+use super::format::Format;
 use super::tone::ViewTransform;
+use crate::color::white_balance;
 use crate::film::Film;
+use image::codecs::hdr::HdrEncoder;
+use image::codecs::jpeg::JpegEncoder;
 use image::codecs::png::{CompressionType, FilterType, PngEncoder};
-use image::{ExtendedColorType, ImageEncoder};
+use image::{ExtendedColorType, ImageEncoder, Rgb};
 
-/// How a PNG looks.
+/// Of 100, for JPEGs.
+const QUALITY: u8 = 92;
+
+/// How a picture looks.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct PngOptions {
     /// The view transform.
     pub view: ViewTransform,
     /// Stops: colours are multiplied by 2 to this power.
     pub exposure: f32,
+    /// The temperature of the light that shall look white, kelvin.
+    pub white_balance: Option<f32>,
     /// Hides the steps between 8-bit values with an 8x8 ordered pattern (Bayer 1973).
     pub dither: bool,
+    /// 16 bits a channel instead of 8, in PNG and TIFF.
+    pub deep: bool,
+}
+
+/// Linear pixels with premultiplied alpha, row by row from the top.
+#[derive(Clone, Copy, Debug)]
+pub struct Linear<'a> {
+    /// Pixels in a row.
+    pub width: u32,
+    /// Rows.
+    pub height: u32,
+    /// Red, green, blue, alpha.
+    pub rgba: &'a [[f32; 4]],
 }
 
 /// Encodes a film: RGB where the picture is opaque everywhere, else RGBA.
@@ -22,28 +45,87 @@ pub struct PngOptions {
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_png(film: &Film, options: &PngOptions) -> Result<Encoded, String> {
-    let mut data = rgba8(film, options);
-    let opaque = data.as_chunks::<4>().0.iter().all(|pixel| pixel[3] == 255);
-    if opaque {
-        data = data.as_chunks::<4>().0.iter().flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
+    Ok(Encoded { bytes: encode_shown(&picture, Format::Png, options)?, warnings: vec![] })
+}
+
+/// Encodes pixels in a format for looking at. What has no alpha there stands before black.
+///
+/// # Errors
+/// What the encoder objects to.
+pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> Result<Vec<u8>, String> {
+    if format == Format::Hdr {
+        return encode_hdr(picture, options);
     }
-    let kind = if opaque { ExtendedColorType::Rgb8 } else { ExtendedColorType::Rgba8 };
-    Ok(Encoded { bytes: encode(&data, film.width(), film.height(), kind)?, warnings: vec![] })
+    let alpha = match format {
+        Format::Jpeg => false,
+        _ => picture.rgba.iter().any(|pixel| byte(pixel[3]) != 255),
+    };
+    let depth = if options.deep && matches!(format, Format::Png | Format::Tiff) { 65535.0 } else { 255.0 };
+    let shape = Shape { alpha, straight: format != Format::Jpeg, most: depth };
+    let codes = codes(picture, options, shape);
+    let (data, kind) = match (depth > 255.0, alpha) {
+        (false, false) => (narrow(&codes), ExtendedColorType::Rgb8),
+        (false, true) => (narrow(&codes), ExtendedColorType::Rgba8),
+        (true, false) => (bytemuck::cast_slice(&codes).to_vec(), ExtendedColorType::Rgb16),
+        (true, true) => (bytemuck::cast_slice(&codes).to_vec(), ExtendedColorType::Rgba16),
+    };
+    encode(&data, picture.width, picture.height, kind, format)
 }
 
 /// The pixels as displays take them: RGBA with straight alpha, row by row from the top.
 pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
-    let places = (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y)));
-    let rgba = film.rgba();
-    let gain = options.exposure.exp2();
-    let mut data = Vec::with_capacity(rgba.len() * 4);
-    for ((x, y), [r, g, b, alpha]) in places.zip(rgba) {
-        let straight = if alpha > 0.0 && alpha < 1.0 { gain / alpha } else { gain };
-        let threshold = if options.dither { bayer(x, y) } else { 0.5 };
-        data.extend([r, g, b].map(|v| to_byte(options.view.encode(v * straight), threshold)));
-        data.push(to_byte(alpha, 0.5));
+    let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
+    narrow(&codes(&picture, options, Shape { alpha: true, straight: true, most: 255.0 }))
+}
+
+/// What codes are made.
+struct Shape {
+    /// With alpha.
+    alpha: bool,
+    /// Colours divided by alpha.
+    straight: bool,
+    /// The code for 1.
+    most: f32,
+}
+
+fn codes(picture: &Linear, options: &PngOptions, shape: Shape) -> Vec<u16> {
+    let Shape { alpha, straight, most } = shape;
+    let places = (0..picture.height).flat_map(|y| (0..picture.width).map(move |x| (x, y)));
+    let mut data = Vec::with_capacity(picture.rgba.len() * 4);
+    let balance = Balance::of(options);
+    for ((x, y), &[r, g, b, a]) in places.zip(picture.rgba) {
+        let divisor = if straight && a > 0.0 && a < 1.0 { a } else { 1.0 };
+        let threshold = if options.dither && most < 256.0 { bayer(x, y) } else { 0.5 };
+        let shown = options.view.encode(balance.apply([r, g, b], divisor));
+        data.extend(shown.map(|v| code(v, most, threshold)));
+        if alpha {
+            data.push(code(a, most, 0.5));
+        }
     }
     data
+}
+
+/// Exposure and white balance.
+struct Balance {
+    gain: f32,
+    matrix: Option<[[f32; 3]; 3]>,
+}
+
+impl Balance {
+    fn of(options: &PngOptions) -> Balance {
+        let matrix = options.white_balance.map(|kelvin| white_balance(f64::from(kelvin)));
+        Balance { gain: options.exposure.exp2(), matrix }
+    }
+
+    /// The colour with both, divided by a number.
+    fn apply(&self, rgb: [f32; 3], divisor: f32) -> [f32; 3] {
+        let [r, g, b] = rgb.map(|v| v * (self.gain / divisor));
+        match &self.matrix {
+            Some(rows) => rows.map(|row| row[0] * r + row[1] * g + row[2] * b),
+            None => [r, g, b],
+        }
+    }
 }
 
 /// Encodes `width * height` pixels of 8-bit RGB.
@@ -51,24 +133,65 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
-    encode(data, width, height, ExtendedColorType::Rgb8)
+    encode(data, width, height, ExtendedColorType::Rgb8, Format::Png)
 }
 
-fn encode(data: &[u8], width: u32, height: u32, kind: ExtendedColorType) -> Result<Vec<u8>, String> {
-    let expected = width as usize * height as usize * usize::from(kind.channel_count());
+fn encode(
+    data: &[u8],
+    width: u32,
+    height: u32,
+    kind: ExtendedColorType,
+    format: Format,
+) -> Result<Vec<u8>, String> {
+    let expected = width as usize * height as usize * usize::from(kind.bits_per_pixel() / 8);
     if data.len() != expected {
         return Err(format!("{} bytes of pixels where {expected} belong", data.len()));
     }
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let written = match format {
+        Format::Jpeg => {
+            JpegEncoder::new_with_quality(&mut bytes, QUALITY).write_image(data, width, height, kind)
+        }
+        #[cfg(feature = "tiff")]
+        Format::Tiff => {
+            image::codecs::tiff::TiffEncoder::new(&mut bytes).write_image(data, width, height, kind)
+        }
+        #[cfg(feature = "webp")]
+        Format::WebP => {
+            image::codecs::webp::WebPEncoder::new_lossless(&mut bytes).write_image(data, width, height, kind)
+        }
+        Format::Png => {
+            PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
+                .write_image(data, width, height, kind)
+        }
+        other => return Err(format!("this build can't write {}", other.name())),
+    };
+    written.map_err(|e| e.to_string())?;
+    Ok(bytes.into_inner())
+}
+
+fn encode_hdr(picture: &Linear, options: &PngOptions) -> Result<Vec<u8>, String> {
+    let balance = Balance::of(options);
+    let shown = |&[r, g, b, _]: &[f32; 4]| Rgb(balance.apply([r, g, b], 1.0).map(|v| v.max(0.0)));
+    let pixels: Vec<Rgb<f32>> = picture.rgba.iter().map(shown).collect();
     let mut bytes = Vec::new();
-    PngEncoder::new_with_quality(&mut bytes, CompressionType::Default, FilterType::Adaptive)
-        .write_image(data, width, height, kind)
+    HdrEncoder::new(&mut bytes)
+        .encode(&pixels, picture.width as usize, picture.height as usize)
         .map_err(|e| e.to_string())?;
     Ok(bytes)
 }
 
-fn to_byte(value: f32, threshold: f32) -> u8 {
+fn narrow(codes: &[u16]) -> Vec<u8> {
+    codes.iter().map(|&code| code as u8).collect()
+}
+
+fn byte(value: f32) -> u8 {
+    code(value, 255.0, 0.5) as u8
+}
+
+fn code(value: f32, most: f32, threshold: f32) -> u16 {
     // `as` saturates and maps NaN to 0.
-    (value * 255.0 + threshold).floor() as u8
+    ((value * most + threshold).floor() as u16).min(most as u16)
 }
 
 /// The 8x8 ordered-dither threshold in 0..1: bits of x ^ y and y interleaved, most significant last.
@@ -94,6 +217,31 @@ mod tests {
 
     #[test]
     fn bytes_saturate() {
-        assert_eq!([f32::NAN, -1.0, 0.0, 0.5, 1.0, 9.0].map(|v| to_byte(v, 0.5)), [0, 0, 0, 128, 255, 255]);
+        assert_eq!([f32::NAN, -1.0, 0.0, 0.5, 1.0, 9.0].map(byte), [0, 0, 0, 128, 255, 255]);
+    }
+
+    #[test]
+    fn all_formats_hold_the_picture() {
+        let rgba = [[0.2, 0.5, 0.8, 1.0]; 16 * 9];
+        let picture = Linear { width: 16, height: 9, rgba: &rgba };
+        for (format, deep, most) in [
+            (Format::Png, false, 1),
+            (Format::Png, true, 1),
+            (Format::Jpeg, false, 3),
+            (Format::Tiff, true, 1),
+            (Format::WebP, false, 1),
+        ] {
+            let options = PngOptions { deep, ..PngOptions::default() };
+            let bytes = encode_shown(&picture, format, &options).expect("encoded");
+            let read = image::load_from_memory(&bytes).expect("a picture");
+            assert_eq!(read.color().bytes_per_pixel(), if deep { 6 } else { 3 }, "{format:?}");
+            let expected = [0.2, 0.5, 0.8].map(|v| byte(ViewTransform::Srgb.encode([v; 3])[0]));
+            let pixel = read.to_rgb8().get_pixel(7, 4).0;
+            assert!(pixel.iter().zip(expected).all(|(a, b)| a.abs_diff(b) <= most), "{format:?} {pixel:?}");
+        }
+        let hdr = encode_shown(&picture, Format::Hdr, &PngOptions { exposure: 1.0, ..PngOptions::default() });
+        let read = image::load_from_memory(&hdr.expect("encoded")).expect("a picture").to_rgb32f();
+        let pixel = read.get_pixel(3, 3).0;
+        assert!(pixel.iter().zip([0.4, 1.0, 1.6]).all(|(a, b)| (a - b).abs() < 0.01), "{pixel:?}");
     }
 }

@@ -10,6 +10,7 @@
 mod adaptive;
 mod cancel;
 mod clock;
+mod denoising;
 mod halves;
 mod identity;
 mod labels;
@@ -32,6 +33,7 @@ mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
+pub use denoising::denoising_guides;
 pub use identity::identity;
 pub use labels::Labels;
 pub use options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};

@@ -15,13 +15,21 @@ fn compare_measures_and_draws() {
     let folder = tempfile::tempdir().unwrap();
     picture(folder.path(), "a.exr", 1.1);
     picture(folder.path(), "r.exr", 1.0);
-    let output = oscura(folder.path(), &["compare", "a.exr", "r.exr", "--json", "-o", "d.png"]);
+    let output = oscura(
+        folder.path(),
+        &["compare", "a.exr", "r.exr", "--json", "-o", "d.png", "--side-by-side", "s.png"],
+    );
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     // The pictures are 32-bit floats.
     let near = |v: &serde_json::Value, expected: f64| (v.as_f64().expect("a number") - expected).abs() < 1e-6;
     assert!(near(&value["rmse"], 0.1) && near(&value["rel_mse"], 0.01 / 1.01), "{value}");
     assert!(near(&value["mean_ratio"][0], 1.1) && value["z_test"].is_null(), "{value}");
+    let flip = value["flip"].as_f64().expect("a number");
+    // Both are white where a display shows them.
+    assert_eq!(flip, 0.0);
+    let beside = image::open(folder.path().join("s.png")).expect("a PNG").to_rgb8();
+    assert_eq!((beside.dimensions(), beside.get_pixel(40, 8).0), ((48, 16), [0; 3]));
     let drawn = image::open(folder.path().join("d.png")).expect("a PNG").to_rgb8();
     assert_eq!((drawn.dimensions(), drawn.get_pixel(0, 0)[0]), ((16, 16), 255));
 }

@@ -9,7 +9,7 @@ fn usage_errors_exit_with_2_before_any_work() {
     fs::write(folder.path().join("a.gltf"), "not read at all").unwrap();
     for args in [
         &["render", "a.gltf"][..],
-        &["render", "a.gltf", "-o", "a.jpg"],
+        &["render", "a.gltf", "-o", "a.bmp"],
         &["render", "a.gltf", "-o", "a.exr", "-o", "a.exr"],
         &["render", "a.gltf", "-o", "a.exr", "--spp", "0"],
         &["render", "a.gltf", "-o", "a.exr", "--spp", "-4"],

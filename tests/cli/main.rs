@@ -7,6 +7,7 @@ mod comparing;
 mod errors;
 mod examples;
 mod farms;
+mod finishing;
 mod inspect;
 mod layers;
 mod limits;

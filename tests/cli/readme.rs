@@ -265,11 +265,13 @@ fn help_of(command: &str) -> String {
 #[test]
 fn options_are_those_of_the_program() {
     let readme = readme();
-    let own: BTreeSet<String> =
-        ["render", "inspect", "export", "compare", "view", "thumb", "new", "cache", "help"]
-            .iter()
-            .flat_map(|command| options_in(&help_of(command)))
-            .collect();
+    let own: BTreeSet<String> = [
+        "render", "merge", "inspect", "export", "compare", "denoise", "convert", "info", "view", "thumb",
+        "new", "cache", "help",
+    ]
+    .iter()
+    .flat_map(|command| options_in(&help_of(command)))
+    .collect();
     let oscura_lines = readme.lines().filter(|l| !l.contains("cargo ") && !l.contains("oscura-"));
     let mentioned = options_in(&oscura_lines.collect::<Vec<_>>().join("\n"));
     let unknown: Vec<_> = mentioned.difference(&own).collect();

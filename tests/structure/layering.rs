@@ -7,7 +7,7 @@ use std::path::Path;
 const RANKS: &[(u32, &[&str])] = &[
     (0, &["error", "math", "simd", "color"]),
     (1, &["image", "sampling"]),
-    (2, &["scene", "metrics"]),
+    (2, &["scene", "metrics", "denoise"]),
     (3, &["load", "shape", "texture", "bsdf", "camera"]),
     (4, &["accel"]),
     (5, &["light"]),

@@ -4,7 +4,7 @@ use super::pose::Move;
 use super::state::{Shared, State};
 use super::told;
 use oscura::film::Aov;
-use oscura::output::{Format, OutputOptions, encode};
+use oscura::output::{Format, OutputOptions, ViewTransform, encode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::time::Duration;
@@ -169,7 +169,9 @@ fn set(settings: Settings, shared: &Shared) -> Result<(), String> {
         None | Some("") => None,
         Some(name) => Some(Aov::from_option(name).ok_or("there is no such pass")?),
     };
-    let view = settings.view.as_deref().map(told::view).transpose()?;
+    let view =
+        settings.view.as_deref().map(|name| ViewTransform::from_name(name).ok_or("there is no such view"));
+    let view = view.transpose()?;
     let fits = |exposure: f32| (-100.0..=100.0).contains(&exposure);
     if !settings.exposure.is_none_or(fits) || !settings.rotation.is_none_or(f64::is_finite) {
         return Err("a number is out of range".to_string());

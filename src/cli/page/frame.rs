@@ -1,7 +1,7 @@
 //! A picture on its way, as pages show it.
 
 use oscura::film::{Aov, Film, Values};
-use oscura::output::{OutputOptions, PngOptions, ViewTransform, rgba8};
+use oscura::output::{OutputOptions, PngOptions, rgba8};
 use oscura::render::Rendering;
 use serde_json::{Map, Value, json};
 
@@ -98,7 +98,7 @@ fn show(aov: Aov, planes: Vec<Values>, png: PngOptions) -> Vec<u8> {
     } else if is("00.R") {
         Box::new(|i| hue(planes[0][i]).map(|c| c * planes[1][i]))
     } else if is(".R") {
-        Box::new(|i| [0, 1, 2].map(|c| encode(png.view, gain * planes[c][i])))
+        Box::new(|i| png.view.encode([0, 1, 2].map(|c| gain * planes[c][i])))
     } else if names[0].starts_with('N') && is(".X") {
         Box::new(|i| [0, 1, 2].map(|c| 0.5 + 0.5 * planes[c][i]))
     } else {
@@ -116,10 +116,6 @@ fn show(aov: Aov, planes: Vec<Values>, png: PngOptions) -> Vec<u8> {
             [r, g, b, 255]
         })
         .collect()
-}
-
-fn encode(view: ViewTransform, v: f32) -> f32 {
-    view.encode(v)
 }
 
 /// Values brought to 0..1.

@@ -5,19 +5,9 @@ use super::state::State;
 use oscura::output::ViewTransform;
 use serde_json::{Value, json};
 
-/// View transforms by name.
-const VIEWS: [(&str, ViewTransform); 2] = [("srgb", ViewTransform::Srgb), ("filmic", ViewTransform::Filmic)];
-
-/// The view transform of a name.
-pub(super) fn view(name: &str) -> Result<ViewTransform, String> {
-    let found = VIEWS.iter().find(|(own, _)| *own == name);
-    found.map(|(_, view)| *view).ok_or_else(|| "there is no such view".to_string())
-}
-
 /// Everything but the pixels.
 pub(super) fn state(state: &State, frame: &Frame) -> Value {
     let png = state.look.png;
-    let name = VIEWS.iter().find(|(_, view)| *view == png.view).map_or("", |(name, _)| name);
     let pass = state.look.aov.filter(|&aov| frame.film.aov(aov).is_some());
     json!({
         "version": state.version,
@@ -35,8 +25,8 @@ pub(super) fn state(state: &State, frame: &Frame) -> Value {
         "rotation": state.wish.rotation.or(state.facts.rotation),
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,
-        "view": name,
-        "views": VIEWS.map(|(name, _)| name),
+        "view": png.view.name(),
+        "views": ViewTransform::ALL.map(|(name, _)| name),
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })
@@ -61,8 +51,7 @@ fn command(state: &State) -> String {
     if state.look.png.exposure != 0.0 {
         add("--exposure", state.look.png.exposure.to_string());
     }
-    let view = VIEWS.iter().find(|(_, view)| *view == state.look.png.view);
-    view.into_iter().for_each(|(name, _)| add("--view", (*name).to_string()));
+    add("--view", state.look.png.view.name().to_string());
     words.extend(state.wish.pose.arguments());
     words.extend(["-o".to_string(), "picture.exr".to_string(), "-o".to_string(), "picture.png".to_string()]);
     words.iter().map(|word| quoted(word)).collect::<Vec<_>>().join(" ")

@@ -6,7 +6,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command};
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 24] = [
+const UNUSED: [&str; 26] = [
     "output",
     "frames",
     "fps",
@@ -23,6 +23,8 @@ const UNUSED: [&str; 24] = [
     "region",
     "progress",
     "memory_limit",
+    "denoise",
+    "deep",
     "float",
     "aov",
     "light_groups",
@@ -50,6 +52,8 @@ pub(crate) struct ViewArgs {
 
 /// Takes the unused arguments out of the command's help.
 pub(crate) fn adapt(command: Command) -> Command {
+    let command = command
+        .mut_arg("scenes", |arg| arg.num_args(1).help("The scene: .gltf, .glb, .obj, .ply, .toml or .blend"));
     UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.required(false).hide(true)))
 }
 

@@ -22,9 +22,11 @@ const WATCH: Duration = Duration::from_millis(500);
 
 /// Serves the page until a signal ends it.
 pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
+    let mut args = args.clone();
+    args.picture.scene = args.picture.scenes.first().cloned().unwrap_or_default();
     let cancel = cancel_by_signals()?;
     let threads = args.picture.threads.map(usize::from);
-    in_pool(threads, || show(args, &cancel))
+    in_pool(threads, || show(&args, &cancel))
         .map_err(|error| error.with_help("ask for fewer with --threads"))?
 }
 

@@ -6,11 +6,13 @@
 #[cfg(feature = "ktx2")]
 mod basis;
 mod ktx2;
+mod layered;
 mod limits;
 mod openexr;
 mod source;
 mod unused;
 
+pub use layered::{ChannelInfo, Layered, load_layered};
 pub(crate) use source::Use;
 
 use crate::error::{Error, Result, Warning};
@@ -115,7 +117,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
 }
 
 /// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
-fn guarded(source: &Source, decode: impl FnOnce() -> Result<Image>) -> Result<Image> {
+fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
     let broken = |message| source.error(format!("can't be read as an image: {message}"));
     guard::catch(decode).map_err(broken)?
 }

@@ -108,7 +108,7 @@ impl<'a> Colour<'a> {
 }
 
 /// Compares what the header claims with the bytes that the file holds, before the parser allocates for it.
-fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
+pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
     let mut samples = 0u64;
     for header in &meta.headers {
         let (width, height) = (header.layer_size.0 as u64, header.layer_size.1 as u64);

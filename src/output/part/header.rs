@@ -137,8 +137,12 @@ pub struct Finish {
     pub float: bool,
     /// Leave times and dates out.
     pub reproducible: bool,
-    /// Are PNGs filmic?
-    pub filmic: bool,
+    /// View transform of PNGs and the like, by name.
+    pub view: String,
+    /// The temperature of the light that looks white in them, kelvin, as bits.
+    pub white_balance: Option<u32>,
+    /// Have they 16 bits a channel?
+    pub deep: bool,
     /// Their exposure, stops.
     pub exposure: u32,
     /// Are they dithered?

@@ -1,0 +1,86 @@
+//! `oscura convert`: a layer of an EXR as a picture to look at.
+
+use super::Outcome;
+use super::picture_args::ConvertArgs;
+use oscura::error::{Error, Result};
+use oscura::load::image::{Layered, load_layered};
+use oscura::output::{Format, Linear, PngOptions, check_target, encode_shown, write_atomically};
+
+pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
+    let format = Format::of(&args.output)?;
+    if format == Format::Exr {
+        return Err(Error::usage(format!("{}: is an EXR as what it comes from", args.output.display()))
+            .with_help("end the name in .png, .jpg, .tif, .webp or .hdr"));
+    }
+    check_target(&args.output)?;
+    let file = load_layered(&args.picture)?;
+    let (part, rgba) = find(&file, args.layer.as_deref()).ok_or_else(|| no_layer(&file, args))?;
+    let [width, height] = file.size(part);
+    let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
+    let options = PngOptions {
+        view: args.view.transform(),
+        exposure: args.exposure,
+        white_balance: args.white_balance,
+        dither: args.dither,
+        deep: args.deep,
+    };
+    let bytes =
+        encode_shown(&picture, format, &options).map_err(|message| Error::output(&args.output, message))?;
+    write_atomically(&args.output, &bytes)?;
+    if !args.quiet {
+        eprintln!("wrote    {}", args.output.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// The pixels of a layer, and which part has it. A layer is what channels' names have before the last dot, a part's name, or
+/// a channel that stands alone; without one it is the picture itself.
+fn find(file: &Layered, layer: Option<&str>) -> Option<(usize, Vec<[f32; 4]>)> {
+    let named = layer.map(|layer| format!("{layer}."));
+    (0..file.len()).find_map(|part| {
+        let is_part = layer.is_none() || file.name(part).as_deref() == layer;
+        let prefixes = named.as_deref().into_iter().chain(is_part.then_some(""));
+        let pixels = prefixes.clone().find_map(|prefix| colors(file, part, prefix));
+        let single = || layer.and_then(|layer| grey(file, part, layer));
+        Some((part, pixels.or_else(single).or_else(|| prefixes.clone().find_map(|p| first(file, part, p)))?))
+    })
+}
+
+/// Three channels as red, green and blue; alpha if there is any.
+fn colors(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
+    let triple = |letters: [&str; 3]| {
+        let names = letters.map(|letter| format!("{prefix}{letter}"));
+        file.triple(part, names.each_ref().map(String::as_str))
+    };
+    let [r, g, b] = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]))?;
+    let alpha = file.values(part, &format!("{prefix}A")).unwrap_or_else(|| vec![1.0; r.len()]);
+    Some((0..r.len()).map(|i| [r[i], g[i], b[i], alpha[i]]).collect())
+}
+
+/// One channel as grey.
+fn grey(file: &Layered, part: usize, name: &str) -> Option<Vec<[f32; 4]>> {
+    Some(file.values(part, name)?.into_iter().map(|v| [v, v, v, 1.0]).collect())
+}
+
+/// The only channel of a layer, whatever its letter.
+fn first(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
+    let is_own = |name: &str| name.strip_prefix(prefix).is_some_and(|letter| !letter.contains('.'));
+    let channel = file.channels(part).into_iter().find(|channel| is_own(&channel.name))?;
+    grey(file, part, &channel.name)
+}
+
+fn no_layer(file: &Layered, args: &ConvertArgs) -> Error {
+    let mut layers: Vec<String> = (0..file.len())
+        .flat_map(|part| file.channels(part))
+        .map(|channel| {
+            channel.name.rsplit_once('.').map_or(channel.name.clone(), |(layer, _)| layer.to_string())
+        })
+        .collect();
+    layers.sort();
+    layers.dedup();
+    let message = match &args.layer {
+        Some(layer) => format!("has no layer '{layer}'"),
+        None => "has no channels".to_string(),
+    };
+    Error::input(&args.picture, message).with_help(format!("it has {}", layers.join(", ")))
+}

@@ -1,0 +1,171 @@
+//! `oscura denoise`: takes the noise out of a picture that is there.
+
+use super::Outcome;
+use super::picture_args::DenoiseArgs;
+use oscura::denoise::{Guides, Noise, Noisy, denoise};
+use oscura::error::{Error, Result};
+use oscura::load::image::{Layered, load_layered};
+use oscura::output::{Format, check_target, encode_layered, write_atomically};
+use oscura::render::in_pool;
+use std::path::Path;
+use std::time::Instant;
+
+const RGB: [&str; 3] = ["R", "G", "B"];
+
+/// Layers with red, green and blue that are no light.
+const DATA: [&str; 5] = ["albedo.", "variance.", "DiffCol.", "GlossCol.", "TransCol."];
+
+pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
+    if Format::of(&args.output)? != Format::Exr {
+        return Err(Error::usage(format!("{}: what is denoised is written as .exr", args.output.display()))
+            .with_help("'oscura convert' makes other files of it"));
+    }
+    check_target(&args.output)?;
+    in_pool(args.threads.map(usize::from), || denoise_file(args))
+        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+}
+
+fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
+    let start = Instant::now();
+    let first = load_layered(&args.picture)?;
+    let part = part_with_color(&first, &args.picture)?;
+    let second = args.other_seed.as_deref().map(|path| other(path, &first, part)).transpose()?;
+    let mut file = first.clone();
+    if let Some(second) = &second {
+        average(&mut file, second, part);
+    }
+    let layers = Layers::of(&file, part);
+    let halves =
+        second.as_ref().and_then(|second| Some([first.triple(part, RGB)?, second.triple(part, RGB)?]));
+    let noise = match (&halves, &layers.variance) {
+        (Some(halves), _) => Noise::Halves(halves.each_ref().map(slices)),
+        (None, Some(variance)) => Noise::Variance(slices(variance)),
+        (None, None) => Noise::Unknown,
+    };
+    let load_s = start.elapsed().as_secs_f64();
+    let start = Instant::now();
+    let [width, height] = file.size(part);
+    let result = denoise(&Noisy {
+        width,
+        height,
+        color: slices(&layers.color),
+        noise,
+        guides: layers.guides(),
+        parts: layers.parts.iter().map(|(_, part)| slices(part)).collect(),
+    });
+    let denoise_s = start.elapsed().as_secs_f64();
+    let prefixes = std::iter::once("").chain(layers.parts.iter().map(|(prefix, _)| prefix.as_str()));
+    for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(&result.parts)) {
+        for (letter, values) in RGB.iter().zip(values) {
+            file.set_values(part, &format!("{prefix}{letter}"), values);
+        }
+    }
+    let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
+    write_atomically(&args.output, &bytes)?;
+    if !args.quiet {
+        eprintln!("guides   {}; noise {}", layers.names(), name_of(&noise));
+        eprintln!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
+        eprintln!("wrote    {}", args.output.display());
+    }
+    Ok(Outcome::Done)
+}
+
+/// What of a file denoising looks at.
+struct Layers {
+    color: [Vec<f32>; 3],
+    variance: Option<[Vec<f32>; 3]>,
+    albedo: Option<[Vec<f32>; 3]>,
+    normal: Option<[Vec<f32>; 3]>,
+    depth: Option<Vec<f32>>,
+    /// Light passes and groups of lights, by what stands before `R`.
+    parts: Vec<(String, [Vec<f32>; 3])>,
+}
+
+impl Layers {
+    fn of(file: &Layered, part: usize) -> Layers {
+        let is_light = |prefix: &str| {
+            !prefix.is_empty()
+                && !DATA.contains(&prefix)
+                && !prefix.to_ascii_lowercase().starts_with("crypto")
+        };
+        let channels = file.channels(part);
+        let prefixes = channels.iter().filter_map(|channel| channel.name.strip_suffix('R'));
+        let parts = prefixes.filter(|prefix| is_light(prefix)).filter_map(|prefix| {
+            let names = RGB.map(|letter| format!("{prefix}{letter}"));
+            Some((prefix.to_string(), file.triple(part, names.each_ref().map(String::as_str))?))
+        });
+        Layers {
+            color: file.triple(part, RGB).unwrap_or_default(),
+            variance: file.triple(part, ["variance.R", "variance.G", "variance.B"]),
+            albedo: file.triple(part, ["albedo.R", "albedo.G", "albedo.B"]),
+            normal: file.triple(part, ["N.X", "N.Y", "N.Z"]),
+            depth: file.values(part, "Z"),
+            parts: parts.collect(),
+        }
+    }
+
+    fn guides(&self) -> Guides<'_> {
+        Guides {
+            albedo: self.albedo.as_ref().map(slices),
+            normal: self.normal.as_ref().map(slices),
+            depth: self.depth.as_deref(),
+        }
+    }
+
+    fn names(&self) -> String {
+        let given = [
+            ("albedo", self.albedo.is_some()),
+            ("normal", self.normal.is_some()),
+            ("depth", self.depth.is_some()),
+        ];
+        let names: Vec<&str> =
+            given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+        if names.is_empty() { "none".to_string() } else { names.join(", ") }
+    }
+}
+
+fn name_of(noise: &Noise) -> &'static str {
+    match noise {
+        Noise::Halves(_) => "from another seed",
+        Noise::Variance(_) => "from the variance",
+        Noise::Unknown => "guessed",
+    }
+}
+
+fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
+    planes.each_ref().map(Vec::as_slice)
+}
+
+/// The first part with a picture.
+fn part_with_color(file: &Layered, path: &Path) -> Result<usize> {
+    let has = |part: &usize| file.triple(*part, RGB).is_some();
+    (0..file.len()).find(has).ok_or_else(|| {
+        Error::input(path, "has no channels R, G and B").with_help("it is they that are denoised")
+    })
+}
+
+/// The same picture with another seed.
+fn other(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
+    let other = load_layered(path)?;
+    let fits =
+        part < other.len() && other.size(part) == first.size(part) && other.triple(part, RGB).is_some();
+    match fits {
+        true => Ok(other),
+        false => Err(Error::input(path, "is no picture of the same size and layers")
+            .with_help("give the same picture, rendered with another seed")),
+    }
+}
+
+/// Averages all channels of floats that both have.
+fn average(file: &mut Layered, other: &Layered, part: usize) {
+    for channel in file.channels(part).iter().filter(|channel| channel.kind != "uint") {
+        let is_matte = channel.name.to_ascii_lowercase().starts_with("crypto");
+        let both = file.values(part, &channel.name).zip(other.values(part, &channel.name));
+        if let Some((a, b)) = both.filter(|_| !is_matte) {
+            // The mean of two pictures has half the variance of one.
+            let scale = if channel.name.starts_with("variance.") { 0.25 } else { 0.5 };
+            let mean: Vec<f32> = a.iter().zip(&b).map(|(a, b)| scale * (a + b)).collect();
+            file.set_values(part, &channel.name, &mean);
+        }
+    }
+}

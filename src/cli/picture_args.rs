@@ -1,0 +1,116 @@
+//! Arguments about pictures after rendering, and of the commands that read them.
+
+use clap::{Args, ValueEnum};
+use oscura::output::ViewTransform;
+use std::path::PathBuf;
+
+/// View transforms: how linear colours look on a display.
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub(crate) enum ViewArg {
+    /// As they are; what is above 1 is clipped.
+    Srgb,
+    /// A filmic curve (Narkowicz 2016).
+    Filmic,
+    /// Blender's AgX.
+    Agx,
+    /// Blender's AgX with its look Punchy.
+    AgxPunchy,
+    /// Khronos PBR Neutral: base colours stay.
+    PbrNeutral,
+    /// Stops from middle grey as colours.
+    FalseColor,
+    /// A power of 1 / 2.2.
+    Gamma,
+}
+
+impl ViewArg {
+    /// What it stands for.
+    pub fn transform(self) -> ViewTransform {
+        match self {
+            ViewArg::Srgb => ViewTransform::Srgb,
+            ViewArg::Filmic => ViewTransform::Filmic,
+            ViewArg::Agx => ViewTransform::Agx,
+            ViewArg::AgxPunchy => ViewTransform::AgxPunchy,
+            ViewArg::PbrNeutral => ViewTransform::PbrNeutral,
+            ViewArg::FalseColor => ViewTransform::FalseColor,
+            ViewArg::Gamma => ViewTransform::Gamma,
+        }
+    }
+}
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct PictureArgs {
+    /// Take the noise out of the finished picture, its light passes and light groups. (Pictures on the way, of --save-every,
+    /// keep it.)
+    #[arg(long)]
+    pub denoise: bool,
+    /// Light of this temperature looks white in PNGs and the like, kelvin (1667 to 25000; daylight is 6500).
+    #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
+    pub white_balance: Option<f32>,
+    /// Write PNGs and TIFFs with 16 bits a channel.
+    #[arg(long)]
+    pub deep: bool,
+}
+
+fn kelvin(text: &str) -> Result<f32, String> {
+    let fits = |v: &f32| (1667.0..=25_000.0).contains(v);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a number of kelvin from 1667 to 25000".to_string())
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct DenoiseArgs {
+    /// The picture (.exr) with R, G, B; better with albedo.R, .G, .B, N.X, .Y, .Z and Z (--aov albedo,normal,depth).
+    pub picture: PathBuf,
+    /// File to write, .exr: all that the picture has, its colour and light passes without noise.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// The same picture with another seed: both are averaged, and their difference tells the noise. Without it, the channels
+    /// variance.R, .G, .B do (--aov variance), or else the picture's finest details.
+    #[arg(long, value_name = "FILE")]
+    pub other_seed: Option<PathBuf>,
+    /// Threads [default: one a core]. The picture doesn't depend on it.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
+    pub threads: Option<u16>,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct InfoArgs {
+    /// The picture (.exr).
+    pub picture: PathBuf,
+    /// Print one JSON object on standard output.
+    #[arg(long)]
+    pub json: bool,
+}
+
+#[derive(Args, Debug)]
+pub(crate) struct ConvertArgs {
+    /// The picture (.exr).
+    pub picture: PathBuf,
+    /// File to write: .png, .jpg, .tif, .webp or .hdr.
+    #[arg(short, long, value_name = "FILE")]
+    pub output: PathBuf,
+    /// A layer, a part or a channel instead of the picture itself: N, DiffDir, Z, ...
+    #[arg(long, value_name = "LAYER")]
+    pub layer: Option<String>,
+    /// How it looks.
+    #[arg(long, default_value = "srgb")]
+    pub view: ViewArg,
+    /// Exposure in stops, -100 to 100.
+    #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = super::args::stops)]
+    pub exposure: f32,
+    /// Light of this temperature looks white, kelvin (1667 to 25000; daylight is 6500).
+    #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
+    pub white_balance: Option<f32>,
+    /// Hide the steps between 8-bit values.
+    #[arg(long)]
+    pub dither: bool,
+    /// 16 bits a channel in PNGs and TIFFs.
+    #[arg(long)]
+    pub deep: bool,
+    /// Print errors only.
+    #[arg(long)]
+    pub quiet: bool,
+}

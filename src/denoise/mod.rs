@@ -1,0 +1,184 @@
+//! Denoising: from a picture with noise and guides (albedo, normal, depth of the first surface) to one without.
+//!
+//! Two passes of weighted first-order regression on the guides, after Bitterli et al. 2016 ("Nonlinearly Weighted First-order
+//! Regression for Denoising Monte Carlo Renderings"). The first takes its weights from patches of the noisy picture, the second
+//! from those of the first one's result, where less noise hides less. Two halves of the samples, which go through both passes
+//! with the same weights, tell how much noise there is before and after the first.
+//!
+//! What was measured on five scenes at 4, 16 and 64 samples and left out: weights for each half from the other one, and a
+//! choice of bandwidth for each pixel by the halves' estimate of the error, take two to four times as long for errors that
+//! differ by a tenth either way.
+
+mod filter;
+mod outliers;
+mod planes;
+mod regression;
+#[cfg(test)]
+mod tests;
+mod weights;
+
+use filter::Filter;
+use planes::Planes;
+
+/// Albedo, normal, depth.
+pub(in crate::denoise) const MOST_GUIDES: usize = 7;
+
+/// One over the squared differences from which on pixels are strangers.
+const SHARPNESS_OF_ALBEDO: f32 = 4.0;
+const SHARPNESS_OF_NORMAL: f32 = 1.0;
+const SHARPNESS_OF_DEPTH: f32 = 4.0;
+
+/// How many standard deviations patches may differ by in each pass.
+const BANDWIDTHS: [f32; 2] = [0.7, 1.5];
+
+/// Radii over which the halves' squared differences are averaged before each pass: two numbers say little of a variance.
+const VARIANCE_RADII: [usize; 2] = [2, 3];
+
+/// Colours are kept within this, so that squares are finite.
+const LARGEST: f32 = 1e15;
+
+/// Depths nearer than the middle one by more than this factor count as that near.
+const NEAREST: f32 = 4.0;
+
+/// Red, green and blue of all pixels, row by row from the top.
+pub type Color<'a> = [&'a [f32]; 3];
+
+/// What is known about a picture's noise.
+#[derive(Clone, Copy, Debug)]
+pub enum Noise<'a> {
+    /// Two pictures of half of the samples each; their mean is denoised.
+    Halves([Color<'a>; 2]),
+    /// The variance of each value, from which halves are made up.
+    Variance(Color<'a>),
+    /// Nothing: what differs from the neighbouring pixels is taken for noise, so that sharp details of light are lost.
+    Unknown,
+}
+
+/// What the first surface shows, where it is known.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Guides<'a> {
+    /// Its reflectance.
+    pub albedo: Option<Color<'a>>,
+    /// Its normal.
+    pub normal: Option<Color<'a>>,
+    /// Its distance.
+    pub depth: Option<&'a [f32]>,
+}
+
+/// A picture to be denoised.
+#[derive(Clone, Debug)]
+pub struct Noisy<'a> {
+    /// Pixels in a row.
+    pub width: usize,
+    /// Rows.
+    pub height: usize,
+    /// The picture.
+    pub color: Color<'a>,
+    /// Its noise.
+    pub noise: Noise<'a>,
+    /// Its guides.
+    pub guides: Guides<'a>,
+    /// Parts of it, such as light passes, that are denoised with the same weights: what adds up before does so afterwards.
+    pub parts: Vec<Color<'a>>,
+}
+
+/// A picture without noise.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Denoised {
+    /// The picture; what would be negative is 0.
+    pub color: [Vec<f32>; 3],
+    /// Its parts.
+    pub parts: Vec<[Vec<f32>; 3]>,
+}
+
+/// Takes the noise out of a picture, on all threads of the current pool; the result is the same at any number of them. Values
+/// that are NaN or infinite count as 0.
+///
+/// # Panics
+/// If there are no pixels, or a list has another number of them.
+pub fn denoise(noisy: &Noisy) -> Denoised {
+    let (width, height) = (noisy.width, noisy.height);
+    let planes = |lists: &[&[f32]]| Planes::of(width, height, lists);
+    let (guides, sharpness) = guides(noisy);
+    let [mut first, mut second] = halves(noisy);
+    let (of_first, of_second) = match noisy.noise {
+        Noise::Halves(_) => {
+            (outliers::factors(&first, Some(&second)), outliers::factors(&second, Some(&first)))
+        }
+        _ => {
+            let of_both = outliers::factors(&planes(&noisy.color), None);
+            (of_both.clone(), of_both)
+        }
+    };
+    let before = first.zip(&second, |a, b| a + b);
+    outliers::apply(&mut first, &of_first);
+    outliers::apply(&mut second, &of_second);
+    let after = first.zip(&second, |a, b| a + b);
+    let remaining = after.zip(&before, |after, before| if before == 0.0 { 1.0 } else { after / before });
+
+    let mut data = first;
+    data.append(&second);
+    for part in &noisy.parts {
+        data.append(&planes(part).zip(&remaining, |part, factor| part * factor));
+    }
+    for (&bandwidth, radius) in BANDWIDTHS.iter().zip(VARIANCE_RADII) {
+        let (first, second) = (data.part(0..3), data.part(3..6));
+        let color = first.zip(&second, |a, b| 0.5 * (a + b));
+        let variance = first.zip(&second, |a, b| 0.25 * (a - b) * (a - b)).smoothed(radius);
+        let filter = Filter {
+            color: &color,
+            variance: &variance,
+            bandwidth,
+            guides: &guides,
+            sharpness: &sharpness,
+            data: &data,
+        };
+        data = filter.run();
+    }
+    let color = data.part(0..3).zip(&data.part(3..6), |a, b| (0.5 * (a + b)).max(0.0));
+    let part = |k: usize| [0, 1, 2].map(|c| data.list(6 + 3 * k + c));
+    Denoised { color: [0, 1, 2].map(|c| color.list(c)), parts: (0..noisy.parts.len()).map(part).collect() }
+}
+
+/// Two pictures whose mean is the picture and whose difference is its noise.
+fn halves(noisy: &Noisy) -> [Planes; 2] {
+    let planes = |color: &Color| Planes::of(noisy.width, noisy.height, color);
+    let color = planes(&noisy.color);
+    let deviation = match &noisy.noise {
+        Noise::Halves(halves) => return halves.each_ref().map(planes),
+        Noise::Variance(variance) => planes(variance).zip(&color, |v, _| v.max(0.0).sqrt()),
+        Noise::Unknown => {
+            // The mean of nine has a ninth of a pixel itself.
+            color.zip(&color.smoothed(1), |own, mean| (own - mean) * (9.0f32 / 8.0).sqrt())
+        }
+    };
+    let signed = deviation.with_random_signs();
+    [color.zip(&signed, |c, d| c + d), color.zip(&signed, |c, d| c - d)]
+}
+
+/// The guides as planes of comparable ranges, and the sharpness of each.
+fn guides(noisy: &Noisy) -> (Planes, Vec<f32>) {
+    let Guides { albedo, normal, depth } = noisy.guides;
+    let depth = depth.map(nearness);
+    let mut lists: Vec<&[f32]> = Vec::new();
+    let mut sharpness = Vec::new();
+    let given = [(albedo, SHARPNESS_OF_ALBEDO), (normal, SHARPNESS_OF_NORMAL)];
+    for (guide, sharp) in given.iter().filter_map(|(guide, sharp)| Some((guide.as_ref()?, *sharp))) {
+        lists.extend(guide);
+        sharpness.extend([sharp; 3]);
+    }
+    if let Some(depth) = &depth {
+        lists.push(depth);
+        sharpness.push(SHARPNESS_OF_DEPTH);
+    }
+    (Planes::of(noisy.width, noisy.height, &lists), sharpness)
+}
+
+/// One over the depth, which is linear in the picture where surfaces are flat; 1 for the middle one.
+fn nearness(depth: &[f32]) -> Vec<f32> {
+    let is_surface = |z: &f32| *z > 0.0 && *z < 1e9;
+    let mut sorted: Vec<f32> = depth.iter().copied().filter(is_surface).collect();
+    sorted.sort_by(f32::total_cmp);
+    let middle = sorted.get(sorted.len() / 2).copied().unwrap_or(1.0);
+    depth.iter().map(|z| if is_surface(z) { (middle / z).min(NEAREST) } else { 0.0 }).collect()
+}

@@ -1,0 +1,44 @@
+//! Changes of finished films: what a denoiser puts in place of what was rendered.
+
+use super::{Aov, Film, Layout, Reduction};
+use std::sync::Arc;
+
+impl Film {
+    /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_color(&mut self, color: [&[f32]; 3]) {
+        self.sums.set_color(color);
+    }
+
+    /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
+    /// component. Does nothing if there is none.
+    ///
+    /// # Panics
+    /// If there are fewer values than pixels.
+    pub fn set_means(&mut self, first: &str, values: [&[f32]; 3]) {
+        let index =
+            self.channels().iter().position(|c| c.names[0] == first && c.reduction == Reduction::Mean);
+        if let Some(further) = index.and_then(|index| index.checked_sub(1)) {
+            self.sums.set_means(further, values);
+        }
+    }
+
+    /// Forgets AOVs that only the way to the picture needed.
+    pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
+        for aov in aovs {
+            let names = aov.info().names;
+            let is_it = |names_of: &[std::borrow::Cow<'static, str>]| names_of[0] == names[0];
+            let Some(index) = self.channels().iter().position(|c| is_it(&c.names)) else { continue };
+            let mut channels = self.channels().to_vec();
+            channels.remove(index);
+            self.sums.remove(index - 1);
+            let has_halves = self.layout.has_halves;
+            self.layout = Arc::new(Layout::new(channels.into_iter().skip(1)).with_halves(has_halves));
+            if !self.layout.has_first_hits {
+                self.sums.forget_hits();
+            }
+        }
+    }
+}

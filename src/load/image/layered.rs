@@ -1,0 +1,180 @@
+//! Whole EXR files: all parts, channels and attributes as they are.
+
+use super::openexr::check_sizes;
+use super::source::Source;
+use super::{guarded, read_bytes, signature};
+use crate::error::Result;
+use exr::image::{AnyChannels, Blocks, FlatSamples, Layers};
+use exr::math::Vec2;
+use exr::meta::MetaData;
+use exr::meta::attribute::{AttributeValue, Chromaticities, Text};
+use exr::prelude::{ReadChannels, ReadLayers, f16};
+use image::ImageFormat;
+use std::io::Cursor;
+use std::path::Path;
+
+/// An EXR file in memory.
+#[derive(Clone, Debug)]
+pub struct Layered {
+    file: exr::image::Image<Layers<AnyChannels<FlatSamples>>>,
+}
+
+/// What is known about a channel.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ChannelInfo {
+    /// Its name with that of its layer: `albedo.R`.
+    pub name: String,
+    /// `half`, `float` or `uint`.
+    pub kind: &'static str,
+}
+
+impl Layered {
+    /// Parts of the file.
+    pub fn len(&self) -> usize {
+        self.file.layer_data.len()
+    }
+
+    /// Has it none?
+    pub fn is_empty(&self) -> bool {
+        self.file.layer_data.is_empty()
+    }
+
+    /// Width and height of a part's pixels.
+    pub fn size(&self, part: usize) -> [usize; 2] {
+        let size = self.file.layer_data[part].size;
+        [size.0, size.1]
+    }
+
+    /// The channels of a part.
+    pub fn channels(&self, part: usize) -> Vec<ChannelInfo> {
+        let kind = |samples: &FlatSamples| match samples {
+            FlatSamples::F16(_) => "half",
+            FlatSamples::F32(_) => "float",
+            FlatSamples::U32(_) => "uint",
+        };
+        let list = self.file.layer_data[part].channel_data.list.iter();
+        list.map(|c| ChannelInfo { name: c.name.to_string(), kind: kind(&c.sample_data) }).collect()
+    }
+
+    /// The name of a part, if it has one.
+    pub fn name(&self, part: usize) -> Option<String> {
+        self.file.layer_data[part].attributes.layer_name.as_ref().map(Text::to_string)
+    }
+
+    /// How a part's pixels are stored: `scan lines, ZIP16`.
+    pub fn compression(&self, part: usize) -> String {
+        let encoding = &self.file.layer_data[part].encoding;
+        let blocks = match encoding.blocks {
+            Blocks::ScanLines => "scan lines".to_string(),
+            Blocks::Tiles(size) => format!("tiles of {} x {}", size.0, size.1),
+        };
+        format!("{blocks}, {:?}", encoding.compression)
+    }
+
+    /// The attributes of a part's header that say something about the picture, as text, by name.
+    pub fn attributes(&self, part: usize) -> Vec<(String, String)> {
+        let (file, own) = (&self.file.attributes, &self.file.layer_data[part].attributes);
+        let window = file.display_window;
+        let mut list = vec![
+            ("dataWindow".to_string(), rectangle(own.layer_position, self.file.layer_data[part].size)),
+            ("displayWindow".to_string(), rectangle(window.position, window.size)),
+        ];
+        let mut add = |name: &str, value: Option<String>| list.extend(value.map(|v| (name.to_string(), v)));
+        let chromaticities = |c: Chromaticities| {
+            let pair = |v: Vec2<f32>| format!("{} {}", v.0, v.1);
+            format!("{}, {}, {}, white {}", pair(c.red), pair(c.green), pair(c.blue), pair(c.white))
+        };
+        add("chromaticities", file.chromaticities.map(chromaticities));
+        for (name, value) in [
+            ("software", &own.software_name),
+            ("owner", &own.owner),
+            ("capDate", &own.capture_date),
+            ("comments", &own.comments),
+            ("view", &own.view_name),
+        ] {
+            add(name, value.as_ref().map(Text::to_string));
+        }
+        add("worldToCamera", own.world_to_camera.map(|m| format!("{m:?}")));
+        for (name, value) in file.other.iter().chain(&own.other) {
+            add(&name.to_string(), Some(shown(value)));
+        }
+        list.sort();
+        list
+    }
+
+    /// The values of a channel, row by row from the top, integers as floats. `None` if there is no such channel.
+    pub fn values(&self, part: usize, name: &str) -> Option<Vec<f32>> {
+        let channel = self.file.layer_data[part].channel_data.list.iter().find(|c| c.name == *name)?;
+        Some(channel.sample_data.values_as_f32().collect())
+    }
+
+    /// Puts other values in place of a channel's, in the channel's type, half floats within their range. Does nothing if there
+    /// is no such channel.
+    ///
+    /// # Panics
+    /// If there are not as many as before.
+    pub fn set_values(&mut self, part: usize, name: &str, values: &[f32]) {
+        let list = &mut self.file.layer_data[part].channel_data.list;
+        let Some(channel) = list.iter_mut().find(|c| c.name == *name) else { return };
+        assert_eq!(channel.sample_data.len(), values.len(), "another number of pixels");
+        let half = |v: &f32| f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
+        match &mut channel.sample_data {
+            FlatSamples::F16(old) => *old = values.iter().map(half).collect(),
+            FlatSamples::F32(old) => *old = values.to_vec(),
+            FlatSamples::U32(old) => *old = values.iter().map(|v| *v as u32).collect(),
+        }
+    }
+
+    /// Three channels of a part, if it has them all.
+    pub fn triple(&self, part: usize, names: [&str; 3]) -> Option<[Vec<f32>; 3]> {
+        let [a, b, c] = names.map(|name| self.values(part, name));
+        Some([a?, b?, c?])
+    }
+
+    /// The file in the types of the crate that writes it.
+    pub(crate) fn file(&self) -> &exr::image::Image<Layers<AnyChannels<FlatSamples>>> {
+        &self.file
+    }
+}
+
+/// Corner and size.
+fn rectangle(position: Vec2<i32>, size: Vec2<usize>) -> String {
+    format!("{} x {} at {}, {}", size.0, size.1, position.0, position.1)
+}
+
+/// The value of an attribute as text.
+fn shown(value: &AttributeValue) -> String {
+    match value {
+        AttributeValue::Text(text) => text.to_string(),
+        AttributeValue::F64(number) => number.to_string(),
+        AttributeValue::F32(number) => number.to_string(),
+        AttributeValue::I32(number) => number.to_string(),
+        other => format!("{other:?}"),
+    }
+}
+
+/// Reads an EXR file with all that is in it; of pictures in several resolutions the largest.
+///
+/// # Errors
+/// An input error if the file is missing, no EXR, broken, or larger than its length can justify.
+pub fn load_layered(path: &Path) -> Result<Layered> {
+    let bytes = read_bytes(path)?;
+    let source = Source { bytes: &bytes, file: path, pointer: "" };
+    if signature(&bytes) != Some(ImageFormat::OpenExr) {
+        return Err(source.error("is no EXR file"));
+    }
+    let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
+    guarded(&source, || {
+        let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(broken)?;
+        check_sizes(&source, &meta)?;
+        exr::prelude::read()
+            .no_deep_data()
+            .largest_resolution_level()
+            .all_channels()
+            .all_layers()
+            .all_attributes()
+            .from_buffered(Cursor::new(&bytes))
+            .map(|file| Layered { file })
+            .map_err(broken)
+    })
+}

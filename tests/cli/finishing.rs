@@ -1,0 +1,132 @@
+//! What happens to pictures after rendering: denoising, views, conversion, and what `info` tells.
+
+use crate::program::*;
+use std::collections::BTreeMap;
+use std::path::Path;
+
+fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
+    let list = image.layer_data.channel_data.list;
+    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
+}
+
+/// relMSE of a picture.
+fn error(folder: &Path, picture: &str, reference: &str) -> f64 {
+    let output = oscura(folder, &["compare", picture, reference, "--json"]);
+    report(&output)["rel_mse"].as_f64().expect("a number")
+}
+
+#[test]
+fn renders_are_denoised_on_the_way_or_later() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let size = ["--width", "96", "--quiet", "--float", "--path-reuse", "off"];
+    let make = |name: &str, more: &[&str]| render(folder.path(), name, &[&size[..], more].concat());
+    make("reference.exr", &["--spp", "512", "--seed", "9", "--denoise"]);
+    make("noisy.exr", &[]);
+    make("clean.exr", &["--denoise", "--threads", "1"]);
+    make("again.exr", &["--denoise", "--threads", "2", "--reproducible"]);
+    make("passes.exr", &["--denoise", "--aov", "normal,diffuse_direct,diffuse_indirect,emission"]);
+    let (noisy, clean) = (planes(&at("noisy.exr")), planes(&at("clean.exr")));
+    assert_eq!(noisy.keys().collect::<Vec<_>>(), clean.keys().collect::<Vec<_>>(), "guides stay out");
+    assert_eq!(noisy["A"], clean["A"]);
+    assert_eq!(clean, planes(&at("again.exr")));
+    let before = error(folder.path(), "noisy.exr", "reference.exr");
+    let after = error(folder.path(), "clean.exr", "reference.exr");
+    assert!(after * 10.0 < before, "{before} -> {after}");
+
+    let passes = planes(&at("passes.exr"));
+    assert!(passes.contains_key("N.X") && !passes.contains_key("Z") && !passes.contains_key("albedo.R"));
+    for (i, beauty) in passes["R"].iter().enumerate() {
+        let sum: f32 = ["DiffDir.R", "DiffInd.R", "Emit.R"].iter().map(|name| passes[*name][i]).sum();
+        assert!((sum - beauty).abs() <= 1e-3 * beauty.max(0.1), "{sum} {beauty}");
+    }
+
+    let guides = ["--aov", "albedo,normal,depth,variance,samples"];
+    make("a.exr", &guides);
+    make("b.exr", &[&guides[..], &["--seed", "1"]].concat());
+    for more in [&["--other-seed", "b.exr"][..], &[]] {
+        let args = [&["denoise", "a.exr", "-o", "later.exr"][..], more].concat();
+        let output = oscura(folder.path(), &args);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        assert!(stderr(&output).contains("albedo, normal, depth"), "{}", stderr(&output));
+        let later = error(folder.path(), "later.exr", "reference.exr");
+        assert!(later * 8.0 < before, "{before} -> {later}");
+        assert_eq!(planes(&at("later.exr"))["samples"], planes(&at("a.exr"))["samples"]);
+    }
+}
+
+#[test]
+fn what_cannot_be_denoised_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("small.exr"), 8, 8, |_, _| (1.0f32, 1.0f32, 1.0f32))
+        .unwrap();
+    render(folder.path(), "a.exr", &["--quiet"]);
+    std::fs::write(folder.path().join("broken.exr"), [0x76, 0x2f, 0x31, 0x01, 2, 0]).unwrap();
+    for (args, expected) in [
+        (&["denoise", "a.exr", "-o", "b.png"][..], 2),
+        (&["denoise", "a.exr", "-o", "b.exr", "--other-seed", "small.exr"], 3),
+        (&["denoise", "broken.exr", "-o", "b.exr"], 3),
+        (&["info", "none.exr"], 3),
+        (&["convert", "a.exr", "-o", "b.exr"], 2),
+        (&["convert", "a.exr", "-o", "b.png", "--layer", "nothing"], 3),
+    ] {
+        assert_eq!(code(&oscura(folder.path(), args)), expected, "{args:?}");
+    }
+    assert_eq!(names(folder.path()), ["a.exr", "broken.exr", "small.exr"]);
+}
+
+#[test]
+fn pictures_come_in_all_formats_and_views() {
+    let folder = tempfile::tempdir().unwrap();
+    let files = ["-o", "a.jpg", "-o", "a.tif", "-o", "a.webp", "-o", "a.hdr", "-o", "a.exr"];
+    render(folder.path(), "a.png", &[&files[..], &["--view", "agx", "--exposure", "1", "--deep"]].concat());
+    let open = |name: &str| image::open(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
+    let png = open("a.png").to_rgb16();
+    assert!(png.pixels().any(|p| p[0] % 257 != 0), "more than 8 bits");
+    for name in ["a.jpg", "a.tif", "a.webp"] {
+        let other = open(name).to_rgb8();
+        let far = |(p, q): (&image::Rgb<u16>, &image::Rgb<u8>)| (p[1] / 257).abs_diff(u16::from(q[1])) > 24;
+        let many = png.pixels().zip(other.pixels()).filter(|pair| far(*pair)).count();
+        assert!(many < 48, "{name}: {many} pixels differ");
+    }
+    let output = oscura(
+        folder.path(),
+        &["convert", "a.exr", "-o", "c.png", "--view", "agx", "--exposure", "1", "--deep"],
+    );
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let converted = open("c.png").to_rgb16();
+    // The EXR has half floats.
+    assert!(png.pixels().zip(converted.pixels()).all(|(p, q)| p[0].abs_diff(q[0]) < 200));
+    let picture = |view: &str| {
+        assert_eq!(code(&oscura(folder.path(), &["convert", "a.exr", "-o", "v.png", "--view", view])), 0);
+        std::fs::read(folder.path().join("v.png")).unwrap()
+    };
+    let views = ["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"];
+    let pictures: std::collections::HashSet<Vec<u8>> = views.into_iter().map(picture).collect();
+    assert_eq!(pictures.len(), views.len());
+}
+
+#[test]
+fn info_tells_ranges_and_headers_and_layers_become_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    render(folder.path(), "a.exr", &["--aov", "normal,depth,samples", "--owner", "somebody", "--quiet"]);
+    let value = report(&oscura(folder.path(), &["info", "a.exr", "--json"]));
+    let part = &value["parts"][0];
+    assert_eq!((part["width"].as_u64(), part["header"]["owner"].as_str()), (Some(48), Some("somebody")));
+    let channel = |name: &str| {
+        let all = part["channels"].as_array().expect("a list").iter();
+        all.clone().find(|c| c["name"] == name).unwrap_or_else(|| panic!("no {name}")).clone()
+    };
+    assert_eq!(
+        (channel("samples")["type"].as_str(), channel("samples")["max"].as_f64()),
+        (Some("uint"), Some(4.0))
+    );
+    assert_eq!((channel("A")["mean"].as_f64(), channel("R")["nan"].as_u64()), (Some(1.0), Some(0)));
+    let text = stdout(&oscura(folder.path(), &["info", "a.exr"]));
+    assert!(text.contains("ZIP16") && text.contains("owner: somebody") && text.contains("N.X"), "{text}");
+    for layer in ["N", "Z", "samples"] {
+        let output = oscura(folder.path(), &["convert", "a.exr", "-o", "n.png", "--layer", layer, "--quiet"]);
+        assert_eq!(code(&output), 0, "{layer}: {}", stderr(&output));
+    }
+}
