@@ -3,7 +3,8 @@
 use super::density::DensityGrid;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
-use super::scattering::surrounding;
+use super::scattering::{Ball, Scattering};
+use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::DVec3;
 use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outline};
@@ -75,4 +76,27 @@ fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
             "the fog has no end, so that no light of the environment or a sun comes through: give it a radius",
         ));
     }
+}
+
+/// What surrounds a scene; the world's origin moves to `anchor`.
+fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
+    let Some(fog) = fog else { return Medium::AIR };
+    let extinction = Rgb::from_array(fog.medium.extinction);
+    let ball = fog
+        .radius
+        .is_finite()
+        .then(|| Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 });
+    let is_there = extinction.max_element() > 0.0;
+    let whole = Scattering {
+        extinction,
+        scattered: extinction * Rgb::from_array(fog.medium.albedo),
+        emission: Rgb::from_array(fog.medium.emission),
+        anisotropy: fog.medium.anisotropy,
+        ball,
+        grid: None,
+        counts: true,
+    };
+    // Fog that only absorbs ends somewhere, too.
+    let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);
+    Medium { scattering, ..Medium::AIR }
 }

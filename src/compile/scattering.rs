@@ -1,11 +1,10 @@
 //! Media that scatter or shine, ready for rendering.
 
 use super::density::DensityGrid;
-use super::medium::Medium;
 use crate::color::Rgb;
-use crate::math::{DVec3, Vec3, poly};
+use crate::math::{Vec3, poly};
 use crate::sampling::hash::hash32;
-use crate::scene::{self, Fog};
+use crate::scene;
 use std::sync::Arc;
 
 /// A medium that scatters or shines.
@@ -102,29 +101,6 @@ impl Scattering {
         let to = to.min(end);
         if to > begin { self.transmittance((to - begin) * direction.length()) } else { Rgb::ONE }
     }
-}
-
-/// What surrounds a scene; the world's origin moves to `anchor`.
-pub(super) fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
-    let Some(fog) = fog else { return Medium::AIR };
-    let extinction = Rgb::from_array(fog.medium.extinction);
-    let ball = fog
-        .radius
-        .is_finite()
-        .then(|| Ball { center: (fog.center - anchor).as_vec3(), radius: fog.radius as f32 });
-    let is_there = extinction.max_element() > 0.0;
-    let whole = Scattering {
-        extinction,
-        scattered: extinction * Rgb::from_array(fog.medium.albedo),
-        emission: Rgb::from_array(fog.medium.emission),
-        anisotropy: fog.medium.anisotropy,
-        ball,
-        grid: None,
-        counts: true,
-    };
-    // Fog that only absorbs ends somewhere, too.
-    let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);
-    Medium { scattering, ..Medium::AIR }
 }
 
 #[cfg(test)]

@@ -7,6 +7,7 @@
 //! 3.1). The weight is the value over the density of the whole mixture, as in Veach's balance heuristic with one sample: it is
 //! at most one over a channel's share, or two where a lamp is. The lamp that guides the choice is drawn for itself and lights nothing by it.
 
+use super::interior::Interior;
 use crate::color::Rgb;
 use crate::compile::Scattering;
 use crate::math::{Vec3, poly};
@@ -39,6 +40,15 @@ pub(super) struct Flight {
     pub scatters: bool,
     /// Found by tentative collisions on a grid, which need no weight.
     is_tracked: bool,
+}
+
+/// What a shadow ray has crossed so far.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct ShadowWay {
+    /// The solids around it.
+    pub interior: Interior,
+    /// Where on it the light that is left was last reckoned.
+    pub from: f32,
 }
 
 /// How often a lamp guides, where one is.

@@ -7,7 +7,7 @@
 
 use super::Integrator;
 use super::Purpose;
-use super::flight::Flight;
+use super::flight::{Flight, ShadowWay};
 use super::group::{Group, Sorted};
 use super::interior::Interior;
 use super::lanes::{get_rgb, set, set_rgb};
@@ -23,15 +23,6 @@ use crate::sampling::sampler::SobolPoint;
 /// Keeps choices apart from others with the same salt.
 const GLOW: u32 = 0x3c6e_f372;
 const BOUNDARY: u32 = 0x1f83_d9ab;
-
-/// What a shadow ray has crossed so far.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct ShadowWay {
-    /// The solids around it.
-    interior: Interior,
-    /// Where on it the light that is left was last reckoned.
-    from: f32,
-}
 
 impl Integrator<'_> {
     /// Draws how far each path flies through the medium that it is in, and lets its ray end there.

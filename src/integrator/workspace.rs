@@ -1,13 +1,12 @@
 //! All memory that tracing takes.
 
 use super::first_hit::FirstHits;
-use super::flight::Flight;
+use super::flight::{Flight, ShadowWay};
 use super::group::Group;
 use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;
 use super::sink::Sink;
-use super::volume::ShadowWay;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
