@@ -4,7 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::frames::Frames;
-use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs, PictureArgs, ViewArg};
+use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs, PictureArgs, ViewArg, stops};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand, ValueEnum};
@@ -407,11 +407,6 @@ fn strength(text: &str) -> Result<f32, String> {
 
 fn degrees(text: &str) -> Result<f64, String> {
     number(text, f64::is_finite, "a finite number of degrees")
-}
-
-/// The range is that of scene files.
-pub(super) fn stops(text: &str) -> Result<f32, String> {
-    number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }
 
 fn seconds(text: &str) -> Result<std::time::Duration, String> {

@@ -15,13 +15,11 @@ mod planes;
 mod regression;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod weights;
 
 use filter::Filter;
 use planes::Planes;
-
-/// Albedo, normal, depth.
-pub(in crate::denoise) const MOST_GUIDES: usize = 7;
 
 /// One over the squared differences from which on pixels are strangers.
 const SHARPNESS_OF_ALBEDO: f32 = 4.0;
@@ -33,9 +31,6 @@ const BANDWIDTHS: [f32; 2] = [0.7, 1.5];
 
 /// Radii over which the halves' squared differences are averaged before each pass: two numbers say little of a variance.
 const VARIANCE_RADII: [usize; 2] = [2, 3];
-
-/// Colours are kept within this, so that squares are finite.
-const LARGEST: f32 = 1e15;
 
 /// Depths nearer than the middle one by more than this factor count as that near.
 const NEAREST: f32 = 4.0;
