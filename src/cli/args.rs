@@ -6,7 +6,7 @@ use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
 use super::frames::Frames;
 use super::long_args::LongArgs;
-use super::picture_args::{PictureArgs, ViewArg};
+use super::picture_args::{PictureArgs, ViewArg, stops};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -378,9 +378,4 @@ fn strength(text: &str) -> Result<f32, String> {
 
 fn degrees(text: &str) -> Result<f64, String> {
     number(text, f64::is_finite, "a finite number of degrees")
-}
-
-/// The range is that of scene files.
-pub(super) fn stops(text: &str) -> Result<f32, String> {
-    number(text, |v| (-100.0..=100.0).contains(&v), "a number from -100 to 100").map(|v| v as f32)
 }

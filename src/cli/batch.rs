@@ -61,7 +61,7 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
     let mut failures: Vec<(&Path, u8)> = Vec::new();
     for shot in shots {
         if !args.quiet {
-            eprintln!("scene    {}", shot.scene.display());
+            say!("scene    {}", shot.scene.display());
         }
         match render::run(shot, cancel) {
             Ok(Outcome::Interrupted) => return Ok(Outcome::Interrupted),
@@ -82,7 +82,7 @@ fn all(args: &RenderArgs, shots: &[RenderArgs], cancel: &CancelHandle) -> Result
         }
     }
     let Some(worst) = failures.iter().map(|(_, code)| *code).max() else { return Ok(Outcome::Done) };
-    eprintln!("{} of {} scenes failed:", failures.len(), shots.len());
-    failures.iter().for_each(|(scene, code)| eprintln!("  {} (exit code {code})", scene.display()));
+    say!("{} of {} scenes failed:", failures.len(), shots.len());
+    failures.iter().for_each(|(scene, code)| say!("  {} (exit code {code})", scene.display()));
     Ok(Outcome::Failed(worst))
 }

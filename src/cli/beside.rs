@@ -26,10 +26,10 @@ pub(crate) fn run(model: &Path, args: &NewArgs) -> Result<Outcome> {
     let loaded = load(model, &options).map_err(terms::in_error)?;
     write_atomically(&path, text(model, &loaded).as_bytes())?;
     if !args.quiet {
-        eprintln!("wrote    {}", path.display());
+        say!("wrote    {}", path.display());
         let picture = model.with_extension("png");
         let picture = picture.file_name().unwrap_or_default().to_string_lossy();
-        eprintln!("next     oscura render {} -o {picture}", model.display());
+        say!("next     oscura render {} -o {picture}", model.display());
     }
     Ok(Outcome::Done)
 }

@@ -63,14 +63,14 @@ impl<'a> Keeper<'a> {
         }
         if !self.args.long.resume {
             if !self.args.quiet {
-                eprintln!("warning: {} is replaced; --resume would go on from it", file.display());
+                say!("warning: {} is replaced; --resume would go on from it", file.display());
             }
             return Ok(rendering);
         }
         rendering.go_on(file, read_part(file)?, &self.identity).map_err(plan_help)?;
         if !self.args.quiet {
             let samples = rendering.film().samples(0, 0);
-            eprintln!("resume   {} from {samples} samples a pixel", file.display());
+            say!("resume   {} from {samples} samples a pixel", file.display());
         }
         Ok(rendering)
     }

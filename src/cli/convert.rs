@@ -28,7 +28,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         encode_shown(&picture, format, &options).map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
-        eprintln!("wrote    {}", args.output.display());
+        say!("wrote    {}", args.output.display());
     }
     Ok(Outcome::Done)
 }

@@ -63,9 +63,9 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
-        eprintln!("guides   {}; noise {}", layers.names(), name_of(&noise));
-        eprintln!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
-        eprintln!("wrote    {}", args.output.display());
+        say!("guides   {}; noise {}", layers.names(), name_of(&noise));
+        say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
+        say!("wrote    {}", args.output.display());
     }
     Ok(Outcome::Done)
 }

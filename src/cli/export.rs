@@ -43,7 +43,7 @@ pub(crate) fn run(args: &ExportArgs) -> Result<Outcome> {
     let names = place_folder::place(&exported.folder, &args.output)?;
     if !args.quiet {
         for name in names {
-            eprintln!("wrote    {}", args.output.join(name).display());
+            say!("wrote    {}", args.output.join(name).display());
         }
     }
     Ok(Outcome::Done)

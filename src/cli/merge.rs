@@ -162,8 +162,8 @@ fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
         report::Said::default().warnings(warnings);
         let (count, seconds) = (report.parts, report.merge_s);
         let (width, height, samples) = (report.width, report.height, report.samples_per_pixel);
-        eprintln!("merged   {count} parts in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
-        report.outputs.iter().for_each(|output| eprintln!("wrote    {output}"));
+        say!("merged   {count} parts in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
+        report.outputs.iter().for_each(|output| say!("wrote    {output}"));
     }
     if args.json {
         json::print(report);

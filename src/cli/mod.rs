@@ -1,6 +1,14 @@
 //! The command line: arguments become options, options run. The only place that prints. Reports go to standard error;
 //! standard output is for what `--json` and `compare` and `inspect` answer.
 
+/// Prints a line on standard error. Nobody listening any more is no reason to stop.
+macro_rules! say {
+    ($($text:tt)*) => {{
+        use std::io::Write;
+        let _ = writeln!(std::io::stderr(), $($text)*);
+    }};
+}
+
 mod aov_arg;
 mod args;
 mod asset_args;

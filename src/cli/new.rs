@@ -25,8 +25,8 @@ pub(crate) fn run(args: &NewArgs) -> Result<Outcome> {
     let name = path.file_name().unwrap_or_default().to_string_lossy();
     write_atomically(path, STARTER.replace("THIS-FILE.toml", &name).as_bytes())?;
     if !args.quiet {
-        eprintln!("wrote    {}", path.display());
-        eprintln!("next     oscura render {0} -o {1}.png", path.display(), name.trim_end_matches(".toml"));
+        say!("wrote    {}", path.display());
+        say!("next     oscura render {0} -o {1}.png", path.display(), name.trim_end_matches(".toml"));
     }
     Ok(Outcome::Done)
 }

@@ -42,7 +42,7 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
     let mut kept = Kept { animation, ..Kept::new(args, Compiler::sequence())? };
     for k in 0..count {
         if !args.quiet {
-            eprintln!("frame    {k} of {count}");
+            say!("frame    {k} of {count}");
         }
         let angle = f64::from(k) / f64::from(count) * TAU;
         loaded.scene.cameras[number] = table.camera(&first, angle);
@@ -66,7 +66,7 @@ fn write(args: &RenderArgs, path: &PathBuf, animation: Option<&Animation>) -> Re
     let bytes = animation.encode(format, args.fps).map_err(|message| Error::output(path, message))?;
     write_atomically(path, &bytes)?;
     if !args.quiet {
-        eprintln!("wrote    {}", path.display());
+        say!("wrote    {}", path.display());
     }
     Ok(())
 }

@@ -52,6 +52,12 @@ pub(crate) struct PictureArgs {
     pub deep: bool,
 }
 
+/// The range is that of scene files.
+pub(super) fn stops(text: &str) -> Result<f32, String> {
+    let fits = |v: &f32| (-100.0..=100.0).contains(v);
+    text.parse().ok().filter(fits).ok_or_else(|| "must be a number from -100 to 100".to_string())
+}
+
 fn kelvin(text: &str) -> Result<f32, String> {
     let fits = |v: &f32| (1667.0..=25_000.0).contains(v);
     text.parse().ok().filter(fits).ok_or_else(|| "must be a number of kelvin from 1667 to 25000".to_string())
@@ -99,7 +105,7 @@ pub(crate) struct ConvertArgs {
     #[arg(long, default_value = "srgb")]
     pub view: ViewArg,
     /// Exposure in stops, -100 to 100.
-    #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = super::args::stops)]
+    #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: f32,
     /// Light of this temperature looks white, kelvin (1667 to 25000; daylight is 6500).
     #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]

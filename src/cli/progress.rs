@@ -122,7 +122,7 @@ impl Progress {
                 *last = elapsed;
                 let left = left(share, elapsed, *limit);
                 let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
-                eprintln!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s", share * 100.0);
+                say!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s", share * 100.0);
             }
         }
     }
@@ -174,7 +174,7 @@ fn wait(label: &'static str, until: &Receiver<()>) {
     if !std::io::stderr().is_terminal() {
         let mut pause = PATIENCE;
         while until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
-            eprintln!("{label:<8} {:.0} s so far", start.elapsed().as_secs_f64());
+            say!("{label:<8} {:.0} s so far", start.elapsed().as_secs_f64());
             pause *= 2;
         }
         return;

@@ -54,8 +54,8 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         let targets = Targets::check(&file(number))?;
         if !args.quiet {
             match is_of_blender(&args.scene) {
-                true => eprintln!("frame    {number}"),
-                false => eprintln!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
+                true => say!("frame    {number}"),
+                false => say!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
             }
         }
         let mut args = args.clone();
@@ -73,6 +73,6 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
 /// Says how many frames are not rendered again.
 fn say_existing(args: &RenderArgs, frames: usize) {
     if !args.quiet && frames > 0 {
-        eprintln!("resume   {frames} frames exist and are left out");
+        say!("resume   {frames} frames exist and are left out");
     }
 }

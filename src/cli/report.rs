@@ -46,14 +46,14 @@ pub(crate) fn error(error: &Error) {
     let file = error.file.as_ref().map(|f| f.display().to_string());
     let count = error.problems.len();
     match &file {
-        Some(file) if count > 1 => eprintln!("error: {file}: {count} problems"),
-        Some(file) => eprintln!("error: {file}"),
-        None => eprintln!("error:"),
+        Some(file) if count > 1 => say!("error: {file}: {count} problems"),
+        Some(file) => say!("error: {file}"),
+        None => say!("error:"),
     }
     for problem in &error.problems {
         match (&error.source_text, &problem.span) {
             (Some(text), Some(_)) => {
-                eprintln!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
+                say!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
             }
             _ => plain(problem),
         }
@@ -62,9 +62,9 @@ pub(crate) fn error(error: &Error) {
 
 fn plain(problem: &Problem) {
     let place = if problem.place.is_empty() { String::new() } else { format!("{}: ", problem.place) };
-    eprintln!("  {place}{}", problem.message);
+    say!("  {place}{}", problem.message);
     if let Some(help) = &problem.help {
-        eprintln!("    help: {help}");
+        say!("    help: {help}");
     }
 }
 
@@ -127,7 +127,7 @@ impl Said {
     fn print(&mut self, kind: &str, list: &[Warning]) {
         for line in list.iter().map(|what| format!("{kind}: {what}")) {
             if !self.0.contains(&line) {
-                eprintln!("{line}");
+                say!("{line}");
                 self.0.insert(line);
             }
         }
@@ -155,7 +155,7 @@ impl Run {
     /// The report for people.
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
-        eprintln!(
+        say!(
             "scene    {}, {}, {}{}, {:.1} MiB{}",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
@@ -168,7 +168,7 @@ impl Run {
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
         let mean = if s.is_adaptive { " on average" } else { "" };
-        eprintln!(
+        say!(
             "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}, {}",
             self.width,
             self.height,
@@ -177,7 +177,7 @@ impl Run {
             counted(s.samples, "path"),
             counted(s.rays, "ray")
         );
-        eprintln!(
+        say!(
             "time     load {:.3} s, build {:.3} s, render {:.3} s ({:.3} s of CPU, {:.1} M rays/s), {}write {:.3} s",
             self.load_s,
             c.build_s,
@@ -188,19 +188,19 @@ impl Run {
             self.write_s
         );
         if let Some(error) = s.error {
-            eprintln!("noise    {:.2} % relative error, estimated", error * 100.0);
+            say!("noise    {:.2} % relative error, estimated", error * 100.0);
         }
         if let Some(bytes) = self.peak_memory {
-            eprintln!("memory   {:.1} MiB at most", mib(bytes));
+            say!("memory   {:.1} MiB at most", mib(bytes));
         }
-        eprintln!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
+        say!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
         if s.interrupted {
-            eprintln!("stopped by a signal: the pictures hold the samples taken until then");
+            say!("stopped by a signal: the pictures hold the samples taken until then");
         } else if s.timed_out {
-            eprintln!("stopped by --time-limit: another run may stop elsewhere and give other pixels");
+            say!("stopped by --time-limit: another run may stop elsewhere and give other pixels");
         }
         for output in &self.outputs {
-            eprintln!("wrote    {output}");
+            say!("wrote    {output}");
         }
     }
 }

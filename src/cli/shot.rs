@@ -36,7 +36,7 @@ pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &Loa
 /// Says what takes a while.
 fn say_export(args: &RenderArgs) {
     if !args.quiet && is_of_blender(&args.scene) {
-        eprintln!("export   {} by Blender", args.scene.display());
+        say!("export   {} by Blender", args.scene.display());
     }
 }
 
@@ -175,7 +175,7 @@ fn say_run(args: &RenderArgs, run: &Run) {
 /// Says what was left out, if that is asked for.
 fn explain(args: &RenderArgs, left_out: &[String]) {
     if args.explain && !args.quiet {
-        left_out.iter().for_each(|what| eprintln!("left out: {what}"));
+        left_out.iter().for_each(|what| say!("left out: {what}"));
     }
 }
 

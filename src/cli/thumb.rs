@@ -52,7 +52,7 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
         let start = Instant::now();
         match one(args, model, target, cancel) {
             Ok(()) if !args.quiet => {
-                eprintln!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
+                say!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
             }
             Ok(()) => {}
             Err(error) => {
@@ -67,8 +67,8 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     }
     let worst = failures.iter().map(|(_, error)| exit_code(error)).max();
     let Some(worst) = worst else { return Ok(Outcome::Done) };
-    eprintln!("{} of {} models failed:", failures.len(), args.models.len());
-    failures.iter().for_each(|(model, _)| eprintln!("  {}", model.display()));
+    say!("{} of {} models failed:", failures.len(), args.models.len());
+    failures.iter().for_each(|(model, _)| say!("  {}", model.display()));
     Ok(Outcome::Failed(worst))
 }
 

@@ -15,13 +15,11 @@ mod planes;
 mod regression;
 #[cfg(test)]
 mod tests;
+mod tiles;
 mod weights;
 
 use filter::Filter;
 use planes::Planes;
-
-/// Albedo, normal, depth.
-pub(in crate::denoise) const MOST_GUIDES: usize = 7;
 
 /// One over the squared differences from which on pixels are strangers.
 const SHARPNESS_OF_ALBEDO: f32 = 4.0;
@@ -31,11 +29,11 @@ const SHARPNESS_OF_DEPTH: f32 = 4.0;
 /// How many standard deviations patches may differ by in each pass.
 const BANDWIDTHS: [f32; 2] = [0.7, 1.5];
 
+/// Darker surfaces count as this one when patches are compared.
+const LEAST_ALBEDO: f32 = 0.02;
+
 /// Radii over which the halves' squared differences are averaged before each pass: two numbers say little of a variance.
 const VARIANCE_RADII: [usize; 2] = [2, 3];
-
-/// Colours are kept within this, so that squares are finite.
-const LARGEST: f32 = 1e15;
 
 /// Depths nearer than the middle one by more than this factor count as that near.
 const NEAREST: f32 = 4.0;
@@ -116,6 +114,7 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     let after = first.zip(&second, |a, b| a + b);
     let remaining = after.zip(&before, |after, before| if before == 0.0 { 1.0 } else { after / before });
 
+    let lightness = reflectance(noisy);
     let mut data = first;
     data.append(&second);
     for part in &noisy.parts {
@@ -123,6 +122,8 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     }
     for (&bandwidth, radius) in BANDWIDTHS.iter().zip(VARIANCE_RADII) {
         let (first, second) = (data.part(0..3), data.part(3..6));
+        // Patches are compared as they would be on white surfaces: textures are what guides explain.
+        let (first, second) = (first.zip(&lightness, |v, r| v / r), second.zip(&lightness, |v, r| v / r));
         let color = first.zip(&second, |a, b| 0.5 * (a + b));
         let variance = first.zip(&second, |a, b| 0.25 * (a - b) * (a - b)).smoothed(radius);
         let filter = Filter {
@@ -138,6 +139,14 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     let color = data.part(0..3).zip(&data.part(3..6), |a, b| (0.5 * (a + b)).max(0.0));
     let part = |k: usize| [0, 1, 2].map(|c| data.list(6 + 3 * k + c));
     Denoised { color: [0, 1, 2].map(|c| color.list(c)), parts: (0..noisy.parts.len()).map(part).collect() }
+}
+
+/// The albedo, or white, not too dark to divide by.
+fn reflectance(noisy: &Noisy) -> Planes {
+    let white = vec![1.0; noisy.width * noisy.height];
+    let albedo = noisy.guides.albedo.unwrap_or([&white; 3]);
+    let albedo = Planes::of(noisy.width, noisy.height, &albedo);
+    albedo.zip(&albedo, |v, _| v.max(LEAST_ALBEDO))
 }
 
 /// Two pictures whose mean is the picture and whose difference is its noise.

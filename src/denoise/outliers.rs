@@ -8,7 +8,7 @@ const RADIUS: isize = 2;
 /// As many neighbours that are as bright make a pixel part of what it shows.
 const RANK: usize = 3;
 /// How many times as bright as the neighbour of that rank, and as the same pixel of the other half, a pixel may be.
-const LIMIT: f32 = 2.0;
+const LIMIT: f32 = 10.0;
 
 /// Factors in 0..1 that take the fireflies out of red, green and blue planes. `other` has the other half of the samples,
 /// which shows what is really there.

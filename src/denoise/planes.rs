@@ -1,6 +1,5 @@
 //! Planes of floats with mirrored edges, so that windows need no bounds.
 
-use super::LARGEST;
 use crate::sampling::hash::hash32;
 
 /// Radius of the window of pixels that a pixel is made from.
@@ -15,8 +14,14 @@ const BORDER: usize = RADIUS + PATCH;
 pub(super) const LANES: usize = 16;
 /// A number for each of them.
 pub(super) type Lanes = [f32; LANES];
+/// Whole vectors that lie in cache lines of their own.
+#[repr(align(64))]
+pub(super) struct Aligned<T>(pub T);
 /// Loops run over whole vectors and read a bit beyond what they need.
 const SLACK: usize = LANES;
+
+/// Values are kept within this, so that squares are finite.
+const LARGEST: f32 = 1e15;
 
 /// Some planes of one picture, each with a border.
 #[derive(Clone, Debug)]

@@ -3,11 +3,14 @@
 //! least squares. Only its value in the middle is wanted, which is a weighted sum of the window's pixels whatever their
 //! colours: the same weights serve all channels.
 
-use super::filter::Filter;
-use super::planes::{LANES, Lanes, RADIUS, TILE, lanes};
+// Loops over lanes are written by index: adaptors of iterators may stay calls, which are not compiled for the CPU's level.
+#![allow(clippy::needless_range_loop)]
+
+use super::filter::{Filter, MOST_GUIDES};
+use super::planes::{Aligned, LANES, Lanes, RADIUS, TILE, lanes};
 
 /// Most numbers of a model: a constant, the guides, and the place in the picture.
-pub(super) const TERMS: usize = super::MOST_GUIDES + 3;
+pub(super) const TERMS: usize = MOST_GUIDES + 3;
 const PRODUCTS: usize = TERMS * (TERMS + 1) / 2;
 
 /// Guides that vary less than the root of this within a window don't count: they are noise.
@@ -16,8 +19,8 @@ const RIDGE: f32 = 1e-4;
 /// A chunk of a tile's row: where it is in the tile and in the picture.
 #[derive(Clone, Copy)]
 pub(super) struct Chunk {
-    /// Place in a tile's list of pixels.
-    pub at: usize,
+    /// Where its weights begin; those of the next offset are a row of the tile farther.
+    pub weights: usize,
     pub x: isize,
     pub y: isize,
 }
@@ -27,43 +30,59 @@ pub(super) struct Chunk {
 pub(super) fn fit(filter: &Filter, offsets: &[(isize, isize)], chunk: Chunk, weights: &mut [f32]) {
     let guides = filter.guides;
     let p = guides.place(0, chunk.x, chunk.y);
-    let mut center = [[0.0f32; LANES]; TERMS];
-    for (g, center) in center.iter_mut().enumerate().take(guides.count) {
-        *center = *lanes(guides.data(), p + g * guides.plane_length());
+    let mut center = Aligned([[0.0f32; LANES]; TERMS]);
+    for g in 0..guides.count {
+        center.0[g] = *lanes(guides.data(), p + g * guides.plane_length());
     }
     let n = guides.count + 3;
-    let mut terms = [[1.0f32; LANES]; TERMS];
-    let mut moments = [[0.0f32; LANES]; PRODUCTS];
+    let mut terms = Aligned([[1.0f32; LANES]; TERMS]);
+    let mut moments = Aligned([[0.0f32; LANES]; PRODUCTS]);
     for (o, &offset) in offsets.iter().enumerate() {
-        let weight = lanes(weights, o * TILE * TILE + chunk.at);
-        differences(filter, &center, p, offset, &mut terms);
-        let mut k = 0;
-        for i in 0..n {
-            let mut weighted = [0.0f32; LANES];
-            for l in 0..LANES {
-                weighted[l] = weight[l] * terms[i][l];
-            }
-            for other in &terms[i..n] {
-                for l in 0..LANES {
-                    moments[k][l] += weighted[l] * other[l];
-                }
-                k += 1;
-            }
-        }
+        let weight = lanes(weights, chunk.weights + o * TILE);
+        differences(filter, &center.0, p, offset, &mut terms.0);
+        add_products(&terms.0, weight, n, &mut moments.0);
     }
-    let row = first_row_of_inverse(&mut moments, n);
+    let row = first_row_of_inverse(&mut moments.0, n);
     for (o, &offset) in offsets.iter().enumerate() {
-        differences(filter, &center, p, offset, &mut terms);
+        differences(filter, &center.0, p, offset, &mut terms.0);
         let mut factor = [0.0f32; LANES];
         for i in 0..n {
             for l in 0..LANES {
-                factor[l] += row[i][l] * terms[i][l];
+                factor[l] += row[i][l] * terms.0[i][l];
             }
         }
-        let at = o * TILE * TILE + chunk.at;
+        let at = chunk.weights + o * TILE;
         let weights = &mut weights[at..at + LANES];
         for l in 0..LANES {
             weights[l] *= factor[l];
+        }
+    }
+}
+
+/// Adds the weighted products of all pairs of terms.
+#[inline(always)]
+fn add_products(terms: &[Lanes; TERMS], weight: &Lanes, n: usize, moments: &mut [Lanes; PRODUCTS]) {
+    if n == TERMS {
+        // All loops unroll.
+        add_products_of(terms, weight, TERMS, moments);
+    } else {
+        add_products_of(terms, weight, n, moments);
+    }
+}
+
+#[inline(always)]
+fn add_products_of(terms: &[Lanes; TERMS], weight: &Lanes, n: usize, moments: &mut [Lanes; PRODUCTS]) {
+    let mut k = 0;
+    for i in 0..n {
+        let mut weighted = [0.0f32; LANES];
+        for l in 0..LANES {
+            weighted[l] = weight[l] * terms[i][l];
+        }
+        for j in i..n {
+            for l in 0..LANES {
+                moments[k][l] += weighted[l] * terms[j][l];
+            }
+            k += 1;
         }
     }
 }

@@ -3,6 +3,9 @@
 //! with variances of each pixel. Channels share one fraction here, and a polynomial that reaches zero is in place of the
 //! exponential.
 
+// Loops over lanes are written by index: adaptors of iterators may stay calls, which are not compiled for the CPU's level.
+#![allow(clippy::needless_range_loop)]
+
 use super::filter::Filter;
 use super::planes::{LANES, PATCH, TILE, wide};
 
@@ -14,9 +17,16 @@ pub(super) const WIDE: usize = TILE + LANES;
 /// Variances below are taken for this: exact pixels would be compared by rounding errors else.
 const LEAST_VARIANCE: f32 = 1e-12;
 
-/// Weights in 0..1 of the pixels at an offset, for all pixels of the tile at (`x0`, `y0`), row by row.
+/// Weights in 0..1 of the pixels at an offset, for all pixels of the tile at (`x0`, `y0`); each row of them begins `row`
+/// after the one before.
 #[inline(always)]
-pub(super) fn weigh(filter: &Filter, x0: isize, y0: isize, offset: (isize, isize), to: &mut [f32]) {
+pub(super) fn weigh(
+    filter: &Filter,
+    [x0, y0]: [isize; 2],
+    offset: (isize, isize),
+    to: &mut [f32],
+    row: usize,
+) {
     let mut sums = [[0.0f32; TILE]; ROWS];
     for (row, sums) in sums.iter_mut().enumerate() {
         let differences = differences(filter, x0, y0 + row as isize, offset);
@@ -36,7 +46,7 @@ pub(super) fn weigh(filter: &Filter, x0: isize, y0: isize, offset: (isize, isize
             }
         }
         let apart = guide_distances(filter, x0, y0 + y as isize, offset);
-        let to = &mut to[y * TILE..(y + 1) * TILE];
+        let to = &mut to[y * row..y * row + TILE];
         for i in 0..TILE {
             let far = distance[i] * scale;
             let near = 1.0 - if far > 0.0 { far } else { 0.0 };

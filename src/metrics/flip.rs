@@ -1,6 +1,7 @@
 //! How different two pictures look when one is flipped into the place of the other: LDR-FLIP of Andersson et al. 2020
 //! ("FLIP: A Difference Evaluator for Alternating Images", HPG), with the viewing distance of its authors' program.
 
+use super::pixels::{assert_same_size, pixels, rgb};
 use crate::image::Image;
 use std::f64::consts::PI;
 
@@ -45,7 +46,7 @@ pub struct Flip {
 
 /// Compares a picture with a reference of the same size: linear colours, clipped to 0..1.
 pub fn flip(a: &Image, reference: &Image) -> Flip {
-    super::assert_same_size(&[a, reference]);
+    assert_same_size(&[a, reference]);
     let (a, reference) = (Seen::of(a), Seen::of(reference));
     let largest = distance(&hunt_lab([0.0, 1.0, 0.0]), &hunt_lab([0.0, 0.0, 1.0])).powf(COLOR_EXPONENT);
     let knee = KNEE * largest;
@@ -74,8 +75,8 @@ struct Seen {
 impl Seen {
     fn of(image: &Image) -> Seen {
         let width = image.width as usize;
-        let opponent: Vec<[f64; 3]> = super::pixels(image)
-            .map(|(x, y)| opponent_from_rgb(super::rgb(image, x, y).map(|v| v.clamp(0.0, 1.0))))
+        let opponent: Vec<[f64; 3]> = pixels(image)
+            .map(|(x, y)| opponent_from_rgb(rgb(image, x, y).map(|v| v.clamp(0.0, 1.0))))
             .collect();
         let plane = |c: usize| opponent.iter().map(|v| v[c] as f32).collect::<Vec<f32>>();
         let planes: Vec<Vec<f32>> = (0..3).map(|c| filtered(&plane(c), width, &SENSITIVITY[c])).collect();

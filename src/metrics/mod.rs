@@ -1,11 +1,13 @@
 //! How far a picture is from a reference: errors, and a statistical test of agreement.
 
 mod flip;
+mod pixels;
 
 pub use flip::{Flip, flip};
 
 use crate::color::srgb_from_linear;
 use crate::image::Image;
+use pixels::{assert_same_size, pixels, rgb};
 
 /// Edge of the blocks of [`z_test`], pixels.
 pub const BLOCK: usize = 8;
@@ -198,23 +200,6 @@ pub fn side_by_side(a: &Image, reference: &Image, flip: &Flip) -> Vec<u8> {
 /// How many pixels hold NaN or an infinity in red, green or blue.
 pub fn non_finite_pixels(image: &Image) -> u64 {
     pixels(image).filter(|&(x, y)| !rgb(image, x, y).iter().all(|v| v.is_finite())).count() as u64
-}
-
-fn rgb(image: &Image, x: u32, y: u32) -> [f64; 3] {
-    let [r, g, b, _] = image.rgba(x, y);
-    [r, g, b].map(f64::from)
-}
-
-fn pixels(image: &Image) -> impl Iterator<Item = (u32, u32)> + use<> {
-    let (width, height) = (image.width, image.height);
-    (0..height).flat_map(move |y| (0..width).map(move |x| (x, y)))
-}
-
-fn assert_same_size(images: &[&Image]) {
-    assert!(
-        images.windows(2).all(|w| (w[0].width, w[0].height) == (w[1].width, w[1].height)),
-        "pictures of different sizes can't be compared"
-    );
 }
 
 #[cfg(test)]

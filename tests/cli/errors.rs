@@ -194,3 +194,18 @@ fn long_lines_are_cut_in_errors() {
         text.len()
     );
 }
+
+#[test]
+fn nobody_has_to_listen() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(["render", &cornell(), "-o", "a.png", "--width", "16", "--spp", "1", "--json", "--explain"])
+        .current_dir(folder.path())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("the program starts");
+    drop((child.stdout.take(), child.stderr.take()));
+    assert_eq!(child.wait().unwrap().code(), Some(0));
+    assert!(folder.path().join("a.png").exists());
+}

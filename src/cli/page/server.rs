@@ -55,10 +55,10 @@ impl Page {
         let page = Page { server: Arc::new(server), shared: Arc::new(shared) };
         let address = format!("http://127.0.0.1:{}/", port(&page.server));
         if !is_quiet {
-            eprintln!("view     {address} (Ctrl-C ends it)");
+            say!("view     {address} (Ctrl-C ends it)");
         }
         if opens && let Err(error) = open::that_detached(&address) {
-            eprintln!("no browser could be started ({error}): open {address} in one");
+            say!("no browser could be started ({error}): open {address} in one");
         }
         let (server, shared) = (page.server.clone(), page.shared.clone());
         std::thread::spawn(move || serve(&server, &shared));

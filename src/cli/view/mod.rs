@@ -37,7 +37,7 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let model = Model::load(args, cancel)?;
     let facts = model.facts(args);
     if !args.picture.quiet {
-        facts.notes.iter().for_each(|note| eprintln!("note: {note}"));
+        facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
     let shared = Shared::new(model.wish(args)?, model.look(), facts, model.poses());
     let page = Page::open(server, shared, !args.no_open, args.picture.quiet);

@@ -1,8 +1,8 @@
 //! Whole EXR files: all parts, channels and attributes as they are.
 
+use super::bytes::{guarded, read_bytes, signature};
 use super::openexr::check_sizes;
 use super::source::Source;
-use super::{guarded, read_bytes, signature};
 use crate::error::Result;
 use exr::image::{AnyChannels, Blocks, FlatSamples, Layers};
 use exr::math::Vec2;

@@ -5,6 +5,7 @@
 
 #[cfg(feature = "ktx2")]
 mod basis;
+mod bytes;
 mod ktx2;
 mod layered;
 mod limits;
@@ -15,10 +16,10 @@ mod unused;
 pub use layered::{ChannelInfo, Layered, load_layered};
 pub(crate) use source::Use;
 
-use crate::error::{Error, Result, Warning};
+use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use crate::load::decoders::Decoder;
-use crate::load::guard;
+use bytes::{guarded, read_bytes, signature};
 use image::codecs::hdr::HdrDecoder;
 use image::{DynamicImage, ImageDecoder, ImageFormat, ImageReader};
 use source::Source;
@@ -114,21 +115,6 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
             .with_help("linear pictures come as .exr or .hdr")),
     })?;
     if image.channels == 3 { Ok(image) } else { Err(source.error("has no layer with channels R, G and B")) }
-}
-
-/// Decoders return errors for damaged files; should one panic all the same, that is an error, too.
-fn guarded<T>(source: &Source, decode: impl FnOnce() -> Result<T>) -> Result<T> {
-    let broken = |message| source.error(format!("can't be read as an image: {message}"));
-    guard::catch(decode).map_err(broken)?
-}
-
-fn read_bytes(path: &Path) -> Result<Vec<u8>> {
-    std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))
-}
-
-/// The format that the first bytes tell.
-fn signature(bytes: &[u8]) -> Option<ImageFormat> {
-    if bytes.starts_with(b"#?") { Some(ImageFormat::Hdr) } else { image::guess_format(bytes).ok() }
 }
 
 fn format_of(source: &Source, mime: Option<&str>, warnings: &mut Vec<Warning>) -> Result<ImageFormat> {
