@@ -163,11 +163,12 @@ impl DensityGrid {
         loop {
             let bound = self.bounds[walk.index(self)] * ray.scale;
             loop {
-                let way = depth / bound;
-                if !(walk.t + way < walk.next()) {
+                // Infinite, or not a number, where nothing is.
+                let t = walk.t + depth / bound;
+                if t.is_nan() || t >= walk.next() {
                     break;
                 }
-                walk.t += way;
+                walk.t = t;
                 let density = self.density(ray.origin + ray.direction * walk.t) * ray.scale;
                 if !visit(walk.t, density / bound, numbers) {
                     return;
@@ -221,7 +222,7 @@ impl Walk {
             begin = begin.max(a.min(b));
             end = end.min(a.max(b));
         }
-        if !(begin < end) {
+        if begin.is_nan() || end.is_nan() || begin >= end {
             return None;
         }
         let mut walk = Walk {

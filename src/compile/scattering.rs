@@ -39,13 +39,14 @@ impl Scattering {
     /// Distances beyond this are infinite: nothing of a scene is as far away.
     pub const FARTHEST: f32 = 1e18;
 
-    /// What scatters in a medium; `None` where it only absorbs.
+    /// What scatters in a medium; `None` where it only absorbs, the same everywhere.
     pub(super) fn of(medium: &scene::Medium, absorption: Option<Rgb>) -> Option<Scattering> {
         let extinction = Rgb::from_array(medium.extinction);
         let scattered = extinction * Rgb::from_array(medium.albedo);
         let emission = Rgb::from_array(medium.emission);
         let extinction = extinction + absorption.unwrap_or(Rgb::ZERO);
-        let does_anything = scattered.max_element() > 0.0 || emission.max_element() > 0.0;
+        let shines = emission.max_element() > 0.0;
+        let does_anything = scattered.max_element() > 0.0 || shines || medium.grid.is_some();
         let anisotropy = medium.anisotropy;
         let (ball, grid) = (None, None);
         let medium = Scattering { extinction, scattered, emission, anisotropy, ball, grid, counts: true };

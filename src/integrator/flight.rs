@@ -84,14 +84,14 @@ impl Flight {
     ) -> Flight {
         let extent = medium.extent(origin, direction, from);
         let mut flight = Flight::straight(index, extent);
-        if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
-            return flight;
-        }
         if let Some(grid) = &medium.grid {
             let ray = grid.ray(origin, direction, medium.extinction.r);
             let salt = hash32(u[0].to_bits() ^ hash32(u[1].to_bits()));
             flight.until = grid.collision(&ray, from, f32::INFINITY, u[0], salt);
             flight.is_tracked = true;
+            return flight;
+        }
+        if extent[1] <= extent[0] || medium.scattered.max_element() <= 0.0 {
             return flight;
         }
         flight.shares = shares(medium, throughput);

@@ -183,26 +183,7 @@ fn read<'a>(
     };
     let mut material = match kind {
         Kind::Plain(default) => Material::new(name, plain(fields, default(), slot)),
-        Kind::Metal => {
-            let measured = metals::named(fields);
-            let color = slot("color", 0.8);
-            let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
-            if fuzz.is_some() && fields.has("roughness") {
-                fields.problems.push(fields.span(), "'fuzz' and 'roughness' say the same: leave one out");
-            }
-            let roughness = match fuzz {
-                Some(f) => roughness_of_fuzz(f) as f32,
-                None => fields.number_in("roughness", 0.0..1.0, 0.0) as f32,
-            };
-            let roughness = FloatSlot::constant(roughness);
-            Material::new(
-                name,
-                match measured {
-                    Some(m) => Model::Conductor { eta: m.eta, k: m.k, roughness },
-                    None => Model::SchlickMetal { color, roughness },
-                },
-            )
-        }
+        Kind::Metal => metal(fields, name, slot("color", 0.8)),
         Kind::Dielectric => {
             let model = dielectric(fields, slot("tint", 1.0));
             Material { medium: media::table(build, fields, "medium"), ..Material::new(name, model) }
@@ -227,6 +208,24 @@ fn read<'a>(
     material.light_group = light_group;
     fields.finish();
     Some(material)
+}
+
+fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
+    let measured = metals::named(fields);
+    let fuzz = fields.has("fuzz").then(|| fields.number_in("fuzz", 0.0..1.0, 0.0));
+    if fuzz.is_some() && fields.has("roughness") {
+        fields.problems.push(fields.span(), "'fuzz' and 'roughness' say the same: leave one out");
+    }
+    let roughness = match fuzz {
+        Some(f) => roughness_of_fuzz(f) as f32,
+        None => fields.number_in("roughness", 0.0..1.0, 0.0) as f32,
+    };
+    let roughness = FloatSlot::constant(roughness);
+    let model = match measured {
+        Some(m) => Model::Conductor { eta: m.eta, k: m.k, roughness },
+        None => Model::SchlickMetal { color, roughness },
+    };
+    Material::new(name, model)
 }
 
 fn dielectric(fields: &Fields, tint: ColorSlot) -> Model {

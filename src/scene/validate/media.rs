@@ -38,7 +38,8 @@ pub(super) fn check_medium(
     );
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
     let paths = f64::from(thickest) * f64::from(r) * (grid.max - grid.min).length();
-    let is_met = !(paths > MOST_MEAN_FREE_PATHS);
+    // Numbers that are none have had their complaint.
+    let is_met = paths.is_nan() || paths <= MOST_MEAN_FREE_PATHS;
     findings.require(is_met, place, "grid", paths, "at most 1e5 mean free paths across where it is thickest");
 }
 
@@ -49,7 +50,7 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
         let is_met = voxels.is_some_and(|n| n > 0 && n == grid.values.len());
         findings.require(is_met, place, "size", grid.size, "above 0 and as many as there are values");
         findings.require_finite(&grid.values, place, "values");
-        let is_met = grid.values.iter().all(|x| !(*x < 0.0));
+        let is_met = grid.values.iter().all(|x| x.is_nan() || *x >= 0.0);
         findings.require(is_met, place, "values", "negative", "numbers from 0 up");
         let extent = grid.max - grid.min;
         let is_met = extent.is_finite() && extent.min_element() > 0.0;
