@@ -164,7 +164,7 @@ mod tests {
         let ours = of(&mut before, same);
         assert_eq!(of(&mut after, same), ours);
         assert_eq!(format!("{before:?}"), format!("{:?}", scene()), "the scene is as it was");
-        let mut told = |change: fn(&mut Scene), name: &str| {
+        let told = |change: fn(&mut Scene), name: &str| {
             let mut other = scene();
             change(&mut other);
             assert_eq!(differences(&ours, &of(&mut other, same)), [format!("{name} differs")]);

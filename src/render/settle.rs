@@ -9,7 +9,7 @@ use crate::scene::{Camera, Scene, Settings, ShadingModel};
 use std::time::Duration;
 
 const DEFAULT_ASPECT: f64 = 16.0 / 9.0;
-/// Most pixels of a picture; a film takes 36 bytes for each.
+/// Most pixels of a picture; a film takes 48 bytes for each.
 const PIXEL_LIMIT: u64 = 1 << 28;
 
 /// What a user chooses about a picture. What is left open the scene says; then the defaults of [`RenderOptions`] hold.

@@ -35,7 +35,7 @@ fn open_job_description_gives_the_pictures_of_single_runs() {
     let folder = tempfile::tempdir().unwrap();
     let folder = folder.path();
     let scene = reed();
-    let options = ["--width", "32", "--float", "--reproducible", "--aov", "depth,crypto-object"];
+    let options = ["--width", "32", "--float", "--reproducible", "--aov", "depth,crypto_object"];
     let parameters = [
         format!("Oscura={OSCURA}"),
         format!("Scene={scene}"),
@@ -48,7 +48,9 @@ fn open_job_description_gives_the_pictures_of_single_runs() {
     ];
     let mut command = Command::new("openjd");
     command.arg("run").arg(farm.join("openjd.yaml")).args(["--step", "Merge", "--run-dependencies"]);
-    parameters.iter().for_each(|parameter| drop(command.args(["-p", parameter])));
+    for parameter in &parameters {
+        command.args(["-p", parameter]);
+    }
     let Some(output) = run(&mut command, "openjd (pip install openjd-cli)") else { return };
     assert!(output.status.success(), "{}{}", stdout(&output), stderr(&output));
     assert!(stdout(&output).contains("openjd_progress: 100.00"), "{}", stdout(&output));
@@ -102,7 +104,7 @@ fn the_tasks_for_flamenco_cover_all_samples() {
         let words = task["commands"][0]["args"].as_array().expect("words");
         words.iter().map(|word| word.as_str().expect("a word").to_string()).collect()
     };
-    let ranges: Vec<String> = tasks.iter().take(3).map(|task| words(task)[8].clone()).collect();
+    let ranges: Vec<String> = tasks.iter().take(3).map(|task| words(task)[9].clone()).collect();
     assert_eq!(ranges, ["0..8", "8..16", "16..20"]);
     let merge = words(&tasks[3]);
     assert_eq!(merge[..2], ["merge", "/out/p.0007.0.part"]);
