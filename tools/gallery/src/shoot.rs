@@ -92,7 +92,7 @@ impl Shot {
 
 /// An 8-bit sRGB value.
 pub fn srgb_byte(linear: f32) -> u8 {
-    (ViewTransform::Srgb.encode(linear) * 255.0).round().clamp(0.0, 255.0) as u8
+    (ViewTransform::Srgb.encode([linear; 3])[0] * 255.0).round().clamp(0.0, 255.0) as u8
 }
 
 fn size_and_samples(scene: &Scene, quality: Quality, path: &Path) -> Result<([u32; 2], u32)> {
