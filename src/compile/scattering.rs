@@ -75,7 +75,8 @@ impl Scattering {
     pub fn transmittance(&self, distance: f32) -> Rgb {
         // Far away an extinction of 0 would be no number.
         let distance = distance.min(Scattering::FARTHEST);
-        (self.extinction * -distance).map(poly::exp)
+        // The polynomial ends at the least normal number, but nothing is seen through fog without an end.
+        (self.extinction * distance).map(|depth| if depth < 87.0 { poly::exp(-depth) } else { 0.0 })
     }
 
     /// The mean of what is left over a way in the medium, metres.

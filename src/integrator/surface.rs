@@ -59,8 +59,12 @@ impl Integrator<'_> {
             true => self.classify::<true>(bounce, is_last, w),
             false => self.classify::<false>(bounce, is_last, w),
         };
+        let counts = if self.parts.depths { self.end_deep_paths(w) } else { counts };
         let sorted = counts.sorted();
         self.sort(bounce, &sorted, w);
+        if self.parts.depths {
+            self.count_bounces(&sorted, w);
+        }
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
@@ -82,9 +86,7 @@ impl Integrator<'_> {
         if !KNOWS_MATERIALS {
             w.materials.clear();
         }
-        let depths = self.parts.depths.then_some(&w.arriving.depth);
         for (i, hit) in w.hits.iter().enumerate() {
-            let is_last = is_last || depths.is_some_and(|depth| depth[i] >= self.options.max_depth);
             let (mut material, mut group) = (0, Group::None);
             if hit.is_hit() {
                 material = if KNOWS_MATERIALS { w.materials[i] } else { self.scene.geometries.material(hit) };
@@ -157,9 +159,6 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
-            if self.parts.depths && self.counts_as_bounce(group, i, w) {
-                w.wave.paths.depth[k] += 1;
-            }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }

@@ -8,7 +8,7 @@
 use super::Integrator;
 use super::Purpose;
 use super::flight::{Flight, ShadowWay};
-use super::group::{Group, Sorted};
+use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
 use super::lanes::{get_rgb, set, set_rgb};
 use super::layers::{Origin, Way, way_of_path};
@@ -138,10 +138,26 @@ impl Integrator<'_> {
         ends
     }
 
-    /// Does a vertex of a group count as a bounce? Steps of walks within solids don't.
-    pub(super) fn counts_as_bounce(&self, group: Group, i: usize, w: &Workspace) -> bool {
-        let medium = || &self.scene.media[usize::from(w.flights[i].medium)];
-        group != Group::Medium || medium().scattering.as_ref().is_none_or(|s| s.counts)
+    /// Ends the paths that have had all their bounces, and counts what is left of each group.
+    pub(super) fn end_deep_paths(&self, w: &mut Workspace) -> GroupCounts {
+        let mut counts = GroupCounts::new();
+        for (group, &depth) in w.groups.iter_mut().zip(&w.arriving.depth) {
+            if depth >= self.options.max_depth {
+                *group = Group::None;
+            }
+            counts.add(*group);
+        }
+        counts
+    }
+
+    /// Counts a bounce for all sorted vertices but those of walks within solids.
+    pub(super) fn count_bounces(&self, sorted: &Sorted, w: &mut Workspace) {
+        let (paths, in_media) = (&mut w.wave.paths, sorted.medium());
+        for k in sorted.all() {
+            let medium = &self.scene.media[usize::from(paths.interior[k].medium())];
+            let is_walk = in_media.contains(&k) && medium.scattering.as_ref().is_some_and(|s| !s.counts);
+            paths.depth[k] += u32::from(!is_walk);
+        }
     }
 
     /// Makes vertex `k` of the point where arriving path `i` scatters.
