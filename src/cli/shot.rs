@@ -94,11 +94,7 @@ pub(super) fn run_one(
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, mut warnings, left_out } =
         prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
-    if !args.quiet {
-        said.notes(&notes);
-        said.warnings(&warnings);
-    }
-    explain(args, &left_out);
+    say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
@@ -172,9 +168,18 @@ fn say_run(args: &RenderArgs, run: &Run) {
     }
 }
 
-/// Says what was left out, if that is asked for.
-fn explain(args: &RenderArgs, left_out: &[String]) {
-    if args.explain && !args.quiet {
+/// Says what there is to say about a scene that was loaded: notes, warnings, and what was left out, if that is asked for.
+fn say_scene(
+    args: &RenderArgs,
+    said: &mut Said,
+    (notes, warnings, left_out): (&[Warning], &[Warning], &[String]),
+) {
+    if args.quiet {
+        return;
+    }
+    said.notes(notes);
+    said.warnings(warnings);
+    if args.explain {
         left_out.iter().for_each(|what| say!("left out: {what}"));
     }
 }

@@ -32,7 +32,8 @@ impl RenderOptions {
     /// Can there be such a part?
     pub(super) fn check_share(&self) -> Result<()> {
         let Region { x0, y0, x1, y1 } = self.pixels();
-        if x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height {
+        let is_outside = x0 >= x1 || y0 >= y1 || x1 > self.width || y1 > self.height;
+        if self.region.is_some() && is_outside {
             let message = format!("the region {} has no pixels in the picture", self.pixels());
             let help = format!("the picture has {} x {} pixels", self.width, self.height);
             return Err(Error::usage(message).with_help(help));
