@@ -118,7 +118,7 @@ impl<'a> Halves<'a> {
                 with_texels(self.image, Means { of: self, row, means });
                 for (mean, texel) in means.iter().zip(values.chunks_exact_mut(N)) {
                     for (c, value) in texel.iter_mut().enumerate() {
-                        let is_alpha = N % 2 == 0 && c == N - 1;
+                        let is_alpha = N.is_multiple_of(2) && c == N - 1;
                         *value = if is_alpha { alpha(mean[3]) } else { color(mean[c]) };
                     }
                 }

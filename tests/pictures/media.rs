@@ -156,8 +156,7 @@ fn single_scattering_agrees_with_quadrature() {
     const SIGMA: f64 = 0.6;
     let lamp = DVec3::new(0.7, 0.2, -0.5);
     for g in [-0.4, 0.0, 0.7] {
-        let mut scene = Scene::default();
-        scene.fog = fog(medium(SIGMA as f32, 0.8, g), NO_END);
+        let mut scene = Scene { fog: fog(medium(SIGMA as f32, 0.8, g), NO_END), ..Scene::default() };
         let kind = LightKind::Point { position: lamp };
         scene.lights.push(Light { name: "lamp".into(), kind, intensity: [3.0; 3], group: String::new() });
         scene.cameras.push(beam([0.0, 0.0, 3.0]));
@@ -190,8 +189,7 @@ fn single_scattering_of_a_ball_agrees_with_quadrature() {
         let shining = material(scene, Material::emitter("ball", [5.0; 3], false));
         sphere(scene, middle.to_array(), radius, shining);
     };
-    let mut foggy = Scene::default();
-    foggy.fog = fog(medium(SIGMA as f32, 1.0, 0.0), NO_END);
+    let mut foggy = Scene { fog: fog(medium(SIGMA as f32, 1.0, 0.0), NO_END), ..Scene::default() };
     with_lamp(&mut foggy);
     foggy.cameras.push(beam([0.0, 0.0, 2.0]));
     let truth = integral(0.0, 60.0, 20_000, |t| {
