@@ -6,11 +6,13 @@ use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
 use super::frames::Frames;
 use super::long_args::LongArgs;
-use super::picture_args::{PictureArgs, ViewArg, stops};
+use super::numbers::{number, stops};
+use super::picture_args::{PictureArgs, views};
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::film::AovSet;
+use oscura::output::ViewTransform;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
 
@@ -251,8 +253,8 @@ pub(crate) struct RenderArgs {
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
     /// How PNGs and the like look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
-    #[arg(long)]
-    pub view: Option<ViewArg>,
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
     /// Exposure of PNGs and the like in stops, -100 to 100 [default: 0].
     #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: Option<f32>,
@@ -364,11 +366,6 @@ pub(crate) struct CompareArgs {
 
 fn frames_per_second(text: &str) -> Result<f64, String> {
     number(text, |f| f.is_finite() && f > 0.0, "a number above 0")
-}
-
-/// A number for which `is_valid` holds.
-fn number(text: &str, is_valid: impl Fn(f64) -> bool, what: &str) -> Result<f64, String> {
-    text.parse().ok().filter(|&v| is_valid(v)).ok_or_else(|| format!("must be {what}"))
 }
 
 fn strength(text: &str) -> Result<f32, String> {

@@ -1,5 +1,6 @@
 //! Arguments about where the camera stands and how it sees, in place of what the scene says.
 
+use super::numbers::number;
 use clap::Args;
 use oscura::error::{Error, Result};
 use oscura::math::DVec3;
@@ -88,16 +89,12 @@ fn point(text: &str) -> std::result::Result<DVec3, String> {
     }
 }
 
-fn within(text: &str, range: std::ops::RangeInclusive<f64>, what: &str) -> std::result::Result<f64, String> {
-    text.parse().ok().filter(|v| range.contains(v)).ok_or_else(|| format!("must be {what}"))
-}
-
 fn positive(text: &str) -> std::result::Result<f64, String> {
-    within(text, 1e-6..=1e12, "a number of metres from 0.000001 to 1e12")
+    number(text, |v| (1e-6..=1e12).contains(&v), "a number of metres from 0.000001 to 1e12")
 }
 
 fn defocus(text: &str) -> std::result::Result<f64, String> {
-    within(text, 0.0..=90.0, "a number of degrees from 0 to 90")
+    number(text, |v| (0.0..=90.0).contains(&v), "a number of degrees from 0 to 90")
 }
 
 #[cfg(test)]

@@ -18,7 +18,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     let [width, height] = file.size(part);
     let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
     let options = PngOptions {
-        view: args.view.transform(),
+        view: args.view,
         exposure: args.exposure,
         white_balance: args.white_balance,
         dither: args.dither,

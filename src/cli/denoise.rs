@@ -2,7 +2,7 @@
 
 use super::Outcome;
 use super::picture_args::DenoiseArgs;
-use oscura::denoise::{Guides, Noise, Noisy, denoise};
+use oscura::denoise::{Guides, Noise, Noisy, denoise, slices};
 use oscura::error::{Error, Result};
 use oscura::load::image::{Layered, load_layered};
 use oscura::output::{Format, check_target, encode_layered, write_atomically};
@@ -130,10 +130,6 @@ fn name_of(noise: &Noise) -> &'static str {
         Noise::Variance(_) => "from the variance",
         Noise::Unknown => "guessed",
     }
-}
-
-fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
-    planes.each_ref().map(Vec::as_slice)
 }
 
 /// The first part with a picture.

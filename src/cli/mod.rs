@@ -35,6 +35,7 @@ mod long_args;
 mod markdown;
 mod merge;
 mod new;
+mod numbers;
 mod orbit;
 mod outcome;
 mod page;

@@ -1,41 +1,16 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
-use clap::{Args, ValueEnum};
+use super::numbers::{number, stops};
+use clap::Args;
+use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use oscura::output::ViewTransform;
 use std::path::PathBuf;
 
-/// View transforms: how linear colours look on a display.
-#[derive(Clone, Copy, Debug, ValueEnum)]
-pub(crate) enum ViewArg {
-    /// As they are; what is above 1 is clipped.
-    Srgb,
-    /// A filmic curve (Narkowicz 2016).
-    Filmic,
-    /// Blender's AgX.
-    Agx,
-    /// Blender's AgX with its look Punchy.
-    AgxPunchy,
-    /// Khronos PBR Neutral: base colours stay.
-    PbrNeutral,
-    /// Stops from middle grey as colours.
-    FalseColor,
-    /// A power of 1 / 2.2.
-    Gamma,
-}
-
-impl ViewArg {
-    /// What it stands for.
-    pub fn transform(self) -> ViewTransform {
-        match self {
-            ViewArg::Srgb => ViewTransform::Srgb,
-            ViewArg::Filmic => ViewTransform::Filmic,
-            ViewArg::Agx => ViewTransform::Agx,
-            ViewArg::AgxPunchy => ViewTransform::AgxPunchy,
-            ViewArg::PbrNeutral => ViewTransform::PbrNeutral,
-            ViewArg::FalseColor => ViewTransform::FalseColor,
-            ViewArg::Gamma => ViewTransform::Gamma,
-        }
-    }
+/// View transforms by name.
+pub(super) fn views() -> impl TypedValueParser<Value = ViewTransform> {
+    let value = |view: &ViewTransform| PossibleValue::new(view.name()).help(view.about());
+    let parser = PossibleValuesParser::new(ViewTransform::ALL.iter().map(value));
+    parser.try_map(|name| ViewTransform::from_name(&name).ok_or("is no view"))
 }
 
 #[derive(Args, Clone, Debug)]
@@ -52,15 +27,9 @@ pub(crate) struct PictureArgs {
     pub deep: bool,
 }
 
-/// The range is that of scene files.
-pub(super) fn stops(text: &str) -> Result<f32, String> {
-    let fits = |v: &f32| (-100.0..=100.0).contains(v);
-    text.parse().ok().filter(fits).ok_or_else(|| "must be a number from -100 to 100".to_string())
-}
-
 fn kelvin(text: &str) -> Result<f32, String> {
-    let fits = |v: &f32| (1667.0..=25_000.0).contains(v);
-    text.parse().ok().filter(fits).ok_or_else(|| "must be a number of kelvin from 1667 to 25000".to_string())
+    let fits = |v| (1667.0..=25_000.0).contains(&v);
+    number(text, fits, "a number of kelvin from 1667 to 25000").map(|v| v as f32)
 }
 
 #[derive(Args, Debug)]
@@ -102,8 +71,8 @@ pub(crate) struct ConvertArgs {
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
     /// How it looks.
-    #[arg(long, default_value = "srgb")]
-    pub view: ViewArg,
+    #[arg(long, value_name = "VIEW", default_value = "srgb", value_parser = views())]
+    pub view: ViewTransform,
     /// Exposure in stops, -100 to 100.
     #[arg(long, value_name = "STOPS", default_value = "0", allow_negative_numbers = true, value_parser = stops)]
     pub exposure: f32,

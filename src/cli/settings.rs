@@ -77,7 +77,7 @@ pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Ve
 /// How PNGs and the like look.
 pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool) -> PngOptions {
     let view = match args.view {
-        Some(view) => view.transform(),
+        Some(view) => view,
         None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
         None => ViewTransform::Srgb,
     };

@@ -1,5 +1,6 @@
 //! Arguments about how models without a camera or light are shown, the same for all commands that render them.
 
+use super::numbers::number;
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{Args, ValueEnum};
 use oscura::error::Warning;
@@ -141,13 +142,11 @@ fn background(text: &str) -> Result<BackgroundArg, String> {
 }
 
 fn zoom(text: &str) -> Result<f64, String> {
-    let fits = |v: &f64| (0.001..=1000.0).contains(v);
-    text.parse().ok().filter(fits).ok_or_else(|| "must be a number from 0.001 to 1000".to_string())
+    number(text, |v| (0.001..=1000.0).contains(&v), "a number from 0.001 to 1000")
 }
 
 fn fov(text: &str) -> Result<f64, String> {
-    let fits = |v: &f64| (0.1..=170.0).contains(v);
-    text.parse().ok().filter(fits).ok_or_else(|| "must be a number of degrees from 0.1 to 170".to_string())
+    number(text, |v| (0.1..=170.0).contains(&v), "a number of degrees from 0.1 to 170")
 }
 
 /// Axes by name.

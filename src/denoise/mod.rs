@@ -92,6 +92,11 @@ pub struct Denoised {
 /// Takes the noise out of a picture, on all threads of the current pool; the result is the same at any number of them. Values
 /// that are NaN or infinite count as 0.
 ///
+/// Three planes as [`Noisy`] takes them.
+pub fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
+    planes.each_ref().map(Vec::as_slice)
+}
+
 /// # Panics
 /// If there are no pixels, or a list has another number of them.
 pub fn denoise(noisy: &Noisy) -> Denoised {

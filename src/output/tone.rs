@@ -27,25 +27,42 @@ pub enum ViewTransform {
 }
 
 impl ViewTransform {
-    /// All there are, by name.
-    pub const ALL: [(&str, ViewTransform); 7] = [
-        ("srgb", ViewTransform::Srgb),
-        ("filmic", ViewTransform::Filmic),
-        ("agx", ViewTransform::Agx),
-        ("agx-punchy", ViewTransform::AgxPunchy),
-        ("pbr-neutral", ViewTransform::PbrNeutral),
-        ("false-color", ViewTransform::FalseColor),
-        ("gamma", ViewTransform::Gamma),
+    /// All there are.
+    pub const ALL: [ViewTransform; 7] = [
+        ViewTransform::Srgb,
+        ViewTransform::Filmic,
+        ViewTransform::Agx,
+        ViewTransform::AgxPunchy,
+        ViewTransform::PbrNeutral,
+        ViewTransform::FalseColor,
+        ViewTransform::Gamma,
     ];
 
     /// The one of a name.
     pub fn from_name(name: &str) -> Option<ViewTransform> {
-        ViewTransform::ALL.iter().find(|(own, _)| *own == name).map(|(_, view)| *view)
+        ViewTransform::ALL.into_iter().find(|view| view.name() == name)
     }
 
-    /// Its name.
+    /// What users call it.
     pub fn name(self) -> &'static str {
-        ViewTransform::ALL.iter().find(|(_, view)| *view == self).map_or("srgb", |(name, _)| name)
+        self.words().0
+    }
+
+    /// What it does, for lists of them.
+    pub fn about(self) -> &'static str {
+        self.words().1
+    }
+
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            ViewTransform::Srgb => ("srgb", "As they are; what is above 1 is clipped"),
+            ViewTransform::Filmic => ("filmic", "A filmic curve (Narkowicz 2016)"),
+            ViewTransform::Agx => ("agx", "Blender's AgX"),
+            ViewTransform::AgxPunchy => ("agx-punchy", "Blender's AgX with its look Punchy"),
+            ViewTransform::PbrNeutral => ("pbr-neutral", "Khronos PBR Neutral: base colours stay"),
+            ViewTransform::FalseColor => ("false-color", "Stops from middle grey as colours"),
+            ViewTransform::Gamma => ("gamma", "A power of 1 / 2.2"),
+        }
     }
 
     /// The display values in 0..1 of a linear colour.

@@ -1,7 +1,7 @@
 //! Denoising of rendered pictures.
 
 use super::rendering::Rendering;
-use crate::denoise::{Guides, Noise, Noisy, denoise};
+use crate::denoise::{Guides, Noise, Noisy, denoise, slices};
 use crate::film::{Aov, AovSet, Film, Source, Values};
 
 /// The AOVs that a picture to be denoised needs.
@@ -24,10 +24,6 @@ impl Rendering {
 fn floats(planes: Option<Vec<Values>>) -> Option<[Vec<f32>; 3]> {
     let lists: Vec<Vec<f32>> = planes?.into_iter().map(Values::into_floats).collect();
     lists.try_into().ok()
-}
-
-fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
-    planes.each_ref().map(Vec::as_slice)
 }
 
 fn denoise_film(film: &mut Film) {

@@ -26,7 +26,7 @@ pub(super) fn state(state: &State, frame: &Frame) -> Value {
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,
         "view": png.view.name(),
-        "views": ViewTransform::ALL.map(|(name, _)| name),
+        "views": ViewTransform::ALL.map(ViewTransform::name),
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })

@@ -35,11 +35,12 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let server = bind(args.port)?;
     let files = args.watch.then(|| SavedFiles::of(&args.picture.scene));
     let model = Model::load(args, cancel)?;
-    let facts = model.facts(args);
+    let (facts, poses) = (model.facts(args), model.poses());
     if !args.picture.quiet {
         facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
-    let shared = Shared::new(model.wish(args)?, model.look(), facts, model.poses());
+    let wish = model.wish(args, &facts, &poses)?;
+    let shared = Shared::new(wish, model.look(), facts, poses);
     let page = Page::open(server, shared, !args.no_open, args.picture.quiet);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {

@@ -76,15 +76,14 @@ impl Model {
     }
 
     /// What is wanted of it at first.
-    pub fn wish(&self, args: &ViewArgs) -> Result<Wish> {
-        let facts = self.facts(args);
+    pub fn wish(&self, args: &ViewArgs, facts: &Facts, poses: &[Pose]) -> Result<Wish> {
         let fits = |&&(w, h): &&(u32, u32)| u64::from(w) * u64::from(h) <= PIXELS;
         let is_chosen = args.picture.width.or(args.picture.height).is_some();
         let whole = (self.settled.options.width, self.settled.options.height);
         let size = facts.sizes.iter().rev().find(fits).filter(|_| !is_chosen).copied().unwrap_or(whole);
         let camera = self.settled.camera.unwrap_or(0);
-        let pose = self.poses().into_iter().nth(camera);
-        let pose = pose.ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
+        let pose =
+            poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
         Ok(Wish { pose, camera, size, rotation: None, aov: None, loads: 0 })
     }
 
