@@ -121,6 +121,27 @@ impl Error {
         self
     }
 
+    /// Adds the problems of another error of the same kind, each told with its file.
+    pub fn append(&mut self, other: Error) {
+        let place_of = |file: &Option<PathBuf>, place: String| match file {
+            Some(file) if place.is_empty() => file.display().to_string(),
+            Some(file) => format!("{}: {place}", file.display()),
+            None => place,
+        };
+        if self.file != other.file {
+            let own = self.file.take();
+            for problem in &mut self.problems {
+                problem.place = place_of(&own, std::mem::take(&mut problem.place));
+            }
+        }
+        self.problems.extend(
+            other
+                .problems
+                .into_iter()
+                .map(|p| Problem { place: place_of(&other.file, p.place.clone()), ..p }),
+        );
+    }
+
     /// Attaches the text of the file, so that problems with a span can show their line.
     pub fn with_source(mut self, text: impl Into<String>) -> Error {
         self.source_text = Some(text.into());

@@ -2,6 +2,7 @@
 
 use super::args::RenderArgs;
 use super::outcome::{Outcome, exit_code};
+use super::pictures::Targets;
 use super::process::cancel_by_signals;
 use super::{json, render, report, report_json, terms};
 use oscura::error::{Error, Result};
@@ -36,8 +37,11 @@ fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     own
 }
 
-/// Do several scenes write different files?
+/// Can all files be written, and do several scenes write different ones?
 fn check(shots: &[RenderArgs]) -> Result<()> {
+    for shot in shots.iter().filter(|shot| shot.frames.is_none() && shot.orbit.is_none()) {
+        Targets::check(&shot.output)?;
+    }
     for (at, shot) in shots.iter().enumerate() {
         for earlier in &shots[..at] {
             let files = |args: &RenderArgs| -> Vec<PathBuf> {

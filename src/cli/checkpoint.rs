@@ -5,11 +5,11 @@ use super::pictures::Targets;
 use super::report::Said;
 use oscura::error::{Error, Result, Warning};
 use oscura::load::Loaded;
-use oscura::output::part::{Finish, Identity, read_part};
-use oscura::output::{PngOptions, check_target};
-use oscura::render::{PassOutcome, Rendering, Settled, identity};
+use oscura::output::part::{Finish, Identity, read_header, read_part};
+use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
+use oscura::render::{Rendering, Settled, identity};
 use oscura::scene::Backdrop;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Writes checkpoints and parts. Does nothing where neither is asked for.
@@ -61,12 +61,6 @@ impl<'a> Keeper<'a> {
         if !file.exists() {
             return Ok(rendering);
         }
-        if !self.args.long.resume {
-            if !self.args.quiet {
-                say!("warning: {} is replaced; --resume would go on from it", file.display());
-            }
-            return Ok(rendering);
-        }
         rendering.go_on(file, read_part(file)?, &self.identity).map_err(plan_help)?;
         if !self.args.quiet {
             let samples = rendering.film().samples(0, 0);
@@ -89,12 +83,12 @@ impl<'a> Keeper<'a> {
     }
 
     /// Writes the last checkpoint and, when all samples are there, the files of parts.
-    pub fn finish(&self, rendering: &mut Rendering, outcome: PassOutcome) -> Result<()> {
+    pub fn finish(&self, rendering: &mut Rendering) -> Result<()> {
         let checkpoint = match rendering.is_between_blocks() {
             true => self.write_checkpoint(rendering),
             false => Ok(()),
         };
-        if matches!(outcome, PassOutcome::Done | PassOutcome::Converged) {
+        if rendering.is_complete() {
             for path in self.parts {
                 rendering.write_part(path, &self.identity, &self.finish, self.backdrop.as_ref())?;
             }
@@ -104,7 +98,7 @@ impl<'a> Keeper<'a> {
 
     fn write_checkpoint(&self, rendering: &mut Rendering) -> Result<()> {
         let Some(file) = &self.args.long.checkpoint else { return Ok(()) };
-        rendering.write_part(file, &self.identity, &self.finish, None)
+        rendering.write_part(file, &self.identity, &self.finish, self.backdrop.as_ref())
     }
 }
 
@@ -149,8 +143,36 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         let message = "a part of a picture is written as a .part file";
         return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
     }
-    if !is_sequence && let Some(file) = &long.checkpoint {
-        check_target(file)?;
+    if args.picture.denoise && args.output.iter().any(is_part) {
+        let message = "--denoise can't be used for .part files: what they hold are sums of samples";
+        let help =
+            "give --aov albedo,normal,depth,variance; 'oscura denoise' takes the noise out of the merged EXR";
+        return Err(Error::usage(message).with_help(help));
     }
+    match &long.checkpoint {
+        Some(file) if !is_sequence => check_file(args, file),
+        _ => Ok(()),
+    }
+}
+
+/// Can a checkpoint be written there without harm to another file?
+///
+/// # Errors
+/// A usage error for the scene, an output, or something else than a checkpoint; an output error for what can't be written.
+pub(super) fn check_file(args: &RenderArgs, file: &Path) -> Result<()> {
+    if is_same_target(&args.scene, file) || args.output.iter().any(|output| is_same_target(output, file)) {
+        let message = format!("--checkpoint {} is the scene or an output, too", file.display());
+        return Err(Error::usage(message).with_help("give it a name of its own, such as NAME.part"));
+    }
+    if file.is_file() && read_header(file).is_err() {
+        let message = format!("--checkpoint {} would replace a file that is no checkpoint", file.display());
+        return Err(Error::usage(message).with_help("give another name, or delete it first"));
+    }
+    if file.exists() && !args.long.resume {
+        let message = format!("the checkpoint {} is there already", file.display());
+        return Err(Error::usage(message).with_help("go on from it by --resume, or delete it to begin anew"));
+    }
+    check_target(file)?;
+    remove_leftovers(file);
     Ok(())
 }

@@ -62,11 +62,20 @@ fn grey(file: &Layered, part: usize, name: &str) -> Option<Vec<[f32; 4]>> {
     Some(file.values(part, name)?.into_iter().map(|v| [v, v, v, 1.0]).collect())
 }
 
-/// The only channel of a layer, whatever its letter.
+/// The luminance of a layer, or its only channel, whatever its letter; alpha is no picture of its own.
 fn first(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
-    let is_own = |name: &str| name.strip_prefix(prefix).is_some_and(|letter| !letter.contains('.'));
-    let channel = file.channels(part).into_iter().find(|channel| is_own(&channel.name))?;
-    grey(file, part, &channel.name)
+    let letter =
+        |name: &str| name.strip_prefix(prefix).filter(|letter| !letter.contains('.')).map(str::to_string);
+    let mut letters: Vec<String> =
+        file.channels(part).iter().filter_map(|channel| letter(&channel.name)).collect();
+    letters.sort_by_key(|letter| (letter != "Y", letter == "A"));
+    let mut pixels = grey(file, part, &format!("{prefix}{}", letters.first()?))?;
+    if letters[0] == "Y"
+        && let Some(alpha) = file.values(part, &format!("{prefix}A"))
+    {
+        pixels.iter_mut().zip(alpha).for_each(|(pixel, alpha)| pixel[3] = alpha);
+    }
+    Some(pixels)
 }
 
 fn no_layer(file: &Layered, args: &ConvertArgs) -> Error {

@@ -21,8 +21,7 @@ pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
             .with_help("'oscura convert' makes other files of it"));
     }
     check_target(&args.output)?;
-    in_pool(args.threads.map(usize::from), || denoise_file(args))
-        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+    in_pool(args.threads.map(usize::from), || denoise_file(args))?
 }
 
 fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
@@ -35,10 +34,9 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
         average(&mut file, second, part);
     }
     let layers = Layers::of(&file, part);
-    let halves =
-        second.as_ref().and_then(|second| Some([first.triple(part, RGB)?, second.triple(part, RGB)?]));
-    let noise = match (&halves, &layers.variance) {
-        (Some(halves), _) => Noise::Halves(halves.each_ref().map(slices)),
+    let deviations = second.as_ref().and_then(|second| half_difference(&first, second, part));
+    let noise = match (&deviations, &layers.variance) {
+        (Some(deviations), _) => Noise::Deviations(slices(deviations)),
         (None, Some(variance)) => Noise::Variance(slices(variance)),
         (None, None) => Noise::Unknown,
     };
@@ -126,7 +124,7 @@ impl Layers {
 
 fn name_of(noise: &Noise) -> &'static str {
     match noise {
-        Noise::Halves(_) => "from another seed",
+        Noise::Deviations(_) => "from another seed",
         Noise::Variance(_) => "from the variance",
         Noise::Unknown => "guessed",
     }
@@ -150,6 +148,13 @@ fn other(path: &Path, first: &Layered, part: usize) -> Result<Layered> {
         false => Err(Error::input(path, "is no picture of the same size and layers")
             .with_help("give the same picture, rendered with another seed")),
     }
+}
+
+/// Half of what two pictures differ by.
+fn half_difference(first: &Layered, second: &Layered, part: usize) -> Option<[Vec<f32>; 3]> {
+    let (first, second) = (first.triple(part, RGB)?, second.triple(part, RGB)?);
+    let half = |(a, b): (&f32, &f32)| 0.5 * (a - b);
+    Some([0, 1, 2].map(|c| first[c].iter().zip(&second[c]).map(half).collect()))
 }
 
 /// Averages all channels of floats that both have.

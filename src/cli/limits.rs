@@ -3,6 +3,7 @@
 use super::args::RenderArgs;
 use super::process;
 use oscura::error::{Error, Result};
+use oscura::film::Source;
 use oscura::load::Loaded;
 use oscura::render::{Labels, Settled, film_bytes};
 
@@ -26,8 +27,29 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
             ("the scene as loaded", process::memory_now().unwrap_or(0)),
             ("building the tree over its triangles", triangles as u64 * BYTES_A_TRIANGLE),
             ("the picture", film_bytes(&settled.options, &labels)),
+            (
+                "taking the noise out",
+                if args.picture.denoise { denoising_bytes(settled, &labels) } else { 0 },
+            ),
         ],
     )
+}
+
+/// What denoising takes besides the film, at most: planes of the picture, its guides and the parts of its light, before and
+/// after.
+fn denoising_bytes(settled: &Settled, labels: &Labels) -> u64 {
+    let options = &settled.options;
+    let planes =
+        60 + 9 * (options.aovs.of(Source::PartOfColor).iter().count() + labels.light_groups.len()) as u64;
+    u64::from(options.width) * u64::from(options.height) * 4 * planes
+}
+
+/// In GiB, or in MiB where that says more.
+fn readable(bytes: u64) -> String {
+    match bytes >> 30 {
+        0 => format!("{:.0} MiB", bytes as f64 / f64::from(1u32 << 20)),
+        _ => format!("{:.1} GiB", bytes as f64 / f64::from(1u32 << 30)),
+    }
 }
 
 /// Refuses what takes more than there may be.
@@ -37,11 +59,11 @@ fn refuse(args: &RenderArgs, needed: &[(&str, u64)]) -> Result<()> {
     if all <= limit {
         return Ok(());
     }
-    let gib = |bytes: u64| bytes as f64 / f64::from(1u32 << 30);
-    let items: Vec<String> =
-        needed.iter().map(|(what, bytes)| format!("{what} {:.1} GiB", gib(*bytes))).collect();
+    let items: Vec<String> = (needed.iter().filter(|(_, bytes)| *bytes > 0))
+        .map(|(what, bytes)| format!("{what} {}", readable(*bytes)))
+        .collect();
     let whose = if args.long.memory_limit.is_some() { "--memory-limit allows" } else { "the machine has" };
-    let message = format!("this takes more memory than {whose}, {:.1} GiB: {}", gib(limit), items.join(", "));
+    let message = format!("this takes more memory than {whose}, {}: {}", readable(limit), items.join(", "));
     Err(Error::usage(message)
         .with_help("make the picture smaller, render parts of it by --region, or leave out --aov"))
 }

@@ -3,7 +3,7 @@
 use super::long_args::MergeArgs;
 use super::outcome::Outcome;
 use super::pictures::{How, Pictures, Shot, Targets};
-use super::report;
+use super::report::{self, counted};
 use super::{json, process};
 use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::Film;
@@ -22,7 +22,8 @@ struct MergeReport {
     parts: usize,
     width: u32,
     height: u32,
-    samples_per_pixel: u32,
+    /// The mean of those that are there.
+    samples_per_pixel: f64,
     /// Of all parts together, seconds.
     render_s: f64,
     render_cpu_s: f64,
@@ -35,15 +36,14 @@ struct MergeReport {
 }
 
 pub(crate) fn run(args: &MergeArgs) -> Result<Outcome> {
-    in_pool(args.threads.map(usize::from), || merge(args))
-        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+    in_pool(args.threads.map(usize::from), || merge(args))?
 }
 
 fn merge(args: &MergeArgs) -> Result<Outcome> {
     let start = Instant::now();
     let targets = Targets::check(&args.output)?;
     if let Some(part) = targets.parts().first() {
-        return Err(Error::usage(format!("{}: parts become an EXR or a PNG", part.display())));
+        return Err(Error::usage(format!("{}: parts become pictures", part.display())));
     }
     let mut parts = heads(&args.parts)?;
     // Channels that show first samples take the parts in the order of samples.
@@ -63,28 +63,33 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     if !missing.is_empty() {
         earlier.push(Warning::general(format!("parts are missing: {}", missing.join("; "))));
     }
-    let shot = Shot { film: Cow::Borrowed(&film), warnings, metadata: metadata(&parts, missing.is_empty()) };
+    let samples = film.mean_samples();
+    let shot = Shot {
+        film: Cow::Borrowed(&film),
+        warnings,
+        metadata: metadata(&parts, samples, missing.is_empty()),
+    };
     let how = How {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
         reproducible: args.reproducible || finish.reproducible,
         float: args.float || finish.float,
     };
-    let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier)?;
+    let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier);
+    earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
-    earlier.extend(pictures.warnings);
     let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
     let report = MergeReport {
         parts: parts.len(),
         width: first.width,
         height: first.height,
-        samples_per_pixel: first.samples,
+        samples_per_pixel: samples,
         render_s: sum(|header| header.effort.wall_s),
         render_cpu_s: sum(|header| header.effort.cpu_s),
         rays: parts.iter().fold(0, |sum, (_, header)| sum.saturating_add(header.effort.rays)),
         merge_s: start.elapsed().as_secs_f64(),
         peak_memory_bytes: process::peak_memory(),
         missing,
-        outputs: targets.names(),
+        outputs: targets.names(true),
         warnings: earlier.iter().map(Warning::to_string).collect(),
     };
     say(args, &report, &earlier);
@@ -128,13 +133,13 @@ fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::B
 }
 
 /// What the headers of pictures say, as those of a single run do.
-fn metadata(parts: &[(PathBuf, PartHeader)], is_complete: bool) -> Metadata {
+fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
     let Finish { seed, world_to_camera, world_offset, mattes, .. } = &first.finish;
     let aovs = first.channels.aovs().unwrap_or_default();
     let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
     Metadata {
-        samples: f64::from(first.samples),
+        samples,
         seed: *seed,
         owner: None,
         render_s: Some(parts.iter().map(|(_, header)| header.effort.wall_s).sum()),
@@ -162,7 +167,9 @@ fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {
         report::Said::default().warnings(warnings);
         let (count, seconds) = (report.parts, report.merge_s);
         let (width, height, samples) = (report.width, report.height, report.samples_per_pixel);
-        say!("merged   {count} parts in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
+        let count = counted(count as u64, "part");
+        let samples = (samples * 10.0).round() / 10.0;
+        say!("merged   {count} in {seconds:.2} s: {width} x {height}, {samples} samples a pixel");
         report.outputs.iter().for_each(|output| say!("wrote    {output}"));
     }
     if args.json {

@@ -40,6 +40,22 @@ impl Targets {
         Ok(targets)
     }
 
+    /// Can they hold a picture of this size?
+    ///
+    /// # Errors
+    /// A usage error for the first that can't.
+    pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
+        self.pictures.iter().try_for_each(|(path, format)| match format.largest_edge() {
+            Some(largest) if width.max(height) > largest => {
+                let message = format!("{}: {width} x {height} is too large", path.display());
+                let help =
+                    format!("files of this kind have at most {largest} pixels a side; write .exr or .png");
+                Err(Error::usage(message).with_help(help))
+            }
+            _ => Ok(()),
+        })
+    }
+
     /// Is any of them an EXR, or may it become one?
     pub fn has_exr(&self) -> bool {
         !self.parts.is_empty() || self.pictures.iter().any(|(_, format)| *format == Format::Exr)
@@ -50,10 +66,11 @@ impl Targets {
         &self.parts
     }
 
-    /// Their names.
-    pub fn names(&self) -> Vec<String> {
+    /// Names of those that are written: parts only `with_parts`.
+    pub fn names(&self, with_parts: bool) -> Vec<String> {
         let pictures = self.pictures.iter().map(|(path, _)| path);
-        pictures.chain(&self.parts).map(|path| path.display().to_string()).collect()
+        let parts = self.parts.iter().filter(|_| with_parts);
+        pictures.chain(parts).map(|path| path.display().to_string()).collect()
     }
 }
 
@@ -105,20 +122,21 @@ impl<'a> From<&'a Rendering> for Shot<'a> {
 
 /// Pictures as the bytes of their files, not written yet.
 pub(crate) struct Pictures<'a> {
-    files: Vec<(&'a Path, Vec<u8>)>,
+    /// Each with its bytes, or with why its encoder refused.
+    files: Vec<(&'a Path, Result<Vec<u8>>)>,
     /// What came up since the scene was built.
     pub warnings: Vec<Warning>,
 }
 
 impl<'a> Pictures<'a> {
-    /// Encodes all pictures, so that an encoder's refusal leaves no file at all.
+    /// Encodes all pictures. One that an encoder refuses keeps no other from being written.
     pub fn encode(
         how: &How,
         targets: &'a Targets,
         shot: Shot,
         png: PngOptions,
         earlier: &[Warning],
-    ) -> Result<Pictures<'a>> {
+    ) -> Pictures<'a> {
         let Shot { film, mut warnings, mut metadata } = shot;
         metadata.owner.clone_from(&how.owner);
         metadata.warnings = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
@@ -128,18 +146,27 @@ impl<'a> Pictures<'a> {
         let options = OutputOptions { float: how.float, png, metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.pictures {
-            let mut encoded = encode(&film, *format, &options, path)?;
-            for warning in encoded.warnings.drain(..) {
-                warnings.push(Warning { file: Some(path.clone()), ..warning });
-            }
-            files.push((path.as_path(), encoded.bytes));
+            let bytes = encode(&film, *format, &options, path).map(|encoded| {
+                for warning in encoded.warnings {
+                    warnings.push(Warning { file: Some(path.clone()), ..warning });
+                }
+                encoded.bytes
+            });
+            files.push((path.as_path(), bytes));
         }
         terms::in_warnings(&mut warnings);
-        Ok(Pictures { files, warnings })
+        Pictures { files, warnings }
     }
 
-    /// Writes them.
-    pub fn write(&self) -> Result<()> {
-        self.files.iter().try_for_each(|(path, bytes)| write_atomically(path, bytes))
+    /// Writes all that can be written.
+    ///
+    /// # Errors
+    /// An output error that says of all others why they were not.
+    pub fn write(self) -> Result<()> {
+        let written = self.files.into_iter().map(|(path, bytes)| write_atomically(path, &bytes?));
+        let mut failed = written.filter_map(Result::err);
+        let Some(mut first) = failed.next() else { return Ok(()) };
+        failed.for_each(|error| first.append(error));
+        Err(first)
     }
 }

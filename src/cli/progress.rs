@@ -32,7 +32,7 @@ pub(crate) enum ProgressArg {
 }
 
 /// A line of `--progress json`.
-#[derive(Serialize)]
+#[derive(Clone, Copy, Serialize)]
 struct ProgressLine {
     event: &'static str,
     /// 0..1.
@@ -43,14 +43,35 @@ struct ProgressLine {
     rays: u64,
 }
 
+impl ProgressLine {
+    /// Prints it with another share of the work done.
+    fn print(self, kind: ProgressArg, progress: f64) {
+        if kind == ProgressArg::Openjd {
+            let speed = self.rays as f64 / self.elapsed_s.max(1e-9) / 1e6;
+            print_line(&format!("openjd_progress: {:.2}", progress * 100.0));
+            print_line(&format!("openjd_status: rendering, {:.0} s, {speed:.1} M rays/s", self.elapsed_s));
+        } else {
+            json::print(&ProgressLine { progress, ..self });
+        }
+    }
+}
+
+/// What programs were told.
+#[derive(Default)]
+pub(crate) struct Told {
+    /// When the last line was printed.
+    printed: Duration,
+    /// The last line, printed or not.
+    newest: Option<ProgressLine>,
+}
+
 /// Shows how far rendering is.
 pub(crate) enum Progress {
     Silent,
     /// For other programs.
     Machine {
         kind: ProgressArg,
-        /// When the last line was printed.
-        last: Mutex<Duration>,
+        last: Mutex<Told>,
     },
     Bar {
         bar: ProgressBar,
@@ -69,7 +90,7 @@ impl Progress {
     /// Chooses by what standard error is. `limit` is the time that rendering may take.
     pub fn new(quiet: bool, kind: Option<ProgressArg>, limit: Option<Duration>) -> Progress {
         if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
-            return Progress::Machine { kind, last: Mutex::new(Duration::ZERO) };
+            return Progress::Machine { kind, last: Mutex::default() };
         }
         if quiet || kind == Some(ProgressArg::None) {
             return Progress::Silent;
@@ -95,18 +116,15 @@ impl Progress {
             Progress::Silent => {}
             Progress::Machine { kind, last } => {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
-                if samples_done < samples_total && elapsed < *last + MACHINE_PAUSE {
-                    return;
-                }
-                *last = elapsed;
-                if *kind == ProgressArg::Openjd {
-                    print_line(&format!("openjd_progress: {:.2}", share * 100.0));
-                    print_line(&format!("openjd_status: rendering, {seconds:.0} s, {speed:.1} M rays/s"));
-                    return;
-                }
                 let elapsed_s = elapsed.as_secs_f64();
                 let (event, progress) = ("progress", share);
-                json::print(&ProgressLine { event, progress, samples_done, samples_total, elapsed_s, rays });
+                let line = ProgressLine { event, progress, samples_done, samples_total, elapsed_s, rays };
+                last.newest = Some(line);
+                if samples_done < samples_total && elapsed < last.printed + MACHINE_PAUSE {
+                    return;
+                }
+                last.printed = elapsed;
+                line.print(*kind, share);
             }
             Progress::Bar { bar, limit } => {
                 bar.set_position((share * 1000.0) as u64);
@@ -127,10 +145,17 @@ impl Progress {
         }
     }
 
-    /// Takes the bar off the screen.
-    pub fn finish(&self) {
-        if let Progress::Bar { bar, .. } = self {
-            bar.finish_and_clear();
+    /// Takes the bar off the screen. Programs get a last line: that all is done, if it is, however many samples that took.
+    pub fn finish(&self, is_complete: bool) {
+        match self {
+            Progress::Bar { bar, .. } => bar.finish_and_clear(),
+            Progress::Machine { kind, last } => {
+                let last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
+                if let Some(line) = last.newest.filter(|line| is_complete && line.progress < 1.0) {
+                    line.print(*kind, 1.0);
+                }
+            }
+            Progress::Silent | Progress::Lines { .. } => {}
         }
     }
 }

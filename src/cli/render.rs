@@ -16,8 +16,7 @@ use std::time::Instant;
 
 /// Renders what the arguments say of their scene.
 pub(super) fn run(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
-    in_pool(args.threads.map(usize::from), || run_all(args, cancel))
-        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+    in_pool(args.threads.map(usize::from), || run_all(args, cancel))?
 }
 
 /// Renders one picture, or each of a sequence.
@@ -43,6 +42,11 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     }
     let is_missing = |&number: &u32| !args.long.resume || !file(number).iter().all(|path| path.exists());
     let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
+    if let Some(checkpoint) = &args.long.checkpoint {
+        missing
+            .iter()
+            .try_for_each(|&number| checkpoint::check_file(args, &Frames::file(checkpoint, number)))?;
+    }
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
     let mut kept = Kept::new(args, Compiler::sequence())?;

@@ -206,7 +206,7 @@ impl Run {
 }
 
 /// `1 light`, `2 lights`.
-fn counted(n: u64, what: &str) -> String {
+pub(super) fn counted(n: u64, what: &str) -> String {
     format!("{n} {what}{}", if n == 1 { "" } else { "s" })
 }
 

@@ -17,7 +17,7 @@ use oscura::film::{Aov, AovSet};
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::Animation;
-use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, denoising_guides};
+use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, Statistics, denoising_guides};
 use oscura::scene::Camera;
 use std::sync::Arc;
 use std::time::Instant;
@@ -98,6 +98,7 @@ pub(super) fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
+    targets.check_size(settled.options.width, settled.options.height)?;
     let png = png(args, settled.exposure, is_stage_lit);
     let encode = |shot: Shot| Pictures::encode(&args.into(), targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
@@ -107,15 +108,17 @@ pub(super) fn run_one(
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
-    if args.long.resume && args.frames.is_some() && rendering.statistics().interrupted {
-        // Else it would pass for a finished one the next time.
+    if args.frames.is_some() && rendering.statistics().interrupted {
+        // With --resume it would pass for a finished one.
+        say!("the frame that was being rendered is not written");
         return Ok(Outcome::Interrupted);
     }
     let denoise_s = args.picture.denoise.then(|| denoise(args, &mut rendering, kept_aovs));
+    let is_complete = rendering.is_complete();
     let picture = rendering.into_picture();
 
     let start = Instant::now();
-    let pictures = encode(Shot::from(&picture))?;
+    let pictures = encode(Shot::from(&picture));
     animation.iter_mut().for_each(|animation| animation.add_film(picture.film(), &png));
     if !args.quiet {
         said.warnings(&pictures.warnings);
@@ -124,11 +127,12 @@ pub(super) fn run_one(
     if !picture.statistics().interrupted {
         refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
     }
+    warnings.extend(pictures.warnings.iter().cloned());
+    warnings.extend(noise_warning(args, &picture.statistics(), said));
     pictures.write()?;
     // The pictures come first: who runs out of space for the one may have some for the others.
     kept?;
     let write_s = start.elapsed().as_secs_f64();
-    warnings.extend(pictures.warnings);
 
     let run = Run {
         load_s,
@@ -140,13 +144,30 @@ pub(super) fn run_one(
         compiled: build,
         statistics: *picture.statistics(),
         peak_memory: peak_memory(),
-        outputs: targets.names(),
+        outputs: targets.names(is_complete),
         notes,
         warnings,
         left_out,
     };
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Where the noise is not known to be as low as was asked for, that is said.
+fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut Said) -> Option<Warning> {
+    let asked = args.long.noise.filter(|_| !statistics.interrupted)?;
+    let message = match statistics.error {
+        Some(error) if error <= f64::from(asked) / 100.0 => return None,
+        Some(error) => {
+            format!("the noise is {:.2} %, not the {asked} % asked for", error * 100.0)
+        }
+        None => "there are too few samples to tell the noise: at least 32 a pixel are needed".to_string(),
+    };
+    let warning = Warning::general(message);
+    if !args.quiet {
+        said.warnings(std::slice::from_ref(&warning));
+    }
+    Some(warning)
 }
 
 /// Takes the noise out; returns how long it took, seconds.
@@ -191,7 +212,7 @@ fn take_picture<'a>(
     cancel: &CancelHandle,
     rendering: Rendering,
     keeper: &mut Keeper,
-    encode: &dyn Fn(Shot) -> Result<Pictures<'a>>,
+    encode: &dyn Fn(Shot) -> Pictures<'a>,
     said: &mut Said,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
@@ -200,24 +221,23 @@ fn take_picture<'a>(
     let mut rendering =
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));
     let mut saved = Instant::now();
-    let outcome = loop {
+    loop {
         keeper.before_pass(&mut rendering, said);
-        let outcome = rendering.next_pass();
-        if outcome != PassOutcome::Progressed {
-            break outcome;
+        if rendering.next_pass() != PassOutcome::Progressed {
+            break;
         }
         preview.iter_mut().for_each(|page| page.show(&rendering, false));
         if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
             // A disk that is full for a while is no reason to lose the rest.
-            if let Err(error) = encode(Shot::from(&rendering))?.write() {
+            if let Err(error) = encode(Shot::from(&rendering)).write() {
                 said.warnings(&[Warning::general(format!("the picture so far was not written: {error}"))]);
             }
             saved = Instant::now();
         }
-    };
+    }
     preview.iter_mut().for_each(|page| page.show(&rendering, true));
-    progress.finish();
-    let kept = keeper.finish(&mut rendering, outcome);
+    progress.finish(rendering.is_complete());
+    let kept = keeper.finish(&mut rendering);
     Ok((rendering, kept))
 }
 

@@ -21,8 +21,7 @@ pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
     let cancel = cancel_by_signals()?;
     let targets = targets(args)?;
     let threads = args.threads.map(usize::from);
-    in_pool(threads, || all(args, &targets, &cancel))
-        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+    in_pool(threads, || all(args, &targets, &cancel))?
 }
 
 /// Where each picture goes.

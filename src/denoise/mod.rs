@@ -2,8 +2,9 @@
 //!
 //! Two passes of weighted first-order regression on the guides, after Bitterli et al. 2016 ("Nonlinearly Weighted First-order
 //! Regression for Denoising Monte Carlo Renderings"). The first takes its weights from patches of the noisy picture, the second
-//! from those of the first one's result, where less noise hides less. Two halves of the samples, which go through both passes
-//! with the same weights, tell how much noise there is before and after the first.
+//! from those of the first one's result, where less noise hides less. Two pictures go through both
+//! passes with the same weights: the picture with what its halves differ by added, and taken away. They tell how much noise there
+//! is before and after the first.
 //!
 //! What was measured on five scenes at 4, 16 and 64 samples and left out: weights for each half from the other one, and a
 //! choice of bandwidth for each pixel by the halves' estimate of the error, take two to four times as long for errors that
@@ -32,6 +33,9 @@ const BANDWIDTHS: [f32; 2] = [0.7, 1.5];
 /// Darker surfaces count as this one when patches are compared.
 const LEAST_ALBEDO: f32 = 0.02;
 
+/// Standard deviations below its value at which a pixel's light is taken for certain.
+const CERTAIN: f32 = 3.0;
+
 /// Radii over which the halves' squared differences are averaged before each pass: two numbers say little of a variance.
 const VARIANCE_RADII: [usize; 2] = [2, 3];
 
@@ -44,9 +48,10 @@ pub type Color<'a> = [&'a [f32]; 3];
 /// What is known about a picture's noise.
 #[derive(Clone, Copy, Debug)]
 pub enum Noise<'a> {
-    /// Two pictures of half of the samples each; their mean is denoised.
-    Halves([Color<'a>; 2]),
-    /// The variance of each value, from which halves are made up.
+    /// Half of what two pictures differ by whose mean is the picture, signed: an estimate of its error that has nothing to do
+    /// with the errors of other pixels. What is not finite is not known.
+    Deviations(Color<'a>),
+    /// The variance of each value, from which such differences are made up. What is not finite is not known.
     Variance(Color<'a>),
     /// Nothing: what differs from the neighbouring pixels is taken for noise, so that sharp details of light are lost.
     Unknown,
@@ -89,14 +94,14 @@ pub struct Denoised {
     pub parts: Vec<[Vec<f32>; 3]>,
 }
 
-/// Takes the noise out of a picture, on all threads of the current pool; the result is the same at any number of them. Values
-/// that are NaN or infinite count as 0.
-///
 /// Three planes as [`Noisy`] takes them.
 pub fn slices(planes: &[Vec<f32>; 3]) -> [&[f32]; 3] {
     planes.each_ref().map(Vec::as_slice)
 }
 
+/// Takes the noise out of a picture, on all threads of the current pool; the result is the same at any number of them. Values
+/// that are NaN or infinite count as 0.
+///
 /// # Panics
 /// If there are no pixels, or a list has another number of them.
 pub fn denoise(noisy: &Noisy) -> Denoised {
@@ -105,10 +110,17 @@ pub fn denoise(noisy: &Noisy) -> Denoised {
     let (guides, sharpness) = guides(noisy);
     let [mut first, mut second] = halves(noisy);
     let (of_first, of_second) = match noisy.noise {
-        Noise::Halves(_) => {
+        Noise::Deviations(_) => {
             (outliers::factors(&first, Some(&second)), outliers::factors(&second, Some(&first)))
         }
-        _ => {
+        Noise::Variance(_) => {
+            // What stands out by more than its own noise is there.
+            let middle = first.zip(&second, |a, b| 0.5 * (a + b));
+            let least = middle.zip(&first, |c, a| c - CERTAIN * (a - c).abs());
+            let of_both = outliers::factors(&middle, Some(&least));
+            (of_both.clone(), of_both)
+        }
+        Noise::Unknown => {
             let of_both = outliers::factors(&planes(&noisy.color), None);
             (of_both.clone(), of_both)
         }
@@ -158,16 +170,27 @@ fn reflectance(noisy: &Noisy) -> Planes {
 fn halves(noisy: &Noisy) -> [Planes; 2] {
     let planes = |color: &Color| Planes::of(noisy.width, noisy.height, color);
     let color = planes(&noisy.color);
-    let deviation = match &noisy.noise {
-        Noise::Halves(halves) => return halves.each_ref().map(planes),
-        Noise::Variance(variance) => planes(variance).zip(&color, |v, _| v.max(0.0).sqrt()),
-        Noise::Unknown => {
-            // The mean of nine has a ninth of a pixel itself.
-            color.zip(&color.smoothed(1), |own, mean| (own - mean) * (9.0f32 / 8.0).sqrt())
-        }
+    let guessed = || {
+        // The mean of nine has a ninth of a pixel itself.
+        let deviation = color.zip(&color.smoothed(1), |own, mean| (own - mean) * (9.0f32 / 8.0).sqrt());
+        deviation.with_random_signs()
     };
-    let signed = deviation.with_random_signs();
+    let known = |given: &Color, deviation: Planes| match given.iter().any(|list| has_gaps(list)) {
+        true => deviation.with_gaps_from(given, &guessed()),
+        false => deviation,
+    };
+    let signed = match &noisy.noise {
+        Noise::Deviations(given) => known(given, planes(given)),
+        Noise::Variance(given) => {
+            known(given, planes(given).zip(&color, |v, _| v.max(0.0).sqrt()).with_random_signs())
+        }
+        Noise::Unknown => guessed(),
+    };
     [color.zip(&signed, |c, d| c + d), color.zip(&signed, |c, d| c - d)]
+}
+
+fn has_gaps(list: &[f32]) -> bool {
+    list.iter().any(|v| !v.is_finite())
 }
 
 /// The guides as planes of comparable ranges, and the sharpness of each.

@@ -137,6 +137,18 @@ impl Planes {
         self
     }
 
+    /// The same, but for values of others where those of lists, which these were made from, are not finite.
+    pub fn with_gaps_from(mut self, lists: &[&[f32]], others: &Planes) -> Planes {
+        for (plane, list) in lists.iter().enumerate() {
+            for (y, row) in list.chunks_exact(self.width).enumerate() {
+                let filled = self.row_mut(plane, y).iter_mut().zip(others.row(plane, y)).zip(row);
+                filled.filter(|(_, given)| !given.is_finite()).for_each(|((own, other), _)| *own = *other);
+            }
+        }
+        self.mirror();
+        self
+    }
+
     /// Adds the planes of others behind these.
     pub fn append(&mut self, others: &Planes) {
         self.data.extend_from_slice(&others.data);

@@ -31,6 +31,11 @@ impl Chequers {
         Chequers { halves: [half(1), half(11)], albedo, truth }
     }
 
+    fn deviations(&self) -> [Vec<f32>; 3] {
+        let [a, b] = &self.halves;
+        [0, 1, 2].map(|c| a[c].iter().zip(&b[c]).map(|(a, b)| 0.5 * (a - b)).collect())
+    }
+
     fn mean(&self) -> [Vec<f32>; 3] {
         let [a, b] = &self.halves;
         [0, 1, 2].map(|c| a[c].iter().zip(&b[c]).map(|(a, b)| 0.5 * (a + b)).collect())
@@ -44,10 +49,6 @@ impl Chequers {
     }
 }
 
-fn slices(color: &[Vec<f32>; 3]) -> Color<'_> {
-    color.each_ref().map(Vec::as_slice)
-}
-
 fn with<T>(chequers: &Chequers, color: &[Vec<f32>; 3], noise: Noise, then: impl Fn(Noisy) -> T) -> T {
     let guides = Guides { albedo: Some([&chequers.albedo; 3]), ..Guides::default() };
     then(Noisy { width: WIDTH, height: HEIGHT, color: slices(color), noise, guides, parts: vec![] })
@@ -58,9 +59,10 @@ fn noise_goes_and_texture_stays() {
     let chequers = Chequers::new();
     let mean = chequers.mean();
     let before = chequers.error(&mean);
+    let deviations = chequers.deviations();
     let variance: Vec<f32> = chequers.truth.iter().map(|t| 0.08 * t * t).collect();
     let cases = [
-        (Noise::Halves(chequers.halves.each_ref().map(slices)), 100.0),
+        (Noise::Deviations(slices(&deviations)), 100.0),
         (Noise::Variance([&variance; 3]), 100.0),
         (Noise::Unknown, 50.0),
     ];
@@ -73,7 +75,8 @@ fn noise_goes_and_texture_stays() {
 #[test]
 fn results_are_the_same_at_any_number_of_threads() {
     let chequers = Chequers::new();
-    let noise = Noise::Halves(chequers.halves.each_ref().map(slices));
+    let deviations = chequers.deviations();
+    let noise = Noise::Deviations(slices(&deviations));
     let at = |threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("a pool");
         pool.install(|| with(&chequers, &chequers.mean(), noise, |noisy| denoise(&noisy)))
@@ -92,7 +95,8 @@ fn parts_add_up_to_the_picture() {
         })
     };
     let (a, b) = (share(1.0), share(-1.0));
-    let noise = Noise::Halves(chequers.halves.each_ref().map(slices));
+    let deviations = chequers.deviations();
+    let noise = Noise::Deviations(slices(&deviations));
     let result = with(&chequers, &mean, noise, |noisy| {
         denoise(&Noisy { parts: vec![slices(&a), slices(&b)], ..noisy })
     });
@@ -113,7 +117,8 @@ fn fireflies_go_and_small_lights_stay() {
         halves.iter_mut().for_each(|half| half[c][light] = 50.0);
     }
     let both = Chequers { halves, ..chequers };
-    let noise = Noise::Halves(both.halves.each_ref().map(slices));
+    let deviations = both.deviations();
+    let noise = Noise::Deviations(slices(&deviations));
     let result = with(&both, &both.mean(), noise, |noisy| denoise(&noisy));
     let around = |at: usize| [at - 1, at, at + 1, at - WIDTH, at + WIDTH].map(|at| result.color[1][at]);
     assert!(around(firefly).iter().all(|&v| v < 1.5), "{:?}", around(firefly));
@@ -129,4 +134,30 @@ fn what_is_not_finite_stays_where_it_is() {
     let result = with(&chequers, &mean, Noise::Unknown, |noisy| denoise(&noisy));
     assert!(result.color.iter().flatten().all(|v| v.is_finite()));
     assert!(chequers.error(&result.color) < 0.01);
+}
+
+/// Where nothing is known of a pixel's noise, as where one half of its samples is empty, it is guessed; its light stays.
+#[test]
+fn pixels_of_unknown_noise_keep_their_light() {
+    let chequers = Chequers::new();
+    let (mean, mut deviations) = (chequers.mean(), chequers.deviations());
+    deviations.iter_mut().for_each(|plane| plane.iter_mut().step_by(3).for_each(|v| *v = f32::NAN));
+    let result = with(&chequers, &mean, Noise::Deviations(slices(&deviations)), |noisy| denoise(&noisy));
+    let sum = |plane: &[f32]| plane.iter().map(|v| f64::from(*v)).sum::<f64>();
+    assert!((sum(&result.color[0]) / sum(&mean[0]) - 1.0).abs() < 0.02);
+    assert!(chequers.error(&result.color) * 20.0 < chequers.error(&mean));
+    let infinite = vec![f32::INFINITY; WIDTH * HEIGHT];
+    let guessed = with(&chequers, &mean, Noise::Variance([&infinite; 3]), |noisy| denoise(&noisy));
+    assert!(chequers.error(&guessed.color) * 20.0 < chequers.error(&mean));
+}
+
+/// One pixel that is bright for certain is no firefly.
+#[test]
+fn a_light_of_one_pixel_stays() {
+    let mut plane = vec![0.0; WIDTH * HEIGHT];
+    plane[20 * WIDTH + 30] = 5.0;
+    let (color, none) = ([plane.clone(), plane.clone(), plane], vec![0.0; WIDTH * HEIGHT]);
+    let chequers = Chequers::new();
+    let result = with(&chequers, &color, Noise::Variance([&none; 3]), |noisy| denoise(&noisy));
+    assert!(result.color[0][20 * WIDTH + 30] > 4.0, "{}", result.color[0][20 * WIDTH + 30]);
 }

@@ -50,11 +50,15 @@ impl Coverage {
         list
     }
 
-    /// Do all chains end? Each entry is followed by an earlier one.
+    /// Do all chains end, and does each entry belong to one pixel alone? Each entry is followed by an earlier one.
     pub fn is_valid(&self) -> bool {
-        let follows = |(at, entry): (usize, &Entry)| entry.next as usize <= at;
-        self.heads.iter().all(|&head| head as usize <= self.entries.len())
-            && self.entries.iter().enumerate().all(follows)
+        let mut is_taken = vec![false; self.entries.len()];
+        let nexts = self.entries.iter().enumerate().map(|(at, entry)| (entry.next, at));
+        let heads = self.heads.iter().map(|&head| (head, self.entries.len()));
+        heads.chain(nexts).filter(|(place, _)| *place > 0).all(|(place, behind)| {
+            let at = place as usize - 1;
+            at < behind && !std::mem::replace(&mut is_taken[at], true)
+        })
     }
 
     fn of(&self, pixel: usize) -> impl Iterator<Item = &Entry> {
@@ -66,6 +70,21 @@ impl Coverage {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn chains_that_pixels_share_are_not_valid() {
+        let mut lists = Coverage::try_new(3).expect("three pixels");
+        (0..3).for_each(|pixel| (0..3).for_each(|id| lists.add(pixel, id, 1)));
+        assert!(lists.is_valid());
+        let mut shared = lists.clone();
+        shared.heads[1] = shared.heads[0];
+        assert!(!shared.is_valid());
+        let mut joined = lists.clone();
+        joined.entries[8].next = 5;
+        assert!(!joined.is_valid());
+        lists.entries[3].next = 9;
+        assert!(!lists.is_valid(), "forwards");
+    }
 
     #[test]
     fn ids_rank_by_their_samples_whatever_the_order() {

@@ -202,9 +202,31 @@ impl Film {
     /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
         let of = |half: usize| {
-            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel)[half]).collect()
+            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel).0[half]).collect()
         };
         self.layout.has_halves().then(|| [of(0), of(1)])
+    }
+
+    /// How far each pixel's mean colour may be off, by its halves: half the difference of their means where they have as many
+    /// samples, signed; red, green and blue. NaN where a half has no samples. `None` unless the film keeps halves apart.
+    pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
+        let of = |pixel: usize, c: usize| {
+            let ([first, second], counts) = self.sums.halves(pixel);
+            let [n, m] = counts.map(f64::from);
+            match n > 0.0 && m > 0.0 {
+                // The mean of all is `(n a + m b) / (n + m)`, whose variance is `n m / (n + m)^2` times that of `a - b`.
+                true => f64::from(first[c] - second[c]) * (n * m).sqrt() / (n + m),
+                false => f64::NAN,
+            }
+        };
+        let plane = |c| (0..self.sums.count.len()).map(|pixel| of(pixel, c) as f32).collect();
+        self.layout.has_halves().then(|| [0, 1, 2].map(plane))
+    }
+
+    /// Valid samples that pixels have on average.
+    pub fn mean_samples(&self) -> f64 {
+        let counts = &self.sums.count;
+        counts.iter().map(|&count| f64::from(count)).sum::<f64>() / counts.len().max(1) as f64
     }
 
     /// Valid samples that a pixel has.

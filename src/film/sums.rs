@@ -107,15 +107,17 @@ impl Sums {
         self.first_half[pixel].add(rgb);
     }
 
-    /// Mean colour of the first and of the second half of a pixel's samples; zero where there are none.
-    pub fn halves(&self, pixel: usize) -> [[f32; 3]; 2] {
+    /// Mean colour of the first and of the second half of a pixel's samples, zero where there are none; and how many each has.
+    pub fn halves(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
         let HalfSum { rgb, count, .. } = self.first_half[pixel];
         let all = &self.rgba[pixel];
-        let (first, second) = (reciprocal(count), reciprocal(self.count[pixel] - count));
-        [
+        let counts = [count, self.count[pixel].saturating_sub(count)];
+        let [first, second] = counts.map(reciprocal);
+        let means = [
             std::array::from_fn(|c| (rgb[c] * first) as f32),
             std::array::from_fn(|c| ((all[c] - rgb[c]) * second) as f32),
-        ]
+        ];
+        (means, counts)
     }
 
     /// Adds what the channels beyond colour take from a sample whose colour was added.

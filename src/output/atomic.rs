@@ -5,6 +5,7 @@ use std::ffi::OsString;
 use std::fs::{self, File};
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
+use std::time::Duration;
 use tempfile::NamedTempFile;
 
 /// Finds out, before any work, whether a file of this name can be written: its folder must exist and take new files.
@@ -55,6 +56,37 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
     Ok(())
 }
 
+/// Removes temporary files of a target that runs left behind which were killed while they wrote it. Files of the last hour
+/// stay: another run may be writing them.
+pub fn remove_leftovers(path: &Path) {
+    const OLD: Duration = Duration::from_secs(3600);
+    let Some((prefix, folder)) = hidden_prefix(path).zip(fs::read_dir(folder_of(path)).ok()) else { return };
+    for entry in folder.flatten() {
+        let name = entry.file_name();
+        let is_leftover =
+            name.to_string_lossy().strip_prefix(&*prefix.to_string_lossy()).is_some_and(|rest| {
+                rest.strip_suffix(SUFFIX).is_some_and(|id| id.chars().all(|c| c.is_ascii_alphanumeric()))
+            });
+        let age =
+            entry.metadata().and_then(|data| data.modified()).map(|time| time.elapsed().unwrap_or_default());
+        if is_leftover && age.is_ok_and(|age| age >= OLD) {
+            // Who may not remove it loses nothing by it.
+            let _ = fs::remove_file(entry.path());
+        }
+    }
+}
+
+/// How the names of temporary files end.
+const SUFFIX: &str = ".tmp";
+
+/// How the names of temporary files for a target begin.
+fn hidden_prefix(path: &Path) -> Option<OsString> {
+    let mut hidden = OsString::from(".");
+    hidden.push(path.file_name()?);
+    hidden.push(".");
+    Some(hidden)
+}
+
 fn folder_of(path: &Path) -> &Path {
     path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
 }
@@ -62,17 +94,36 @@ fn folder_of(path: &Path) -> &Path {
 /// A file with a name of its own in the folder of the target; it goes when dropped. It is made like any other file, so
 /// that who may read the picture is decided as everywhere (by the umask).
 fn create(path: &Path) -> Result<NamedTempFile> {
-    let name = path.file_name().ok_or_else(|| Error::output(path, "is not a file name"))?;
-    let mut hidden = OsString::from(".");
-    hidden.push(name);
-    hidden.push(".");
+    let hidden = hidden_prefix(path).ok_or_else(|| Error::output(path, "is not a file name"))?;
     tempfile::Builder::new()
         .prefix(&hidden)
-        .suffix(".tmp")
+        .suffix(SUFFIX)
         .make_in(folder_of(path), |candidate| File::create_new(candidate))
         .map_err(|e| failure(path, &e))
 }
 
 fn failure(path: &Path, error: &io::Error) -> Error {
     Error::output(path, format!("can't be written: {error}"))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use std::time::SystemTime;
+
+    #[test]
+    fn old_temporary_files_of_a_target_go() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        let old = SystemTime::now() - Duration::from_secs(7200);
+        for name in [".c.part.a1B2.tmp", ".c.part.new.tmp", ".d.part.a1.tmp", "c.part", ".c.part.a.b.tmp"] {
+            let file = File::create(at(name)).expect("a file");
+            if name != ".c.part.new.tmp" {
+                file.set_modified(old).expect("a time");
+            }
+        }
+        remove_leftovers(&at("c.part"));
+        let left = [".c.part.new.tmp", ".d.part.a1.tmp", "c.part", ".c.part.a.b.tmp"];
+        assert!(left.iter().all(|name| at(name).exists()) && !at(".c.part.a1B2.tmp").exists());
+    }
 }

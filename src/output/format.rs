@@ -22,6 +22,15 @@ pub enum Format {
 }
 
 impl Format {
+    /// Most pixels that a side can have, where the format sets a limit that pictures may reach.
+    pub fn largest_edge(self) -> Option<u32> {
+        match self {
+            Format::WebP => Some(16_383),
+            Format::Jpeg => Some(65_535),
+            Format::Exr | Format::Png | Format::Tiff | Format::Hdr => None,
+        }
+    }
+
     /// The format that a file name asks for by its extension.
     ///
     /// # Errors

@@ -15,7 +15,7 @@ mod png;
 mod tone;
 
 pub use animation::{Animation, AnimationFormat};
-pub use atomic::{check_target, is_same_target, write_atomically};
+pub use atomic::{check_target, is_same_target, remove_leftovers, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr, encode_layered};
 pub use format::Format;

@@ -31,13 +31,7 @@ fn denoise_film(film: &mut Film) {
     let Some(color) = layer(&["R", "G", "B"]) else { return };
     let (albedo, normal) = (floats(film.aov(Aov::Albedo)), floats(film.aov(Aov::Normal)));
     let depth = film.aov(Aov::Depth).map(|mut planes| planes.remove(0).into_floats());
-    // A half without samples says nothing.
-    let (width, height) = (film.width(), film.height());
-    let samples = (0..height).flat_map(|y| (0..width).map(move |x| (x, y)));
-    let has_halves = samples.map(|(x, y)| film.samples(x, y)).all(|samples| samples > 1);
-    let halves = film.halves().filter(|_| has_halves).map(|halves| {
-        halves.map(|half| [0, 1, 2].map(|c| half.iter().map(|rgb| rgb[c]).collect::<Vec<f32>>()))
-    });
+    let deviations = film.deviations();
     let parts: Vec<(String, [Vec<f32>; 3])> = film
         .channels()
         .iter()
@@ -48,10 +42,10 @@ fn denoise_film(film: &mut Film) {
         })
         .collect();
     let result = denoise(&Noisy {
-        width: width as usize,
-        height: height as usize,
+        width: film.width() as usize,
+        height: film.height() as usize,
         color: slices(&color),
-        noise: halves.as_ref().map_or(Noise::Unknown, |halves| Noise::Halves(halves.each_ref().map(slices))),
+        noise: deviations.as_ref().map_or(Noise::Unknown, |planes| Noise::Deviations(slices(planes))),
         guides: Guides {
             albedo: albedo.as_ref().map(slices),
             normal: normal.as_ref().map(slices),

@@ -4,6 +4,7 @@ use super::options::RenderOptions;
 use super::settle::Settled;
 use crate::compile::{Fingerprint, of_mesh};
 use crate::error::Result;
+use crate::film::AovSet;
 use crate::image::{Image, Pixels};
 use crate::output::part::{Identity, PRINT};
 use crate::sampling::MOST_ARRANGED;
@@ -37,8 +38,8 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     let prints = [
         ("the camera", camera),
         ("the geometry", of_meshes.with_print(of_debug(&rest))),
-        ("what materials are", of_debug(&materials).with_print(of_debug(&textures))),
-        ("what pictures textures show", of_images),
+        ("the materials", of_debug(&materials).with_print(of_debug(&textures))),
+        ("the textures", of_images),
         ("the light", of_debug(&lights).with_print(of_debug(&environment))),
         ("the background", of_backdrop),
     ];
@@ -67,20 +68,7 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
         true => "any number".to_string(),
         false => planned.next_power_of_two().to_string(),
     };
-    // The others together: none is forgotten.
-    let others = RenderOptions {
-        width: 0,
-        height: 0,
-        samples: 0,
-        planned: 0,
-        sample_range: None,
-        region: None,
-        seed: 0,
-        max_depth: 0,
-        noise: None,
-        time_limit: None,
-        ..options
-    };
+    let aovs: Vec<&str> = options.aovs.iter().map(|aov| aov.info().option).collect();
     let named = [
         ("version", PICTURES.to_string()),
         ("size", format!("{} x {}", options.width, options.height)),
@@ -91,9 +79,39 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
         ("path reuse", format!("{:?}", options.path_reuse)),
         ("splitting", format!("{:?}", options.splitting)),
         ("the filter", format!("{:?}", options.filter)),
-        ("one of the other options", format!("{PRINT}{:016x}", of_debug(&(others, settled.shading)).value())),
+        ("the AOVs", aovs.join(",")),
+        ("the terminator", if options.soft_terminator { "soft" } else { "off" }.to_string()),
+        (
+            "the halves that denoising needs",
+            match options.halves {
+                true => options.halving(false).name().to_string(),
+                false => "none".to_string(),
+            },
+        ),
+        ("shading", format!("{PRINT}{:016x}", of_debug(&settled.shading).value())),
+        ("one of the other options", format!("{PRINT}{:016x}", others(options).value())),
     ];
     named.into_iter().map(|(name, value)| (name.to_string(), value))
+}
+
+/// All options that have no name of their own: none is forgotten.
+fn others(options: RenderOptions) -> Fingerprint {
+    of_debug(&RenderOptions {
+        width: 0,
+        height: 0,
+        samples: 0,
+        planned: 0,
+        sample_range: None,
+        region: None,
+        seed: 0,
+        max_depth: 0,
+        noise: None,
+        time_limit: None,
+        aovs: AovSet::NONE,
+        soft_terminator: true,
+        halves: false,
+        ..options
+    })
 }
 
 /// With an image more, but for its name.
@@ -167,21 +185,18 @@ mod tests {
         let told = |change: fn(&mut Scene), name: &str| {
             let mut other = scene();
             change(&mut other);
-            assert_eq!(differences(&ours, &of(&mut other, same)), [format!("{name} differs")]);
+            assert_eq!(differences(&ours, &of(&mut other, same)), [format!("{name} changed")]);
         };
         told(|s| s.meshes[0].positions[1][2] = 1e-30, "the geometry");
         told(|s| s.shapes.clear(), "the geometry");
-        told(
-            |s| s.images[0] = Image::from_linear_rgb("a", 1, 2, vec![0.5; 6]),
-            "what pictures textures show",
-        );
-        told(|s| s.materials[0] = Material::lambert("clay", [0.6, 0.3, 0.21]), "what materials are");
+        told(|s| s.images[0] = Image::from_linear_rgb("a", 1, 2, vec![0.5; 6]), "the textures");
+        told(|s| s.materials[0] = Material::lambert("clay", [0.6, 0.3, 0.21]), "the materials");
         told(|s| s.backdrop = Some(Backdrop::Color([1.0; 3])), "the background");
         told(|s| s.cameras[0] = Camera::look_at([0.0, 2.0, 6.1], [0.0, 1.0, 0.0], 30.0), "the camera");
         let other = of(&mut after, |choices| choices.settings.depth = Some(7));
         assert_eq!(differences(&ours, &other), ["depth is 100 here and 7 there"]);
         let other = of(&mut after, |choices| choices.soft_terminator = false);
-        assert_eq!(differences(&ours, &other), ["one of the other options differs"]);
+        assert_eq!(differences(&ours, &other), ["the terminator is soft here and off there"]);
     }
 
     #[test]

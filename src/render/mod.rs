@@ -12,6 +12,7 @@ mod cancel;
 mod clock;
 mod denoising;
 mod halves;
+mod halving;
 mod identity;
 mod labels;
 mod noise;

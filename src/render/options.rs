@@ -73,8 +73,8 @@ pub enum TreeChoice {
     Full,
 }
 
-/// How to render, settled in full. [`Renderer`](super::Renderer) has a method for each of these and makes them from
-/// what is chosen there, what the scene says, and the defaults given here.
+/// How to render, settled in full. [`Renderer`](super::Renderer) makes them from what is chosen there, what the scene
+/// says, and the defaults given here.
 ///
 /// ```
 /// use oscura::render::RenderOptions;

@@ -266,6 +266,11 @@ impl Rendering {
         self.options.samples
     }
 
+    /// Are all samples there, or as many as the noise asked for?
+    pub fn is_complete(&self) -> bool {
+        matches!(self.outcome, PassOutcome::Done | PassOutcome::Converged)
+    }
+
     /// Time, samples and rays so far.
     pub fn statistics(&self) -> Statistics {
         let samples = self.progress.samples();

@@ -131,10 +131,10 @@ impl Rendering {
             self.choice = Choice::decided(technique);
         }
         self.film = film;
-        self.schedule.go_on_from(header.end_sample);
         let Effort { wall_s, cpu_s, paths, rays } = header.effort;
         let duration = |s: f64| Duration::try_from_secs_f64(s).unwrap_or_default();
         self.spent = Spent { wall: duration(wall_s), cpu: duration(cpu_s) };
+        self.schedule.go_on_from(header.end_sample, self.spent.wall);
         self.progress.go_on_from(paths, rays);
         if let Some(noise) = &mut self.noise {
             noise.go_on(&further, self.film.width() as usize * self.film.height() as usize);

@@ -71,9 +71,10 @@ impl Schedule {
         Schedule { whole_passes: true, ..self }
     }
 
-    /// Goes on from this sample.
-    pub fn go_on_from(&mut self, sample: u32) {
+    /// Goes on from this sample, which was reached when `spent` was spent: the limit is for what follows.
+    pub fn go_on_from(&mut self, sample: u32, spent: Duration) {
         self.next = sample;
+        self.limit = self.limit.map(|limit| limit.saturating_add(spent));
     }
 
     /// The first sample that is not planned yet.

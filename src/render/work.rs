@@ -12,7 +12,7 @@ use super::technique::Technique;
 use super::tiles::{Tiles, parts};
 use crate::compile::{CompiledScene, View};
 use crate::film::{Film, FilmTile, FilterSampler, Layout};
-use crate::integrator::reuse::{INTERVAL, Tiling};
+use crate::integrator::reuse::Tiling;
 use crate::integrator::{Block, Integrator, PathOptions, PathSample, SamplePlan, Workspace};
 use crate::sampling::{Allotment, Arrangement};
 use rayon::prelude::*;
@@ -134,17 +134,10 @@ impl PassWork<'_> {
         true
     }
 
-    /// How many of the samples of a block's pixels belong to the first half. Samples that follow each other are well spread
-    /// together, so halves are runs of them: those up to the middle and the others. Where the end is not known beforehand,
-    /// or pixels' numbers differ, passes take turns.
+    /// How many of the samples of a block's pixels belong to the first half: they come first.
     fn of_first_half(&self, block: &Block) -> u64 {
-        let Block { first_sample, samples, .. } = *block;
-        let RenderOptions { time_limit, noise, .. } = self.options;
-        if time_limit.is_some() || noise.is_some() || self.allotment.is_some() {
-            let turn = first_sample / INTERVAL % 2;
-            return u64::from(if turn == 0 { samples } else { 0 });
-        }
-        u64::from((self.options.samples / 2).saturating_sub(first_sample).min(samples))
+        let rule = self.options.halving(self.allotment.is_some());
+        u64::from(rule.of_first_half(block.first_sample, block.samples))
     }
 
     /// Traces a block into a tile of its own; returns it with the numbers of paths and rays, or `None` if it was stopped.

@@ -9,6 +9,7 @@ mod examples;
 mod farms;
 mod finishing;
 mod inspect;
+mod keeping;
 mod layers;
 mod limits;
 mod long;

@@ -253,3 +253,33 @@ fn damaged_files_are_refused() {
     assert!(film.channels().iter().any(|channel| channel.reduction == Reduction::Coverage));
     assert!(matches!(read_part(&file), Ok(PartFile { .. })));
 }
+
+/// What a head claims is believed only as far as the file bears it out, though its checksum is right.
+#[test]
+fn heads_that_lie_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let (file, copy) = (folder.path().join("a.part"), folder.path().join("b.part"));
+    write(&load("cornell-quads.toml"), &options(8, 8, 5), &file);
+    let bytes = std::fs::read(&file).expect("a file");
+    let length = u64::from_le_bytes(bytes[16..24].try_into().expect("eight bytes")) as usize;
+    let (head, rest) = bytes[24..bytes.len() - 4].split_at(length);
+    let with = |change: &dyn Fn(&mut serde_json::Value)| {
+        let mut head: serde_json::Value = serde_json::from_slice(head).expect("JSON");
+        change(&mut head);
+        let head = head.to_string();
+        let length = (head.len() as u64).to_le_bytes();
+        let mut other = [&bytes[..16], &length[..], head.as_bytes(), rest].concat();
+        other.extend(crc32fast::hash(&other).to_le_bytes());
+        std::fs::write(&copy, other).expect("written");
+        read_part(&copy).err().map(|error| error.to_string())
+    };
+    assert_eq!(with(&|_| ()), None);
+    let large = |head: &mut serde_json::Value| {
+        head["finish"]["behind"] = serde_json::json!({ "Picture": [1u32 << 30, 1u32 << 30] });
+    };
+    assert!(with(&large).expect("refused").contains("ends early"));
+    for name in ["ключ", "", "a.b", "two words"] {
+        let told = with(&|head| head["channels"]["light_groups"] = serde_json::json!([name]));
+        assert!(told.expect("refused").contains("channels are unknown"), "{name}");
+    }
+}

@@ -26,8 +26,7 @@ pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
     args.picture.scene = args.picture.scenes.first().cloned().unwrap_or_default();
     let cancel = cancel_by_signals()?;
     let threads = args.picture.threads.map(usize::from);
-    in_pool(threads, || show(&args, &cancel))
-        .map_err(|error| error.with_help("ask for fewer with --threads"))?
+    in_pool(threads, || show(&args, &cancel))?
 }
 
 fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {

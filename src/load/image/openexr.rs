@@ -123,8 +123,9 @@ pub(super) fn check_sizes(source: &Source, meta: &MetaData) -> Result<()> {
             )));
         }
     }
-    if samples > limits::pixels(source.bytes.len()).saturating_mul(4) {
-        let bytes = source.bytes.len();
+    // Channels make numbers many: a large file may hold as many as it has bits.
+    let bytes = source.bytes.len();
+    if samples > limits::pixels(bytes).saturating_mul(4).max(bytes as u64 * 8) {
         return Err(source.error(format!("claims {samples} numbers in {bytes} bytes, which is too many")));
     }
     Ok(())

@@ -117,11 +117,11 @@ pub fn read_part(path: &Path) -> Result<PartFile> {
     let layout = header.channels.layout().ok_or_else(|| damaged(path, "its channels are unknown"))?;
     let pixels = u64::from(region.width()) * u64::from(region.height());
     let behind = match header.finish.behind {
-        Behind::Picture(width, height) => u64::from(width) * u64::from(height) * 16,
-        _ => 0,
+        Behind::Picture(width, height) => (u64::from(width) * u64::from(height)).checked_mul(16),
+        _ => Some(0),
     };
     // Before anything is allocated by what the head says.
-    let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind));
+    let needed = pixels.checked_mul(layout.bytes_per_pixel()).and_then(|n| n.checked_add(behind?));
     let needed = needed.and_then(|n| n.checked_add(header.further_bytes));
     if needed.is_none_or(|needed| needed > left) {
         return Err(damaged(path, "it ends early"));

@@ -1,6 +1,7 @@
 //! What a file of sums says about itself.
 
 use crate::film::{Aov, AovSet, Channel, Layout};
+use crate::scene::is_group_name;
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -18,7 +19,7 @@ pub fn differences(ours: &Identity, theirs: &Identity) -> Vec<String> {
     let told = differing.map(|name| {
         let (ours, theirs) = (word(ours.get(name)), word(theirs.get(name)));
         match ours.starts_with(PRINT) || theirs.starts_with(PRINT) {
-            true => format!("{name} differs"),
+            true => format!("{name} changed"),
             false => format!("{name} is {ours} here and {theirs} there"),
         }
     });
@@ -101,6 +102,9 @@ impl Channels {
     pub fn layout(&self) -> Option<Layout> {
         const MOST_LEVELS: u32 = 64;
         let aovs = self.aovs().filter(|_| (1..=MOST_LEVELS).contains(&self.matte_levels))?;
+        if !self.light_groups.iter().all(|name| is_group_name(name)) {
+            return None;
+        }
         let groups = self.light_groups.iter().map(|name| Channel::light_group(name));
         Some(Layout::new(aovs.channels_with(self.matte_levels).chain(groups)).with_halves(self.halves))
     }
@@ -192,7 +196,7 @@ mod tests {
         let ours = of(&[("depth", "5"), ("the meshes", "#1"), ("seed", "0"), ("version", "1")]);
         let theirs = of(&[("depth", "8"), ("the meshes", "#2"), ("seed", "0")]);
         let expected =
-            ["depth is 5 here and 8 there", "the meshes differs", "version is 1 here and missing there"];
+            ["depth is 5 here and 8 there", "the meshes changed", "version is 1 here and missing there"];
         assert_eq!(differences(&ours, &theirs), expected);
         assert!(differences(&ours, &ours).is_empty());
     }

@@ -1,0 +1,168 @@
+//! Files that other files or a missing half of the samples could spoil.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+
+fn planes(path: &Path) -> std::collections::BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
+    let list = image.layer_data.channel_data.list;
+    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
+}
+
+fn mean(path: &Path, channel: &str) -> f64 {
+    let plane = planes(path).remove(channel).expect("a channel");
+    plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64
+}
+
+/// Wherever samples end, denoising keeps the light, and the parts of it add up.
+#[test]
+fn denoising_keeps_the_light_of_uneven_halves() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let parts = ["--aov", "emission,diffuse_direct,diffuse_indirect", "--float"];
+    let cases: [(&str, &[&str]); 4] = [
+        ("three.exr", &["--spp", "3"]),
+        ("noise.exr", &["--noise", "1", "--spp", "8"]),
+        ("odd.exr", &["--noise", "1", "--spp", "13"]),
+        ("adaptive.exr", &["--adaptive", "auto", "--spp", "16"]),
+    ];
+    for (name, more) in cases {
+        let plain = format!("plain-{name}");
+        let (shared, scene) = (["--width", "48", "--path-reuse", "off", "--quiet"], cornell());
+        for (file, denoise) in [(plain.as_str(), &[][..]), (name, &["--denoise"][..])] {
+            let args = [&["render", &scene, "-o", file][..], &shared, &parts, more, denoise].concat();
+            let output = oscura(folder.path(), &args);
+            assert_eq!(code(&output), 0, "{}", stderr(&output));
+        }
+        for channel in ["R", "G", "B"] {
+            let (before, after) = (mean(&at(&plain), channel), mean(&at(name), channel));
+            assert!((after / before - 1.0).abs() < 0.03, "{name} {channel}: {before} -> {after}");
+        }
+        let planes = planes(&at(name));
+        for (i, beauty) in planes["R"].iter().enumerate() {
+            let sum: f32 = ["DiffDir.R", "DiffInd.R", "Emit.R"].iter().map(|name| planes[*name][i]).sum();
+            assert!((sum.max(0.0) - beauty).abs() <= 1e-3 * beauty.max(0.1), "{name}: {sum} {beauty}");
+        }
+    }
+}
+
+#[test]
+fn denoised_pictures_go_on_to_the_same_bytes() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", &scene, "--width", "16", "--float", "--reproducible", "--denoise"];
+        let output = oscura(folder.path(), &[&fixed[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+    };
+    shoot(&["--spp", "528", "-o", "whole.exr"]);
+    shoot(&["--spp", "264", "-o", "a.exr", "--checkpoint", "c.part"]);
+    shoot(&["--spp", "528", "-o", "a.exr", "--checkpoint", "c.part", "--resume"]);
+    let file = |name: &str| fs::read(folder.path().join(name)).expect("a file");
+    assert!(file("a.exr") == file("whole.exr"));
+}
+
+#[test]
+fn checkpoints_replace_nothing_else() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    endless_scene(folder);
+    let scene = fs::read(folder.join("endless.toml")).unwrap();
+    fs::write(folder.join("notes.txt"), "notes").unwrap();
+    let small = ["--width", "8", "--spp", "2", "--depth", "2", "--quiet"];
+    let render = |more: &[&str]| {
+        let output = oscura(folder, &[&["render", "endless.toml", "-o", "a.exr"], &small[..], more].concat());
+        (code(&output), stderr(&output))
+    };
+    for (file, why) in [("endless.toml", "scene"), ("a.exr", "output"), ("notes.txt", "no checkpoint")] {
+        let (code, said) = render(&["--checkpoint", file]);
+        assert!(code == 2 && said.contains(why), "{file}: {said}");
+    }
+    assert!(fs::read(folder.join("endless.toml")).unwrap() == scene);
+    assert_eq!(fs::read_to_string(folder.join("notes.txt")).unwrap(), "notes");
+    assert_eq!(names(folder), ["endless.toml", "notes.txt"]);
+    assert_eq!(render(&["--checkpoint", "c.part"]).0, 0);
+    let (code, said) = render(&["--checkpoint", "c.part"]);
+    assert!(code == 2 && said.contains("--resume"), "{said}");
+    assert_eq!(render(&["--checkpoint", "c.part", "--resume"]).0, 0);
+}
+
+/// The sums of a finished checkpoint become the picture of its run, with what lies behind it.
+#[test]
+fn a_merged_checkpoint_has_its_background() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n";
+    fs::write(folder.join("a.obj"), triangle).unwrap();
+    let args =
+        ["render", "a.obj", "--width", "16", "--spp", "8", "--background", "#ff0000", "--reproducible"];
+    let made = oscura(folder, &[&args[..], &["-o", "a.png", "--checkpoint", "a.part"]].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let merged = oscura(folder, &["merge", "a.part", "-o", "b.png"]);
+    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    assert!(fs::read(folder.join("a.png")).unwrap() == fs::read(folder.join("b.png")).unwrap());
+}
+
+#[test]
+fn what_a_format_cannot_hold_is_refused_before_work() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let wide = ["render", &scene, "--width", "16400", "--height", "1", "-o", "w.exr", "-o", "w.webp"];
+    let output = oscura(folder.path(), &wide);
+    let (code, said) = (code(&output), stderr(&output));
+    assert!(code == 2 && said.contains("16383") && said.contains("w.webp"), "{said}");
+    let parts = oscura(folder.path(), &["render", &scene, "--denoise", "-o", "a.part"]);
+    assert!(stderr(&parts).contains("oscura denoise"), "{}", stderr(&parts));
+    assert!(names(folder.path()).is_empty());
+}
+
+/// A folder that vanishes during the work takes no other file with it.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_file_that_fails_leaves_the_others() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::create_dir(folder.path().join("gone")).unwrap();
+    let scene = cornell();
+    let args = ["render", &scene, "--width", "64", "-o", "gone/a.exr", "-o", "gone/b.png", "-o", "c.png"];
+    let mut child = std::process::Command::new(env!("CARGO_BIN_EXE_oscura"))
+        .args(args)
+        .args(["--time-limit", "2", "--spp", "100000"])
+        .current_dir(folder.path())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .expect("it starts");
+    // The targets are looked at first; then there are two seconds.
+    std::thread::sleep(std::time::Duration::from_millis(1000));
+    fs::remove_dir(folder.path().join("gone")).expect("it is empty");
+    let status = child.wait().expect("it ends");
+    let mut said = String::new();
+    std::io::Read::read_to_string(&mut child.stderr.take().expect("piped"), &mut said).unwrap();
+    assert_eq!(status.code(), Some(4), "{said}");
+    assert!(said.contains("a.exr") && said.contains("b.png"), "{said}");
+    assert_eq!(names(folder.path()), ["c.png"]);
+}
+
+#[test]
+fn noise_that_is_not_reached_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let said = |spp| stderr(&render(folder.path(), "a.exr", &["--noise", "0.1", "--spp", spp]));
+    assert!(said("64").contains("not the 0.1 % asked for"), "{}", said("64"));
+    assert!(said("16").contains("too few samples"), "{}", said("16"));
+}
+
+#[test]
+fn luminance_is_converted_and_not_alpha() {
+    use exr::prelude::*;
+    let folder = tempfile::tempdir().unwrap();
+    let size = (4, 2);
+    let channel =
+        |name: &str, value: f32| AnyChannel::new(name, FlatSamples::F32(vec![value; size.0 * size.1]));
+    let channels = AnyChannels::sort([channel("A", 1.0), channel("Y", 0.1)].into_iter().collect());
+    let file = folder.path().join("grey.exr");
+    Image::from_channels(size, channels).write().to_file(&file).expect("written");
+    let output = oscura(folder.path(), &["convert", "grey.exr", "-o", "grey.png", "--view", "srgb"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let all = pixels(&folder.path().join("grey.png"));
+    assert!(all.iter().flatten().all(|v| (v - 0.1).abs() < 0.01), "{all:?}");
+}
