@@ -13,7 +13,7 @@ use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{Scene, ShapeTag};
+use crate::scene::{RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -74,6 +74,10 @@ pub struct CompiledScene {
     pub lights: Lights,
     /// Which group each is in.
     pub light_groups: LightGroups,
+    /// What each lights, by number; empty where all light everything.
+    pub(super) light_kinds: Vec<RayKinds>,
+    /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
+    pub(super) own_materials: u32,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.
@@ -103,8 +107,12 @@ pub struct Features {
     pub walks: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
-    /// Cameras don't see the environment.
-    pub hidden_environment: bool,
+    /// Rays that see the environment.
+    pub environment_visible_to: RayKinds,
+    /// Objects or lights are visible to some kinds of rays only, the camera's aside.
+    pub ray_kinds: bool,
+    /// Some objects cut holes into pictures.
+    pub holdouts: bool,
 }
 
 impl CompiledScene {
@@ -112,6 +120,17 @@ impl CompiledScene {
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
         if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+    }
+
+    /// The kinds of rays that light `index` is visible to.
+    #[inline]
+    pub fn kinds_of_light(&self, index: u32) -> RayKinds {
+        self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
+    }
+
+    /// The material of the scene that a compiled one stands for.
+    pub fn described_material(&self, material: u32) -> u32 {
+        material % self.own_materials.max(1)
     }
 
     /// The object of the scene at a hit.

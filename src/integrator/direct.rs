@@ -13,6 +13,7 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::math::{Ray, offset_along};
 use crate::sampling::power_heuristic;
+use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -52,12 +53,16 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.end_shadow_ways(w);
         }
-        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, .. } = w;
+        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, passed_kinds, .. } = w;
         let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
-        for (&i, &occluded) in shadow_vertices.iter().zip(&*occluded) {
+        for (k, (&i, &occluded)) in shadow_vertices.iter().zip(&*occluded).enumerate() {
             if !occluded {
                 let i = i as usize;
-                let value = get_rgb(&v.light.contribution, i);
+                let mut value = get_rgb(&v.light.contribution, i);
+                if self.parts.kinds {
+                    let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
+                    value *= self.visible_share((bounce, i), passed, sorted, wave, bsdfs);
+                }
                 sink.add(paths.carried.sample[i], value);
                 if divides {
                     sink.divide(paths.carried.sample[i], value, || {
@@ -74,6 +79,10 @@ impl Integrator<'_> {
     pub(super) fn test_shadow_rays(&self, bounce: u32, w: &mut Workspace) {
         w.occluded.clear();
         w.occluded.resize(w.shadow_rays.len(), false);
+        w.passed_kinds.clear();
+        if self.parts.kinds {
+            w.passed_kinds.resize(w.shadow_rays.len(), RayKinds::NONE);
+        }
         if self.scene.features.alpha {
             self.occluded_by_present_surfaces(bounce, w);
         } else {

@@ -24,6 +24,7 @@ mod flight;
 mod generate;
 mod group;
 mod interior;
+mod kinds;
 mod lanes;
 mod layers;
 mod light_samplers;
@@ -235,9 +236,15 @@ impl<'a> Integrator<'a> {
             w.intersect(&self.scene.accel);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
+                if bounce == 0 && self.scene.features.holdouts {
+                    self.hold_out(w);
+                }
             }
             let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
+            if bounce == 0 && self.scene.features.holdouts {
+                self.uncover_held_out(w);
+            }
             if sorted.all().is_empty() {
                 return true;
             }
@@ -252,6 +259,9 @@ impl<'a> Integrator<'a> {
             self.scatter(bounce, &sorted, w);
             if bounce == 0 && self.parts.first_bounces {
                 self.keep_first_bounces(&sorted, w);
+            }
+            if self.parts.kinds {
+                self.choose_kinds(bounce, &sorted, w);
             }
             if shares {
                 self.divide_lobes(bounce, &sorted, w);

@@ -152,6 +152,11 @@ impl Sink {
         self.samples[sample as usize][3] = 1.0;
     }
 
+    /// Makes a sample transparent, whatever is there.
+    pub fn uncover(&mut self, sample: u32) {
+        self.samples[sample as usize][3] = 0.0;
+    }
+
     /// Red, green, blue and alpha of all samples.
     pub fn samples(&self) -> &[[f32; 4]] {
         &self.samples[..self.count]

@@ -11,6 +11,7 @@ use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::math::{Hit, Ray};
+use crate::scene::RayKinds;
 
 /// All memory that tracing a block of pixels takes; made once a thread.
 pub struct Workspace {
@@ -33,6 +34,10 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
+    /// By shadow ray: the kinds of rays that stop at what it passed; where kinds differ.
+    pub(super) passed_kinds: Vec<RayKinds>,
+    /// Samples whose camera rays hit what cuts holes into the picture.
+    pub(super) held_out: Vec<u32>,
     /// Results by sample.
     pub(super) sink: Sink,
     /// What outputs besides colour show, by sample.
@@ -68,6 +73,8 @@ impl Workspace {
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
+            passed_kinds: Vec::new(),
+            held_out: Vec::new(),
             sink: Sink::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),

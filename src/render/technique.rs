@@ -56,7 +56,11 @@ impl Choice {
     pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
         // Surfaces that are absent at random let visibility be known at random only.
         // Connections would have to cross media that scatter.
-        let can_share = !has_random_surfaces(scene) && !scene.features.scattering && options.max_depth >= 2;
+        // They would not know the kinds of rays that they stand for.
+        let can_share = !has_random_surfaces(scene)
+            && !scene.features.scattering
+            && !scene.features.ray_kinds
+            && options.max_depth >= 2;
         let branches = match options.splitting {
             Splitting::Into(branches) if options.max_depth >= 1 => branches,
             _ => 1,
@@ -91,6 +95,8 @@ impl Choice {
             "the scene has surfaces that are partly transparent"
         } else if scene.features.scattering {
             "the scene has media that scatter"
+        } else if scene.features.ray_kinds {
+            "objects or lights of the scene are visible to some kinds of rays only"
         } else {
             "there is no indirect light with so few bounces"
         };

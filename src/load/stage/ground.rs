@@ -26,7 +26,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let ground = options.ground_for(is_lit);
     let is_stage = options.light.is_stage() && !is_lit;
     if is_stage && options.background.is_none() {
-        loaded.scene.is_environment_hidden = true;
+        super::hide_environment(&mut loaded.scene);
         loaded.scene.backdrop = Some(Backdrop::Color(options.light.background()));
     }
     if ground == Ground::None {
