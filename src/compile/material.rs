@@ -7,7 +7,8 @@ use crate::color::Rgb;
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, ObjectTraits, Parameters, RayKinds, Transmission,
+    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, ObjectTraits, Parameters, RayKinds,
+    Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};

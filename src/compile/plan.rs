@@ -167,8 +167,9 @@ impl Plan {
         materials: &[CompiledMaterial],
         origin: DVec3,
     ) -> Keys {
-        let normal_sets: Vec<Option<usize>> =
-            (0..scene.materials.len()).map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene)).collect();
+        let normal_sets: Vec<Option<usize>> = (0..scene.materials.len())
+            .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
+            .collect();
         let of_materials = content::of_materials(&materials[..scene.materials.len()], &normal_sets);
         let mut is_used = vec![false; scene.meshes.len()];
         let stays = |s: &&Step| s.place == Place::World;
@@ -195,7 +196,8 @@ impl Plan {
                 .with_transform(&step.world_from_object)
                 .with_print(of_meshes[instance.mesh.index()]);
         }
-        let named = scene.quads.iter().map(|quad| &quad.name).chain(scene.shapes.iter().map(|shape| &shape.name));
+        let named =
+            scene.quads.iter().map(|quad| &quad.name).chain(scene.shapes.iter().map(|shape| &shape.name));
         world = named.fold(world, |sum, name| sum.with(u64::from(classes.of_object(name).0)));
         Keys { shared, world: with_shapes(world, scene) }
     }

@@ -116,7 +116,9 @@ fn features(
         boundaries,
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
-        ray_kinds: materials.iter().any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
+        ray_kinds: materials
+            .iter()
+            .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -4,6 +4,7 @@
 //! smooth thin sheets do is in [`super::sheets`].
 
 use super::Integrator;
+use super::kinds::OF_LIGHT_SAMPLES;
 use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
 use super::wave::{Vertices, Wave};
@@ -146,7 +147,7 @@ impl Integrator<'_> {
                 let i = shadow_vertices[k] as usize;
                 let path = &paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                match self.meet(&shadow_rays[k], &hit, RayKinds::SHADOW, || salt().wrapping_add(pass)) {
+                match self.meet(&shadow_rays[k], &hit, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass)) {
                     Meeting::Stops => {
                         if !self.light_passes_sheet(i, &shadow_rays[k], &hit, light) {
                             occluded[k] = true;

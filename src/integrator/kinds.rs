@@ -3,10 +3,11 @@
 //! What scatters a path decides the kind of its next ray. Of surfaces with several lobes, one kind is drawn by its share of
 //! what the surface scatters there, and the path goes on with that share: so each kind alone is unbiased.
 //!
-//! Whether light of what is sampled arrives is decided by the objects that shadow rays see, however it is found. Light
-//! samples and scattered rays therefore agree also where an object is there for one of them only: a ray that passed what
-//! casts shadows brings nothing of a sampled light from behind, and a light sample that passed what stops such rays
-//! counts in full, since they can't find it.
+//! Whether light of what is sampled arrives is decided by one set of objects, however it is found: for diffuse reflection
+//! and media by those that shadow rays see, for gloss and transmission by those that their own rays see, as in mirrors.
+//! Light samples and scattered rays therefore agree also where an object is there for one of them only: a diffuse ray
+//! that passed what casts shadows brings nothing of a sampled light from behind, and a light sample that passed what
+//! stops such rays counts in full, since they can't find it.
 
 use super::Integrator;
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
@@ -26,6 +27,15 @@ use crate::scene::RayKinds;
 /// Keeps the choice of a kind apart from others with the same salt.
 const KIND: u32 = 0x27d4_eb2f;
 
+/// Kinds of rays that a light sample stands for: it ends at what all of them see.
+pub(super) const OF_LIGHT_SAMPLES: RayKinds =
+    RayKinds::SHADOW.with(RayKinds::GLOSSY).with(RayKinds::TRANSMISSION);
+
+/// The kind of rays whose objects decide whether a light sample arrives at what scatters light by rays of a kind.
+fn decider(kind: RayKinds) -> RayKinds {
+    if kind == RayKinds::DIFFUSE || kind == RayKinds::VOLUME { RayKinds::SHADOW } else { kind }
+}
+
 /// Behind the bits of the kind: the ray passed something that shadow rays see.
 const SHADOWED: u32 = 1 << 16;
 
@@ -43,7 +53,7 @@ impl Integrator<'_> {
 
     /// Takes down that an arriving path passed something that is there for other kinds of rays.
     pub(super) fn pass_unseen(&self, i: usize, others: RayKinds, arriving: &mut Paths) {
-        if self.parts.kinds && others.contains(RayKinds::SHADOW) {
+        if self.parts.kinds && others.contains(decider(RayKinds::from_bits(arriving.kinds[i]))) {
             arriving.kinds[i] |= SHADOWED;
         }
     }
@@ -88,7 +98,7 @@ impl Integrator<'_> {
     }
 
     /// What the light sample of vertex `i`, which arrives, is taken times: the share of what the vertex scatters that the
-    /// light is visible to. On its way it passed what is there for scattered rays of some kinds.
+    /// light is visible to, and from which nothing hides it. On its way it passed what is there for some kinds of rays.
     pub(super) fn visible_share(
         &self,
         (bounce, i): (u32, usize),
@@ -108,7 +118,8 @@ impl Integrator<'_> {
         };
         let of = |kind: RayKinds, share: Rgb| {
             let weight = if passed.contains(kind) { alone } else { 1.0 };
-            if kinds.contains(kind) { share * weight } else { Rgb::ZERO }
+            let arrives = kinds.contains(kind) && !passed.contains(decider(kind));
+            if arrives { share * weight } else { Rgb::ZERO }
         };
         if sorted.medium().contains(&i) {
             return of(RayKinds::VOLUME, Rgb::ONE);

@@ -52,8 +52,8 @@ pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMateri
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
-pub use visibility::{ObjectTraits, RayKinds};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+pub use visibility::{ObjectTraits, RayKinds};
 
 use crate::image::Image;
 

@@ -3,7 +3,8 @@
 use crate::support::{assert_radiance, camera, disk, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, RayKinds, Scene, SpotFade,
+    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, RayKinds, Scene,
+    SpotFade,
 };
 use std::f64::consts::PI;
 

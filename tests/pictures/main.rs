@@ -21,3 +21,4 @@ mod support;
 mod textured;
 mod trees;
 mod validated;
+mod visibility;

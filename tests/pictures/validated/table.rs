@@ -8,8 +8,9 @@ use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
     Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
     Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium,
-    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Quad, RayKinds, Scene,
-    Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Quad,
+    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
+    ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
