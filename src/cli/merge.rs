@@ -56,6 +56,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     }
     let (mut film, behind) = sum(&parts)?;
     let warnings = film_warnings(&film);
+    film.settle_catchers();
     behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
     let first = &parts[0].1;
     let finish = &first.finish;

@@ -77,6 +77,20 @@ pub(super) fn light_kinds(
     if kinds.iter().all(|&kinds| lights_all(kinds)) { Vec::new() } else { kinds }
 }
 
+/// By light with a surface: is it part of an object that is left out where its effect on shadow catchers is told?
+pub(super) fn caught_lights(
+    emitters: &Emitters,
+    geometries: &Geometries,
+    materials: &[CompiledMaterial],
+) -> Vec<bool> {
+    let mut caught = vec![false; emitters.lights.len()];
+    for &(prim, light) in &emitters.light_of_primitive {
+        let material = geometries.world.attributes.materials[prim as usize];
+        caught[light as usize] = materials[material as usize].is_of_caught_object();
+    }
+    caught
+}
+
 /// Do all kinds of rays that lights are sampled for see what these see?
 pub(super) fn lights_all(kinds: RayKinds) -> bool {
     kinds.contains(RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::SHADOW))

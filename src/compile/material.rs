@@ -71,11 +71,14 @@ pub struct Presence {
     pub is_obstacle: bool,
     /// Camera rays end at it without light, and the picture is transparent there.
     pub is_holdout: bool,
+    /// The camera sees only what other objects change on it.
+    pub is_catcher: bool,
 }
 
 impl Presence {
     /// That of most surfaces.
-    const FULL: Presence = Presence { visible_to: RayKinds::ALL, is_obstacle: true, is_holdout: false };
+    const FULL: Presence =
+        Presence { visible_to: RayKinds::ALL, is_obstacle: true, is_holdout: false, is_catcher: false };
 }
 
 /// Partial presence.
@@ -127,7 +130,7 @@ impl CompiledMaterial {
         let presence = material.lamp.map(|l| Presence {
             visible_to: l.visible_to,
             is_obstacle: l.is_obstacle || alpha.is_some(),
-            is_holdout: false,
+            ..Presence::FULL
         });
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
         let is_textured = has_textures(&model);
@@ -170,8 +173,15 @@ impl CompiledMaterial {
     pub(super) fn with_traits(&self, traits: &ObjectTraits) -> CompiledMaterial {
         let own = self.presence.unwrap_or(Presence::FULL);
         let visible_to = own.visible_to.and(traits.visible_to);
-        let presence = Presence { visible_to, is_holdout: traits.is_holdout, ..own };
+        let (is_holdout, is_catcher) = (traits.is_holdout, traits.is_shadow_catcher);
+        let presence = Presence { visible_to, is_holdout, is_catcher, ..own };
         CompiledMaterial { presence: Some(presence).filter(|p| *p != Presence::FULL), ..self.clone() }
+    }
+
+    /// Is it left out where the effect of objects on shadow catchers is told? Lamps are not, which scatter nothing.
+    pub fn is_of_caught_object(&self) -> bool {
+        let is_lamp = self.class == BsdfClass::Black && self.emission.is_some();
+        !is_lamp && !self.presence.is_some_and(|presence| presence.is_catcher)
     }
 
     /// The rays that see it.

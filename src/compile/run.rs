@@ -76,6 +76,10 @@ pub(super) fn compile_after(
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let features = features(scene, &geometries, &materials, &textures, &media);
+    let caught_lights = match features.catchers {
+        true => classes::caught_lights(&emitters, &geometries, &materials),
+        false => Vec::new(),
+    };
     let features = Features { ray_kinds: features.ray_kinds || !light_kinds.is_empty(), ..features };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
@@ -89,6 +93,7 @@ pub(super) fn compile_after(
         lights,
         light_groups,
         light_kinds,
+        caught_lights,
         own_materials: scene.materials.len() as u32,
         features,
         emitters,
@@ -119,6 +124,7 @@ fn features(
         ray_kinds: materials
             .iter()
             .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
+        catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -76,6 +76,8 @@ pub struct CompiledScene {
     pub light_groups: LightGroups,
     /// What each lights, by number; empty where all light everything.
     pub(super) light_kinds: Vec<RayKinds>,
+    /// By light: is it left out where the effect of objects on shadow catchers is told? Empty without catchers.
+    pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
     pub(super) own_materials: u32,
     /// What the integrator may skip.
@@ -113,6 +115,8 @@ pub struct Features {
     pub ray_kinds: bool,
     /// Some objects cut holes into pictures.
     pub holdouts: bool,
+    /// Of some objects cameras see only what others change on them.
+    pub catchers: bool,
 }
 
 impl CompiledScene {
@@ -126,6 +130,11 @@ impl CompiledScene {
     #[inline]
     pub fn kinds_of_light(&self, index: u32) -> RayKinds {
         self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
+    }
+
+    /// Is light `index` left out where the effect of objects on shadow catchers is told?
+    pub fn is_caught_light(&self, index: u32) -> bool {
+        self.caught_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
     }
 
     /// The material of the scene that a compiled one stands for.

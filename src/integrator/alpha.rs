@@ -21,22 +21,26 @@ const MAX_PASSES: u32 = 4096;
 impl Integrator<'_> {
     /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
+        let doubtful = self.doubtful(w.without);
         w.pending.clear();
         w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
             let mut material = 0;
             if hit.is_hit() {
                 material = self.scene.geometries.material(hit);
-                if self.may_be_absent[material as usize] {
+                if doubtful[material as usize] {
                     w.pending.push(i as u32);
                 }
             }
             w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, without, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
+                if self.is_left_out(*without, &hits[i]) {
+                    return true;
+                }
                 let carried = &arriving.carried;
                 let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
                 let salt = salt.wrapping_add(pass);
@@ -79,6 +83,9 @@ impl Integrator<'_> {
         for k in 0..w.pending.len() {
             let i = w.pending[k] as usize;
             let hit = w.hits[i];
+            if self.is_left_out(w.without, &hit) {
+                continue;
+            }
             let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
             let kind = self.kind(bounce, i, &w.arriving);
             if material.emission.is_none()
@@ -109,6 +116,7 @@ impl Integrator<'_> {
             pending_hits,
             shadow_ways,
             passed_kinds,
+            without,
             ..
         } = &mut *w;
         if pending_hits.len() < shadow_rays.len() {
@@ -116,10 +124,13 @@ impl Integrator<'_> {
         }
         self.scene.accel.any(shadow_rays, pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
+        let doubtful = self.doubtful(*without);
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_front(&shadow_rays[k], hit);
+            let is_doubtful = hit.is_hit()
+                && doubtful[self.scene.geometries.material(hit) as usize]
+                && (*without || !self.is_surely_front(&shadow_rays[k], hit));
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
@@ -143,6 +154,10 @@ impl Integrator<'_> {
                 let k = k as usize;
                 if !hit.is_hit() {
                     return false;
+                }
+                if self.is_left_out(*without, &hit) {
+                    self.step_past(&mut shadow_rays[k], &hit);
+                    return true;
                 }
                 let i = shadow_vertices[k] as usize;
                 let path = &paths.carried;

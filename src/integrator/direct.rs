@@ -39,7 +39,9 @@ impl Integrator<'_> {
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
-            if r[i].max(g[i]).max(b[i]) > 0.0 {
+            let light_is_there =
+                !w.without || !self.scene.is_caught_light(self.only_light.unwrap_or(light.index[i]));
+            if light_is_there && r[i].max(g[i]).max(b[i]) > 0.0 {
                 let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
                 w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });

@@ -161,13 +161,23 @@ impl Integrator<'_> {
         });
     }
 
+    /// Finds camera rays that hit what is special to pictures: holdouts, where their paths end, and shadow catchers.
+    pub(super) fn find_special(&self, w: &mut Workspace) {
+        w.uncovered.clear();
+        if self.scene.features.holdouts {
+            self.hold_out(w);
+        }
+        if self.catches() && !w.without {
+            self.find_caught(w);
+        }
+    }
+
     /// Ends the paths of camera rays that hit objects which cut a hole into the picture.
-    pub(super) fn hold_out(&self, w: &mut Workspace) {
-        w.held_out.clear();
+    fn hold_out(&self, w: &mut Workspace) {
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
             if w.hits[i].is_hit() && material.presence.is_some_and(|p| p.is_holdout) {
-                w.held_out.push(w.arriving.carried.sample[i]);
+                w.uncovered.push(w.arriving.carried.sample[i]);
                 w.hits[i] = crate::math::Hit::MISS;
                 w.materials[i] = 0;
                 set_rgb(&mut w.arriving.carried.throughput, i, Rgb::ZERO);
@@ -175,9 +185,9 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes the picture transparent there.
-    pub(super) fn uncover_held_out(&self, w: &mut Workspace) {
-        for &sample in &w.held_out {
+    /// Makes the picture transparent where the camera sees what is special to it.
+    pub(super) fn uncover(&self, w: &mut Workspace) {
+        for &sample in &w.uncovered {
             w.sink.uncover(sample);
         }
     }

@@ -74,6 +74,17 @@ pub struct PathParts {
 }
 
 impl PathParts {
+    /// All of them.
+    pub const ALL: PathParts = PathParts {
+        footprints: true,
+        receiver_normals: true,
+        interiors: true,
+        depths: true,
+        first_bounces: true,
+        kinds: true,
+        any: true,
+    };
+
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
     /// passes.
     pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {

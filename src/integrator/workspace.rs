@@ -36,8 +36,15 @@ pub struct Workspace {
     pub(super) occluded: Vec<bool>,
     /// By shadow ray: the kinds of rays that stop at what it passed; where kinds differ.
     pub(super) passed_kinds: Vec<RayKinds>,
-    /// Samples whose camera rays hit what cuts holes into the picture.
-    pub(super) held_out: Vec<u32>,
+    /// Samples whose camera rays hit what is transparent in the picture.
+    pub(super) uncovered: Vec<u32>,
+    /// Those among them that hit shadow catchers.
+    pub(super) caught: Vec<u32>,
+    /// Objects that catchers catch the shadows of are left out now.
+    pub(super) without: bool,
+    /// How the paths of the wave started; where there are catchers.
+    pub(super) starts: Option<Box<Paths>>,
+    pub(super) start_rays: Vec<Ray>,
     /// Results by sample.
     pub(super) sink: Sink,
     /// What outputs besides colour show, by sample.
@@ -74,7 +81,11 @@ impl Workspace {
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
             passed_kinds: Vec::new(),
-            held_out: Vec::new(),
+            uncovered: Vec::new(),
+            caught: Vec::new(),
+            without: false,
+            starts: None,
+            start_rays: Vec::new(),
             sink: Sink::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),

@@ -91,6 +91,10 @@ pub struct ObjectTraits {
     pub visible_to: RayKinds,
     /// Where the camera sees it, the picture is transparent and black. For all else it is an object like others.
     pub is_holdout: bool,
+    /// The camera sees of it only what other objects change on it, their shadows and what they reflect onto it: the picture is
+    /// transparent there, and laid over a photograph of what the object stands for it shows both. For all else it is an
+    /// object like others. A holdout is none.
+    pub is_shadow_catcher: bool,
 }
 
 impl Scene {
@@ -100,6 +104,11 @@ impl Scene {
         if traits != ObjectTraits::default() {
             self.object_traits.push((name.to_string(), traits));
         }
+    }
+
+    /// Are there shadow catchers?
+    pub fn has_catchers(&self) -> bool {
+        self.object_traits.iter().any(|(_, traits)| traits.is_shadow_catcher)
     }
 
     /// The traits of the objects of a name.

@@ -143,6 +143,7 @@ fn many_lights_of_all_kinds() {
         sphere(&mut scene, [center.x, -center.y, center.z], radius, lamp);
     }
     let point = |position: DVec3| Light {
+        visible_to: Default::default(),
         group: String::new(),
         name: "point".into(),
         intensity: [0.3; 3],
@@ -157,7 +158,7 @@ fn many_lights_of_all_kinds() {
     let sun = LightKind::Directional { direction: DVec3::new(0.3, -1.0, 0.2) };
     scene.lights.push(Light {
         group: String::new(),
-        visible_to: RayKinds::ALL,
+        visible_to: Default::default(),
         name: "sun".into(),
         intensity: [0.2; 3],
         kind: sun,
@@ -274,7 +275,7 @@ fn punctual_lights_on_a_plane() {
         let mut scene = floor_scene();
         scene.lights.push(Light {
             group: String::new(),
-            visible_to: RayKinds::ALL,
+            visible_to: Default::default(),
             name: what.into(),
             kind,
             intensity: [5.0; 3],

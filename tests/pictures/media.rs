@@ -113,7 +113,7 @@ fn grids_agree_with_homogeneous_media() {
         kind,
         intensity: [3.0; 3],
         group: String::new(),
-        visible_to: RayKinds::ALL,
+        visible_to: Default::default(),
     });
     lit.cameras.push(beam([0.0, 0.0, 5.0]));
     let truth = integral(0.0, 2.0, 20_000, |t| {
@@ -169,7 +169,7 @@ fn single_scattering_agrees_with_quadrature() {
             kind,
             intensity: [3.0; 3],
             group: String::new(),
-            visible_to: RayKinds::ALL,
+            visible_to: Default::default(),
         });
         scene.cameras.push(beam([0.0, 0.0, 3.0]));
         let truth = integral(0.0, 60.0, 400_000, |t| {
@@ -319,7 +319,7 @@ pub fn everything() -> Scene {
         kind,
         intensity: [2.0; 3],
         group: String::new(),
-        visible_to: RayKinds::ALL,
+        visible_to: Default::default(),
     });
     scene.cameras.push(camera(DVec3::new(0.0, 0.5, 4.0), DVec3::ZERO, DVec3::Y, 45.0));
     scene

@@ -59,7 +59,7 @@ fn stage(light: &str, between: impl Fn(&mut Scene)) -> Scene {
         let kind = LightKind::Directional { direction: DVec3::new(0.2, -1.0, 0.1) };
         scene.lights.push(Light {
             group: String::new(),
-            visible_to: RayKinds::ALL,
+            visible_to: Default::default(),
             name: "sun".into(),
             kind,
             intensity: [2.0; 3],

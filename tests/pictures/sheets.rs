@@ -50,7 +50,7 @@ fn lights_without_size_shine_through_panes() {
             }
             scene.lights.push(Light {
                 group: String::new(),
-                visible_to: RayKinds::ALL,
+                visible_to: Default::default(),
                 name: what.into(),
                 kind,
                 intensity: [5.0; 3],

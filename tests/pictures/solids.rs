@@ -56,7 +56,7 @@ fn sampled_light_is_absorbed_on_the_way() {
     let kind = LightKind::Point { position };
     scene.lights.push(Light {
         group: String::new(),
-        visible_to: RayKinds::ALL,
+        visible_to: Default::default(),
         name: "point".into(),
         intensity: [5.0; 3],
         kind,

@@ -1,6 +1,7 @@
 //! What the `extras` of a node say about rays, as exporters write custom properties: `visible_to`, kinds of rays in a list or
 //! separated by commas or spaces, or one true or false for each kind, `visible_camera`, `visible_diffuse`, `visible_glossy`,
-//! `visible_transmission`, `visible_volume` (or `visible_volume_scatter`) and `visible_shadow`; and `holdout`.
+//! `visible_transmission`, `visible_volume` (or `visible_volume_scatter`) and `visible_shadow`; and `holdout` and
+//! `shadow_catcher`, also with `is_` before them.
 
 use super::report::Report;
 use crate::scene::{ObjectTraits, RayKinds};
@@ -21,9 +22,10 @@ pub(super) fn of_node(raw: &Value, at: &str, report: &mut Report) -> ObjectTrait
             }
         }
     }
-    let holdout = |key, report: &mut Report| flag(extras, key, &at, report).unwrap_or(false);
-    let is_holdout = holdout("holdout", report) | holdout("is_holdout", report);
-    ObjectTraits { visible_to, is_holdout }
+    let mut is = |keys: [&str; 2]| keys.iter().any(|key| flag(extras, key, &at, report) == Some(true));
+    let is_holdout = is(["holdout", "is_holdout"]);
+    let is_shadow_catcher = is(["shadow_catcher", "is_shadow_catcher"]);
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
 }
 
 /// The kinds that are listed; all where none are.

@@ -12,7 +12,8 @@
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
 //! object, by default all: rays of other kinds pass it, and get no light of it. `visible_to_camera = false` leaves out
 //! the camera. What `shadow` rays don't see casts no shadow. With `holdout = true` the picture is transparent where the
-//! camera sees the object.
+//! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
+//! over a photograph; the layer `ShadowCatcher` has the factors by channel.
 //!
 //! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
 

@@ -1,7 +1,8 @@
 //! Which rays see objects and lights: `visible_to`, a list of kinds of rays, among `camera`, `diffuse`, `glossy`,
 //! `transmission`, `volume` and `shadow`; by default all. Rays of other kinds pass as if nothing was there, and get no light
 //! of it. `visible_to_camera = false` leaves the camera out of them. What `shadow` rays don't see casts no shadow. With
-//! `holdout = true` the picture is transparent where the camera sees the object.
+//! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
+//! what other objects change.
 
 use super::fields::Fields;
 use crate::scene::{ObjectTraits, RayKinds};
@@ -29,8 +30,9 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
 /// What an object is to rays and pictures; `None` where nothing is said.
 pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     // All keys are asked for, so that all are known.
-    let given = ["visible_to", "visible_to_camera", "holdout"].map(|key| fields.has(key));
+    let given = ["visible_to", "visible_to_camera", "holdout", "shadow_catcher"].map(|key| fields.has(key));
     let visible_to = visible_to(fields, RayKinds::ALL);
     let is_holdout = fields.flag("holdout", false);
-    given.contains(&true).then_some(ObjectTraits { visible_to, is_holdout })
+    let is_shadow_catcher = fields.flag("shadow_catcher", false);
+    given.contains(&true).then_some(ObjectTraits { visible_to, is_holdout, is_shadow_catcher })
 }

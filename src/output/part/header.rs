@@ -89,6 +89,9 @@ pub struct Channels {
     pub light_groups: Vec<String>,
     /// Are the halves of the samples kept apart?
     pub halves: bool,
+    /// Is what shadow catchers catch kept?
+    #[serde(default)]
+    pub catchers: bool,
 }
 
 impl Channels {
@@ -102,7 +105,9 @@ impl Channels {
         const MOST_LEVELS: u32 = 64;
         let aovs = self.aovs().filter(|_| (1..=MOST_LEVELS).contains(&self.matte_levels))?;
         let groups = self.light_groups.iter().map(|name| Channel::light_group(name));
-        Some(Layout::new(aovs.channels_with(self.matte_levels).chain(groups)).with_halves(self.halves))
+        let caught = self.catchers.then(Channel::of_catchers).into_iter().flatten();
+        let further = aovs.channels_with(self.matte_levels).chain(groups).chain(caught);
+        Some(Layout::new(further).with_halves(self.halves))
     }
 }
 

@@ -168,7 +168,7 @@ fn add_lamps(scene: &mut Scene) {
     for (i, beam) in [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone].into_iter().enumerate() {
         let mut bulb = Material::emitter("bulb", [3.0; 3], false);
         bulb.lamp = Some(Lamp {
-            visible_to: if i == 0 { RayKinds::ALL } else { RayKinds::SHADOW },
+            visible_to: if i == 0 { oscura::scene::RayKinds::ALL } else { oscura::scene::RayKinds::SHADOW },
             is_obstacle: false,
             beam,
         });
@@ -196,7 +196,7 @@ fn add_lights(scene: &mut Scene) {
     scene.lights = kinds
         .map(|kind| Light {
             group: String::new(),
-            visible_to: RayKinds::ALL,
+            visible_to: Default::default(),
             name: "light".into(),
             kind,
             intensity: [1.0, 0.9, 0.8],

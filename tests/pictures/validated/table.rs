@@ -80,7 +80,7 @@ structs! {
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
     Light { name, kind, intensity, group, visible_to }
-    ObjectTraits { visible_to, is_holdout }
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
