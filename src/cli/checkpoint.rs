@@ -149,6 +149,9 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         let message = "a part of a picture is written as a .part file";
         return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
     }
+    if args.exr.overscan.is_some() && args.output.iter().any(is_part) {
+        return Err(Error::usage("--overscan goes into pictures, not into .part files"));
+    }
     if !is_sequence && let Some(file) = &long.checkpoint {
         check_target(file)?;
     }

@@ -9,7 +9,7 @@ use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::Film;
 use oscura::math::{DMat4, DVec3};
 use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
-use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
+use oscura::output::{ExrOptions, Matte, Metadata, PngOptions, ViewTransform};
 use oscura::render::{film_warnings, in_pool};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -69,6 +69,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
         reproducible: args.reproducible || finish.reproducible,
         float: args.float || finish.float,
+        exr: ExrOptions::default(),
     };
     let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier)?;
     pictures.write()?;

@@ -4,8 +4,9 @@ use super::Outcome;
 use super::args::RenderArgs;
 use super::checkpoint::Keeper;
 use super::environment::EnvironmentOverride;
+use super::exr_args::Framed;
 use super::page::Preview;
-use super::pictures::{Pictures, Shot, Targets};
+use super::pictures::{How, Pictures, Shot, Targets};
 use super::process::peak_memory;
 use super::progress::{Progress, Waiting};
 use super::report::{Run, Said};
@@ -16,7 +17,7 @@ use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet};
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
-use oscura::output::Animation;
+use oscura::output::{Animation, ExrWindow};
 use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, denoising_guides};
 use oscura::scene::Camera;
 use std::sync::Arc;
@@ -92,14 +93,26 @@ pub(super) fn run_one(
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    let Prepared {
+        scene,
+        labels,
+        camera,
+        settled,
+        window,
+        kept_aovs,
+        build,
+        load_s,
+        notes,
+        mut warnings,
+        left_out,
+    } = prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
     let png = png(args, settled.exposure, is_stage_lit);
-    let encode = |shot: Shot| Pictures::encode(&args.into(), targets, shot, png, &warnings);
+    let how = How::of(args, window);
+    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
         .placed(loaded.scene.backdrop.clone(), loaded.offset);
@@ -227,6 +240,8 @@ struct Prepared {
     labels: Labels,
     camera: Camera,
     settled: Settled,
+    /// Where the pixels stand in the frame, if they are not just those of it.
+    window: Option<ExrWindow>,
     /// AOVs that the files are to have.
     kept_aovs: AovSet,
     build: CompileReport,
@@ -262,7 +277,13 @@ fn prepare(
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
     limits::before_building(args, loaded, &settled)?;
-    let camera = settled.camera(&loaded.scene)?.clone();
+    let frame = (settled.options.width, settled.options.height);
+    let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
+    let mut camera = settled.camera(&loaded.scene)?.clone();
+    if let Some(framed) = framed {
+        camera = framed.widened(camera);
+        settled.options = settled.options.size(framed.size.0, framed.size.1);
+    }
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
     compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
@@ -273,7 +294,20 @@ fn prepare(
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    Ok(Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, warnings, left_out })
+    let window = framed.map(Framed::window);
+    Ok(Prepared {
+        scene,
+        labels,
+        camera,
+        settled,
+        window,
+        kept_aovs,
+        build,
+        load_s,
+        notes,
+        warnings,
+        left_out,
+    })
 }
 
 /// With `--strict`, warnings are problems.
