@@ -17,7 +17,7 @@ use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet};
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
-use oscura::output::{Animation, ExrWindow};
+use oscura::output::Animation;
 use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, denoising_guides};
 use oscura::scene::Camera;
 use std::sync::Arc;
@@ -93,25 +93,14 @@ pub(super) fn run_one(
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let Prepared {
-        scene,
-        labels,
-        camera,
-        settled,
-        window,
-        kept_aovs,
-        build,
-        load_s,
-        notes,
-        mut warnings,
-        left_out,
-    } = prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    let prepared = prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    let Prepared { scene, labels, camera, settled, how, kept_aovs, .. } = prepared;
+    let Prepared { build, load_s, notes, mut warnings, left_out, .. } = prepared;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
     let png = png(args, settled.exposure, is_stage_lit);
-    let how = How::of(args, window);
     let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
@@ -240,8 +229,7 @@ struct Prepared {
     labels: Labels,
     camera: Camera,
     settled: Settled,
-    /// Where the pixels stand in the frame, if they are not just those of it.
-    window: Option<ExrWindow>,
+    how: How,
     /// AOVs that the files are to have.
     kept_aovs: AovSet,
     build: CompileReport,
@@ -294,20 +282,8 @@ fn prepare(
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    let window = framed.map(Framed::window);
-    Ok(Prepared {
-        scene,
-        labels,
-        camera,
-        settled,
-        window,
-        kept_aovs,
-        build,
-        load_s,
-        notes,
-        warnings,
-        left_out,
-    })
+    let how = How::of(args, framed.map(Framed::window));
+    Ok(Prepared { scene, labels, camera, settled, how, kept_aovs, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -77,12 +77,16 @@ pub(super) fn light_kinds(
     if kinds.iter().all(|&kinds| lights_all(kinds)) { Vec::new() } else { kinds }
 }
 
-/// By light with a surface: is it part of an object that is left out where its effect on shadow catchers is told?
+/// By light with a surface: is it part of an object that is left out where its effect on shadow catchers is told? Empty
+/// without catchers.
 pub(super) fn caught_lights(
     emitters: &Emitters,
     geometries: &Geometries,
     materials: &[CompiledMaterial],
 ) -> Vec<bool> {
+    if !materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)) {
+        return Vec::new();
+    }
     let mut caught = vec![false; emitters.lights.len()];
     for &(prim, light) in &emitters.light_of_primitive {
         let material = geometries.world.attributes.materials[prim as usize];

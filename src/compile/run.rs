@@ -75,11 +75,8 @@ pub(super) fn compile_after(
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
+    let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, &geometries, &materials, &textures, &media);
-    let caught_lights = match features.catchers {
-        true => classes::caught_lights(&emitters, &geometries, &materials),
-        false => Vec::new(),
-    };
     let features = Features { ray_kinds: features.ray_kinds || !light_kinds.is_empty(), ..features };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {

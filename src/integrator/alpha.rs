@@ -105,37 +105,11 @@ impl Integrator<'_> {
 
     /// Any-hit for shadow rays among surfaces that may be absent.
     pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
-        let Workspace {
-            wave,
-            shadow_rays,
-            shadow_vertices,
-            occluded,
-            ray_counts,
-            pending,
-            pending_rays,
-            pending_hits,
-            shadow_ways,
-            passed_kinds,
-            without,
-            ..
-        } = &mut *w;
-        if pending_hits.len() < shadow_rays.len() {
-            pending_hits.resize(shadow_rays.len(), Hit::MISS);
-        }
-        self.scene.accel.any(shadow_rays, pending_hits);
-        ray_counts.all += shadow_rays.len() as u64;
-        let doubtful = self.doubtful(*without);
-        // Most hit nothing, or something that is there.
-        pending.clear();
-        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = hit.is_hit()
-                && doubtful[self.scene.geometries.material(hit) as usize]
-                && (*without || !self.is_surely_front(&shadow_rays[k], hit));
-            *occluded = hit.is_hit() && !is_doubtful;
-            if is_doubtful {
-                pending.push(k as u32);
-            }
-        }
+        self.find_doubtful(w);
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, .. } = w;
+        let (pending, pending_rays, pending_hits) =
+            (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
+        let (shadow_ways, passed_kinds) = (&mut w.shadow_ways, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
@@ -180,6 +154,28 @@ impl Integrator<'_> {
                 self.step_past(&mut shadow_rays[k], &hit);
                 true
             });
+        }
+    }
+
+    /// Finds the shadow rays that hit what may be absent; of others it is known whether they are occluded.
+    fn find_doubtful(&self, w: &mut Workspace) {
+        let Workspace { shadow_rays, occluded, ray_counts, pending, pending_hits, without, .. } = &mut *w;
+        if pending_hits.len() < shadow_rays.len() {
+            pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        }
+        self.scene.accel.any(shadow_rays, pending_hits);
+        ray_counts.all += shadow_rays.len() as u64;
+        let doubtful = self.doubtful(*without);
+        // Most hit nothing, or something that is there.
+        pending.clear();
+        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
+            let is_doubtful = hit.is_hit()
+                && doubtful[self.scene.geometries.material(hit) as usize]
+                && (*without || !self.is_surely_front(&shadow_rays[k], hit));
+            *occluded = hit.is_hit() && !is_doubtful;
+            if is_doubtful {
+                pending.push(k as u32);
+            }
         }
     }
 
