@@ -4,6 +4,7 @@ use super::aov_arg::AovParser;
 use super::asset_args::AssetArgs;
 use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
+use super::exr_args::ExrArgs;
 use super::frames::Frames;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
@@ -285,6 +286,8 @@ pub(crate) struct RenderArgs {
     pub long: LongArgs,
     #[command(flatten)]
     pub picture: PictureArgs,
+    #[command(flatten)]
+    pub exr: ExrArgs,
     #[command(flatten)]
     pub stage: StageArgs,
     #[command(flatten)]

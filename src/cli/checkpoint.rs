@@ -149,6 +149,9 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
             "give --aov albedo,normal,depth,variance; 'oscura denoise' takes the noise out of the merged EXR";
         return Err(Error::usage(message).with_help(help));
     }
+    if args.exr.overscan.is_some() && args.output.iter().any(is_part) {
+        return Err(Error::usage("--overscan goes into pictures, not into .part files"));
+    }
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),
         _ => Ok(()),

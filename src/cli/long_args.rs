@@ -102,7 +102,7 @@ fn range(text: &str) -> Result<(u32, u32), String> {
     ends.filter(|(a, b)| a < b).ok_or_else(|| "not a range of samples such as 0..64".to_string())
 }
 
-fn region(text: &str) -> Result<Region, String> {
+pub(super) fn region(text: &str) -> Result<Region, String> {
     let numbers: Option<Vec<u32>> = text.split(',').map(|n| n.trim().parse().ok()).collect();
     match numbers.as_deref() {
         Some(&[x0, y0, x1, y1]) if x0 < x1 && y0 < y1 => Ok(Region { x0, y0, x1, y1 }),

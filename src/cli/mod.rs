@@ -25,6 +25,7 @@ mod denoise;
 mod environment;
 mod excerpt;
 mod export;
+mod exr_args;
 mod frames;
 mod help;
 mod info;

@@ -5,7 +5,8 @@ use super::terms;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Film;
 use oscura::output::{
-    Format, Metadata, OutputOptions, PngOptions, check_target, encode, is_same_target, write_atomically,
+    ExrOptions, ExrWindow, Format, Metadata, OutputOptions, PngOptions, check_target, encode, is_same_target,
+    write_atomically,
 };
 use oscura::render::{Picture, Rendering};
 use std::borrow::Cow;
@@ -82,11 +83,15 @@ pub(crate) struct How {
     pub reproducible: bool,
     /// Write 32-bit colours.
     pub float: bool,
+    /// How EXRs lie on the disk.
+    pub exr: ExrOptions,
 }
 
-impl From<&RenderArgs> for How {
-    fn from(args: &RenderArgs) -> How {
-        How { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float }
+impl How {
+    /// As the arguments say, of pixels that stand so in the frame.
+    pub fn of(args: &RenderArgs, window: Option<ExrWindow>) -> How {
+        let exr = args.exr.options(window);
+        How { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float, exr }
     }
 }
 
@@ -143,7 +148,7 @@ impl<'a> Pictures<'a> {
         if how.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }
-        let options = OutputOptions { float: how.float, png, metadata };
+        let options = OutputOptions { float: how.float, exr: how.exr.clone(), png, metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.pictures {
             let bytes = encode(&film, *format, &options, path).map(|encoded| {

@@ -50,7 +50,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         light_groups: args.light_groups,
         planned: args.long.plan.unwrap_or(0),
         sample_range: args.long.sample_range,
-        region: args.long.region,
+        region: args.long.region.or(args.exr.crop),
         halves: false,
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,

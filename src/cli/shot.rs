@@ -4,8 +4,9 @@ use super::Outcome;
 use super::args::RenderArgs;
 use super::checkpoint::Keeper;
 use super::environment::EnvironmentOverride;
+use super::exr_args::Framed;
 use super::page::Preview;
-use super::pictures::{Pictures, Shot, Targets};
+use super::pictures::{How, Pictures, Shot, Targets};
 use super::process::peak_memory;
 use super::progress::{Progress, Waiting};
 use super::report::{Run, Said};
@@ -92,15 +93,16 @@ pub(super) fn run_one(
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, mut warnings, left_out } =
-        prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    let prepared = prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
+    let Prepared { scene, labels, camera, settled, how, kept_aovs, .. } = prepared;
+    let Prepared { build, load_s, notes, mut warnings, left_out, .. } = prepared;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
     targets.check_size(settled.options.width, settled.options.height)?;
     let png = png(args, settled.exposure, is_stage_lit);
-    let encode = |shot: Shot| Pictures::encode(&args.into(), targets, shot, png, &warnings);
+    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
         .placed(loaded.scene.backdrop.clone(), loaded.offset);
@@ -247,6 +249,7 @@ struct Prepared {
     labels: Labels,
     camera: Camera,
     settled: Settled,
+    how: How,
     /// AOVs that the files are to have.
     kept_aovs: AovSet,
     build: CompileReport,
@@ -282,7 +285,13 @@ fn prepare(
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
     limits::before_building(args, loaded, &settled)?;
-    let camera = settled.camera(&loaded.scene)?.clone();
+    let frame = (settled.options.width, settled.options.height);
+    let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
+    let mut camera = settled.camera(&loaded.scene)?.clone();
+    if let Some(framed) = framed {
+        camera = framed.widened(camera);
+        settled.options = settled.options.size(framed.size.0, framed.size.1);
+    }
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
     compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
@@ -293,7 +302,8 @@ fn prepare(
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    Ok(Prepared { scene, labels, camera, settled, kept_aovs, build, load_s, notes, warnings, left_out })
+    let how = How::of(args, framed.map(Framed::window));
+    Ok(Prepared { scene, labels, camera, settled, how, kept_aovs, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

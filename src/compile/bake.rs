@@ -1,5 +1,6 @@
 //! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
 
+use super::classes::Class;
 use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, Owners};
@@ -76,13 +77,15 @@ pub(super) fn bake(
             needs.uv[0] |= plan.keeps_uv;
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
-            world.append(mesh, instance.material, &step.world_from_object, needs, is_hidden);
+            let class = plan.classes.of_object(&instance.name);
+            world.append(mesh, (instance.material, class), &step.world_from_object, needs, is_hidden);
         } else {
-            shared[step.geometry] = Some(Arc::new(share(mesh, materials, plan.keeps_uv)));
+            let class = plan.mesh_classes[step.geometry];
+            shared[step.geometry] = Some(Arc::new(share(mesh, class, materials, plan.keeps_uv)));
         }
     }
     let world = kept.world.unwrap_or_else(|| {
-        world.append_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
+        world.append_shapes(scene, materials, origin, &numbering, plan);
         world.measure();
         Arc::new(world)
     });
@@ -96,7 +99,8 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
     for place in [Place::Still, Place::Moving] {
         first_moving = instances.len();
         for step in plan.steps.iter().filter(|s| s.place == place) {
-            let material = scene.instances[step.instance].material;
+            let class = plan.mesh_classes[step.geometry];
+            let material = scene.instances[step.instance].material.map(|id| class.material(id));
             geometries.placements.push(placement(step, material, numbering.instance(step.instance)));
             instances.push(AccelInstance {
                 // The accelerator counts the world, too.
@@ -108,14 +112,14 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
     Baked { geometries, instances, first_moving }
 }
 
-fn placement(step: &Step, material: Option<MaterialId>, object: ObjectId) -> Placement {
+fn placement(step: &Step, material: Option<u32>, object: ObjectId) -> Placement {
     let DAffine3 { matrix3, translation } = step.world_from_object;
     let world_from_object = Transform {
         linear: matrix3.as_mat3(),
         translation: translation.as_vec3(),
         normal_from_object: normal_matrix(&matrix3).as_mat3(),
     };
-    Placement { geometry: step.geometry as u32, world_from_object, material: material.map(|m| m.0), object }
+    Placement { geometry: step.geometry as u32, world_from_object, material, object }
 }
 
 fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {
@@ -137,7 +141,7 @@ fn normal_matrix(m: &DMat3) -> DMat3 {
 }
 
 /// A mesh in a space of its own.
-fn share(mesh: &Mesh, materials: &[CompiledMaterial], keeps_uv: bool) -> Space {
+fn share(mesh: &Mesh, class: Class, materials: &[CompiledMaterial], keeps_uv: bool) -> Space {
     // Every use may bring its own material.
     let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
     let needs = Needs {
@@ -147,7 +151,7 @@ fn share(mesh: &Mesh, materials: &[CompiledMaterial], keeps_uv: bool) -> Space {
         colors: any(|m| m.uses_vertex_colors),
     };
     let mut space = Space::EMPTY;
-    space.append(mesh, None, &DAffine3::IDENTITY, needs, |_| false);
+    space.append(mesh, (None, class), &DAffine3::IDENTITY, needs, |_| false);
     space.measure();
     space
 }
@@ -183,7 +187,7 @@ impl Space {
     fn append(
         &mut self,
         mesh: &Mesh,
-        material: Option<MaterialId>,
+        (material, class): (Option<MaterialId>, Class),
         placed: &DAffine3,
         needs: Needs,
         is_hidden: impl Fn(MaterialId) -> bool,
@@ -209,7 +213,7 @@ impl Space {
             if !is_hidden(id) {
                 let triangles = mesh.triangles.iter().skip(part.first_triangle as usize);
                 shapes.triangles.extend(triangles.take(part.triangle_count as usize).map(turned));
-                attributes.materials.resize(shapes.triangles.len(), id.0);
+                attributes.materials.resize(shapes.triangles.len(), class.material(id));
             }
         }
         attributes.append(mesh, placed, needs, first as usize);
@@ -222,7 +226,7 @@ impl Space {
         materials: &[CompiledMaterial],
         origin: DVec3,
         numbering: &Numbering,
-        keeps_uv: bool,
+        plan: &Plan,
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
@@ -233,13 +237,13 @@ impl Space {
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
-            attributes.materials.push(quad.material.0);
+            attributes.materials.push(plan.classes.of_object(&quad.name).material(quad.material));
         }
-        let turns = keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
+        let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         for (i, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| is_seen(shape.material)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
-            attributes.materials.push(shape.material.0);
+            attributes.materials.push(plan.classes.of_object(&shape.name).material(shape.material));
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }

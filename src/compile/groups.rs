@@ -44,6 +44,7 @@ impl LightGroups {
         let mut lights = vec![0; emitters.lights.len()];
         for &(prim, light) in &emitters.light_of_primitive {
             let material = geometries.world.attributes.materials[prim as usize];
+            let material = material % scene.materials.len() as u32;
             lights[light as usize] = groups.of_surface(geometries.world.owners.of(prim), material);
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));

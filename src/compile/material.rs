@@ -6,7 +6,10 @@ use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingMode
 use crate::color::Rgb;
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
-use crate::scene::{AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, Parameters, Transmission};
+use crate::scene::{
+    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, ObjectTraits, Parameters, RayKinds,
+    Transmission,
+};
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
 
@@ -35,8 +38,8 @@ pub struct CompiledMaterial {
     pub normal_map: Option<NormalMap>,
     /// Where the surface is absent; `None` is nowhere.
     pub alpha: Option<Alpha>,
-    /// It shines and is absent for some rays, which take its light along.
-    pub lamp: Option<LampPresence>,
+    /// It is absent for some rays, or a hole in the picture.
+    pub presence: Option<Presence>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
     /// Texture coordinates are needed.
@@ -59,13 +62,23 @@ pub struct CompiledEmission {
     pub beam: Beam,
 }
 
-/// Which rays meet a lamp; see [`scene::Lamp`](crate::scene::Lamp).
-#[derive(Clone, Copy, Debug)]
-pub struct LampPresence {
-    /// Those of the camera.
-    pub visible_to_camera: bool,
-    /// All others.
+/// Which rays meet a surface; see [`Lamp`](crate::scene::Lamp) and [`ObjectTraits`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Presence {
+    /// Rays of other kinds pass as if nothing was there.
+    pub visible_to: RayKinds,
+    /// Rays end at it; else they take its light along.
     pub is_obstacle: bool,
+    /// Camera rays end at it without light, and the picture is transparent there.
+    pub is_holdout: bool,
+    /// The camera sees only what other objects change on it.
+    pub is_catcher: bool,
+}
+
+impl Presence {
+    /// That of most surfaces.
+    const FULL: Presence =
+        Presence { visible_to: RayKinds::ALL, is_obstacle: true, is_holdout: false, is_catcher: false };
 }
 
 /// Partial presence.
@@ -114,9 +127,11 @@ impl CompiledMaterial {
             })
         });
         let alpha = alpha_of(material, textures);
-        let lamp = material.lamp.filter(|l| !(l.visible_to_camera && l.is_obstacle) && alpha.is_none());
-        let lamp =
-            lamp.map(|l| LampPresence { visible_to_camera: l.visible_to_camera, is_obstacle: l.is_obstacle });
+        let presence = material.lamp.map(|l| Presence {
+            visible_to: l.visible_to,
+            is_obstacle: l.is_obstacle || alpha.is_some(),
+            ..Presence::FULL
+        });
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
         let is_textured = has_textures(&model);
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
@@ -145,13 +160,33 @@ impl CompiledMaterial {
             medium_index: 0,
             normal_map,
             alpha,
-            lamp,
+            presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors,
             uses_uv,
             uses_frame,
             coat_normal_map,
             program,
         }
+    }
+
+    /// The same material of objects with traits.
+    pub(super) fn with_traits(&self, traits: &ObjectTraits) -> CompiledMaterial {
+        let own = self.presence.unwrap_or(Presence::FULL);
+        let visible_to = own.visible_to.and(traits.visible_to);
+        let (is_holdout, is_catcher) = (traits.is_holdout, traits.is_shadow_catcher);
+        let presence = Presence { visible_to, is_holdout, is_catcher, ..own };
+        CompiledMaterial { presence: Some(presence).filter(|p| *p != Presence::FULL), ..self.clone() }
+    }
+
+    /// Is it left out where the effect of objects on shadow catchers is told? Lamps are not, which scatter nothing.
+    pub fn is_of_caught_object(&self) -> bool {
+        let is_lamp = self.class == BsdfClass::Black && self.emission.is_some();
+        !is_lamp && !self.presence.is_some_and(|presence| presence.is_catcher)
+    }
+
+    /// The rays that see it.
+    pub fn visible_to(&self) -> RayKinds {
+        self.presence.map_or(RayKinds::ALL, |presence| presence.visible_to)
     }
 
     /// Is it absent everywhere?
@@ -162,7 +197,7 @@ impl CompiledMaterial {
     /// May rays pass its surface?
     pub fn may_be_absent(&self) -> bool {
         self.alpha.is_some()
-            || self.lamp.is_some()
+            || self.presence.is_some()
             || self.is_absent_from_behind
             || self.passes_straight
             || self.is_boundary

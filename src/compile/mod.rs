@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod classes;
 mod compiler;
 mod content;
 mod density;
@@ -26,7 +27,7 @@ pub use compiler::Compiler;
 pub use content::{Fingerprint, of_mesh};
 pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
-pub use material::{Alpha, CompiledEmission, CompiledMaterial, LampPresence};
+pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};
 pub use medium::Medium;
 pub use objects::ObjectId;
 pub use run::compile;

@@ -1,5 +1,6 @@
 //! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
 
+use super::classes::{Class, Classes};
 use super::content::{self, Fingerprint};
 use super::material::CompiledMaterial;
 use crate::error::Warning;
@@ -50,10 +51,14 @@ pub(super) struct Plan {
     pub steps: Vec<Step>,
     /// The meshes that are not copied, by index in the scene.
     pub meshes: Vec<usize>,
+    /// Whose copies of materials these have.
+    pub mesh_classes: Vec<Class>,
     /// The first of these that changes its shape.
     pub first_changing: usize,
     /// Texture coordinates are kept even if no material asks for them.
     pub keeps_uv: bool,
+    /// The objects with copies of materials of their own.
+    pub classes: Classes,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
     pub keys: Option<Keys>,
 }
@@ -69,7 +74,7 @@ pub(super) struct Keys {
 
 /// Decides. Instances that no ray can hit are left out, with the reason.
 pub(super) fn plan(
-    scene: &Scene,
+    (scene, classes): (&Scene, &Classes),
     materials: &[CompiledMaterial],
     origin: DVec3,
     is_sequence: bool,
@@ -107,27 +112,29 @@ pub(super) fn plan(
     if invisible > 0 {
         left_out.push(format!("{invisible} placements whose materials are fully transparent"));
     }
-    plan.number_meshes(scene);
+    plan.number_meshes(scene, classes);
     plan.report(scene, &uses, left_out);
     if keeps {
-        plan.keys = Some(plan.keys_of(scene, materials, origin));
+        plan.keys = Some(plan.keys_of((scene, classes), materials, origin));
     }
     plan
 }
 
 impl Plan {
     /// Gives each mesh that is not copied its number, those that change the last.
-    fn number_meshes(&mut self, scene: &Scene) {
+    fn number_meshes(&mut self, scene: &Scene, classes: &Classes) {
         for is_changing in [false, true] {
-            let mut known: HashMap<usize, usize> = HashMap::new();
+            let mut known: HashMap<(usize, Class), usize> = HashMap::new();
             for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
                 let instance = &scene.instances[step.instance];
                 let changes = step.place == Place::Moving && instance.motion == Motion::Deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
-                    step.geometry = *known.entry(instance.mesh.index()).or_insert(next);
+                    let class = classes.of_object(&instance.name);
+                    step.geometry = *known.entry((instance.mesh.index(), class)).or_insert(next);
                     if step.geometry == next {
                         self.meshes.push(instance.mesh.index());
+                        self.mesh_classes.push(class);
                     }
                 }
             }
@@ -154,10 +161,16 @@ impl Plan {
         }
     }
 
-    fn keys_of(&self, scene: &Scene, materials: &[CompiledMaterial], origin: DVec3) -> Keys {
-        let normal_sets: Vec<Option<usize>> =
-            (0..materials.len()).map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene)).collect();
-        let of_materials = content::of_materials(materials, &normal_sets);
+    fn keys_of(
+        &self,
+        (scene, classes): (&Scene, &Classes),
+        materials: &[CompiledMaterial],
+        origin: DVec3,
+    ) -> Keys {
+        let normal_sets: Vec<Option<usize>> = (0..scene.materials.len())
+            .map(|m| normal_map_set([MaterialId(m as u32)].into_iter(), scene))
+            .collect();
+        let of_materials = content::of_materials(&materials[..scene.materials.len()], &normal_sets);
         let mut is_used = vec![false; scene.meshes.len()];
         let stays = |s: &&Step| s.place == Place::World;
         let copied = self.steps.iter().filter(stays).map(|s| scene.instances[s.instance].mesh.index());
@@ -167,7 +180,8 @@ impl Plan {
             .collect();
         let shared = self.meshes[..self.first_changing]
             .iter()
-            .map(|&m| of_materials.with_print(of_meshes[m]))
+            .zip(&self.mesh_classes)
+            .map(|(&m, class)| of_materials.with(u64::from(class.0)).with_print(of_meshes[m]))
             .collect();
         let mut world = of_materials.with_vector(origin);
         for step in self.steps.iter().filter(|s| s.place != Place::Moving) {
@@ -178,9 +192,13 @@ impl Plan {
                 .with(step.geometry as u64)
                 .with(u64::from(step.place == Place::World))
                 .with(material)
+                .with(u64::from(classes.of_object(&instance.name).0))
                 .with_transform(&step.world_from_object)
                 .with_print(of_meshes[instance.mesh.index()]);
         }
+        let named =
+            scene.quads.iter().map(|quad| &quad.name).chain(scene.shapes.iter().map(|shape| &shape.name));
+        world = named.fold(world, |sum, name| sum.with(u64::from(classes.of_object(name).0)));
         Keys { shared, world: with_shapes(world, scene) }
     }
 }

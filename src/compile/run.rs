@@ -1,5 +1,6 @@
 //! The way from a scene to a compiled one.
 
+use super::classes::{self, Classes};
 use super::emitters;
 use super::geometry::{Geometries, Transform};
 use super::groups::LightGroups;
@@ -13,7 +14,7 @@ use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3};
-use crate::scene::Scene;
+use crate::scene::{RayKinds, Scene};
 use crate::texture::CompiledTextures;
 use std::time::Instant;
 
@@ -54,9 +55,11 @@ pub(super) fn compile_after(
     let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
     let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, &mut report.warnings);
+    let classes = Classes::of(scene);
+    classes.extend(&mut materials);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
-    let plan = plan::plan(scene, &materials, anchor, is_sequence, warnings, left_out);
-    let plan = Plan { keeps_uv: options.keeps_uv, ..plan };
+    let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
+    let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);
@@ -71,7 +74,10 @@ pub(super) fn compile_after(
     let radius = scene_radius(&geometries);
     let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
     report.lights = lights.len() as u64;
+    let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
+    let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, &geometries, &materials, &textures, &media);
+    let features = Features { ray_kinds: features.ray_kinds || !light_kinds.is_empty(), ..features };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -83,6 +89,9 @@ pub(super) fn compile_after(
         textures,
         lights,
         light_groups,
+        light_kinds,
+        caught_lights,
+        own_materials: scene.materials.len() as u32,
         features,
         emitters,
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
@@ -108,7 +117,12 @@ fn features(
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
-        hidden_environment: scene.is_environment_hidden,
+        environment_visible_to: scene.environment_visible_to,
+        ray_kinds: materials
+            .iter()
+            .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
+        catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
+        holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }
 }

@@ -13,7 +13,7 @@ use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{Scene, ShapeTag};
+use crate::scene::{RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -74,6 +74,12 @@ pub struct CompiledScene {
     pub lights: Lights,
     /// Which group each is in.
     pub light_groups: LightGroups,
+    /// What each lights, by number; empty where all light everything.
+    pub(super) light_kinds: Vec<RayKinds>,
+    /// By light: is it left out where the effect of objects on shadow catchers is told? Empty without catchers.
+    pub(super) caught_lights: Vec<bool>,
+    /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
+    pub(super) own_materials: u32,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.
@@ -103,8 +109,14 @@ pub struct Features {
     pub walks: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
-    /// Cameras don't see the environment.
-    pub hidden_environment: bool,
+    /// Rays that see the environment.
+    pub environment_visible_to: RayKinds,
+    /// Objects or lights are visible to some kinds of rays only, the camera's aside.
+    pub ray_kinds: bool,
+    /// Some objects cut holes into pictures.
+    pub holdouts: bool,
+    /// Of some objects cameras see only what others change on them.
+    pub catchers: bool,
 }
 
 impl CompiledScene {
@@ -112,6 +124,22 @@ impl CompiledScene {
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
         if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+    }
+
+    /// The kinds of rays that light `index` is visible to.
+    #[inline]
+    pub fn kinds_of_light(&self, index: u32) -> RayKinds {
+        self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
+    }
+
+    /// Is light `index` left out where the effect of objects on shadow catchers is told?
+    pub fn is_caught_light(&self, index: u32) -> bool {
+        self.caught_lights.get(index as usize).is_some_and(|&is_caught| is_caught)
+    }
+
+    /// The material of the scene that a compiled one stands for.
+    pub fn described_material(&self, material: u32) -> u32 {
+        material % self.own_materials.max(1)
     }
 
     /// The object of the scene at a hit.

@@ -27,10 +27,13 @@ impl Film {
 
     /// Forgets AOVs that only the way to the picture needed.
     pub fn forget(&mut self, aovs: impl IntoIterator<Item = Aov>) {
-        for aov in aovs {
-            let names = aov.info().names;
-            let is_it = |names_of: &[std::borrow::Cow<'static, str>]| names_of[0] == names[0];
-            let Some(index) = self.channels().iter().position(|c| is_it(&c.names)) else { continue };
+        self.forget_channels(aovs.into_iter().map(|aov| aov.info().names[0]));
+    }
+
+    /// The same for channels by the names of their first components.
+    pub(super) fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
+        for name in first_names {
+            let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
             let mut channels = self.channels().to_vec();
             channels.remove(index);
             self.sums.remove(index - 1);

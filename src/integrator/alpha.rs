@@ -4,12 +4,15 @@
 //! smooth thin sheets do is in [`super::sheets`].
 
 use super::Integrator;
+use super::kinds::OF_LIGHT_SAMPLES;
 use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
+use crate::compile::CompiledMaterial;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
+use crate::scene::RayKinds;
 use crate::shape::Surface;
 
 /// Surfaces in a row that a ray may pass; a guard against endless stacks.
@@ -18,27 +21,37 @@ const MAX_PASSES: u32 = 4096;
 impl Integrator<'_> {
     /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
+        let doubtful = self.doubtful(w.without);
         w.pending.clear();
         w.materials.clear();
         for (i, hit) in w.hits.iter().enumerate() {
             let mut material = 0;
             if hit.is_hit() {
                 material = self.scene.geometries.material(hit);
-                if self.may_be_absent[material as usize] {
+                if doubtful[material as usize] {
                     w.pending.push(i as u32);
                 }
             }
             w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, without, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
-                let carried = &mut arriving.carried;
+                if self.is_left_out(*without, &hits[i]) {
+                    return true;
+                }
+                let carried = &arriving.carried;
                 let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
                 let salt = salt.wrapping_add(pass);
-                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt)
-                    || self.passes_sheet(i, &rays[i], &hits[i], salt, carried)
+                match self.meet(&rays[i], &hits[i], self.kind(bounce, i, arriving), || salt) {
+                    Meeting::Stops => self.passes_sheet(i, &rays[i], &hits[i], salt, &mut arriving.carried),
+                    Meeting::Passes => true,
+                    Meeting::PassesUnseen(others) => {
+                        self.pass_unseen(i, others, arriving);
+                        true
+                    }
+                }
             });
             if pending.is_empty() {
                 return;
@@ -70,9 +83,13 @@ impl Integrator<'_> {
         for k in 0..w.pending.len() {
             let i = w.pending[k] as usize;
             let hit = w.hits[i];
+            if self.is_left_out(w.without, &hit) {
+                continue;
+            }
             let material = &self.scene.materials[self.scene.geometries.material(&hit) as usize];
+            let kind = self.kind(bounce, i, &w.arriving);
             if material.emission.is_none()
-                || !material.lamp.is_some_and(|l| l.visible_to_camera || bounce > 0)
+                || !material.presence.is_some_and(|p| !p.is_obstacle && p.visible_to.contains(kind))
             {
                 continue;
             }
@@ -88,32 +105,11 @@ impl Integrator<'_> {
 
     /// Any-hit for shadow rays among surfaces that may be absent.
     pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
-        let Workspace {
-            wave,
-            shadow_rays,
-            shadow_vertices,
-            occluded,
-            ray_counts,
-            pending,
-            pending_rays,
-            pending_hits,
-            shadow_ways,
-            ..
-        } = &mut *w;
-        if pending_hits.len() < shadow_rays.len() {
-            pending_hits.resize(shadow_rays.len(), Hit::MISS);
-        }
-        self.scene.accel.any(shadow_rays, pending_hits);
-        ray_counts.all += shadow_rays.len() as u64;
-        // Most hit nothing, or something that is there.
-        pending.clear();
-        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_front(&shadow_rays[k], hit);
-            *occluded = hit.is_hit() && !is_doubtful;
-            if is_doubtful {
-                pending.push(k as u32);
-            }
-        }
+        self.find_doubtful(w);
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, .. } = w;
+        let (pending, pending_rays, pending_hits) =
+            (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
+        let (shadow_ways, passed_kinds) = (&mut w.shadow_ways, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
@@ -133,19 +129,53 @@ impl Integrator<'_> {
                 if !hit.is_hit() {
                     return false;
                 }
+                if self.is_left_out(*without, &hit) {
+                    self.step_past(&mut shadow_rays[k], &hit);
+                    return true;
+                }
                 let i = shadow_vertices[k] as usize;
                 let path = &paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass))
-                    && !self.light_passes_sheet(i, &shadow_rays[k], &hit, light)
-                {
-                    occluded[k] = true;
-                    return false;
+                match self.meet(&shadow_rays[k], &hit, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass)) {
+                    Meeting::Stops => {
+                        if !self.light_passes_sheet(i, &shadow_rays[k], &hit, light) {
+                            occluded[k] = true;
+                            return false;
+                        }
+                    }
+                    Meeting::Passes => {}
+                    Meeting::PassesUnseen(others) => {
+                        if let Some(passed) = passed_kinds.get_mut(k) {
+                            *passed = passed.with(others);
+                        }
+                    }
                 }
                 self.cross_with_light(i, &shadow_rays[k], &hit, shadow_ways.get_mut(k), light);
                 self.step_past(&mut shadow_rays[k], &hit);
                 true
             });
+        }
+    }
+
+    /// Finds the shadow rays that hit what may be absent; of others it is known whether they are occluded.
+    fn find_doubtful(&self, w: &mut Workspace) {
+        let Workspace { shadow_rays, occluded, ray_counts, pending, pending_hits, without, .. } = &mut *w;
+        if pending_hits.len() < shadow_rays.len() {
+            pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        }
+        self.scene.accel.any(shadow_rays, pending_hits);
+        ray_counts.all += shadow_rays.len() as u64;
+        let doubtful = self.doubtful(*without);
+        // Most hit nothing, or something that is there.
+        pending.clear();
+        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
+            let is_doubtful = hit.is_hit()
+                && doubtful[self.scene.geometries.material(hit) as usize]
+                && (*without || !self.is_surely_front(&shadow_rays[k], hit));
+            *occluded = hit.is_hit() && !is_doubtful;
+            if is_doubtful {
+                pending.push(k as u32);
+            }
         }
     }
 
@@ -160,7 +190,7 @@ impl Integrator<'_> {
     fn is_surely_front(&self, ray: &Ray, hit: &Hit) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
-            && material.lamp.is_none()
+            && material.presence.is_none()
             && !material.passes_straight
             && !material.is_boundary
             && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
@@ -183,19 +213,28 @@ impl Integrator<'_> {
         }
     }
 
-    /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
+    /// What a ray of a kind meets where it hit. Nothing hit stops it: there is nothing to pass.
     #[inline(always)]
-    fn is_present(&self, ray: &Ray, hit: &Hit, is_of_camera: bool, salt: impl Fn() -> u32) -> bool {
+    fn meet(&self, ray: &Ray, hit: &Hit, kind: RayKinds, salt: impl Fn() -> u32) -> Meeting {
         if !hit.is_hit() {
-            return true;
+            return Meeting::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        if material.is_boundary || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
-            return false;
+        let is_there = !material.is_boundary
+            && !(material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit))
+            && self.is_present(material, ray, hit, salt);
+        match material.presence {
+            _ if !is_there => Meeting::Passes,
+            None => Meeting::Stops,
+            Some(presence) if !presence.is_obstacle => Meeting::Passes,
+            Some(presence) if presence.visible_to.contains(kind) => Meeting::Stops,
+            Some(presence) => Meeting::PassesUnseen(presence.visible_to),
         }
-        if let Some(lamp) = material.lamp {
-            return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
-        }
+    }
+
+    /// Does alpha say that the surface is there?
+    #[inline(always)]
+    fn is_present(&self, material: &CompiledMaterial, ray: &Ray, hit: &Hit, salt: impl Fn() -> u32) -> bool {
         let Some(alpha) = material.alpha else { return true };
         let surface: Surface = self.scene.geometries.surface(ray, hit);
         let at = self.scene.geometries.coordinates(&surface, hit, false);
@@ -203,4 +242,14 @@ impl Integrator<'_> {
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
         unit(hash32(salt())) < presence
     }
+}
+
+/// What a ray does where it hit a surface.
+enum Meeting {
+    /// It ends there.
+    Stops,
+    /// It goes on: nothing is there, or what only takes its light along.
+    Passes,
+    /// It goes on, but rays of these kinds end there.
+    PassesUnseen(RayKinds),
 }

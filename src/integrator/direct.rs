@@ -13,6 +13,7 @@ use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::math::{Ray, offset_along};
 use crate::sampling::power_heuristic;
+use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
 
@@ -38,7 +39,9 @@ impl Integrator<'_> {
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
-            if r[i].max(g[i]).max(b[i]) > 0.0 {
+            let light_is_there =
+                !w.without || !self.scene.is_caught_light(self.only_light.unwrap_or(light.index[i]));
+            if light_is_there && r[i].max(g[i]).max(b[i]) > 0.0 {
                 let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
                 w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });
@@ -52,12 +55,16 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.end_shadow_ways(w);
         }
-        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, .. } = w;
+        let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, passed_kinds, .. } = w;
         let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
-        for (&i, &occluded) in shadow_vertices.iter().zip(&*occluded) {
+        for (k, (&i, &occluded)) in shadow_vertices.iter().zip(&*occluded).enumerate() {
             if !occluded {
                 let i = i as usize;
-                let value = get_rgb(&v.light.contribution, i);
+                let mut value = get_rgb(&v.light.contribution, i);
+                if self.parts.kinds {
+                    let passed = passed_kinds.get(k).copied().unwrap_or(RayKinds::NONE);
+                    value *= self.visible_share((bounce, i), passed, sorted, wave, bsdfs);
+                }
                 sink.add(paths.carried.sample[i], value);
                 if divides {
                     sink.divide(paths.carried.sample[i], value, || {
@@ -74,6 +81,10 @@ impl Integrator<'_> {
     pub(super) fn test_shadow_rays(&self, bounce: u32, w: &mut Workspace) {
         w.occluded.clear();
         w.occluded.resize(w.shadow_rays.len(), false);
+        w.passed_kinds.clear();
+        if self.parts.kinds {
+            w.passed_kinds.resize(w.shadow_rays.len(), RayKinds::NONE);
+        }
         if self.scene.features.alpha {
             self.occluded_by_present_surfaces(bounce, w);
         } else {

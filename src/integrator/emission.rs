@@ -11,6 +11,7 @@ use crate::color::Rgb;
 use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
+use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
@@ -32,6 +33,9 @@ impl Integrator<'_> {
         if path.pdf[i] > 0.0
             && let Some(index) = light
         {
+            if self.is_shadowed(i, &w.arriving) {
+                return;
+            }
             let area = &self.scene.lights.area()[index as usize];
             let p = w.rays[i].origin;
             let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
@@ -42,7 +46,10 @@ impl Integrator<'_> {
             way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
             group: match light {
                 Some(index) => self.scene.light_groups.of_light(index),
-                None => self.scene.light_groups.of_surface(self.scene.object_at(hit), surface.material),
+                None => {
+                    let material = self.scene.described_material(surface.material);
+                    self.scene.light_groups.of_surface(self.scene.object_at(hit), material)
+                }
             },
         });
     }
@@ -53,6 +60,9 @@ impl Integrator<'_> {
             let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
+                if self.parts.kinds && !self.brings_light(bounce, i, selected.index, &w.arriving) {
+                    continue;
+                }
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
                 let value = get_rgb(&path.throughput, i) * sun.radiance * weight;
                 w.sink.contribute(path.sample[i], value, || Origin {
@@ -68,10 +78,13 @@ impl Integrator<'_> {
         let lights = &self.scene.lights;
         if bounce > 0 {
             self.add_suns(bounce, w);
-        } else if self.scene.features.hidden_environment {
+        } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
         }
         let Some(environment) = lights.environment() else { return };
+        if self.parts.kinds {
+            self.keep_visible_escapes(bounce, w);
+        }
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, &path.pdf, scratch);
         let [_, _, _, _, _, r, g, b, pdf] = scratch;

@@ -29,7 +29,8 @@ impl FirstHit<'_> {
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
     fn values(&self, aov: Aov, &Shown { scene, view, mattes }: &Shown) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0];
-        let Surface { p, ng, ns, material, .. } = self.surface;
+        let Surface { p, ng, ns, .. } = self.surface;
+        let material = scene.described_material(self.surface.material);
         let side = if ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 };
         let object = || scene.object_at(&self.hit).0;
         // Numbers travel as bits.

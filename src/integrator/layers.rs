@@ -8,7 +8,7 @@
 
 use super::lanes::{Lanes, RgbLanes, get_rgb, per_path, set_rgb};
 use crate::color::Rgb;
-use crate::film::{Aov, AovSet, Source};
+use crate::film::{Aov, AovSet, CATCHER_PARTS, Source};
 
 per_path! {
     /// The first scattering of each path.
@@ -77,13 +77,16 @@ pub struct Layers {
     passes: AovSet,
     groups: usize,
     count: usize,
+    /// Behind the groups are those of shadow catchers.
+    catchers: bool,
 }
 
 impl Layers {
-    /// The light passes among AOVs, and the first groups of lights.
-    pub fn new(aovs: AovSet, groups: usize) -> Layers {
+    /// The light passes among AOVs, the first groups of lights, and what catchers catch.
+    pub fn new(aovs: AovSet, groups: usize, catchers: bool) -> Layers {
         let passes = aovs.of(Source::PartOfColor);
-        Layers { passes, groups, count: passes.iter().count() + groups }
+        let of_catchers = if catchers { CATCHER_PARTS } else { 0 };
+        Layers { passes, groups, count: passes.iter().count() + groups + of_catchers, catchers }
     }
 
     /// How many there are.
@@ -104,7 +107,12 @@ impl Layers {
 
     /// The place of a group.
     pub fn of_group(&self, group: usize) -> Option<usize> {
-        (group < self.groups).then(|| self.count - self.groups + group)
+        (group < self.groups).then(|| self.passes.iter().count() + group)
+    }
+
+    /// The first place of what catchers catch.
+    pub fn of_catchers(&self) -> Option<usize> {
+        self.catchers.then(|| self.count - CATCHER_PARTS)
     }
 
     /// The place of a pass.

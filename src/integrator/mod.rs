@@ -14,6 +14,7 @@
 
 mod alpha;
 mod block;
+mod catcher;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -24,6 +25,7 @@ mod flight;
 mod generate;
 mod group;
 mod interior;
+mod kinds;
 mod lanes;
 mod layers;
 mod light_samplers;
@@ -79,6 +81,8 @@ pub struct PathOptions<'a> {
     pub mattes: &'a MatteIds,
     /// How many of the scene's groups of lights are kept apart: all or none.
     pub light_groups: usize,
+    /// Tell what shadow catchers catch. Paths are neither shared nor split then.
+    pub catchers: bool,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
@@ -116,6 +120,10 @@ pub struct Integrator<'a> {
     groups: Vec<Group>,
     /// By material: may its surfaces be absent in places?
     may_be_absent: Vec<bool>,
+    /// By material: is it left out where what shadow catchers catch is told?
+    left_out: Vec<bool>,
+    /// By material: that, or may its surfaces be absent?
+    absent_or_left_out: Vec<bool>,
     /// Those of the AOVs that show first hits.
     first_hits: AovSet,
     /// Layers of the radiance that are kept.
@@ -158,13 +166,18 @@ impl<'a> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
         let groups = scene.materials.iter().map(group_of).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
-        let layers = Layers::new(options.aovs, options.light_groups);
+        let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
+        let left_out = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
+        let absent_or_left_out =
+            scene.materials.iter().map(|m| m.may_be_absent() || m.is_of_caught_object()).collect();
         let may_be_absent = scene.materials.iter().map(|m| m.may_be_absent()).collect();
         Integrator {
             scene,
             view,
             groups,
             may_be_absent,
+            left_out,
+            absent_or_left_out,
             first_hits: options.aovs.of(Source::FirstHit),
             options,
             layers,
@@ -192,7 +205,10 @@ impl<'a> Integrator<'a> {
             if w.pixels.is_empty() {
                 return true;
             }
-            if !self.trace_wave(block, w, stop) {
+            if self.catches() {
+                self.keep_starts(w);
+            }
+            if !self.trace_wave(block, w, stop) || self.catches() && !self.trace_without(w, stop) {
                 return false;
             }
             let divides = w.sink.divides();
@@ -235,9 +251,15 @@ impl<'a> Integrator<'a> {
             w.intersect(&self.scene.accel);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
+                if bounce == 0 {
+                    self.find_special(w);
+                }
             }
             let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
+            if bounce == 0 && !w.uncovered.is_empty() {
+                self.uncover(w);
+            }
             if sorted.all().is_empty() {
                 return true;
             }
@@ -252,6 +274,9 @@ impl<'a> Integrator<'a> {
             self.scatter(bounce, &sorted, w);
             if bounce == 0 && self.parts.first_bounces {
                 self.keep_first_bounces(&sorted, w);
+            }
+            if self.parts.kinds {
+                self.choose_kinds(bounce, &sorted, w);
             }
             if shares {
                 self.divide_lobes(bounce, &sorted, w);

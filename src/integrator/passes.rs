@@ -25,7 +25,14 @@ fn share(part: Rgb, whole: Rgb) -> Rgb {
 
 impl Integrator<'_> {
     /// How vertex `i` scatters light from `wi`, but for specular lobes.
-    fn scattering(&self, sorted: &Sorted, v: &Vertices, bsdfs: &[Bsdf], i: usize, wi: Vec3) -> FirstBounce {
+    pub(super) fn scattering(
+        &self,
+        sorted: &Sorted,
+        v: &Vertices,
+        bsdfs: &[Bsdf],
+        i: usize,
+        wi: Vec3,
+    ) -> FirstBounce {
         // Media scatter to all sides: they count as diffuse.
         if sorted.lambert().contains(&i) || sorted.medium().contains(&i) {
             return FirstBounce::DIFFUSE;

@@ -152,6 +152,21 @@ impl Sink {
         self.samples[sample as usize][3] = 1.0;
     }
 
+    /// Makes a sample transparent, whatever is there.
+    pub fn uncover(&mut self, sample: u32) {
+        self.samples[sample as usize][3] = 0.0;
+    }
+
+    /// Keeps what a sample found on a shadow catcher: with other objects, and without.
+    pub fn set_caught(&mut self, sample: u32, with: Rgb, without: Rgb) {
+        if let Some(first) = self.layers.of_catchers() {
+            let at = sample as usize * self.layers.count() + first;
+            self.parts[at] = with.to_array();
+            self.parts[at + 1] = without.to_array();
+            self.parts[at + 2] = [1.0; 3];
+        }
+    }
+
     /// Red, green, blue and alpha of all samples.
     pub fn samples(&self) -> &[[f32; 4]] {
         &self.samples[..self.count]

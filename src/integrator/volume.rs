@@ -177,6 +177,9 @@ impl Integrator<'_> {
         for at in 0..w.pending.len() {
             let i = w.pending[at] as usize;
             let hit = w.hits[i];
+            if self.is_left_out(w.without, &hit) {
+                continue;
+            }
             let Some(beyond) = self.beyond_boundary(&w.rays[i], &hit, w.arriving.interior[i]) else {
                 continue;
             };

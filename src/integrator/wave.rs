@@ -56,6 +56,8 @@ pub struct Paths {
     pub depth: Words,
     /// How it scattered first; where light passes are asked for.
     pub first_bounces: FirstBounces,
+    /// The kind of its ray, and what that passed; where objects differ by it. See [`super::kinds`].
+    pub kinds: Words,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -66,24 +68,36 @@ pub struct PathParts {
     pub interiors: bool,
     pub depths: bool,
     pub first_bounces: bool,
+    pub kinds: bool,
     /// One of them at least.
     any: bool,
 }
 
 impl PathParts {
+    /// All of them.
+    pub const ALL: PathParts = PathParts {
+        footprints: true,
+        receiver_normals: true,
+        interiors: true,
+        depths: true,
+        first_bounces: true,
+        kinds: true,
+        any: true,
+    };
+
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
     /// passes.
     pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
-        let Features { footprints, media: interiors, walks: depths, .. } = *features;
-        let any = footprints || receiver_normals || interiors || first_bounces;
-        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, any }
+        let Features { footprints, media: interiors, walks: depths, ray_kinds: kinds, .. } = *features;
+        let any = footprints || receiver_normals || interiors || first_bounces || kinds;
+        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, kinds, any }
     }
 }
 
 impl Paths {
     /// Makes each of the first `count` paths several, one after the other.
     pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds } = self;
         carried.repeat(count, times);
         if parts.footprints {
             footprints.repeat(count, times);
@@ -100,12 +114,15 @@ impl Paths {
         if parts.first_bounces {
             first_bounces.repeat(count, times);
         }
+        if parts.kinds {
+            kinds.repeat(count, times);
+        }
     }
 
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds } = self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
             return;
@@ -124,6 +141,9 @@ impl Paths {
         }
         if parts.first_bounces {
             first_bounces.copy_to(i, &mut other.first_bounces, k);
+        }
+        if parts.kinds {
+            kinds.copy_to(i, &mut other.kinds, k);
         }
     }
 }

@@ -11,6 +11,7 @@ use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
 use crate::math::{Hit, Ray};
+use crate::scene::RayKinds;
 
 /// All memory that tracing a block of pixels takes; made once a thread.
 pub struct Workspace {
@@ -33,6 +34,17 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
+    /// By shadow ray: the kinds of rays that stop at what it passed; where kinds differ.
+    pub(super) passed_kinds: Vec<RayKinds>,
+    /// Samples whose camera rays hit what is transparent in the picture.
+    pub(super) uncovered: Vec<u32>,
+    /// Those among them that hit shadow catchers.
+    pub(super) caught: Vec<u32>,
+    /// Objects that catchers catch the shadows of are left out now.
+    pub(super) without: bool,
+    /// How the paths of the wave started; where there are catchers.
+    pub(super) starts: Option<Box<Paths>>,
+    pub(super) start_rays: Vec<Ray>,
     /// Results by sample.
     pub(super) sink: Sink,
     /// What outputs besides colour show, by sample.
@@ -68,6 +80,12 @@ impl Workspace {
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
+            passed_kinds: Vec::new(),
+            uncovered: Vec::new(),
+            caught: Vec::new(),
+            without: false,
+            starts: None,
+            start_rays: Vec::new(),
             sink: Sink::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),

@@ -1,17 +1,19 @@
-//! OpenEXR: one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; the film's further channels
-//! stand in the same part, under the names and in the types that the film gives them.
+//! OpenEXR: by default one part, scan lines, ZIP. Colour is R, G, B, A (premultiplied), half or float; the film's further
+//! channels stand in the same part, under the names and in the types that the film gives them. [`ExrOptions`] has what else
+//! there is.
 
 use super::encoded::Encoded;
 use super::exr_header::sort_attributes;
+use super::exr_options::ExrOptions;
 use super::matte::Matte;
 use crate::error::{Choice, Warning};
-use crate::film::{Film, PixelType, Plane, Values};
+use crate::film::{Film, PixelType, Values};
 use crate::load::image::Layered;
 use crate::math::{DAffine3, DMat4, DVec3};
 use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
-    AnyChannel, AnyChannels, AttributeValue, Encoding, FlatSamples, Image, Layer, LayerAttributes, Text,
-    Vec2, WritableImage, f16,
+    AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes,
+    Text, Vec2, WritableImage, f16,
 };
 use std::fmt::Write;
 use std::io::Cursor;
@@ -47,21 +49,33 @@ pub struct Metadata {
 ///
 /// # Errors
 /// What the encoder objects to.
-pub fn encode_exr(film: &Film, float: bool, metadata: &Metadata) -> Result<Encoded, String> {
+pub fn encode_exr(
+    film: &Film,
+    float: bool,
+    options: &ExrOptions,
+    metadata: &Metadata,
+) -> Result<Encoded, String> {
     let mut clamped = 0u64;
-    let channels = channels(film, float, &mut clamped);
+    let parts = parts(film, float, options, &mut clamped);
     let warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
     let mut metadata = metadata.clone();
     metadata.warnings.extend(warnings.iter().map(Warning::to_string));
     let size = Vec2(film.width() as usize, film.height() as usize);
-    let encoding = Encoding {
-        compression: exr::prelude::Compression::ZIP16,
-        blocks: exr::image::Blocks::ScanLines,
-        line_order: exr::prelude::LineOrder::Increasing,
+    let is_multipart = parts.len() > 1;
+    let layer = |(index, (name, channels)): (usize, (String, Vec<AnyChannel<FlatSamples>>))| {
+        let mut attributes = attributes(&metadata, &name, index == 0, options);
+        if is_multipart {
+            attributes.layer_name = Some(text(&name));
+        }
+        let (x, y) = options.window.map_or((0, 0), |window| window.origin);
+        attributes.layer_position = Vec2(x, y);
+        Layer::new(size, attributes, options.encoding(), AnyChannels::sort(channels.into_iter().collect()))
     };
-    let channels = AnyChannels::sort(channels.into_iter().collect());
-    let mut image = Image::from_layer(Layer::new(size, attributes(&metadata), encoding, channels));
-    image.attributes.chromaticities = Some(rec709());
+    let layers: Vec<_> = parts.into_iter().enumerate().map(layer).collect();
+    let (width, height) = options.window.map_or((film.width(), film.height()), |window| window.frame);
+    let mut shared = ImageAttributes::with_size(Vec2(width as usize, height as usize));
+    shared.chromaticities = Some(rec709());
+    let image = Image::from_layers(shared, layers);
     let mut bytes = Cursor::new(Vec::new());
     let write = image.write();
     // The encoder brings a pool of its own with all cores.
@@ -82,25 +96,37 @@ pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
     let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
     write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
     let mut bytes = bytes.into_inner();
-    if layered.len() == 1 {
-        sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
-    }
+    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
     Ok(bytes)
 }
 
-/// All planes of the film, half floats as floats if `float`; adds to `clamped` how many values didn't fit.
-fn channels(film: &Film, float: bool, clamped: &mut u64) -> Vec<AnyChannel<FlatSamples>> {
-    let mut channel = |plane: Plane| {
+/// All planes of the film by the parts that they belong to, in the order of the film; adds to `clamped` how many values
+/// didn't fit. `float` makes half floats floats, where no type is chosen.
+fn parts(
+    film: &Film,
+    float: bool,
+    options: &ExrOptions,
+    clamped: &mut u64,
+) -> Vec<(String, Vec<AnyChannel<FlatSamples>>)> {
+    let mut parts: Vec<(String, Vec<_>)> = Vec::new();
+    for plane in film.planes() {
+        let own =
+            if float && plane.pixel_type == PixelType::Half { PixelType::Float } else { plane.pixel_type };
         let samples = match plane.values {
             Values::Uint(values) => FlatSamples::U32(values),
-            Values::Float(values) if plane.pixel_type == PixelType::Half && !float => {
+            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => {
                 to_half(&values, clamped)
             }
             Values::Float(values) => FlatSamples::F32(values),
         };
-        AnyChannel::new(plane.name, samples)
-    };
-    film.planes().map(&mut channel).collect()
+        let channel = AnyChannel::new(text(&options.name_of(plane.name)), samples);
+        let part = options.part_of(plane.name);
+        match parts.iter_mut().find(|(name, _)| *name == part) {
+            Some((_, channels)) => channels.push(channel),
+            None => parts.push((part, vec![channel])),
+        }
+    }
+    parts
 }
 
 fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {
@@ -119,6 +145,26 @@ fn overflow(clamped: u64) -> Warning {
     ))
 }
 
+/// Parts whose channels are no colours.
+const COLORLESS: [&str; 16] = [
+    "depth",
+    "nearest",
+    "P",
+    "N",
+    "Ng",
+    "facing",
+    "UV",
+    "roughness",
+    "object",
+    "material",
+    "samples",
+    "variance",
+    "motion",
+    "CryptoObject",
+    "CryptoMaterial",
+    "CryptoAsset",
+];
+
 /// Primaries and white point of ITU-R BT.709-6, table 1.
 fn rec709() -> Chromaticities {
     Chromaticities {
@@ -129,7 +175,8 @@ fn rec709() -> Chromaticities {
     }
 }
 
-fn attributes(metadata: &Metadata) -> LayerAttributes {
+/// Attributes of a part. The first has all; others those that say what their channels are.
+fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOptions) -> LayerAttributes {
     let mut attributes = LayerAttributes {
         software_name: Some(text(concat!("oscura ", env!("CARGO_PKG_VERSION")))),
         owner: metadata.owner.as_deref().map(text),
@@ -140,7 +187,9 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
         ..LayerAttributes::default()
     };
     let mut add = |name: &str, value| attributes.other.insert(text(name), value);
-    add("colorInteropID", AttributeValue::Text(text("lin_rec709_scene")));
+    let is_color = is_first || !COLORLESS.contains(&part);
+    let space = if is_color { "lin_rec709_scene" } else { "data" };
+    add("colorInteropID", AttributeValue::Text(text(space)));
     let samples = metadata.samples;
     let is_whole = samples.fract() == 0.0 && samples <= f64::from(i32::MAX);
     add(
@@ -158,7 +207,8 @@ fn attributes(metadata: &Metadata) -> LayerAttributes {
     if let Some(seconds) = metadata.render_s {
         add("renderTime", AttributeValue::F32(seconds as f32));
     }
-    for (name, value) in metadata.mattes.iter().flat_map(Matte::attributes) {
+    let here = metadata.mattes.iter().filter(|matte| is_first || matte.kind() == part);
+    for (name, value) in here.flat_map(|matte| matte.attributes(options.prefix())) {
         add(&name, AttributeValue::Text(text(&value)));
     }
     if !metadata.warnings.is_empty() {

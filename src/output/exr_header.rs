@@ -4,11 +4,27 @@
 /// Magic number and version come before the attributes.
 const ATTRIBUTES_START: usize = 8;
 
-/// Sorts the attributes of a single-part file in place. The header keeps its length, so that the offsets that follow
-/// stay right. `None` if the bytes are no such file.
+/// Of the version's bits, the one that says that there are several parts.
+const IS_MULTIPART: u8 = 1 << 4;
+
+/// Sorts the attributes of each header in place. Headers keep their length, so that the offsets that follow stay right.
+/// `None` if the bytes are no such file.
 pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
-    let mut attributes: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
+    let is_multipart = *file.get(5)? & IS_MULTIPART != 0;
     let mut at = ATTRIBUTES_START;
+    loop {
+        // Behind the header is a zero.
+        at = sort_header(file, at)? + 1;
+        if !is_multipart || *file.get(at)? == 0 {
+            return Some(());
+        }
+    }
+}
+
+/// Sorts the attributes of the header that starts at a place; returns where it ends.
+fn sort_header(file: &mut [u8], start: usize) -> Option<usize> {
+    let mut attributes: Vec<(Vec<u8>, Vec<u8>)> = Vec::new();
+    let mut at = start;
     while *file.get(at)? != 0 {
         let name_end = at + file[at..].iter().position(|&b| b == 0)?;
         let kind_end = name_end + 1 + file.get(name_end + 1..)?.iter().position(|&b| b == 0)?;
@@ -19,6 +35,6 @@ pub(super) fn sort_attributes(file: &mut [u8]) -> Option<()> {
     }
     attributes.sort();
     let sorted: Vec<u8> = attributes.into_iter().flat_map(|(_, bytes)| bytes).collect();
-    file[ATTRIBUTES_START..at].copy_from_slice(&sorted);
-    Some(())
+    file[start..at].copy_from_slice(&sorted);
+    Some(at)
 }

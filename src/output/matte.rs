@@ -29,12 +29,18 @@ impl Matte {
         self.manifest.keys().map(String::as_str)
     }
 
-    /// The attributes of the header: names and texts.
-    pub fn attributes(&self) -> [(String, String); 4] {
-        let key = matte_key(self.kind);
+    /// The name that its layers have in common.
+    pub fn kind(&self) -> &'static str {
+        self.kind
+    }
+
+    /// The attributes of the header: names and texts. The names of its layers in the file start with `prefix`.
+    pub fn attributes(&self, prefix: &str) -> [(String, String); 4] {
+        let name = format!("{prefix}{}", self.kind);
+        let key = matte_key(&name);
         let named = |what: &str, text: String| (format!("cryptomatte/{key}/{what}"), text);
         [
-            named("name", self.kind.to_string()),
+            named("name", name.clone()),
             named("hash", "MurmurHash3_32".to_string()),
             named("conversion", "uint32_to_float32".to_string()),
             named("manifest", self.manifest()),
@@ -70,7 +76,7 @@ mod tests {
     fn headers_say_what_the_specification_asks_for() {
         let names = ["hello", "a \"b\"\\", "Würfel\u{1f600}"].map(String::from);
         let matte = Matte::new("crypto_asset", names.to_vec());
-        let attributes = matte.attributes();
+        let attributes = matte.attributes("");
         assert_eq!(attributes[0], ("cryptomatte/28322e9/name".into(), "crypto_asset".into()));
         let manifest: serde_json::Value = serde_json::from_str(&attributes[3].1).expect("JSON");
         assert!(attributes[3].1.is_ascii());

@@ -7,6 +7,7 @@ mod atomic;
 mod encoded;
 mod exr;
 mod exr_header;
+mod exr_options;
 mod format;
 mod matte;
 pub mod part;
@@ -18,6 +19,7 @@ pub use animation::{Animation, AnimationFormat};
 pub use atomic::{check_target, is_same_target, remove_leftovers, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr, encode_layered};
+pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 pub use format::Format;
 pub use matte::Matte;
 pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_shown, rgba8};
@@ -32,6 +34,8 @@ use std::path::Path;
 pub struct OutputOptions {
     /// 32-bit floats for the EXR's colour instead of 16-bit ones.
     pub float: bool,
+    /// How EXRs lie on the disk.
+    pub exr: ExrOptions,
     /// How PNGs and the like look.
     pub png: PngOptions,
     /// What goes into the EXR's header.
@@ -49,7 +53,7 @@ pub fn encode(
     path: impl AsRef<Path>,
 ) -> Result<Encoded> {
     let encoded = match format {
-        Format::Exr => encode_exr(film, options.float, &options.metadata),
+        Format::Exr => encode_exr(film, options.float, &options.exr, &options.metadata),
         Format::Png => encode_png(film, &options.png),
         other => {
             let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };

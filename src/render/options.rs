@@ -110,6 +110,8 @@ pub struct RenderOptions {
     pub matte_levels: u32,
     /// Record the light of each of the scene's groups of lights besides colour. Default false.
     pub light_groups: bool,
+    /// Tell what shadow catchers catch: see [`Film::settle_catchers`](crate::film::Film::settle_catchers). Default false.
+    pub catchers: bool,
     /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
     /// Default false.
     pub halves: bool,
@@ -195,6 +197,7 @@ impl Default for RenderOptions {
             aovs: AovSet::NONE,
             matte_levels: MATTE_LEVELS,
             light_groups: false,
+            catchers: false,
             halves: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
@@ -271,6 +274,11 @@ impl RenderOptions {
     #[must_use]
     pub fn light_groups(self, light_groups: bool) -> RenderOptions {
         RenderOptions { light_groups, ..self }
+    }
+
+    /// Sets [`catchers`](RenderOptions::catchers).
+    pub fn catchers(self, catchers: bool) -> RenderOptions {
+        RenderOptions { catchers, ..self }
     }
 
     /// Sets whether the halves of the samples are kept apart.

@@ -189,9 +189,12 @@ impl Rendering {
 
     /// The picture so far, as files show it: with what lies behind it.
     pub fn shown(&self) -> Cow<'_, Film> {
-        let Some(backdrop) = &self.backdrop else { return Cow::Borrowed(&self.film) };
+        if self.backdrop.is_none() && !self.options.catchers {
+            return Cow::Borrowed(&self.film);
+        }
         let mut film = self.film.clone();
-        film.lay_behind(backdrop);
+        film.settle_catchers();
+        self.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
         Cow::Owned(film)
     }
 
@@ -216,6 +219,7 @@ impl Rendering {
     pub fn into_picture(mut self) -> Picture {
         let (statistics, warnings) = (self.statistics(), self.warnings());
         let output = self.options_with(&warnings);
+        self.film.settle_catchers();
         self.backdrop.iter().for_each(|backdrop| self.film.lay_behind(backdrop));
         Picture { film: self.film, statistics, warnings, output }
     }
@@ -382,7 +386,8 @@ impl Rendering {
 /// What the film of a picture holds.
 fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
     let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
-    let further = options.aovs.channels_with(options.matte_levels).chain(groups);
+    let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
+    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
     Layout::new(further).with_halves(options.halves)
 }
 

@@ -96,6 +96,7 @@ impl Rendering {
             matte_levels: self.options.matte_levels,
             light_groups: self.labels.light_groups.clone(),
             halves: self.options.halves,
+            catchers: self.options.catchers,
         }
     }
 

@@ -109,6 +109,7 @@ impl Choices {
             .aovs(self.aovs.union(aovs_of(&settings)?))
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
+            .catchers(scene.has_catchers())
             .planned(self.planned)
             .sample_range(self.sample_range)
             .region(self.region)

@@ -56,9 +56,14 @@ impl Choice {
     pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
         // Surfaces that are absent at random let visibility be known at random only.
         // Connections would have to cross media that scatter.
-        let can_share = !has_random_surfaces(scene) && !scene.features.scattering && options.max_depth >= 2;
+        // They would not know the kinds of rays that they stand for.
+        let can_share = !has_random_surfaces(scene)
+            && !scene.features.scattering
+            && !scene.features.ray_kinds
+            && !options.catchers
+            && options.max_depth >= 2;
         let branches = match options.splitting {
-            Splitting::Into(branches) if options.max_depth >= 1 => branches,
+            Splitting::Into(branches) if options.max_depth >= 1 && !options.catchers => branches,
             _ => 1,
         };
         let open = Choice {
@@ -66,7 +71,7 @@ impl Choice {
             may_share: can_share
                 && options.path_reuse == PathReuse::Auto
                 && matches!(options.splitting, Splitting::Auto | Splitting::OFF),
-            may_split: options.max_depth >= 1 && options.splitting == Splitting::Auto,
+            may_split: options.max_depth >= 1 && options.splitting == Splitting::Auto && !options.catchers,
         };
         match options.path_reuse {
             PathReuse::Groups(shape) if can_share => Choice::decided(Technique::Shared(shape)),
@@ -91,6 +96,10 @@ impl Choice {
             "the scene has surfaces that are partly transparent"
         } else if scene.features.scattering {
             "the scene has media that scatter"
+        } else if options.catchers {
+            "the scene has shadow catchers"
+        } else if scene.features.ray_kinds {
+            "objects or lights of the scene are visible to some kinds of rays only"
         } else {
             "there is no indirect light with so few bounces"
         };

@@ -115,6 +115,7 @@ impl PassWork<'_> {
             aovs: self.options.aovs,
             mattes: &self.labels.ids,
             light_groups: self.labels.light_groups.len(),
+            catchers: self.options.catchers,
             soft_terminator: self.options.soft_terminator,
             reuse,
             branches,

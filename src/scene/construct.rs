@@ -1,5 +1,6 @@
 //! Building scenes in code: what most things are, in one call.
 
+use super::RayKinds;
 use super::{
     Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
     MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
@@ -99,6 +100,7 @@ impl Light {
             kind: LightKind::Point { position: position.into() },
             intensity,
             group: String::new(),
+            visible_to: RayKinds::ALL,
         }
     }
 
@@ -113,7 +115,7 @@ impl Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
         let (position, fade) = (position.into(), SpotFade::Square);
         let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade };
-        Light { name: String::new(), kind, intensity, group: String::new() }
+        Light { name: String::new(), kind, intensity, group: String::new(), visible_to: RayKinds::ALL }
     }
 
     /// Parallel light that travels along `direction`, of any length but 0, with an irradiance, W/m2, on surfaces that
@@ -125,6 +127,7 @@ impl Light {
             kind: LightKind::Directional { direction },
             intensity: irradiance,
             group: String::new(),
+            visible_to: RayKinds::ALL,
         }
     }
 }

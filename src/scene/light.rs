@@ -1,5 +1,6 @@
 //! Lights without a surface.
 
+use super::visibility::RayKinds;
 use crate::math::DVec3;
 
 /// A light without a surface (KHR_lights_punctual).
@@ -14,6 +15,8 @@ pub struct Light {
     pub intensity: [f32; 3],
     /// Its group, whose light pictures may hold apart; empty for the default one.
     pub group: String,
+    /// What it lights, by the kind of ray that it stands for: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
+    pub visible_to: RayKinds,
 }
 
 /// Kinds of lights without a surface. Directions have unit length and point the way the light travels.

@@ -8,6 +8,7 @@ use super::pbr::PbrMaterial;
 use super::slot::{
     ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters, parameters_of_fields,
 };
+use super::visibility::RayKinds;
 use crate::math::DVec3;
 
 /// Emitted radiance.
@@ -38,9 +39,9 @@ pub enum AlphaMode {
 /// don't see, or things that are only there for mirrors and shadows.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Lamp {
-    /// Rays from the camera meet it; else they pass.
-    pub visible_to_camera: bool,
-    /// All other rays end at it; else they take its light along and pass.
+    /// Rays of these kinds meet it; others pass. What is invisible to a kind gives no light to it.
+    pub visible_to: RayKinds,
+    /// Rays that meet it end; else they take its light along and pass.
     pub is_obstacle: bool,
     /// Where its light goes.
     pub beam: Beam,
@@ -49,7 +50,7 @@ pub struct Lamp {
 impl Default for Lamp {
     /// A surface like others.
     fn default() -> Lamp {
-        Lamp { visible_to_camera: true, is_obstacle: true, beam: Beam::Even }
+        Lamp { visible_to: RayKinds::ALL, is_obstacle: true, beam: Beam::Even }
     }
 }
 

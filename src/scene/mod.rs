@@ -33,6 +33,7 @@ mod shape;
 mod slot;
 mod texture;
 mod validate;
+mod visibility;
 
 pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
@@ -52,6 +53,7 @@ pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
+pub use visibility::{ObjectTraits, RayKinds};
 
 use crate::image::Image;
 
@@ -82,13 +84,15 @@ pub struct Scene {
     pub environment: Environment,
     /// What fills the space around all solids.
     pub fog: Option<Fog>,
-    /// Cameras see nothing of the environment, which lights the scene all the same: pictures are transparent there.
-    pub is_environment_hidden: bool,
+    /// Which rays see the environment. Where those of the camera don't, pictures are transparent.
+    pub environment_visible_to: RayKinds,
     /// What is laid behind the picture where it is transparent.
     pub backdrop: Option<Backdrop>,
     /// Names of objects with the groups of lights of what they emit, in place of those of their materials. The last entry of a
     /// name counts.
     pub object_light_groups: Vec<(String, String)>,
+    /// Names of objects that are special to rays or to pictures, each once; see [`Scene::set_object_traits`].
+    pub object_traits: Vec<(String, ObjectTraits)>,
     /// The environment's group of lights; empty for the default one.
     pub environment_group: String,
     /// Cameras found; the first is used unless the user chooses another.

@@ -282,3 +282,49 @@ fn formats_come_from_extensions() {
         assert!(Format::of(Path::new(name)).is_err(), "{name}");
     }
 }
+
+/// All parts with their channels, and the display window.
+fn parts_of(bytes: &[u8]) -> (Vec<Layer>, exr::meta::attribute::IntegerBounds) {
+    let image = read().no_deep_data().largest_resolution_level().all_channels().all_layers().all_attributes();
+    let image = image.from_buffered(std::io::Cursor::new(bytes)).expect("our own file is valid");
+    (image.layer_data.into_vec(), image.attributes.display_window)
+}
+
+#[test]
+fn every_layout_and_compression_holds_the_same() {
+    use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
+    let film = film([Aov::Depth, Aov::Normal, Aov::Albedo].into());
+    let written = |exr: ExrOptions| {
+        let options = OutputOptions { float: true, metadata: metadata(), exr, ..Default::default() };
+        encode(&film, Format::Exr, &options, Path::new("x.exr")).expect("it can be written").bytes
+    };
+    let plain = read_back(&written(ExrOptions::default())).0;
+    let tiles = Some(16);
+    let lossless = [ExrCompression::None, ExrCompression::Rle, ExrCompression::Zips, ExrCompression::Piz];
+    for exr in lossless
+        .map(|compression| ExrOptions { compression, ..Default::default() })
+        .into_iter()
+        .chain([ExrOptions { tiles, ..Default::default() }])
+    {
+        let layer = read_back(&written(exr.clone())).0;
+        assert!(layer.channel_data == plain.channel_data, "{exr:?}");
+    }
+    let exr = ExrOptions { layout: ExrLayout::Multipart, ..Default::default() };
+    let bytes = written(exr.clone());
+    assert!(bytes == written(exr), "the same bytes each time");
+    let (parts, _) = parts_of(&bytes);
+    let names = parts.iter().map(|part| part.attributes.layer_name.as_ref().map(Text::to_string));
+    assert_eq!(names.flatten().collect::<Vec<_>>(), ["rgba", "depth", "N", "albedo"]);
+    for (part, name) in [(0, "A"), (1, "Z"), (2, "N.Z"), (3, "albedo.G")] {
+        assert_eq!(values(&parts[part], name), values(&plain, name));
+    }
+    let exr = ExrOptions { layout: ExrLayout::Layers, ..Default::default() };
+    let layer = read_back(&written(exr)).0;
+    assert_eq!(values(&layer, "ViewLayer.Combined.G"), values(&plain, "G"));
+    assert_eq!(values(&layer, "ViewLayer.Depth.Z"), values(&plain, "Z"));
+    let window = Some(ExrWindow { origin: (-3, 4), frame: (31, 40) });
+    let (parts, frame) = parts_of(&written(ExrOptions { window, ..Default::default() }));
+    assert_eq!((parts[0].attributes.layer_position.0, parts[0].attributes.layer_position.1), (-3, 4));
+    assert_eq!((frame.position.0, frame.position.1, frame.size.0, frame.size.1), (0, 0, 31, 40));
+    assert!(parts[0].channel_data == plain.channel_data);
+}

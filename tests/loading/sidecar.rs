@@ -3,7 +3,7 @@
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
-use oscura::scene::{Environment, Filter, LightKind};
+use oscura::scene::{Environment, Filter, LightKind, ObjectTraits, RayKinds};
 use std::f64::consts::PI;
 
 /// A triangle with a material whose image is missing, and two cameras; the second stands at z = 5 and looks at the origin.
@@ -184,13 +184,12 @@ fn cameras_need_not_see_a_material() {
         let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml.as_str())];
         load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
     };
-    let loaded = read("");
-    let paint = loaded.scene.materials.iter().find(|m| m.name == "paint").expect("the model's");
-    let lamp = paint.lamp.expect("what it is to cameras");
-    assert!(!lamp.visible_to_camera && lamp.is_obstacle);
-    let said =
-        |loaded: &Loaded| loaded.warnings.iter().any(|w| w.message.contains("cameras see it all the same"));
-    assert!(!said(&loaded) && said(&read("alpha = \"blend\"\n")));
+    for more in ["", "alpha = \"blend\"\n"] {
+        let loaded = read(more);
+        let paint = loaded.scene.materials.iter().find(|m| m.name == "paint").expect("the model's");
+        let lamp = paint.lamp.expect("what it is to cameras");
+        assert!(lamp.visible_to == RayKinds::ALL.without(RayKinds::CAMERA) && lamp.is_obstacle);
+    }
 }
 
 #[test]
@@ -274,4 +273,52 @@ fn a_file_that_only_gives_its_camera_adds_no_meshes() {
     assert!(loaded.scene.meshes.is_empty() && loaded.scene.images.is_empty());
     assert_eq!(loaded.scene.cameras[0].name, "front");
     assert_eq!(loaded.scene.cameras[0].lens.expect("a lens").focus_distance, 2.0);
+}
+
+#[test]
+fn objects_may_be_special_to_rays_and_pictures() {
+    let of = |line: &str| {
+        let toml = format!("[objects.\"node 0\"]\n{line}\n");
+        let scene = with_sidecar(&toml).map(|loaded| loaded.scene);
+        scene.unwrap_or_else(|e| panic!("{e}")).object_traits
+    };
+    let plain = with_sidecar("").unwrap_or_else(|e| panic!("{e}")).scene;
+    assert!(plain.object_traits.is_empty());
+    for (line, visible_to, is_holdout, is_shadow_catcher) in [
+        ("visible_to = [\"camera\", \"shadow\"]", RayKinds::CAMERA.with(RayKinds::SHADOW), false, false),
+        ("visible_to_camera = false", RayKinds::ALL.without(RayKinds::CAMERA), false, false),
+        ("holdout = true", RayKinds::ALL, true, false),
+        ("shadow_catcher = true", RayKinds::ALL, false, true),
+    ] {
+        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
+        let found: Vec<_> = of(line).into_iter().map(|(_, traits)| traits).collect();
+        assert_eq!(found, [expected], "{line}");
+    }
+    let wrong = with_sidecar("[objects.\"node 0\"]\nvisible_to = [\"camra\"]\n").expect_err("no kind");
+    assert!(wrong.to_string().contains("kinds of rays"), "{wrong}");
+}
+
+/// As custom properties of Blender come with glTF.
+#[test]
+fn extras_of_nodes_say_the_same() {
+    let of = |extras: &str| {
+        let node = format!("{{\"mesh\": 0, \"extras\": {extras}}}");
+        let model = MODEL.replace("IMAGE", PIXEL).replace("{\"mesh\": 0}", &node);
+        load_first(&[("model.gltf", &model)], &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let unseen = RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::VOLUME);
+    for (extras, visible_to, is_holdout, is_shadow_catcher) in [
+        ("{\"visible_camera\": false, \"visible_volume_scatter\": 0}", unseen, false, false),
+        ("{\"visible_to\": \"diffuse,glossy transmission, shadow\"}", unseen, false, false),
+        ("{\"visible_to\": [\"camera\"], \"holdout\": 1}", RayKinds::CAMERA, true, false),
+        ("{\"is_shadow_catcher\": true, \"visible_glossy\": true}", RayKinds::ALL, false, true),
+    ] {
+        let loaded = of(extras);
+        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
+        assert_eq!(loaded.scene.traits_of("node 0"), expected, "{extras}: {:?}", loaded.warnings);
+    }
+    let loaded = of("{\"visible_to\": \"camra\", \"visible_shadow\": \"no\"}");
+    assert!(loaded.scene.object_traits.is_empty());
+    let said = |what: &str| loaded.warnings.iter().any(|w| w.place.contains(what));
+    assert!(said("extras/visible_to") && said("extras/visible_shadow"), "{:?}", loaded.warnings);
 }

@@ -3,12 +3,18 @@
 use crate::support::{assert_radiance, camera, disk, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, Scene, SpotFade,
+    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, RayKinds, Scene,
+    SpotFade,
 };
 use std::f64::consts::PI;
 
 /// Where the camera stands that looks at the origin, a point of the floor.
 const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
+
+/// All rays but those of the camera.
+fn unseen() -> RayKinds {
+    RayKinds::ALL.without(RayKinds::CAMERA)
+}
 
 fn floor() -> Scene {
     let mut scene = Scene::default();
@@ -33,15 +39,15 @@ fn light_of_ball(radiance: f64, center: DVec3, radius: f64) -> f64 {
 fn lamps_that_stop_no_light() {
     let (high, low, near) = (DVec3::new(0.0, 3.0, 0.0), DVec3::new(0.0, 1.5, 0.0), 0.5 * EYE);
     let truth = light_of_ball(2.0, high, 0.5) + light_of_ball(1.0, low, 0.3) + light_of_ball(5.0, near, 0.1);
-    for (what, visible_to_camera, is_obstacle, truth) in [
-        ("lamps that hide nothing", false, false, truth),
-        ("a lamp that is seen through", true, false, truth + 5.0),
-        ("an obstacle that is not seen", false, true, truth),
+    for (what, visible_to, is_obstacle, truth) in [
+        ("lamps that hide nothing", unseen(), false, truth),
+        ("a lamp that is seen through", RayKinds::ALL, false, truth + 5.0),
+        ("an obstacle that is not seen", unseen(), true, truth),
     ] {
         let mut scene = floor();
-        let passed = Lamp { visible_to_camera: false, is_obstacle: false, beam: Beam::Even };
+        let passed = Lamp { visible_to: unseen(), is_obstacle: false, beam: Beam::Even };
         let (a, b) = (lamp(&mut scene, 2.0, passed), lamp(&mut scene, 1.0, passed));
-        let c = lamp(&mut scene, 5.0, Lamp { visible_to_camera, is_obstacle, beam: Beam::Even });
+        let c = lamp(&mut scene, 5.0, Lamp { visible_to, is_obstacle, beam: Beam::Even });
         sphere(&mut scene, high.into(), 0.5, a);
         sphere(&mut scene, low.into(), 0.3, b);
         sphere(&mut scene, near.into(), 0.1, c);
@@ -53,8 +59,8 @@ fn lamps_that_stop_no_light() {
 #[test]
 fn obstacles_shade() {
     let mut scene = floor();
-    let far = lamp(&mut scene, 2.0, Lamp { visible_to_camera: false, ..Lamp::default() });
-    let dark = lamp(&mut scene, 0.0, Lamp { visible_to_camera: false, ..Lamp::default() });
+    let far = lamp(&mut scene, 2.0, Lamp { visible_to: unseen(), ..Lamp::default() });
+    let dark = lamp(&mut scene, 0.0, Lamp { visible_to: unseen(), ..Lamp::default() });
     sphere(&mut scene, [0.0, 3.0, 0.0], 0.2, far);
     quad(&mut scene, [-1.0, 1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], dark);
     assert_radiance("shade", &scene, &options(8, 16, 1), 0.0, 1.0);
@@ -78,7 +84,7 @@ fn beams_of_a_grid() {
     let truth = 0.8 * 3.0 * (0..n).map(ring).sum::<f64>();
     for lights in [1, 2] {
         let mut scene = floor();
-        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to_camera: false, is_obstacle: false, beam });
+        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
         disk(&mut scene, [0.0, height, 0.0], [0.0, -1.0, 0.0], radius, lamp);
         // The origin lies outside the second one's beam.
         for _ in 1..lights {
@@ -101,7 +107,7 @@ fn cones_of_a_ball() {
         let (inner_angle_rad, outer_angle_rad, fade) = (0.3, 0.6, SpotFade::Smooth);
         let beam = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
         let mut scene = floor();
-        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to_camera: false, is_obstacle: false, beam });
+        let lamp = lamp(&mut scene, 3.0, Lamp { visible_to: unseen(), is_obstacle: false, beam });
         sphere(&mut scene, center.into(), 0.1, lamp);
         scene
     };
@@ -118,6 +124,7 @@ fn suns_of_all_sizes() {
     for angle_rad in [0.0092, 0.5, 1.5] {
         let sun = Light {
             group: String::new(),
+            visible_to: RayKinds::ALL,
             name: "sun".into(),
             intensity: [2.0; 3],
             kind: LightKind::Sun { direction, angle_rad },
@@ -146,13 +153,13 @@ fn suns_of_all_sizes() {
 /// An environment that cameras don't see lights the floor; where nothing else is seen the picture is transparent.
 #[test]
 fn hidden_environments() {
-    let mut scene = Scene { is_environment_hidden: true, ..floor() };
+    let mut scene = Scene { environment_visible_to: unseen(), ..floor() };
     scene.environment = Environment::Constant([1.0; 3]);
     assert_radiance("floor in a hidden environment", &scene, &options(16, 256, 1), 0.8, 1e-3);
     scene.cameras = vec![camera(EYE, EYE + DVec3::Y, DVec3::X, 1.0)];
     let film = picture(&scene, &options(4, 4, 4));
     assert!(film.rgba().iter().all(|pixel| *pixel == [0.0; 4]));
-    scene.is_environment_hidden = false;
+    scene.environment_visible_to = RayKinds::ALL;
     let film = picture(&scene, &options(4, 4, 4));
     assert!(film.rgba().iter().all(|pixel| *pixel == [1.0; 4]));
 }

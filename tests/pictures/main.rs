@@ -1,6 +1,7 @@
 //! Pictures of whole scenes: against closed forms, references and each other.
 
 mod adaptive;
+mod catcher;
 mod closed_form;
 mod compile_scene;
 mod converged;
@@ -21,3 +22,4 @@ mod support;
 mod textured;
 mod trees;
 mod validated;
+mod visibility;

@@ -260,6 +260,21 @@ def unseen():
     camera()
 
 
+def ray_kinds():
+    """Things that some kinds of rays don't see, lamps among them."""
+    floor()
+    world((0.3, 0.35, 0.4))
+    light("AREA", "Key", 200, (-3, -3, 5), (0.6, -0.5, 0), size=2)
+    light("AREA", "Gloss", 60, (3, -2, 3), (0.7, 0.7, 0), size=1, color=(0.3, 1, 0.3)).visible_diffuse = False
+    mirror = add("plane", material("mirror", Metallic=1, Roughness=0.1), (0, 3, 1.5), "Mirror", size=4)
+    mirror.rotation_euler = (1.5, 0, 0.3)
+    red = material("red", Base_Color=(0.8, 0.1, 0.1, 1), Roughness=0.5)
+    ball(red, (-1.6, 0, 0.8)).visible_shadow = False
+    ball(red, (0, 0.4, 0.8)).visible_glossy = False
+    ball(red, (1.6, 0, 0.8)).visible_diffuse = False
+    camera()
+
+
 def orthographic():
     still_life()
     world((0.3, 0.35, 0.4))
@@ -624,7 +639,7 @@ def ray_kinds():
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
-    world_sky, world_nodes, depth_of_field, blades, unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
+    world_sky, world_nodes, depth_of_field, blades, unseen, ray_kinds, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
 ]  # fmt: skip

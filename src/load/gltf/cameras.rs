@@ -4,9 +4,10 @@ use super::document::{Document, name_of, number_of, numbers_of, pointer, require
 use super::nodes::Node;
 use super::options::LightUnits;
 use super::report::{Report, Sound};
+use super::traits;
 use crate::error::Choice;
 use crate::math::{DAffine3, DMat3};
-use crate::scene::{Camera, GROUP_KEY, Light, LightKind, Projection, SpotFade, is_group_name};
+use crate::scene::{Camera, GROUP_KEY, Light, LightKind, ObjectTraits, Projection, SpotFade, is_group_name};
 use gltf::json::camera::Type;
 use gltf::json::validation::Checked;
 use serde_json::Value;
@@ -195,7 +196,8 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
     let node_raw = doc.json.pointer(&node.pointer()).unwrap_or(&Value::Null);
     let of_node = light_group(node_raw, &node.pointer(), report);
     let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
-    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity, group })
+    let ObjectTraits { visible_to, .. } = traits::of_node(node_raw, &node.pointer(), report);
+    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity, group, visible_to })
 }
 
 /// Inner and outer half angle of a spot light, in order.

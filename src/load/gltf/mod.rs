@@ -32,6 +32,7 @@ mod repair;
 mod report;
 mod skin;
 mod textures;
+mod traits;
 mod transform;
 mod triangles;
 mod variants;

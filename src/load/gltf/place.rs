@@ -7,11 +7,12 @@ use super::meshes::MeshReader;
 use super::nodes::{Hierarchy, Node};
 use super::report::{Report, Sound};
 use super::skin::{self, SkinPose};
+use super::traits;
 use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
 use crate::math::DAffine3;
-use crate::scene::{Instance, MeshId, Motion, Scene};
+use crate::scene::{Instance, MeshId, Motion, ObjectTraits, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
@@ -107,13 +108,17 @@ impl<'b, 'a> Builder<'b, 'a> {
         };
         let name = hierarchy.path(self.doc, entry);
         let motion = self.motion(node);
-        let group = self.doc.json.pointer(&node.pointer());
-        let group = group.and_then(|raw| cameras::light_group(raw, &node.pointer(), report));
+        let raw = self.doc.json.pointer(&node.pointer());
+        let traits = raw.map(|raw| traits::of_node(raw, &node.pointer(), report)).unwrap_or_default();
+        let group = raw.and_then(|raw| cameras::light_group(raw, &node.pointer(), report));
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
                 if let Some(group) = &group {
                     self.scene.object_light_groups.push((name.clone(), group.clone()));
+                }
+                if traits != ObjectTraits::default() {
+                    self.scene.set_object_traits(&name, traits);
                 }
                 self.scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
             }

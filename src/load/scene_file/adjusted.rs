@@ -5,6 +5,7 @@ use super::fields::{Fields, nearest};
 use super::media;
 use super::pbr;
 use super::textures::Textures;
+use super::visibility::visible_to;
 use crate::error::Warning;
 use crate::scene::{AlphaMode, FloatSlot, Lamp, Material, Model};
 
@@ -36,24 +37,12 @@ pub(super) fn adjusted<'a>(
         }
         material.alpha_mode = mode;
     }
-    presence(build, fields, &mut material);
+    if fields.has("visible_to") || fields.has("visible_to_camera") {
+        let lamp = material.lamp.unwrap_or_default();
+        material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
+    }
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })
-}
-
-/// Reads whether cameras see it.
-fn presence(build: &mut Build, fields: &Fields, material: &mut Material) {
-    if !fields.has("visible_to_camera") {
-        return;
-    }
-    let lamp = material.lamp.unwrap_or_default();
-    let visible_to_camera = fields.flag("visible_to_camera", lamp.visible_to_camera);
-    material.lamp = Some(Lamp { visible_to_camera, ..lamp });
-    if !visible_to_camera && material.alpha_mode != AlphaMode::Opaque {
-        let message =
-            format!("material '{}' is partly transparent, so cameras see it all the same", material.name);
-        build.loaded.warnings.push(Warning::new(build.file, "", message));
-    }
 }
 
 /// Warns of a table that is named as no material of the model and that no object refers to.

@@ -6,15 +6,17 @@
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
-//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there.
+//! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there;
+//! `visible_to` lists the kinds of rays that see it, as for objects.
 
 use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::group;
 use super::media;
 use super::textures::read_image;
+use super::visibility::visible_to;
 use crate::load::image::Use;
-use crate::scene::Environment;
+use crate::scene::{Environment, RayKinds};
 
 pub(super) fn read(build: &mut Build, fields: &Fields) {
     let background = fields.color("background");
@@ -22,7 +24,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
     let image = fields.string("image");
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
-    build.loaded.scene.is_environment_hidden = !fields.flag("visible_to_camera", true);
+    build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
     build.loaded.scene.environment_group = group(fields, "group");
     build.loaded.scene.fog = media::fog(fields);
     fields.finish();

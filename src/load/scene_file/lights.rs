@@ -1,5 +1,6 @@
 //! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a `group`, whose
-//! light `--light-groups` keeps apart, `visible_to_camera` and `obstacle` (both true).
+//! light `--light-groups` keeps apart, `visible_to_camera` and `obstacle` (both true), and
+//! `visible_to`, the kinds of rays that it lights and that see it, as for objects (all).
 //!
 //! | Shape | Value |
 //! |---|---|
@@ -22,8 +23,9 @@ use super::fields::Fields;
 use super::light_shapes::{self, Surface};
 use super::light_traits::{LightTraits, group, positive, strength};
 use super::placement::{at_node, direction};
+use super::visibility::visible_to;
 use crate::math::DVec3;
-use crate::scene::{Beam, Lamp, Light, LightKind, SpotFade};
+use crate::scene::{Beam, Lamp, Light, LightKind, RayKinds, SpotFade};
 use std::f64::consts::PI;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
@@ -42,7 +44,7 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
         let color = fields.color("color").map_or([1.0; 3], |c| c.value);
         let group = group(&fields, "group");
         let lamp = Lamp {
-            visible_to_camera: fields.flag("visible_to_camera", true),
+            visible_to: visible_to(&fields, RayKinds::ALL),
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
         };
@@ -128,5 +130,6 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
 
 fn push(build: &mut Build, traits: LightTraits, kind: LightKind, strength: f64) {
     let intensity = traits.color.map(|c| c * strength as f32);
-    build.loaded.scene.lights.push(Light { name: traits.name, kind, intensity, group: traits.group });
+    let LightTraits { name, group, lamp, .. } = traits;
+    build.loaded.scene.lights.push(Light { name, kind, intensity, group, visible_to: lamp.visible_to });
 }

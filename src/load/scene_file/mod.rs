@@ -38,6 +38,7 @@ mod settings;
 pub mod sidecar;
 mod textures;
 mod transform;
+mod visibility;
 
 use super::{LoadOptions, Loaded};
 use crate::error::Result;

@@ -9,6 +9,12 @@
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
 //! | `triangle` | three points |
 //!
+//! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
+//! object, by default all: rays of other kinds pass it, and get no light of it. `visible_to_camera = false` leaves out
+//! the camera. What `shadow` rays don't see casts no shadow. With `holdout = true` the picture is transparent where the
+//! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
+//! over a photograph; the layer `ShadowCatcher` has the factors by channel.
+//!
 //! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
 
 use super::assets::Assets;
@@ -18,10 +24,11 @@ use super::materials::Materials;
 use super::object::{Object, add_placed};
 use super::textures::Textures;
 use super::transform;
-use super::{overrides, round};
+use super::{overrides, round, visibility};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
+use std::collections::BTreeSet;
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
@@ -63,9 +70,28 @@ pub(super) fn read<'a>(
             name: fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string()),
             world_from_object: transform::read(&fields),
         };
+        let before = counts(build);
         read_object(build, &fields, &object, materials, textures, assets);
+        give_traits(build, &fields, before);
         fields.finish();
     }
+}
+
+/// How many instances, quads and shapes there are.
+fn counts(build: &Build) -> [usize; 3] {
+    let scene = &build.loaded.scene;
+    [scene.instances.len(), scene.quads.len(), scene.shapes.len()]
+}
+
+/// Gives what was added to the scene the traits that its object has.
+fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
+    let Some(traits) = visibility::traits(fields) else { return };
+    let scene = &mut build.loaded.scene;
+    let names = scene.instances[instances..].iter().map(|instance| instance.name.clone());
+    let names = names.chain(scene.quads[quads..].iter().map(|quad| quad.name.clone()));
+    let names = names.chain(scene.shapes[shapes..].iter().map(|shape| shape.name.clone()));
+    let names: BTreeSet<String> = names.collect();
+    names.iter().for_each(|name| scene.set_object_traits(name, traits));
 }
 
 fn read_object<'a>(

@@ -5,6 +5,8 @@ use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
 use super::textures::Textures;
+use super::visibility;
+use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -26,7 +28,7 @@ pub(super) fn objects<'a>(
 }
 
 /// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`, or
-/// the `light_group` of what they emit.
+/// the `light_group` of what they emit; to which rays (see [`super::visibility`]).
 pub(super) fn object<'a>(
     build: &mut Build,
     fields: &Fields<'a>,
@@ -37,6 +39,7 @@ pub(super) fn object<'a>(
     let is_hidden = fields.flag("hidden", false);
     let wanted = fields.string("material");
     let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
+    let traits = visibility::traits(fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     fields.finish();
     let scene = &mut build.loaded.scene;
@@ -61,6 +64,13 @@ pub(super) fn object<'a>(
         let own = scene.instances.iter().filter(|i| is_meant(&i.name));
         let groups = own.map(|instance| (instance.name.clone(), group.clone()));
         scene.object_light_groups.extend(groups);
+    }
+    if let Some(traits) = traits {
+        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
+        lights.for_each(|light| light.visible_to = traits.visible_to);
+        let own = scene.instances.iter().filter(|i| is_meant(&i.name));
+        let names: BTreeSet<String> = own.map(|instance| instance.name.clone()).collect();
+        names.iter().for_each(|name| scene.set_object_traits(name, traits));
     }
     if let Some(material) = material {
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));

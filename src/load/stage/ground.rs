@@ -1,12 +1,12 @@
 //! What a bare model stands on.
 
 use super::light;
-use super::options::{Ground, StageOptions};
+use super::options::{Background, Ground, StageOptions};
 use super::outline::{Outline, on_grid};
 use crate::error::{Choice, Warning};
 use crate::load::Loaded;
 use crate::math::DVec3;
-use crate::scene::{Backdrop, ColorSlot, FloatSlot, Material, PbrMaterial, Shape};
+use crate::scene::{Backdrop, ColorSlot, FloatSlot, Material, ObjectTraits, PbrMaterial, Scene, Shape};
 
 /// Radius of the ground in radii of the model: its edge lies a degree below the horizon.
 const REACH: f64 = 60.0;
@@ -26,7 +26,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let ground = options.ground_for(is_lit);
     let is_stage = options.light.is_stage() && !is_lit;
     if is_stage && options.background.is_none() {
-        loaded.scene.is_environment_hidden = true;
+        super::hide_environment(&mut loaded.scene);
         loaded.scene.backdrop = Some(Backdrop::Color(options.light.background()));
     }
     if ground == Ground::None {
@@ -53,8 +53,19 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let material = loaded.scene.add_material(Material::gltf("ground", parameters));
     let center = on_grid(below, size) + loaded.offset;
     let mut disk = Shape::disk(center, DVec3::Y, REACH * size, material);
-    disk.name = "ground".to_string();
+    disk.name = own_name(&loaded.scene);
+    if ground == Ground::Shadow && matches!(options.background, Some(Background::Transparent)) {
+        let traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
+        loaded.scene.set_object_traits(&disk.name, traits);
+    }
     loaded.scene.shapes.push(disk);
+}
+
+/// A name that nothing else in the scene has.
+fn own_name(scene: &Scene) -> String {
+    let is_taken = |name: &str| scene.instances.iter().any(|i| i.name == name);
+    let names = (1..).map(|n| if n == 1 { "ground".to_string() } else { format!("ground {n}") });
+    names.into_iter().find(|name| !is_taken(name)).unwrap_or_default()
 }
 
 /// The ground's colour for which it looks like the background where nothing shades it.

@@ -117,7 +117,7 @@ fn the_studio_is_for_bare_models_alone() {
     complete(&mut bare, &StageOptions::studio(), false);
     assert!(matches!(bare.scene.environment, Environment::Image { .. }));
     assert_eq!(bare.scene.shapes.len(), 2, "the ball and the ground");
-    assert!(bare.scene.is_environment_hidden && bare.scene.backdrop.is_some());
+    assert!(!bare.scene.environment_visible_to.contains(RayKinds::CAMERA) && bare.scene.backdrop.is_some());
     assert_eq!((bare.warnings.len(), bare.notes.len()), (0, 1), "{:?}", bare.notes);
     assert!(bare.scene.validate().is_empty());
     // A camera of its own: only light, as it has none.
@@ -132,7 +132,7 @@ fn the_studio_is_for_bare_models_alone() {
     complete(&mut lit, &StageOptions::studio(), false);
     assert_eq!(lit.scene.environment, Environment::Constant([1.0; 3]));
     assert_eq!((lit.scene.shapes.len(), lit.scene.cameras.len()), (1, 1));
-    assert!(!lit.scene.is_environment_hidden && lit.scene.backdrop.is_none());
+    assert!(lit.scene.environment_visible_to.contains(RayKinds::CAMERA) && lit.scene.backdrop.is_none());
 }
 
 #[test]

@@ -134,8 +134,13 @@ mod tests {
 
     fn part(name: &str, region: [u32; 4], first_sample: u32, end_sample: u32) -> (PathBuf, PartHeader) {
         let [x0, y0, x1, y1] = region;
-        let channels =
-            Channels { aovs: Vec::new(), matte_levels: 6, light_groups: Vec::new(), halves: false };
+        let channels = Channels {
+            aovs: Vec::new(),
+            matte_levels: 6,
+            light_groups: Vec::new(),
+            halves: false,
+            catchers: false,
+        };
         let header = PartHeader {
             identity: Identity::from([("seed".to_string(), "0".to_string())]),
             width: 40,

@@ -90,6 +90,9 @@ pub struct Channels {
     pub light_groups: Vec<String>,
     /// Are the halves of the samples kept apart?
     pub halves: bool,
+    /// Is what shadow catchers catch kept?
+    #[serde(default)]
+    pub catchers: bool,
 }
 
 impl Channels {
@@ -106,7 +109,9 @@ impl Channels {
             return None;
         }
         let groups = self.light_groups.iter().map(|name| Channel::light_group(name));
-        Some(Layout::new(aovs.channels_with(self.matte_levels).chain(groups)).with_halves(self.halves))
+        let caught = self.catchers.then(Channel::of_catchers).into_iter().flatten();
+        let further = aovs.channels_with(self.matte_levels).chain(groups).chain(caught);
+        Some(Layout::new(further).with_halves(self.halves))
     }
 }
 

@@ -162,6 +162,7 @@ fn lights_cameras_shapes_and_settings() {
         kind,
         intensity: [f32::INFINITY, 0.0, 0.0],
         group: String::new(),
+        visible_to: Default::default(),
     });
     let (center, rotation, material) = (DVec3::ZERO, DQuat::IDENTITY, MaterialId(0));
     let (name, kind) = ("ball".into(), ShapeKind::Sphere);

@@ -119,6 +119,7 @@ const TABLES: &[Table] = &[
         &[
             ("background", "[1, 2, 3]", "2"),
             ("visible_to_camera", "false", "true"),
+            ("visible_to", "[\"diffuse\", \"camera\"]", "[\"shadow\"]"),
             ("group", "\"sky\"", "\"other\""),
             ("fog", "{ density = 0.1 }", "{ density = 0.2 }"),
         ],
@@ -454,6 +455,10 @@ fn objects_and_their_transforms() {
         "transform = [{ euler = [0, 30, 0] }]",
         "transform = [{ quaternion = [0, 0.6, 0, 0.8] }]",
         "transform = [{ scale = 2 }]",
+        "visible_to = [\"camera\", \"shadow\"]",
+        "visible_to_camera = false",
+        "holdout = true",
+        "shadow_catcher = true",
         "transform = [{ matrix = [1, 0, 0, 5,  0, 1, 0, 0,  0, 0, 1, 0,  0, 0, 0, 1] }]",
     ] {
         assert!(shown(more) != plain, "{more}");

@@ -167,7 +167,11 @@ fn add_lamps(scene: &mut Scene) {
     let cone = Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade };
     for (i, beam) in [Beam::Even, Beam::Grid { half_angle_rad: 0.6 }, cone].into_iter().enumerate() {
         let mut bulb = Material::emitter("bulb", [3.0; 3], false);
-        bulb.lamp = Some(Lamp { visible_to_camera: i == 0, is_obstacle: false, beam });
+        bulb.lamp = Some(Lamp {
+            visible_to: if i == 0 { oscura::scene::RayKinds::ALL } else { oscura::scene::RayKinds::SHADOW },
+            is_obstacle: false,
+            beam,
+        });
         let bulb = material(scene, bulb);
         let x = i as f64 - 1.0;
         match i {
@@ -190,7 +194,13 @@ fn add_lights(scene: &mut Scene) {
         LightKind::Sun { direction: DVec3::new(-0.1, -1.0, -0.2).normalize(), angle_rad: 0.02 },
     ];
     scene.lights = kinds
-        .map(|kind| Light { group: String::new(), name: "light".into(), kind, intensity: [1.0, 0.9, 0.8] })
+        .map(|kind| Light {
+            group: String::new(),
+            visible_to: Default::default(),
+            name: "light".into(),
+            kind,
+            intensity: [1.0, 0.9, 0.8],
+        })
         .into();
 }
 

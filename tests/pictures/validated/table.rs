@@ -8,8 +8,9 @@ use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
     Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
     Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium,
-    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial, Projection, Quad, Scene,
-    Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Quad,
+    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
+    ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -31,6 +32,17 @@ macro_rules! ids {
     )*};
 }
 
+impl Mutate for RayKinds {
+    fn fresh(dice: &mut Dice) -> RayKinds {
+        RayKinds::from_bits(dice.below(64) as u32)
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self = RayKinds::fresh(dice);
+        dice.note(format!("= {self:?}"));
+    }
+}
+
 ids! { GridId ImageId MaterialId MeshId TextureId }
 
 structs! {
@@ -38,8 +50,8 @@ structs! {
     Grid { name, size, values, min, max }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, is_environment_hidden,
-        backdrop, object_light_groups, environment_group, cameras, settings,
+        name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
+        backdrop, object_light_groups, object_traits, environment_group, cameras, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -51,7 +63,7 @@ structs! {
         light_group,
     }
     Emission { radiance, two_sided }
-    Lamp { visible_to_camera, is_obstacle, beam }
+    Lamp { visible_to, is_obstacle, beam }
     ColorSlot { factor, texture }
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
@@ -67,7 +79,8 @@ structs! {
     DiffuseTransmission { factor, color }
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
-    Light { name, kind, intensity, group }
+    Light { name, kind, intensity, group, visible_to }
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }

@@ -58,8 +58,7 @@ def export(options, report):
         found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
     store = cache.Store(options.cache)
-    patches, unseen = materials.prepare(found, store, report)
-    tables += [(f"[materials.{sidecar.value(name)}]", {"visible_to_camera": False}) for name in unseen]
+    patches = materials.prepare(found, store, report)
     model = os.path.join(options.folder, f"{options.name}.glb")
     holders = [holder for holder in found.objects.values() if holder is not None]
     kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
@@ -72,7 +71,7 @@ def export(options, report):
         images.restore()
         _write_model(model)
         written = glb.Glb(model)
-    glb.compose(written, found.placements, cameras, empties, patches, kept)
+    glb.compose(written, (found.placements, found.extras), cameras, empties, patches, kept)
     written.write(model)
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."

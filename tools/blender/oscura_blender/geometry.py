@@ -7,6 +7,15 @@ from .report import listed
 
 # Objects that become meshes.
 MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
+# Kinds of rays that see an object.
+VISIBILITY = {
+    "visible_camera": "camera",
+    "visible_diffuse": "diffuse",
+    "visible_glossy": "glossy",
+    "visible_transmission": "transmission",
+    "visible_volume_scatter": "volume",
+    "visible_shadow": "shadow",
+}
 # What is seen in Blender and has no counterpart here.
 LOST = {
     "CURVES": "hair",
@@ -23,7 +32,7 @@ class Collected:
     def __init__(self):
         self.objects = {}  # mesh objects by what they were made of
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
-        self.unseen = []  # mesh objects that the camera doesn't see
+        self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
 
@@ -102,17 +111,25 @@ def collect(scene, graph, report):
 def _add_mesh(found, obj, instance):
     data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
     parent = instance.parent if instance.is_instance else None
-    is_seen = obj.visible_camera and (parent is None or parent.visible_camera)
-    key = (data, is_seen, *_own_materials(obj).items())
+    extras = _extras(obj, parent)
+    key = (data, *extras.items(), *_own_materials(obj).items())
     if key not in found.objects:
         found.objects[key] = _holder(found, obj)
-        if not is_seen and found.objects[key] is not None:
-            found.unseen.append(found.objects[key])
+        if extras and found.objects[key] is not None:
+            found.extras[found.objects[key].name] = extras
     holder = found.objects[key]
     if holder is None:
         return
     name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
+
+
+def _extras(obj, parent):
+    """What differs from objects that all rays see: of an instance, together with what makes it."""
+    both = [of.original for of in (obj, parent) if of is not None]
+    extras = {key: False for key in VISIBILITY if not all(getattr(of, key, True) for of in both)}
+    extras.update({key: True for key in ("is_holdout", "is_shadow_catcher") if any(getattr(of, key, False) for of in both)})
+    return extras
 
 
 def _own_materials(obj):
@@ -139,14 +156,6 @@ def _holder(found, obj):
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
-    kinds = ("diffuse", "glossy", "transmission", "shadow")
-    hidden = [kind for kind in kinds if not getattr(obj, f"visible_{kind}", True)]
-    if hidden and obj.type in MESHES:
-        report.warn(obj.name, f"is seen by {' and '.join(hidden)} rays, from which Blender hides it")
-    if getattr(obj, "is_shadow_catcher", False) and obj.type in MESHES:
-        report.warn(obj.name, "is a shadow catcher in Blender, and an ordinary object here")
-    if getattr(obj, "is_holdout", False):
-        report.warn(obj.name, "is a holdout in Blender, and an ordinary object here")
     for system in getattr(obj, "particle_systems", []):
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
             report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")

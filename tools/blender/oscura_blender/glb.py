@@ -75,19 +75,23 @@ def _split(of):
     return tuple(translation), (rotation.x, rotation.y, rotation.z, rotation.w), tuple(scale)
 
 
-def _place_meshes(glb, placements):
-    """Nodes for meshes: of each the number and its placements, pairs of a name and a matrix in Blender's axes."""
+def _place_meshes(glb, placements, extras):
+    """Nodes for meshes: of each the number and its placements, pairs of a name and a matrix in Blender's axes; extras by the
+    number of a mesh."""
     nodes = []
     for mesh, places in placements.items():
         turned = [(name, Y_UP @ matrix @ Z_UP) for name, matrix in places]
         parts = [_split(matrix) for _, matrix in turned] if len(turned) >= INSTANCED else [None]
         if None in parts:
-            nodes += [{"name": name, "mesh": mesh, "matrix": _matrix(matrix)} for name, matrix in turned]
+            own = {"extras": extras[mesh]} if mesh in extras else {}
+            nodes += [{"name": name, "mesh": mesh, "matrix": _matrix(matrix), **own} for name, matrix in turned]
             continue
         keys = ("TRANSLATION", "ROTATION", "SCALE")
         attributes = {key: glb.add_accessor([part[k] for part in parts]) for k, key in enumerate(keys)}
         extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
         nodes.append({"name": turned[0][0], "mesh": mesh, "extensions": extension})
+        if mesh in extras:
+            nodes[-1]["extras"] = extras[mesh]
         used = glb.json.setdefault("extensionsUsed", [])
         if "EXT_mesh_gpu_instancing" not in used:
             used.append("EXT_mesh_gpu_instancing")
@@ -108,14 +112,15 @@ def _patch_materials(glb, patches):
         del glb.json["extensionsUsed"]
 
 
-def compose(glb, placements, cameras, empties, patches, kept):
-    """Gives the file of Blender's exporter its nodes: meshes (name of the exported object: placements), cameras (name,
+def compose(glb, meshes, cameras, empties, patches, kept):
+    """Gives the file of Blender's exporter its nodes: meshes (placements and extras, both by the name of the
+    exported object), cameras (name,
     matrix, glTF camera) and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by
     name. Meshes that are known come from `kept`."""
     by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
     kept.exchange(glb, by_name)
-    by_mesh = {by_name[name]: places for name, places in placements.items() if name in by_name}
-    nodes = _place_meshes(glb, by_mesh)
+    placements, extras = [{by_name[name]: of for name, of in part.items() if name in by_name} for part in meshes]
+    nodes = _place_meshes(glb, placements, extras)
     for index, (name, matrix, _) in enumerate(cameras):
         nodes.append({"name": name, "camera": index, "matrix": _matrix(Y_UP @ matrix)})
     nodes += [{"name": name, "matrix": _matrix(Y_UP @ matrix)} for name, matrix in empties]

@@ -3,9 +3,7 @@
 import math
 
 from . import shaders
-
-# Kinds of rays that Blender can hide an object from, besides the camera's.
-KINDS = {"visible_diffuse": "diffuse", "visible_glossy": "glossy", "visible_transmission": "transmission"}
+from .geometry import VISIBILITY
 
 
 def entries(obj, name, light, report):
@@ -23,6 +21,9 @@ def entries(obj, name, light, report):
     found = {"name": obj.name, "color": color}
     if light.type != "SUN":
         found.update({"visible_to_camera": bool(obj.visible_camera), "obstacle": False})
+    seen_by = [kind for key, kind in VISIBILITY.items() if key == "visible_shadow" or getattr(obj, key, True)]
+    if not {"diffuse", "glossy", "transmission", "volume"} <= set(seen_by):
+        found["visible_to"] = seen_by
     scale = obj.matrix_world.to_scale()
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
     kind, values = shape(light, energy, scale)
@@ -86,9 +87,6 @@ def _strength(light, name, report):
 
 
 def _tell_of_the_rest(obj, light, report):
-    hidden = [word for key, word in KINDS.items() if not getattr(obj, key, True)]
-    if hidden:
-        report.warn(obj.name, f"this light is seen by {' and '.join(hidden)} rays, from which Blender hides it")
     if not light.use_shadow:
         report.warn(obj.name, "light without shadows is not supported: it casts them")
     linking = getattr(obj, "light_linking", None)

@@ -22,8 +22,7 @@ DEPENDS = {
 
 
 def prepare(found, store, report):
-    """Changes the materials of all collected meshes; gives what is to be added to them in glTF, by name, and the names of
-    those that the camera doesn't see."""
+    """Changes the materials of all collected meshes; gives what is to be added to them in glTF, by name."""
     holders = [holder for holder in found.objects.values() if holder is not None]
     _fill_empty_slots(holders)
     materials = {m.name: m for holder in holders for m in holder.data.materials}
@@ -34,20 +33,7 @@ def prepare(found, store, report):
     for what, names in lost_nodes.items():
         report.warn("", f"{what} not carried over: of {listed(names)}")
     bake.bake_all(holders, found, store, report)
-    unseen = _own_unseen(found.unseen)
-    return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}, unseen
-
-
-def _own_unseen(holders):
-    """Gives meshes that the camera doesn't see materials of their own; gives their names."""
-    copies = {}
-    for holder in holders:
-        slots = holder.data.materials
-        for i, material in enumerate(slots):
-            if material not in copies:
-                copies[material] = material.copy()
-            slots[i] = copies[material]
-    return sorted(copy.name for copy in copies.values())
+    return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
 
 
 def _fill_empty_slots(holders):

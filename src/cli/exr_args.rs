@@ -1,0 +1,198 @@
+//! Arguments about how EXRs lie on the disk, and which part of the frame they hold.
+
+use super::long_args::region;
+use clap::{Args, ValueEnum};
+use oscura::error::{Error, Result};
+use oscura::film::PixelType;
+use oscura::output::part::Region;
+use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
+use oscura::scene::{Backdrop, Camera, Projection};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum LayoutArg {
+    /// One part: R, G, B, A and Z without a layer's name
+    Single,
+    /// A part for each layer
+    Multipart,
+    /// One part, all in one render layer as Blender names it: ViewLayer.Combined.R
+    Layers,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum CompressionArg {
+    None,
+    Rle,
+    Zip,
+    Zips,
+    Piz,
+    Pxr24,
+    B44,
+    B44a,
+    Dwaa,
+    Dwab,
+}
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ExrArgs {
+    /// How the channels of EXRs are arranged.
+    #[arg(long, value_name = "LAYOUT", default_value = "single")]
+    pub exr_layout: LayoutArg,
+    /// How EXRs are compressed; from pxr24 on with losses.
+    #[arg(long, value_name = "KIND", default_value = "zip")]
+    pub exr_compression: CompressionArg,
+    /// Write EXRs in tiles of N x N pixels.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
+    pub exr_tiles: Option<u32>,
+    /// Layers or channels of EXRs that are written as 16-bit floats: N, Z, rgba, ...
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub exr_half: Vec<String>,
+    /// Those that are written as 32-bit floats.
+    #[arg(long, value_name = "LIST", value_delimiter = ',')]
+    pub exr_float: Vec<String>,
+    /// Render only the pixels from column X0 and row Y0 to before column X1 and row Y1: in EXRs a data window within the frame.
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with_all = ["region", "overscan"])]
+    pub crop: Option<Region>,
+    /// Render so many percent of the width and height beyond each edge: in EXRs the frame stays, and pixels surround it.
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true, conflicts_with_all = ["region", "checkpoint"])]
+    pub overscan: Option<f64>,
+}
+
+fn percent(text: &str) -> std::result::Result<f64, String> {
+    super::numbers::number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
+}
+
+impl ExrArgs {
+    /// How EXRs are written whose pixels stand so in the frame.
+    pub fn options(&self, window: Option<ExrWindow>) -> ExrOptions {
+        let layout = match self.exr_layout {
+            LayoutArg::Single => ExrLayout::Single,
+            LayoutArg::Multipart => ExrLayout::Multipart,
+            LayoutArg::Layers => ExrLayout::Layers,
+        };
+        let compression = match self.exr_compression {
+            CompressionArg::None => ExrCompression::None,
+            CompressionArg::Rle => ExrCompression::Rle,
+            CompressionArg::Zip => ExrCompression::Zip,
+            CompressionArg::Zips => ExrCompression::Zips,
+            CompressionArg::Piz => ExrCompression::Piz,
+            CompressionArg::Pxr24 => ExrCompression::Pxr24,
+            CompressionArg::B44 => ExrCompression::B44,
+            CompressionArg::B44a => ExrCompression::B44a,
+            CompressionArg::Dwaa => ExrCompression::Dwaa,
+            CompressionArg::Dwab => ExrCompression::Dwab,
+        };
+        let of = |names: &[String], kind| names.iter().map(|name| (name.clone(), kind)).collect::<Vec<_>>();
+        let mut types = of(&self.exr_half, PixelType::Half);
+        types.extend(of(&self.exr_float, PixelType::Float));
+        ExrOptions { layout, compression, tiles: self.exr_tiles, types, window }
+    }
+
+    /// Where the pixels stand in a frame of so many, if they are not just those of the frame; and the size with overscan.
+    ///
+    /// # Errors
+    /// A usage error for a crop that is beyond the frame, and for a backdrop that would not fit what is left.
+    pub fn window(&self, frame: (u32, u32), backdrop: Option<&Backdrop>) -> Result<Option<Framed>> {
+        let framed = match (self.crop, self.overscan.filter(|percent| *percent > 0.0)) {
+            (Some(crop), _) => {
+                if crop.x1 > frame.0 || crop.y1 > frame.1 {
+                    let message = format!("--crop {crop} is not within {} x {} pixels", frame.0, frame.1);
+                    return Err(Error::usage(message));
+                }
+                Framed { origin: (crop.x0 as i32, crop.y0 as i32), frame, size: frame }
+            }
+            (None, Some(percent)) => {
+                let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
+                let (x, y) = (border(frame.0), border(frame.1));
+                let size = (frame.0 + 2 * x, frame.1 + 2 * y);
+                Framed { origin: (-(x as i32), -(y as i32)), frame, size }
+            }
+            (None, None) => return Ok(None),
+        };
+        if matches!(backdrop, Some(Backdrop::Picture(_))) {
+            let message = "a picture as --background doesn't go together with --crop and --overscan";
+            return Err(Error::usage(message).with_help("lay it behind the finished picture"));
+        }
+        Ok(Some(framed))
+    }
+}
+
+/// What is rendered of a frame, or around it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Framed {
+    /// The first pixel of the file, in the frame.
+    origin: (i32, i32),
+    /// Width and height of the frame.
+    frame: (u32, u32),
+    /// The same with what is rendered around it.
+    pub size: (u32, u32),
+}
+
+impl Framed {
+    /// For the header.
+    pub fn window(self) -> ExrWindow {
+        ExrWindow { origin: self.origin, frame: self.frame }
+    }
+
+    /// The camera that sees the frame and what is around it, in pixels of the same size.
+    pub fn widened(self, mut camera: Camera) -> Camera {
+        let factor = f64::from(self.size.1) / f64::from(self.frame.1);
+        if factor > 1.0 {
+            camera.projection = match camera.projection {
+                Projection::Perspective { vfov_rad } => {
+                    Projection::Perspective { vfov_rad: 2.0 * ((0.5 * vfov_rad).tan() * factor).atan() }
+                }
+                Projection::Orthographic { half_height } => {
+                    Projection::Orthographic { half_height: half_height * factor }
+                }
+            };
+            camera.shift = camera.shift.map(|shift| shift / factor);
+        }
+        camera
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use clap::Parser;
+
+    #[derive(Parser)]
+    struct Only {
+        #[command(flatten)]
+        exr: ExrArgs,
+        #[arg(long)]
+        region: Option<String>,
+        #[arg(long)]
+        checkpoint: Option<String>,
+    }
+
+    fn args(line: &str) -> ExrArgs {
+        Only::try_parse_from(line.split_whitespace()).unwrap_or_else(|e| panic!("{e}")).exr
+    }
+
+    #[test]
+    fn crops_and_overscan_are_windows_of_the_frame() {
+        let of = |line| args(line).window((100, 50), None).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(of("x"), None);
+        let crop = of("x --crop 10,20,30,40").expect("a window");
+        assert_eq!((crop.window().origin, crop.size), ((10, 20), (100, 50)));
+        let wide = of("x --overscan 5").expect("a window");
+        assert_eq!((wide.window().origin, wide.size), ((-5, -3), (110, 56)));
+        assert!(args("x --crop 10,20,101,40").window((100, 50), None).is_err());
+    }
+
+    #[test]
+    fn pixels_of_the_frame_stay_where_they_are() {
+        use oscura::math::DVec3;
+        let framed = args("x --overscan 10").window((40, 20), None).ok().flatten().expect("a window");
+        let camera = Camera { shift: [0.2, -0.1], ..Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 35.0) };
+        let rays = |camera: &Camera, (w, h): (u32, u32), x: f32, y: f32| {
+            oscura::camera::Camera::new(camera, w, h, DVec3::ZERO).ray(x, y, [0.5; 2]).direction
+        };
+        for (x, y) in [(0.5, 0.5), (39.5, 3.5), (20.0, 10.0)] {
+            let plain = rays(&camera, (40, 20), x, y);
+            let wide = rays(&framed.widened(camera.clone()), framed.size, x + 4.0, y + 2.0);
+            assert!((plain - wide).length() < 1e-6, "{plain} {wide}");
+        }
+    }
+}

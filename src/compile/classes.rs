@@ -1,0 +1,122 @@
+//! Objects that are special to rays: they have the materials of others, but their own copies of them.
+
+use super::material::CompiledMaterial;
+use crate::light::Lights;
+use crate::scene::{MaterialId, ObjectTraits, RayKinds, Scene};
+use std::collections::HashMap;
+
+use super::emitters::Emitters;
+use super::geometry::Geometries;
+
+/// What is added to the number of a material for the copy that objects of a class have; 0 for most objects.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct Class(pub u32);
+
+impl Class {
+    /// The number of a material of objects of the class.
+    pub fn material(self, id: MaterialId) -> u32 {
+        id.0 + self.0
+    }
+}
+
+/// Objects by their traits. Each class has its copy of all materials, behind those of the scene.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Classes {
+    of_names: HashMap<String, Class>,
+    traits: Vec<ObjectTraits>,
+}
+
+impl Classes {
+    /// Those of a scene.
+    pub fn of(scene: &Scene) -> Classes {
+        let mut classes = Classes::default();
+        for (name, traits) in scene.object_traits.iter().filter(|(_, t)| *t != ObjectTraits::default()) {
+            let known = classes.traits.iter().position(|other| other == traits);
+            let index = known.unwrap_or_else(|| {
+                classes.traits.push(*traits);
+                classes.traits.len() - 1
+            });
+            let class = Class(((index + 1) * scene.materials.len()) as u32);
+            classes.of_names.insert(name.clone(), class);
+        }
+        classes
+    }
+
+    /// The class of the objects of a name.
+    pub fn of_object(&self, name: &str) -> Class {
+        self.of_names.get(name).copied().unwrap_or_default()
+    }
+
+    /// Adds the copies to a scene's materials.
+    pub fn extend(&self, materials: &mut Vec<CompiledMaterial>) {
+        let own = materials.len();
+        for traits in &self.traits {
+            for i in 0..own {
+                let copy = materials[i].with_traits(traits);
+                materials.push(copy);
+            }
+        }
+    }
+}
+
+/// What each light lights, by number; empty where all light everything.
+pub(super) fn light_kinds(
+    scene: &Scene,
+    lights: &Lights,
+    (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
+) -> Vec<RayKinds> {
+    let mut kinds = vec![RayKinds::ALL; lights.area().len()];
+    for &(prim, light) in &emitters.light_of_primitive {
+        let material = geometries.world.attributes.materials[prim as usize];
+        kinds[light as usize] = materials[material as usize].visible_to();
+    }
+    kinds.extend(scene.lights.iter().map(|light| light.visible_to));
+    if lights.environment().is_some() {
+        kinds.push(scene.environment_visible_to);
+    }
+    if kinds.iter().all(|&kinds| lights_all(kinds)) { Vec::new() } else { kinds }
+}
+
+/// By light with a surface: is it part of an object that is left out where its effect on shadow catchers is told? Empty
+/// without catchers.
+pub(super) fn caught_lights(
+    emitters: &Emitters,
+    geometries: &Geometries,
+    materials: &[CompiledMaterial],
+) -> Vec<bool> {
+    if !materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)) {
+        return Vec::new();
+    }
+    let mut caught = vec![false; emitters.lights.len()];
+    for &(prim, light) in &emitters.light_of_primitive {
+        let material = geometries.world.attributes.materials[prim as usize];
+        caught[light as usize] = materials[material as usize].is_of_caught_object();
+    }
+    caught
+}
+
+/// Do all kinds of rays that lights are sampled for see what these see?
+pub(super) fn lights_all(kinds: RayKinds) -> bool {
+    kinds.contains(RayKinds::ALL.without(RayKinds::CAMERA).without(RayKinds::SHADOW))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn objects_with_the_same_traits_share_copies() {
+        let mut scene = Scene::default();
+        for name in ["a", "b"] {
+            scene.add_material(crate::scene::Material::lambert(name, [0.5; 3]));
+        }
+        let unseen =
+            ObjectTraits { visible_to: RayKinds::ALL.without(RayKinds::CAMERA), ..ObjectTraits::default() };
+        scene.set_object_traits("x", unseen);
+        scene.set_object_traits("y", ObjectTraits { is_holdout: true, ..unseen });
+        scene.set_object_traits("z", unseen);
+        let classes = Classes::of(&scene);
+        let of = |name| classes.of_object(name).material(MaterialId(1));
+        assert_eq!([of("x"), of("y"), of("z"), of("other")], [3, 5, 3, 1]);
+    }
+}

@@ -1,0 +1,165 @@
+//! How EXR files lie on the disk: layout, compression, tiles, types, and which part of the frame they hold.
+
+use crate::film::PixelType;
+use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
+
+/// How the channels of an EXR are arranged.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrLayout {
+    /// One part: R, G, B, A and Z without a layer's name, others in layers of their own. What most programs like best.
+    #[default]
+    Single,
+    /// A part for each layer, named after it, the picture itself first: programs read only what they show.
+    Multipart,
+    /// One part with all channels in one render layer, named as Blender names them: `ViewLayer.Combined.R`.
+    Layers,
+}
+
+/// How pixels are compressed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum ExrCompression {
+    /// Not at all.
+    None,
+    /// Runs of equal bytes; lossless.
+    Rle,
+    /// Deflate, 16 lines at a time; lossless.
+    #[default]
+    Zip,
+    /// Deflate line by line; lossless.
+    Zips,
+    /// Wavelets; lossless, best for grain.
+    Piz,
+    /// Deflate after 32-bit floats lost 8 bits.
+    Pxr24,
+    /// Blocks of 4 x 4 half floats in 14 bytes; lossy.
+    B44,
+    /// The same, flat blocks in 3 bytes; lossy.
+    B44a,
+    /// Cosine transform, 32 lines at a time; lossy.
+    Dwaa,
+    /// Cosine transform, 256 lines at a time; lossy.
+    Dwab,
+}
+
+/// Where the pixels of a file stand in the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ExrWindow {
+    /// Column and row of the file's first pixel; negative beyond the frame's left and upper edge.
+    pub origin: (i32, i32),
+    /// Width and height of the frame, the display window, which starts at (0, 0).
+    pub frame: (u32, u32),
+}
+
+/// How to write EXRs.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct ExrOptions {
+    /// Arrangement of channels.
+    pub layout: ExrLayout,
+    /// Compression of pixels.
+    pub compression: ExrCompression,
+    /// Edge of square tiles in pixels; scan lines without.
+    pub tiles: Option<u32>,
+    /// Types of channels or layers by name, in place of their own: half or float.
+    pub types: Vec<(String, PixelType)>,
+    /// Where the pixels stand; without it they are the frame.
+    pub window: Option<ExrWindow>,
+}
+
+/// The render layer of [`ExrLayout::Layers`].
+const VIEW_LAYER: &str = "ViewLayer";
+
+impl ExrOptions {
+    /// Blocks and compression, for the encoder.
+    pub(super) fn encoding(&self) -> Encoding {
+        let compression = match self.compression {
+            ExrCompression::None => Compression::Uncompressed,
+            ExrCompression::Rle => Compression::RLE,
+            ExrCompression::Zip => Compression::ZIP16,
+            ExrCompression::Zips => Compression::ZIP1,
+            ExrCompression::Piz => Compression::PIZ,
+            ExrCompression::Pxr24 => Compression::PXR24,
+            ExrCompression::B44 => Compression::B44,
+            ExrCompression::B44a => Compression::B44A,
+            ExrCompression::Dwaa => Compression::DWAA(None),
+            ExrCompression::Dwab => Compression::DWAB(None),
+        };
+        let blocks = match self.tiles {
+            Some(edge) => Blocks::Tiles(Vec2(edge as usize, edge as usize)),
+            None => Blocks::ScanLines,
+        };
+        Encoding { compression, blocks, line_order: LineOrder::Increasing }
+    }
+
+    /// The type of a channel: by its name, else by that of its layer, else its own.
+    pub(super) fn type_of(&self, name: &str, own: PixelType) -> PixelType {
+        let layer = layer_of(name);
+        let given = |wanted: &str| self.types.iter().rev().find(|(n, _)| n == wanted).map(|(_, kind)| *kind);
+        let kind = given(name).or_else(|| given(layer)).unwrap_or(own);
+        // Numbers are no floats.
+        if own == PixelType::Uint { own } else { kind }
+    }
+
+    /// What a channel is called in the file.
+    pub(super) fn name_of(&self, name: &str) -> String {
+        match (self.layout, name) {
+            (ExrLayout::Layers, "R" | "G" | "B" | "A") => format!("{VIEW_LAYER}.Combined.{name}"),
+            (ExrLayout::Layers, "Z") => format!("{VIEW_LAYER}.Depth.{name}"),
+            (ExrLayout::Layers, "samples") => format!("{VIEW_LAYER}.Samples.X"),
+            (ExrLayout::Layers, _) => format!("{VIEW_LAYER}.{name}"),
+            _ => name.to_string(),
+        }
+    }
+
+    /// What stands before the names of mattes.
+    pub(super) fn prefix(&self) -> &'static str {
+        if self.layout == ExrLayout::Layers { "ViewLayer." } else { "" }
+    }
+
+    /// The part that a channel belongs to.
+    pub(super) fn part_of(&self, name: &str) -> String {
+        match self.layout {
+            ExrLayout::Single | ExrLayout::Layers => String::new(),
+            ExrLayout::Multipart => layer_of(name).trim_end_matches(|c: char| c.is_ascii_digit()).to_string(),
+        }
+    }
+}
+
+/// The layer of a channel: what stands before its last dot, `rgba` for the picture itself, `depth` for Z.
+fn layer_of(name: &str) -> &str {
+    match name.rsplit_once('.') {
+        Some((layer, _)) => layer,
+        None if matches!(name, "R" | "G" | "B" | "A") => "rgba",
+        None if name == "Z" => "depth",
+        None => name,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn names_follow_the_layout() {
+        let of = |layout| ExrOptions { layout, ..ExrOptions::default() };
+        let layers = of(ExrLayout::Layers);
+        let names = ["R", "Z", "N.X", "samples", "CryptoObject00.R"].map(|name| layers.name_of(name));
+        let expected = ["Combined.R", "Depth.Z", "N.X", "Samples.X", "CryptoObject00.R"];
+        assert_eq!(names, expected.map(|name| format!("ViewLayer.{name}")));
+        let parts = of(ExrLayout::Multipart);
+        assert_eq!(parts.name_of("N.X"), "N.X");
+        let of_parts =
+            ["A", "Z", "N.X", "samples", "CryptoObject01.R", "RGBA_key.G"].map(|n| parts.part_of(n));
+        assert_eq!(of_parts, ["rgba", "depth", "N", "samples", "CryptoObject", "RGBA_key"]);
+    }
+
+    #[test]
+    fn types_are_chosen_by_channel_or_layer() {
+        use PixelType::{Float, Half, Uint};
+        let types = [("N", Half), ("rgba", Float), ("A", Half), ("object", Half)];
+        let types = types.map(|(name, kind)| (name.to_string(), kind)).to_vec();
+        let options = ExrOptions { types, ..ExrOptions::default() };
+        assert_eq!(options.type_of("N.Y", Float), Half);
+        assert_eq!((options.type_of("R", Half), options.type_of("A", Half)), (Float, Half));
+        assert_eq!((options.type_of("object.id", Uint), options.type_of("Z", Float)), (Uint, Float));
+    }
+}

@@ -1,0 +1,163 @@
+//! Objects and lights that some kinds of rays don't see, and holdouts.
+
+use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
+use oscura::math::DVec3;
+use oscura::render::RenderOptions;
+use oscura::scene::{
+    ColorSlot, Environment, FloatSlot, Light, Material, Model, ObjectTraits, PbrMaterial, RayKinds, Scene,
+};
+
+const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
+
+fn seen_by(kinds: &[RayKinds]) -> ObjectTraits {
+    let visible_to = kinds.iter().fold(RayKinds::NONE, |sum, kind| sum.with(*kind));
+    ObjectTraits { visible_to, ..ObjectTraits::default() }
+}
+
+fn unseen_by(kinds: &[RayKinds]) -> ObjectTraits {
+    let ObjectTraits { visible_to, .. } = seen_by(kinds);
+    ObjectTraits { visible_to: RayKinds::ALL.without(visible_to), ..ObjectTraits::default() }
+}
+
+/// A floor, and a camera that looks at its middle.
+fn floor(of: Material) -> Scene {
+    let mut scene = Scene::default();
+    let ground = material(&mut scene, of);
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], ground);
+    scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+fn grey() -> Material {
+    Material::lambert("grey", [0.8; 3])
+}
+
+fn with_lamp(mut scene: Scene) -> Scene {
+    let lamp = material(&mut scene, Material::emitter("lamp", [2.0; 3], false));
+    sphere(&mut scene, [0.0, 3.0, 0.0], 0.5, lamp);
+    scene
+}
+
+/// A black sheet under the lamp or the sky.
+fn shaded(mut scene: Scene, sheet: ObjectTraits) -> Scene {
+    let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+    quad(&mut scene, [-20.0, 1.5, -20.0], [40.0, 0.0, 0.0], [0.0, 0.0, 40.0], black);
+    scene.quads[1].name = "sheet".into();
+    scene.set_object_traits("sheet", sheet);
+    scene
+}
+
+/// What the lamp brings to the middle of the floor.
+const OF_LAMP: f64 = 0.8 * 2.0 * 0.25 / 9.0;
+
+#[test]
+fn a_lamp_lights_what_sees_it() {
+    for (kinds, truth) in [
+        (vec![RayKinds::CAMERA], 1.0),
+        (vec![RayKinds::GLOSSY, RayKinds::TRANSMISSION], 1.0),
+        (vec![RayKinds::DIFFUSE], 0.0),
+    ] {
+        let mut scene = with_lamp(floor(grey()));
+        scene.set_object_traits("sphere", unseen_by(&kinds));
+        let what = format!("a lamp unseen by {kinds:?}");
+        assert_radiance(&what, &scene, &options(16, 64, 1), OF_LAMP * truth, 4e-3);
+    }
+}
+
+/// What casts no shadow is passed by light samples, however the light would be found.
+#[test]
+fn shadow_rays_decide_for_diffuse_reflection() {
+    use RayKinds as K;
+    for (what, sheet, truth) in [
+        ("a sheet that all see", ObjectTraits::default(), 0.0),
+        ("a sheet without shadow", unseen_by(&[K::SHADOW]), 1.0),
+        ("a sheet that is a shadow only", seen_by(&[K::SHADOW]), 0.0),
+        ("a sheet that is in mirrors only", seen_by(&[K::GLOSSY]), 1.0),
+    ] {
+        let lit = shaded(with_lamp(floor(grey())), sheet);
+        assert_radiance(what, &lit, &options(16, 64, 2), OF_LAMP * truth, 4e-3);
+        let point = Light::point([0.0, 3.0, 0.0], [2.0; 3]);
+        let mut lit = shaded(floor(grey()), sheet);
+        lit.lights.push(point);
+        let of_point = 0.8 / std::f64::consts::PI * 2.0 / 9.0;
+        assert_radiance(what, &lit, &options(16, 64, 2), of_point * truth, 4e-3);
+        let mut lit = shaded(floor(grey()), sheet);
+        lit.environment = Environment::Constant([1.0; 3]);
+        // The sheet ends where the sky is low.
+        let film = picture(&lit, &options(16, 256, 2));
+        assert!((mean(&film) - 0.8 * truth).abs() < 0.02, "{what}: {} under a sky", mean(&film));
+    }
+}
+
+/// Rough plastic: what light brings by diffuse reflection and by gloss adds up to all of it.
+#[test]
+fn kinds_of_light_add_up() {
+    let plastic = PbrMaterial {
+        base_color: ColorSlot::constant([0.6, 0.3, 0.2]),
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(0.3),
+        ..PbrMaterial::default()
+    };
+    let lit = |kinds: Option<RayKinds>, sheet: Option<ObjectTraits>| {
+        let mut scene = floor(Material::gltf("plastic", plastic.clone()));
+        let lamp = material(&mut scene, Material::emitter("lamp", [2.0; 3], false));
+        sphere(&mut scene, [1.5, 1.0, 1.0], 0.5, lamp);
+        if let Some(kind) = kinds {
+            scene.set_object_traits("sphere", seen_by(&[kind]));
+        }
+        sheet.map_or(scene.clone(), |sheet| {
+            let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+            quad(&mut scene, [0.5, -1.0, -5.0], [0.0, 9.0, 0.0], [0.0, 0.0, 9.0], black);
+            scene.quads[1].name = "sheet".into();
+            scene.set_object_traits("sheet", sheet);
+            scene
+        })
+    };
+    let of = |scene: &Scene| {
+        let options: RenderOptions = options(24, 256, 1);
+        mean(&picture(scene, &options))
+    };
+    let whole = of(&lit(None, None));
+    let parts = [RayKinds::DIFFUSE, RayKinds::GLOSSY].map(|kind| of(&lit(Some(kind), None)));
+    assert!(parts.iter().all(|part| *part > 0.03 * whole), "{parts:?} of {whole}");
+    assert!((parts[0] + parts[1] - whole).abs() < 4e-3 * whole, "{parts:?} of {whole}");
+    // Behind a sheet that one kind doesn't see, that kind's light is left.
+    use RayKinds as K;
+    for (sheet, left) in [
+        (unseen_by(&[K::GLOSSY]), parts[1]),
+        (unseen_by(&[K::SHADOW]), parts[0]),
+        (unseen_by(&[K::SHADOW, K::GLOSSY]), whole),
+        (unseen_by(&[K::DIFFUSE]), 0.0),
+    ] {
+        let found = of(&lit(None, Some(sheet)));
+        assert!((found - left).abs() < 6e-3 * whole, "{sheet:?}: {found}, not {left}, of {whole}");
+    }
+}
+
+#[test]
+fn cameras_pass_what_they_do_not_see_with_alpha_too() {
+    use oscura::scene::AlphaMode;
+    let mut scene = shaded(with_lamp(floor(grey())), unseen_by(&[RayKinds::CAMERA, RayKinds::SHADOW]));
+    let black = scene.quads[1].material.index();
+    scene.materials[black].alpha_mode = AlphaMode::Blend;
+    scene.materials[black].alpha = FloatSlot::constant(0.5);
+    scene.cameras = vec![camera(DVec3::new(0.1, 2.0, 0.0), DVec3::ZERO, DVec3::X, 1e-3)];
+    assert_radiance("a veil that is not seen", &scene, &options(16, 64, 2), OF_LAMP, 4e-3);
+}
+
+/// A hole in the picture, which mirrors show and which lights.
+#[test]
+fn holdouts_cut_holes() {
+    let mut scene = with_lamp(floor(grey()));
+    scene.cameras = vec![camera(DVec3::new(0.0, 3.0, 9.0), DVec3::new(0.0, 3.0, 0.0), DVec3::Y, 2.0)];
+    scene.set_object_traits("sphere", ObjectTraits { is_holdout: true, ..ObjectTraits::default() });
+    let film = picture(&scene, &options(4, 4, 2));
+    assert!(film.rgba().iter().all(|pixel| *pixel == [0.0; 4]));
+    scene.cameras = vec![camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3)];
+    assert_radiance("floor under a holdout", &scene, &options(16, 64, 1), OF_LAMP, 4e-3);
+    let (color, roughness) = (ColorSlot::constant([1.0; 3]), FloatSlot::constant(0.0));
+    scene.materials[0].model = Model::SchlickMetal { color, roughness };
+    let eye = DVec3::new(0.0, 2.0, 0.1);
+    scene.cameras = vec![camera(eye, DVec3::ZERO, DVec3::Z, 1e-3)];
+    assert_radiance("a holdout in a mirror", &scene, &options(8, 4, 2), 2.0, 1e-3);
+}
