@@ -1,6 +1,9 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
 mod aperture;
+mod moving;
+
+pub use moving::MovingCamera;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;

@@ -8,6 +8,7 @@ use super::frames::Frames;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
+use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -287,6 +288,8 @@ pub(crate) struct RenderArgs {
     pub picture: PictureArgs,
     #[command(flatten)]
     pub stage: StageArgs,
+    #[command(flatten)]
+    pub shutter: ShutterArgs,
     #[command(flatten)]
     pub asset: AssetArgs,
     #[command(flatten)]

@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod blur;
 mod compiler;
 mod content;
 mod density;
@@ -12,6 +13,7 @@ mod groups;
 mod material;
 mod media;
 mod medium;
+mod moving;
 mod objects;
 mod plan;
 mod reuse;

@@ -85,6 +85,7 @@ pub(super) fn compile_after(
         light_groups,
         features,
         emitters,
+        camera_motions: scene.motion.cameras.clone(),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
@@ -166,9 +167,13 @@ fn scene_radius(geometries: &Geometries) -> f32 {
     for placement in &geometries.placements {
         let object = geometries.shared[placement.geometry as usize].bounds;
         if !object.is_empty() {
-            let Transform { linear, translation, .. } = placement.world_from_object;
-            let place = |p| linear * p + translation;
-            world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
+            let mut add = |Transform { linear, translation, .. }: Transform| {
+                let place = |p| linear * p + translation;
+                world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
+            };
+            add(placement.world_from_object);
+            let keys = placement.motion.map(|motion| &geometries.motions[motion as usize]);
+            keys.into_iter().flat_map(|keys| keys.iter()).for_each(|key| add(Transform::of(key)));
         }
     }
     let radius = 0.5 * world.extent().length();

@@ -13,7 +13,7 @@ use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{Scene, ShapeTag};
+use crate::scene::{CameraMotion, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -78,6 +78,8 @@ pub struct CompiledScene {
     pub features: Features,
     /// Which primitives are lights.
     pub(super) emitters: Emitters,
+    /// Cameras that move.
+    pub(super) camera_motions: Vec<CameraMotion>,
     /// What it was made of, for what may be made of it.
     pub(super) sources: Option<Sources>,
 }
@@ -112,6 +114,11 @@ impl CompiledScene {
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
         if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+    }
+
+    /// Does anything but the camera move while the picture is taken?
+    pub fn is_moving(&self) -> bool {
+        self.accel.is_moving()
     }
 
     /// The object of the scene at a hit.

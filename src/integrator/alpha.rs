@@ -31,14 +31,15 @@ impl Integrator<'_> {
             w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, rays, hits, arriving, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, times, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
                 let carried = &mut arriving.carried;
                 let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
                 let salt = salt.wrapping_add(pass);
-                !self.is_present(&rays[i], &hits[i], bounce == 0, || salt)
-                    || self.passes_sheet(i, &rays[i], &hits[i], salt, carried)
+                let time = times.of(carried.sample[i]);
+                !self.is_present(&rays[i], &hits[i], time, bounce == 0, || salt)
+                    || self.passes_sheet(i, &rays[i], &hits[i], time, salt, carried)
             });
             if pending.is_empty() {
                 return;
@@ -47,16 +48,20 @@ impl Integrator<'_> {
             if self.scene.features.boundaries {
                 self.cross_boundaries(bounce, pass, w);
             }
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, materials, .. } = &mut *w;
+            let Workspace {
+                pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
+            } = &mut *w;
+            let sample = |&i: &u32| arriving.carried.sample[i as usize];
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
+                let time = times.of(sample(&i));
                 let i = i as usize;
-                self.step_past(&mut rays[i], &hits[i]);
+                self.step_past(&mut rays[i], &hits[i], time);
                 rays[i]
             }));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
-            self.scene.accel.closest(pending_rays, pending_hits);
+            times.closest(&self.scene.accel, pending_rays, pending.iter().map(sample), pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
@@ -76,12 +81,13 @@ impl Integrator<'_> {
             {
                 continue;
             }
-            let surface = self.scene.geometries.surface(&w.rays[i], &hit);
+            let time = w.times.of(w.arriving.carried.sample[i]);
+            let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             let left = self.left_on_the_way(i, hit.t, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * left);
-            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time }, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput);
         }
     }
@@ -98,23 +104,26 @@ impl Integrator<'_> {
             pending_rays,
             pending_hits,
             shadow_ways,
+            times,
             ..
         } = &mut *w;
+        let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
+        let sample = |&vertex: &u32| paths.carried.sample[vertex as usize];
         if pending_hits.len() < shadow_rays.len() {
             pending_hits.resize(shadow_rays.len(), Hit::MISS);
         }
-        self.scene.accel.any(shadow_rays, pending_hits);
+        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit) && !self.is_surely_front(&shadow_rays[k], hit);
+            let is_doubtful = self.is_doubtful(hit)
+                && !self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&shadow_vertices[k])));
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
             }
         }
-        let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
                 return;
@@ -123,7 +132,8 @@ impl Integrator<'_> {
             pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
-            self.scene.accel.closest(pending_rays, pending_hits);
+            let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
+            times.closest(&self.scene.accel, pending_rays, samples, pending_hits);
             ray_counts.all += pending.len() as u64;
             let mut at = 0;
             pending.retain(|&k| {
@@ -134,16 +144,16 @@ impl Integrator<'_> {
                     return false;
                 }
                 let i = shadow_vertices[k] as usize;
-                let path = &paths.carried;
+                let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                if self.is_present(&shadow_rays[k], &hit, false, || salt().wrapping_add(pass))
-                    && !self.light_passes_sheet(i, &shadow_rays[k], &hit, light)
+                if self.is_present(&shadow_rays[k], &hit, time, false, || salt().wrapping_add(pass))
+                    && !self.light_passes_sheet(i, &shadow_rays[k], &hit, time, light)
                 {
                     occluded[k] = true;
                     return false;
                 }
-                self.cross_with_light(i, &shadow_rays[k], &hit, shadow_ways.get_mut(k), light);
-                self.step_past(&mut shadow_rays[k], &hit);
+                self.cross_with_light(i, &shadow_rays[k], (&hit, time), shadow_ways.get_mut(k), light);
+                self.step_past(&mut shadow_rays[k], &hit, time);
                 true
             });
         }
@@ -157,23 +167,23 @@ impl Integrator<'_> {
 
     /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
     #[inline(always)]
-    fn is_surely_front(&self, ray: &Ray, hit: &Hit) -> bool {
+    fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
             && material.lamp.is_none()
             && !material.passes_straight
             && !material.is_boundary
-            && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
+            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
 
     /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
     /// behind a back that isn't there, what lies at the same distance still counts.
-    fn step_past(&self, ray: &mut Ray, hit: &Hit) {
+    fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_back =
-            material.is_absent_from_behind && self.scene.geometries.is_back_of_flat(ray, hit) == Some(true);
+        let is_back = material.is_absent_from_behind
+            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(true);
         let is_another = hit.t > ray.t_min.next_up();
         if is_back && is_another {
             ray.t_min = hit.t.next_down();
@@ -185,20 +195,29 @@ impl Integrator<'_> {
 
     /// Is the surface there? Nothing hit counts as present: there is nothing to pass.
     #[inline(always)]
-    fn is_present(&self, ray: &Ray, hit: &Hit, is_of_camera: bool, salt: impl Fn() -> u32) -> bool {
+    fn is_present(
+        &self,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        is_of_camera: bool,
+        salt: impl Fn() -> u32,
+    ) -> bool {
         if !hit.is_hit() {
             return true;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        if material.is_boundary || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit) {
+        if material.is_boundary
+            || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time)
+        {
             return false;
         }
         if let Some(lamp) = material.lamp {
             return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
         }
         let Some(alpha) = material.alpha else { return true };
-        let surface: Surface = self.scene.geometries.surface(ray, hit);
-        let at = self.scene.geometries.coordinates(&surface, hit, false);
+        let surface: Surface = self.scene.geometries.surface(ray, hit, time);
+        let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
         unit(hash32(salt())) < presence

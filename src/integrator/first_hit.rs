@@ -10,6 +10,8 @@ use crate::shape::Surface;
 pub(super) struct FirstHit<'a> {
     /// The hit.
     pub hit: Hit,
+    /// When, where something moves.
+    pub time: f32,
     /// Where it is, in the compiled scene's space, with normals on its front or towards the camera, and its material.
     pub surface: Surface,
     /// Towards the camera.
@@ -41,7 +43,8 @@ impl FirstHit<'_> {
             Aov::GeometricNormal => (ng * side).to_array(),
             Aov::Facing => one((ns * side).dot(self.wo).clamp(0.0, 1.0)),
             Aov::Uv => {
-                let [u, v] = scene.geometries.coordinates(&self.surface, &self.hit, false).uv[0].to_array();
+                let [u, v] =
+                    scene.geometries.coordinates(&self.surface, &self.hit, false, self.time).uv[0].to_array();
                 [u, v, 0.0]
             }
             Aov::Albedo => self.bsdf.albedo().to_array(),

@@ -7,6 +7,7 @@ use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;
 use super::sink::Sink;
+use super::times::Times;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -33,6 +34,8 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
+    /// When samples look at the scene, where something moves.
+    pub(super) times: Times,
     /// Results by sample.
     pub(super) sink: Sink,
     /// What outputs besides colour show, by sample.
@@ -68,6 +71,7 @@ impl Workspace {
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
+            times: Times::default(),
             sink: Sink::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),
@@ -85,7 +89,8 @@ impl Workspace {
     pub(super) fn intersect(&mut self, accel: &Accel) {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
-        accel.closest(&self.rays, &mut self.hits);
+        let samples = self.arriving.carried.sample[..self.rays.len()].iter().copied();
+        self.times.closest(accel, &self.rays, samples, &mut self.hits);
         self.ray_counts.all += self.rays.len() as u64;
     }
 }

@@ -56,7 +56,9 @@ impl Choice {
     pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
         // Surfaces that are absent at random let visibility be known at random only.
         // Connections would have to cross media that scatter.
-        let can_share = !has_random_surfaces(scene) && !scene.features.scattering && options.max_depth >= 2;
+        // What one path found may stand elsewhere at another's time.
+        let is_plain = !has_random_surfaces(scene) && !scene.features.scattering && !scene.is_moving();
+        let can_share = is_plain && options.max_depth >= 2;
         let branches = match options.splitting {
             Splitting::Into(branches) if options.max_depth >= 1 => branches,
             _ => 1,
@@ -91,6 +93,8 @@ impl Choice {
             "the scene has surfaces that are partly transparent"
         } else if scene.features.scattering {
             "the scene has media that scatter"
+        } else if scene.is_moving() {
+            "something moves in the scene"
         } else {
             "there is no indirect light with so few bounces"
         };
