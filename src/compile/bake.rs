@@ -203,6 +203,7 @@ impl Space {
         },
         attributes: Attributes::EMPTY,
         bounds: Bounds3::EMPTY,
+        neighbours: None,
         owners: Owners::EMPTY,
     };
 

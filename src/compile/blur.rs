@@ -3,9 +3,13 @@
 use super::geometry::Space;
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId};
+use crate::light::{MovingLight, PunctualLight};
 use crate::math::{DAffine3, DMat3, DVec3, Mat3, TransformKeys, Vec3};
-use crate::scene::{Instance, MaterialId, MeshId, Motion, Moving, Scene, Shape, ShapeKind};
+use crate::scene::{
+    Instance, Light, LightKind, MaterialId, MeshId, Motion, Moving, Scene, Shape, ShapeKind, Vertices,
+};
 use crate::shape::{Analytic, Quad};
+use std::collections::BTreeMap;
 
 /// Where an instance stands while the shutter is open, from an origin; `None` if it stands still.
 pub(super) fn keys(scene: &Scene, instance: &Instance, origin: DVec3) -> Option<TransformKeys> {
@@ -18,9 +22,10 @@ fn from_origin(key: &DAffine3, origin: DVec3) -> DAffine3 {
     DAffine3 { translation: key.translation - origin, ..*key }
 }
 
-/// Does a mesh change its shape while the shutter is open?
+/// Is a mesh's shape at other moments to be known: does it change while the shutter is open, or are there to be motion vectors?
 pub(super) fn deforms(scene: &Scene, mesh: MeshId) -> bool {
-    scene.motion.meshes.get(&mesh.index()).is_some_and(Moving::blurs)
+    let moving = scene.motion.meshes.get(&mesh.index());
+    moving.is_some_and(|m| m.blurs() || m.neighbours.is_some())
 }
 
 /// Is a mesh another at other moments?
@@ -28,10 +33,25 @@ pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
     scene.motion.meshes.contains_key(&mesh.index())
 }
 
+/// The lights without a surface that move while the shutter is open, by their place in the scene's list.
+pub(super) fn lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
+    let moving = |(i, light): (usize, &Light)| {
+        let found = scene.motion.lights.iter().find(|m| m.kind == light.kind && m.moving.blurs())?;
+        let at = |kind: &LightKind| PunctualLight::new(&Light { kind: *kind, ..light.clone() }, origin);
+        Some((i, MovingLight(found.moving.keys.iter().map(at).collect())))
+    };
+    scene.lights.iter().enumerate().filter_map(moving).collect()
+}
+
 impl Space {
     /// Takes the shapes of a mesh while the shutter is open, if it changes then.
     pub(super) fn take_keys(&mut self, scene: &Scene, mesh: MeshId) {
-        let Some(moving) = scene.motion.meshes.get(&mesh.index()).filter(|m| m.blurs()) else { return };
+        let Some(moving) = scene.motion.meshes.get(&mesh.index()) else { return };
+        let positions = |[a, b]: &[Vertices; 2]| [a.positions.clone(), b.positions.clone()];
+        self.neighbours = moving.neighbours.as_ref().map(positions);
+        if !moving.blurs() {
+            return;
+        }
         self.shapes.keys = moving.keys.iter().map(|key| key.positions.clone()).collect();
         if !self.attributes.normals.is_empty() {
             self.attributes.normal_keys = moving.keys.iter().map(|key| key.normals.clone()).collect();

@@ -63,6 +63,8 @@ pub struct Space {
     pub attributes: Attributes,
     /// The box around the shapes.
     pub bounds: Bounds3,
+    /// Where vertices are a frame before and a frame after the picture, if they are another then and it is asked for.
+    pub neighbours: Option<[Vec<[f32; 3]>; 2]>,
     /// The objects of the scene that the shapes belong to, in the world's own space.
     pub owners: Owners,
 }

@@ -3,6 +3,7 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::objects::ObjectId;
+use crate::math::Hit;
 use crate::scene::{Scene, group_or_default};
 use std::collections::HashMap;
 
@@ -45,6 +46,10 @@ impl LightGroups {
         for &(prim, light) in &emitters.light_of_primitive {
             let material = geometries.world.attributes.materials[prim as usize];
             lights[light as usize] = groups.of_surface(geometries.world.owners.of(prim), material);
+        }
+        for (&(instance, prim), &light) in &emitters.moving_primitives {
+            let hit = Hit { instance, prim, ..Hit::MISS };
+            lights[light as usize] = groups.of_surface(geometries.object(&hit), geometries.material(&hit));
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
         lights.push(number(&scene.environment_group));

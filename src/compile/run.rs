@@ -1,17 +1,20 @@
 //! The way from a scene to a compiled one.
 
+use super::blur;
 use super::emitters;
 use super::geometry::{Geometries, Transform};
 use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
+use super::moving_emitters;
 use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
+use super::vectors::Vectors;
 use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
-use crate::light::{EnvironmentLight, Lights, PunctualLight};
+use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3};
 use crate::scene::Scene;
 use crate::texture::CompiledTextures;
@@ -61,15 +64,18 @@ pub(super) fn compile_after(
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);
 
-    let emitters = emitters::find(&geometries, &materials);
+    let mut emitters = emitters::find(&geometries, &materials);
+    moving_emitters::add(&mut emitters, &geometries, &materials);
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
+    let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = match kept.environment.take() {
         Some(environment) => environment,
         None => EnvironmentLight::new(&scene.environment, &scene.images, true),
     };
     let radius = scene_radius(&geometries);
-    let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
+    let all = (emitters.lights.clone(), punctual);
+    let lights = Lights::moving(all, motions, environment, &textures, radius);
     report.lights = lights.len() as u64;
     let features = features(scene, &geometries, &materials, &textures, &media);
     report.build_s = begin.elapsed().as_secs_f64();
@@ -85,6 +91,7 @@ pub(super) fn compile_after(
         light_groups,
         features,
         emitters,
+        vectors: Vectors::of(scene, anchor),
         camera_motions: scene.motion.cameras.clone(),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };

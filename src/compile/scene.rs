@@ -8,6 +8,7 @@ use super::medium::Medium;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
 use super::tree::Tree;
+use super::vectors::Vectors;
 use crate::accel::{Accel, TreeQuality};
 use crate::bsdf::ShadingModel;
 use crate::error::Warning;
@@ -78,6 +79,8 @@ pub struct CompiledScene {
     pub features: Features,
     /// Which primitives are lights.
     pub(super) emitters: Emitters,
+    /// Where objects are at the neighbouring frames.
+    pub vectors: Vectors,
     /// Cameras that move.
     pub(super) camera_motions: Vec<CameraMotion>,
     /// What it was made of, for what may be made of it.
@@ -113,12 +116,15 @@ impl CompiledScene {
     /// The light that the primitive at a hit is part of.
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
-        if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+        match hit.instance {
+            0 => self.emitters.light_of(hit.prim),
+            instance => self.emitters.moving_light_of(instance, hit.prim),
+        }
     }
 
     /// Does anything but the camera move while the picture is taken?
     pub fn is_moving(&self) -> bool {
-        self.accel.is_moving()
+        self.accel.is_moving() || self.lights.are_moving()
     }
 
     /// The object of the scene at a hit.

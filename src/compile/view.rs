@@ -13,6 +13,8 @@ pub struct View {
     pub camera: Camera,
     /// The same while the shutter is open, if it moves then.
     pub moving: Option<MovingCamera>,
+    /// The same a frame before and a frame after, where that is known.
+    pub neighbours: [Camera; 2],
     /// Picture width in pixels.
     pub width: u32,
     /// Picture height in pixels.
@@ -30,9 +32,12 @@ impl View {
         };
         let motion = compiled.camera_motions.iter();
         let motion = motion.map(|m| (m.world_from_camera, &m.moving));
-        let motion = motion.filter(|(place, m)| *place == camera.world_from_camera && m.blurs()).map(|m| m.1);
+        let motion = motion.filter(|(place, _)| *place == camera.world_from_camera).map(|m| m.1).next();
+        let blurring = motion.filter(|m| m.blurs());
+        let neighbours = motion.and_then(|m| m.neighbours).unwrap_or([camera.world_from_camera; 2]);
         View {
-            moving: motion.map(|m| MovingCamera::new(m.keys.iter().copied().map(at))).next(),
+            moving: blurring.map(|m| MovingCamera::new(m.keys.iter().copied().map(at))),
+            neighbours: neighbours.map(at),
             camera: at(camera.world_from_camera),
             width,
             height,

@@ -32,7 +32,8 @@ impl Integrator<'_> {
         if path.pdf[i] > 0.0
             && let Some(index) = light
         {
-            let area = &self.scene.lights.area()[index as usize];
+            let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
+            let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = w.rays[i].origin;
             let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
             let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
