@@ -5,7 +5,7 @@ use super::geometry::{
     vertices,
 };
 use crate::accel;
-use crate::math::{DAffine3, Hit, Ray, Vec2, Vec3, segment, transform_at};
+use crate::math::{DAffine3, Hit, Ray, Vec2, Vec3, gamma, segment, transform_at};
 use crate::shape::{Shape, Surface, shading_normal, triangle_surface};
 
 /// The primitive at a hit at a time, with all that it is part of.
@@ -71,7 +71,10 @@ impl Moment<'_> {
             Primitive::Analytic(_, shape) => shape.surface(self.to_object(ray.at(hit.t))),
         };
         surface.material = attributes.materials[hit.prim as usize];
-        self.placement.surface_to_world(&surface)
+        let surface = self.placement.surface_to_world(&surface);
+        // Rays that leave it are taken back to its space in single precision.
+        let back = surface.p.abs() + self.placement.world_from_object.translation.abs();
+        Surface { p_error: surface.p_error + back * gamma(4), ..surface }
     }
 
     /// Does a ray hit the back of a flat primitive? `None` for others.

@@ -1,7 +1,7 @@
 //! Lights that move while the shutter is open: a light for each of some moments, and between two of them one in between.
 
-use super::{AreaLight, AreaShape, Edges, LightBounds, PunctualLight};
-use crate::math::{Vec3, segment};
+use super::{AreaLight, AreaShape, Edges, LightBounds, LightSample, PunctualLight};
+use crate::math::{Vec3, gamma, offset_ray_origin, segment};
 use crate::shape::{Analytic, Packed, Shape};
 use crate::texture::CompiledTextures;
 use std::collections::BTreeMap;
@@ -33,6 +33,22 @@ impl MovingLight<AreaLight> {
         let (key, share) = segment(self.0.len(), time);
         let (from, to) = (&self.0[key], &self.0[(key + 1).min(self.0.len() - 1)]);
         AreaLight::new(mix(&from.shape, &to.shape, share), from.two_sided, from.radiance).with_beam(from.beam)
+    }
+
+    /// [`AreaLight::sample`] at a time. Shadow rays end a little farther before it than before lights that stand still: they are
+    /// taken to the space of what moves in single precision.
+    pub fn sample(
+        &self,
+        textures: &CompiledTextures,
+        reference: Vec3,
+        u: [f32; 2],
+        time: f32,
+    ) -> LightSample {
+        let light = self.at(time);
+        let sample = light.sample(textures, reference, u);
+        let error = (reference.abs() + sample.target.abs()) * gamma(8);
+        let normal = light.normal_at(sample.target);
+        LightSample { target: offset_ray_origin(sample.target, error, normal, -sample.wi), ..sample }
     }
 
     /// Where its light comes from and goes at any time; as bright as it is on average.

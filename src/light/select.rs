@@ -234,7 +234,7 @@ impl Lights {
     ) -> LightSample {
         let place = index as usize;
         if let Some(moving) = self.motions.area.get(&place) {
-            return moving.at(time).sample(textures, reference, u);
+            return moving.sample(textures, reference, u, time);
         }
         let moving = place.checked_sub(self.area.len()).and_then(|place| self.motions.punctual.get(&place));
         match moving {

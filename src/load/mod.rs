@@ -54,6 +54,10 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
                 .with_help(way_to_a_scene(&extension)));
         }
     };
+    if is_of_blender(path) && options.shutter.is_open() {
+        let message = "what moves in files of Blender is not blurred: it is exported at one moment";
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
     let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
     if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";

@@ -12,7 +12,7 @@ use super::transform::Family;
 use crate::load::ShutterOptions;
 use crate::math::DAffine3;
 use crate::scene::{
-    Camera, CameraMotion, Instance, Light, LightKind, LightMotion, Motion, Moving, Scene, Vertices,
+    Camera, CameraMotion, Instance, Light, LightKind, LightMotion, Mesh, Motion, Moving, Scene, Vertices,
 };
 use std::collections::HashMap;
 
@@ -41,7 +41,14 @@ impl Moments {
         kept: &mut Kept,
         report: &mut Report,
     ) -> Option<Moments> {
-        let time_s = time_s.filter(|_| shutter.wants_motion() && doc.count("animations") > 0)?;
+        if !shutter.wants_motion() || doc.count("animations") == 0 {
+            return None;
+        }
+        if time_s.is_none() && shutter.is_open() {
+            let message = "no moment is asked for: nothing moves while the shutter is open";
+            report.note("/animations", message);
+        }
+        let time_s = time_s?;
         let at = |frames: f64| time_s + frames / shutter.fps;
         let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report));
         let mut moment = |frames: f64| {
@@ -85,7 +92,7 @@ impl Moments {
                 keys: met.keys.iter().map(|m| m.0).collect(),
                 neighbours: met.neighbours.map(|n| n.map(|m| m.0)),
             };
-            let deformed = self.vertices(&met, scene.meshes[mesh].positions.len());
+            let deformed = self.vertices(&met, &scene.meshes[mesh]);
             let deforms = deformed.as_ref().is_some_and(is_different);
             if differs(&moving, &place) || deforms {
                 scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
@@ -106,9 +113,10 @@ impl Moments {
     }
 
     /// The shapes of a placed mesh, if it is deformed.
-    fn vertices(&self, met: &Moving<(DAffine3, usize)>, count: usize) -> Option<Moving<Vertices>> {
+    fn vertices(&self, met: &Moving<(DAffine3, usize)>, mesh: &Mesh) -> Option<Moving<Vertices>> {
+        let counts = (mesh.positions.len(), mesh.normals.len());
         let of = |moment: &Moment, mesh: usize| {
-            moment.meshes.get(&mesh).filter(|v| v.positions.len() == count).cloned()
+            moment.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
         };
         let keys = self.keys.iter().zip(&met.keys).map(|(moment, met)| of(moment, met.1));
         let neighbours = match (&self.neighbours, &met.neighbours) {
