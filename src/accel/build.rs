@@ -7,6 +7,7 @@ use super::gather::{Kind, Primitive, gather, is_in_reach};
 use super::halves;
 use super::input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
 use super::layout::{DONE, InstanceRecord, MAX_LINE};
+use super::motion::{self, Motions};
 use super::normalize::Space;
 use super::parts::{BuildStats, Built, Mark, NOTHING, Parts, Tree};
 use super::pieces;
@@ -55,7 +56,15 @@ impl Accel {
         let geometries: Vec<&Geometry> = geometries.iter().collect();
         let (first_moving, first_changing) = (instances.len(), geometries.len());
         let quality = TreeQuality::Full;
-        build(&AccelInput { geometries: &geometries, instances, first_moving, first_changing, quality })
+        let moving = &[];
+        build(&AccelInput {
+            geometries: &geometries,
+            instances,
+            first_moving,
+            first_changing,
+            moving,
+            quality,
+        })
     }
 
     /// Builds with instances that move apart from those that don't.
@@ -151,7 +160,8 @@ impl<'a> Builder<'a> {
         let (mut placed, mut records) = (Vec::new(), Vec::new());
         for index in range {
             let instance = self.input.instances[index];
-            if let Some((record, bounds)) = self.place(&instance, index as u32 + 1) {
+            let keys = motion::keys_of(self.input.moving, index);
+            if let Some((record, bounds)) = self.place(&instance, keys, index as u32 + 1) {
                 placed.push(Primitive { kind: Kind::Instance, id: records.len() as u32, bounds });
                 records.push(record);
             }
@@ -187,7 +197,9 @@ impl<'a> Builder<'a> {
         let (root, reach) = top.map_or((world.tree.root, world.reach()), |top| (top.tree.root, top.reach()));
         let bounds = top.map_or(world.bounds, |top| top.bounds);
         let scan = Scan::new(&lines, root);
-        Accel { lines, root, scan, bounds, reach, stack_size: stack_size(depth), expected, stats, parts }
+        let motions = Motions::of(&input);
+        let stack_size = stack_size(depth);
+        Accel { lines, root, scan, motions, bounds, reach, stack_size, expected, stats, parts }
     }
 
     /// Builds the tree of a geometry, together with some instances.
@@ -233,14 +245,20 @@ impl<'a> Builder<'a> {
     }
 
     /// The record of an instance and its box in the world.
-    fn place(&mut self, instance: &AccelInstance, number: u32) -> Option<(InstanceRecord, Bounds3)> {
+    fn place(
+        &mut self,
+        instance: &AccelInstance,
+        keys: &[DAffine3],
+        number: u32,
+    ) -> Option<(InstanceRecord, Bounds3)> {
         let world_from_object = instance.world_from_object;
         let object_from_world = world_from_object.inverse();
         let geometry = instance.geometry as usize;
         let usable = geometry > 0
             && geometry < self.parts.trees.len()
             && world_from_object.is_finite()
-            && object_from_world.is_finite();
+            && object_from_world.is_finite()
+            && keys.iter().all(DAffine3::is_finite);
         if !usable {
             self.stats.dropped.instances += 1;
             return None;
@@ -249,19 +267,18 @@ impl<'a> Builder<'a> {
         if built.tree.root == DONE {
             return None;
         }
-        let m = object_from_world;
-        let row = |k: usize| {
-            [m.matrix3.x_axis[k], m.matrix3.y_axis[k], m.matrix3.z_axis[k], m.translation[k]]
-                .map(|x| x as f32)
-        };
         let record = InstanceRecord {
-            object_from_world: [row(0), row(1), row(2)],
+            object_from_world: InstanceRecord::rows(&object_from_world),
             root: built.tree.root,
             instance: number,
             next: DONE,
             reach: built.reach(),
         };
-        let bounds = world_bounds(&built.bounds, &world_from_object);
+        let around = |bounds: Bounds3, key| bounds.union(world_bounds(&built.bounds, key));
+        let bounds = match keys {
+            [] => world_bounds(&built.bounds, &world_from_object),
+            keys => keys.iter().fold(Bounds3::EMPTY, around),
+        };
         let fits = record.object_from_world.as_flattened().iter().all(|x| x.is_finite());
         if !(fits && is_in_reach(bounds.min) && is_in_reach(bounds.max)) {
             self.stats.dropped.instances += 1;

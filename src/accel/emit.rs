@@ -6,9 +6,11 @@ use super::collapse::{Collapse, MAX_LANES, Piece};
 use super::gather::{Kind, Primitive, triangle_vertices};
 use super::input::Geometry;
 use super::layout::{
-    AnalyticPacket, DONE, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, KIND_TRIANGLES, NODE_LINES, Node,
-    PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TrianglePacket, leaf_ref, line_of, view_mut,
+    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
+    KIND_TRIANGLES, NODE_LINES, Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TRIANGLE_LINES,
+    TrianglePacket, leaf_ref, line_of, view_mut,
 };
+use super::motion;
 use crate::math::{Bounds3, Vec3};
 use crate::shape::triangle::LANES;
 use crate::simd::{Line, reserve_lines};
@@ -61,7 +63,7 @@ impl Emit<'_> {
     pub fn write(&self, lines: &mut Vec<Line>) -> Emitted {
         let start = lines.len();
         if self.collapse.is_leaf(0) {
-            lines.resize(start + packet_lines(&self.collapse.lanes(0)), Line::ZERO);
+            lines.resize(start + self.shapes.packet_lines(&self.collapse.lanes(0)), Line::ZERO);
             let (root, _) = self.write_leaf(&mut lines[start..], start, 0);
             return Emitted { root, depth: 1 };
         }
@@ -109,7 +111,7 @@ impl Emit<'_> {
     /// Lines of a wide node with these children and of the packets of its leaves.
     fn lines_of(&self, children: &[usize]) -> usize {
         let leaves = children.iter().filter(|c| self.collapse.is_leaf(**c));
-        NODE_LINES + leaves.map(|c| packet_lines(&self.collapse.lanes(*c))).sum::<usize>()
+        NODE_LINES + leaves.map(|c| self.shapes.packet_lines(&self.collapse.lanes(*c))).sum::<usize>()
     }
 
     fn write_node(&self, region: &mut [Line], place: Place, line_of_node: &[u32]) {
@@ -174,12 +176,17 @@ impl Emit<'_> {
             }
         }
         let lanes = [triangles.count, analytic.count, instances.count].map(|n| n as u8);
-        let references = packet_references(&lanes, base);
+        let references = self.shapes.packet_references(&lanes, base);
         let next = |i: usize| if i + 1 < references.count { references.items[i + 1] } else { DONE };
         let at = |written: usize| line_of(references.items[written]) - base;
         let mut written = 0;
         for four in triangles.as_slice().chunks(LANES) {
-            *view_mut(region, at(written)) = triangle_packet(four, next(written));
+            match self.shapes.geometry.keys.is_empty() {
+                true => *view_mut(region, at(written)) = triangle_packet(four, next(written)),
+                false => {
+                    motion::write_triangles(region, at(written), self.shapes.geometry, four, next(written))
+                }
+            }
             written += 1;
         }
         for four in analytic.as_slice().chunks(LANES) {
@@ -191,7 +198,7 @@ impl Emit<'_> {
             *view_mut(region, at(written)) = InstanceRecord { next: next(written), ..record };
             written += 1;
         }
-        (if references.count == 0 { DONE } else { references.items[0] }, packet_lines(&lanes))
+        (if references.count == 0 { DONE } else { references.items[0] }, self.shapes.packet_lines(&lanes))
     }
 
     fn analytic_packet(&self, ids: &[u32], next: u32) -> AnalyticPacket {
@@ -212,7 +219,8 @@ impl Emit<'_> {
     }
 }
 
-fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
+/// Four triangles or fewer, with their ids and what they are.
+pub fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
     let mut packet = TrianglePacket::empty();
     packet.rows[11] = [f32::from_bits(next); LANES];
     for (lane, (vertices, id, part)) in triangles.iter().enumerate() {
@@ -227,26 +235,37 @@ fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePa
     packet
 }
 
-/// Lines of each kind of packet, and their kinds.
-const KINDS: [(u32, usize, usize); 3] =
-    [(KIND_TRIANGLES, LANES, 3), (KIND_ANALYTIC, LANES, 2), (KIND_INSTANCE, 1, 1)];
-
-/// Lines of the packets for so many lanes of triangles, analytic shapes and instances.
-fn packet_lines(lanes: &[u8; 3]) -> usize {
-    KINDS.iter().zip(lanes).map(|((_, per, lines), n)| usize::from(*n).div_ceil(*per) * lines).sum()
-}
-
-/// References to the packets of a leaf that starts at line `base`, in order.
-fn packet_references(lanes: &[u8; 3], base: usize) -> Few<u32> {
-    let mut line = base;
-    let mut references = Few::of(DONE);
-    for ((kind, per, lines), n) in KINDS.iter().zip(lanes) {
-        for _ in 0..usize::from(*n).div_ceil(*per) {
-            references.push(leaf_ref(*kind, line));
-            line += lines;
-        }
+impl Shapes<'_> {
+    /// Lines of each kind of packet, and their kinds.
+    fn kinds(&self) -> [(u32, usize, usize); 3] {
+        let triangles = match self.geometry.keys.len() {
+            0 => (KIND_TRIANGLES, LANES, TRIANGLE_LINES),
+            keys => (KIND_ANALYTIC, LANES, ANALYTIC_LINES + keys * TRIANGLE_LINES),
+        };
+        [triangles, (KIND_ANALYTIC, LANES, ANALYTIC_LINES), (KIND_INSTANCE, 1, INSTANCE_LINES)]
     }
-    references
+
+    /// Lines of the packets for so many lanes of triangles, analytic shapes and instances.
+    fn packet_lines(&self, lanes: &[u8; 3]) -> usize {
+        self.kinds()
+            .iter()
+            .zip(lanes)
+            .map(|((_, per, lines), n)| usize::from(*n).div_ceil(*per) * lines)
+            .sum()
+    }
+
+    /// References to the packets of a leaf that starts at line `base`, in order.
+    fn packet_references(&self, lanes: &[u8; 3], base: usize) -> Few<u32> {
+        let mut line = base;
+        let mut references = Few::of(DONE);
+        for ((kind, per, lines), n) in self.kinds().iter().zip(lanes) {
+            for _ in 0..usize::from(*n).div_ceil(*per) {
+                references.push(leaf_ref(*kind, line));
+                line += lines;
+            }
+        }
+        references
+    }
 }
 
 /// What belongs to one leaf: as many as a leaf may have lanes.

@@ -64,8 +64,12 @@ pub struct Primitive {
 
 /// The vertices of a triangle; `None` where an index is out of range.
 pub fn triangle_vertices(geometry: &Geometry, index: usize) -> Option<[Vec3; 3]> {
-    let [a, b, c] = *geometry.triangles.get(index)?;
-    let at = |i: u32| geometry.positions.get(i as usize).copied().map(Vec3::from);
+    vertices_of(&geometry.positions, *geometry.triangles.get(index)?)
+}
+
+/// The same from a list of positions.
+pub fn vertices_of(positions: &[[f32; 3]], [a, b, c]: [u32; 3]) -> Option<[Vec3; 3]> {
+    let at = |i: u32| positions.get(i as usize).copied().map(Vec3::from);
     Some([at(a)?, at(b)?, at(c)?])
 }
 
@@ -74,10 +78,33 @@ fn triangle_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Kind> {
     if !vertices.into_iter().all(is_in_reach) {
         return Err(Kind::NotFinite);
     }
+    if !geometry.keys.is_empty() {
+        return moving_bounds(geometry, index);
+    }
     match triangle::is_collapsed(vertices) {
         true => Err(Kind::Degenerate),
         false => Ok(triangle::bounds(vertices)),
     }
+}
+
+/// Around a triangle at all times: its vertices move along straight lines from key to key.
+fn moving_bounds(geometry: &Geometry, index: usize) -> Result<Bounds3, Kind> {
+    let (mut bounds, mut is_degenerate) = (Bounds3::EMPTY, true);
+    for positions in &geometry.keys {
+        let vertices = vertices_of(positions, geometry.triangles[index]).ok_or(Kind::NotFinite)?;
+        if !vertices.into_iter().all(is_in_reach) {
+            return Err(Kind::NotFinite);
+        }
+        is_degenerate &= triangle::is_collapsed(vertices);
+        bounds = bounds.union(triangle::bounds(vertices));
+    }
+    if is_degenerate { Err(Kind::Degenerate) } else { Ok(widened(bounds)) }
+}
+
+/// Outwards by what the interpolation of a vertex may be rounded by.
+fn widened(bounds: Bounds3) -> Bounds3 {
+    let slack = bounds.min.abs().max(bounds.max.abs()) * (4.0 * f32::EPSILON);
+    Bounds3 { min: bounds.min - slack, max: bounds.max + slack }
 }
 
 fn quad_bounds(quad: &Quad) -> Result<Bounds3, Kind> {

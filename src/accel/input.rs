@@ -1,6 +1,6 @@
 //! What a structure is built over, and how.
 
-use crate::math::DAffine3;
+use crate::math::{DAffine3, TransformKeys};
 use crate::shape::{Analytic, Quad};
 
 /// Shapes in one space.
@@ -14,6 +14,17 @@ pub struct Geometry {
     pub quads: Vec<Quad>,
     /// Spheres, disks and what else is no triangle.
     pub analytic: Vec<Analytic>,
+    /// Where vertices are at equal steps of time; none where they don't move.
+    pub keys: Vec<Vec<[f32; 3]>>,
+}
+
+/// An instance that moves while rays are traced.
+#[derive(Clone, Debug)]
+pub struct MovingInstance {
+    /// Its index.
+    pub instance: usize,
+    /// Where it stands at equal steps of time.
+    pub keys: TransformKeys,
 }
 
 /// A geometry placed in the world.
@@ -49,6 +60,8 @@ pub struct AccelInput<'a> {
     pub first_moving: usize,
     /// The first of the geometries that change: they belong to moving instances, and are built after the world.
     pub first_changing: usize,
+    /// Those that move while rays are traced; among the moving ones.
+    pub moving: &'a [MovingInstance],
     /// How good trees are.
     pub quality: TreeQuality,
 }

@@ -124,6 +124,10 @@ impl TrianglePacket {
     }
 }
 
+/// In place of an analytic shape's kind, in the first lane: four triangles follow whose vertices move, once for each key of their
+/// geometry, as [`TrianglePacket`]s. Their number is in place of the first lane's id.
+pub const MOVING_TRIANGLES: u8 = u8::MAX;
+
 /// Four analytic shapes.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]

@@ -21,6 +21,7 @@ mod gather;
 mod halves;
 mod input;
 mod layout;
+mod motion;
 mod nearest;
 mod normalize;
 mod parts;
@@ -40,6 +41,6 @@ mod validate;
 
 pub use fan::{Bits, Fan, FanHits};
 pub use gather::{Dropped, is_in_reach};
-pub use input::{AccelInput, AccelInstance, Geometry, Reuse, TreeQuality};
+pub use input::{AccelInput, AccelInstance, Geometry, MovingInstance, Reuse, TreeQuality};
 pub use parts::BuildStats;
 pub use structure::Accel;

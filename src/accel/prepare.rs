@@ -1,10 +1,20 @@
 //! Rays in the space of an instance.
 
 use super::layout::InstanceRecord;
-use crate::math::{Ray, Vec3};
+use crate::math::{DAffine3, Ray, Vec3};
 use crate::shape::PreparedRay;
 
 impl InstanceRecord {
+    /// The matrix of a record.
+    pub fn rows(object_from_world: &DAffine3) -> [[f32; 4]; 3] {
+        let m = object_from_world;
+        let row = |k: usize| {
+            [m.matrix3.x_axis[k], m.matrix3.y_axis[k], m.matrix3.z_axis[k], m.translation[k]]
+                .map(|x| x as f32)
+        };
+        [row(0), row(1), row(2)]
+    }
+
     /// A world ray in object space. The direction keeps its parametrisation.
     #[inline(always)]
     pub fn transform(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Ray {

@@ -10,8 +10,9 @@
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, LEAVE_INSTANCE,
-    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    MOVING_TRIANGLES, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
+use super::motion::{Clock, triangles_at};
 use super::slot::{DeepSlot, ShallowSlot, Slot};
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::shape::{Analytic, Shape, triangle};
@@ -74,7 +75,7 @@ impl Workspace {
 }
 
 /// One batch.
-pub struct Stream<'a, O, const N: usize> {
+pub struct Stream<'a, O, C, const N: usize> {
     /// Nodes and packets.
     pub lines: &'a [Line],
     /// Where to start.
@@ -83,18 +84,20 @@ pub struct Stream<'a, O, const N: usize> {
     pub reach: f32,
     /// The rays.
     pub rays: &'a [Ray],
+    /// Their times.
+    pub clock: C,
     /// The results.
     pub output: O,
     /// Scratch memory, whose stacks are as deep as the tree needs.
     pub slots: &'a mut Vec<Slot<N>>,
 }
 
-impl<O: Output, const N: usize> WideKernel for Stream<'_, O, N> {
+impl<O: Output, C: Clock, const N: usize> WideKernel for Stream<'_, O, C, N> {
     type Output = ();
 
     #[inline(always)]
     fn run<W: Wide>(self, w: W) {
-        let Stream { lines, root, reach, rays, mut output, slots } = self;
+        let Stream { lines, root, reach, rays, clock, mut output, slots } = self;
         slots.resize(IN_FLIGHT, Slot::EMPTY);
         let Some(slots) = slots.first_chunk_mut() else { return };
         let mut flight = Flight {
@@ -102,6 +105,7 @@ impl<O: Output, const N: usize> WideKernel for Stream<'_, O, N> {
             root,
             reach,
             rays,
+            clock,
             slots,
             next_ray: 0,
             flying: 0,
@@ -127,7 +131,7 @@ impl<O: Output, const N: usize> WideKernel for Stream<'_, O, N> {
             }
             let mut ids = free & special;
             while ids != 0 {
-                flight.special_step(take_lowest(&mut ids), &mut output);
+                flight.special_step(w, take_lowest(&mut ids), &mut output);
             }
         }
     }
@@ -150,11 +154,12 @@ fn take_lowest(rays: &mut Rays) -> usize {
     id
 }
 
-struct Flight<'a, const N: usize> {
+struct Flight<'a, C, const N: usize> {
     lines: &'a [Line],
     root: u32,
     reach: f32,
     rays: &'a [Ray],
+    clock: C,
     slots: &'a mut [Slot<N>; IN_FLIGHT],
     next_ray: usize,
     /// The rays on their way.
@@ -174,7 +179,7 @@ struct Candidates {
     lanes: u32,
 }
 
-impl<const N: usize> Flight<'_, N> {
+impl<C: Clock, const N: usize> Flight<'_, C, N> {
     /// Puts the next ray that can hit something into a slot; the slot stays idle when there is none.
     #[inline(always)]
     fn start<O: Output>(&mut self, id: usize, output: &mut O) {
@@ -311,13 +316,13 @@ impl<const N: usize> Flight<'_, N> {
     }
 
     #[inline(always)]
-    fn special_step<O: Output>(&mut self, id: usize, output: &mut O) {
+    fn special_step<W: Wide, O: Output>(&mut self, w: W, id: usize, output: &mut O) {
         let current = self.slots[id].current;
         if current == DONE {
             return self.finish(id, output);
         }
         let next = if kind_of(current) == KIND_ANALYTIC {
-            self.analytic(id, current)
+            self.analytic::<W, O>(w, id, current)
         } else if current == LEAVE_INSTANCE {
             self.leave_instance(id)
         } else {
@@ -339,11 +344,20 @@ impl<const N: usize> Flight<'_, N> {
     }
 
     #[inline(always)]
-    fn analytic(&mut self, id: usize, current: u32) -> u32 {
+    fn analytic<W: Wide, O: Output>(&mut self, w: W, id: usize, current: u32) -> u32 {
         let slot = &mut self.slots[id];
         let Some(packet) = view::<AnalyticPacket, ANALYTIC_LINES>(self.lines, line_of(current)) else {
             return DONE;
         };
+        if C::MOVING && packet.kind[0] == MOVING_TRIANGLES {
+            let time = self.clock.time(slot.index as usize);
+            if let Some(triangles) = triangles_at(self.lines, line_of(current), packet, time) {
+                let left = w.equal(triangles.ids(), slot.origin_primitive);
+                let lanes = triangle::candidates(w, &triangles.rows, &slot.ray, &slot.boxes) & !left;
+                slot.triangles(w, &triangles, lanes, O::ANY);
+            }
+            return packet.next;
+        }
         for lane in 0..4 {
             let Some(shape) = Analytic::unpack(&packet.packed(lane)) else { break };
             let leaves = shape.is_flat() && packet.id[lane] == slot.origin_primitive;
@@ -368,7 +382,12 @@ impl<const N: usize> Flight<'_, N> {
             slot.push(record.root);
             return self.pop::<O>(id);
         }
-        let ray = record.transform(&slot.ray, slot.t_min, slot.best.t);
+        let ray = if C::MOVING {
+            let record = self.clock.record(record, slot.index as usize);
+            record.transform(&slot.ray, slot.t_min, slot.best.t)
+        } else {
+            record.transform(&slot.ray, slot.t_min, slot.best.t)
+        };
         if slot.set(&ray, record.reach) {
             slot.push(LEAVE_INSTANCE);
             slot.push(record.root);

@@ -1,5 +1,6 @@
 //! The structure and its queries.
 
+use super::motion::{Motions, Running, Stopped};
 use super::parts::{BuildStats, Parts, Tree};
 use super::scan::{Scan, ScanAll, ScanWorkspace};
 use super::slot::ShallowSlot;
@@ -14,6 +15,8 @@ pub struct Accel {
     pub(super) root: u32,
     /// Everything in a list, where that is little: then no ray walks the tree.
     pub(super) scan: Option<Scan>,
+    /// What moves while rays are traced.
+    pub(super) motions: Motions,
     /// Box around everything.
     pub(super) bounds: Bounds3,
     pub(super) reach: f32,
@@ -73,6 +76,35 @@ impl Accel {
         hit[0]
     }
 
+    /// Does anything move while rays are traced? The queries without times then hold for the middle of the time, and shapes that
+    /// are deformed are missed.
+    #[inline(always)]
+    pub fn is_moving(&self) -> bool {
+        !self.motions.is_empty()
+    }
+
+    /// [`Accel::closest`] where things move: each ray at its own time in 0..1.
+    pub fn closest_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len()).min(times.len());
+        self.walk_in_time(&rays[..count], times, Closest(&mut hits[..count]));
+    }
+
+    /// [`Accel::any`] where things move.
+    pub fn any_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
+        let count = rays.len().min(hits.len()).min(times.len());
+        self.walk_in_time(&rays[..count], times, Any(&mut hits[..count]));
+    }
+
+    fn walk_in_time<O: Output>(&self, rays: &[Ray], times: &[f32], output: O) {
+        let &Accel { ref lines, root, reach, ref motions, .. } = self;
+        let clock = Running { times, motions };
+        WORKSPACE.with(|workspace| {
+            // One depth of stacks for all: less code.
+            let slots = &mut workspace.borrow_mut().deep;
+            dispatch_wide_at(best_level(), Stream { lines, root, reach, rays, clock, output, slots });
+        });
+    }
+
     pub(super) fn trace<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
         match &self.scan {
             Some(scan) => SCAN_WORKSPACE.with(|workspace| {
@@ -85,13 +117,13 @@ impl Accel {
 
     /// Walks the tree.
     pub(super) fn walk<O: Output>(&self, level: Level, rays: &[Ray], output: O) {
-        let &Accel { ref lines, root, reach, .. } = self;
+        let (&Accel { ref lines, root, reach, .. }, clock) = (self, Stopped);
         WORKSPACE.with(|workspace| {
             let Workspace { shallow, deep } = &mut *workspace.borrow_mut();
             if self.stack_size <= ShallowSlot::STACK {
-                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: shallow });
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, clock, output, slots: shallow });
             } else {
-                dispatch_wide_at(level, Stream { lines, root, reach, rays, output, slots: deep });
+                dispatch_wide_at(level, Stream { lines, root, reach, rays, clock, output, slots: deep });
             }
         });
     }

@@ -9,8 +9,14 @@ const BOTH: [TreeQuality; 2] = [TreeQuality::Fast, TreeQuality::Full];
 
 fn build(geometries: &[&Geometry], instances: &[AccelInstance], quality: TreeQuality) -> Accel {
     let (first_moving, first_changing) = (instances.len(), geometries.len());
-    let accel =
-        Accel::build_parts(&AccelInput { geometries, instances, first_moving, first_changing, quality });
+    let accel = Accel::build_parts(&AccelInput {
+        geometries,
+        instances,
+        first_moving,
+        first_changing,
+        moving: &[],
+        quality,
+    });
     accel.validate().expect("valid");
     assert_eq!(accel.stats().quality, quality);
     accel

@@ -2,8 +2,8 @@
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
-    KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, NODE_LINES, Node, PART_QUAD_SECOND, TRIANGLE_LINES, TrianglePacket,
-    kind_of, line_of, view,
+    KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node, PART_QUAD_SECOND,
+    TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
 };
 use super::parts::Tree;
 use super::structure::Accel;
@@ -86,7 +86,11 @@ impl Accel {
                 KIND_ANALYTIC => {
                     let packet =
                         view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line).ok_or_else(outside)?;
-                    found.ids.extend(packet.id.iter().filter(|id| **id != u32::MAX));
+                    if packet.kind[0] == MOVING_TRIANGLES {
+                        self.validate_moving(line, packet, bounds, found)?;
+                    } else {
+                        found.ids.extend(packet.id.iter().filter(|id| **id != u32::MAX));
+                    }
                     packet.next
                 }
                 KIND_INSTANCE if reference != LEAVE_INSTANCE => {
@@ -100,6 +104,29 @@ impl Accel {
                 }
                 _ => return Err(format!("reference {reference:#x} is of no kind")),
             };
+        }
+        Ok(())
+    }
+}
+
+impl Accel {
+    /// The triangles of a packet whose vertices move, at each key.
+    fn validate_moving(
+        &self,
+        line: usize,
+        packet: &AnalyticPacket,
+        bounds: &Bounds3,
+        found: &mut Found,
+    ) -> Result<(), String> {
+        for key in 0..packet.id[0] as usize {
+            let at = line + ANALYTIC_LINES + key * TRIANGLE_LINES;
+            let triangles = view::<TrianglePacket, TRIANGLE_LINES>(&self.lines, at);
+            let triangles = triangles.ok_or_else(|| format!("packet {line:#x} lacks its key {key}"))?;
+            let mut seen = Found::default();
+            validate_triangles(triangles, bounds, &mut seen)?;
+            if key == 0 {
+                found.ids.extend(seen.ids);
+            }
         }
         Ok(())
     }

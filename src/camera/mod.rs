@@ -1,6 +1,9 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
 mod aperture;
+mod moving;
+
+pub use moving::MovingCamera;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
@@ -71,6 +74,15 @@ impl Camera {
             return Ray::new(origin, direction);
         }
         Ray::new(origin, direction.normalize())
+    }
+
+    /// Where a point is seen: the film point whose rays through the middle of the lens meet it. Infinite or NaN for points beside a
+    /// perspective camera.
+    pub fn film_point(&self, p: Vec3) -> [f32; 2] {
+        let from = p - self.origin;
+        let film = if self.is_perspective { from / from.dot(self.forward) } else { from };
+        let offset = film - self.corner;
+        [self.step_x, self.step_y].map(|step| offset.dot(step) / step.length_squared())
     }
 
     /// Its position, in the middle of the lens.

@@ -9,6 +9,7 @@ use super::frames::Frames;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
+use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
@@ -290,6 +291,8 @@ pub(crate) struct RenderArgs {
     pub exr: ExrArgs,
     #[command(flatten)]
     pub stage: StageArgs,
+    #[command(flatten)]
+    pub shutter: ShutterArgs,
     #[command(flatten)]
     pub asset: AssetArgs,
     #[command(flatten)]

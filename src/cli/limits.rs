@@ -6,9 +6,13 @@ use oscura::error::{Error, Result};
 use oscura::film::Source;
 use oscura::load::Loaded;
 use oscura::render::{Labels, Settled, film_bytes};
+use oscura::scene::Moving;
 
 /// Memory that building the tree over a triangle takes at most, bytes.
 const BYTES_A_TRIANGLE: u64 = 150;
+
+/// Memory that each key of a triangle takes that changes its shape, bytes: in the tree, and twice with its vertices.
+const BYTES_A_KEY: u64 = 100;
 
 /// Is the file alone too large?
 pub(super) fn before_loading(args: &RenderArgs) -> Result<()> {
@@ -20,12 +24,19 @@ pub(super) fn before_loading(args: &RenderArgs) -> Result<()> {
 pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Settled) -> Result<()> {
     let scene = &loaded.scene;
     let triangles: usize = scene.meshes.iter().map(|mesh| mesh.triangles.len()).sum();
+    let keys = |(&mesh, moving): (&usize, &Moving<_>)| {
+        scene.meshes.get(mesh).map_or(0, |mesh| mesh.triangles.len() * moving.keys.len())
+    };
+    let of_keys: usize = scene.motion.meshes.iter().map(keys).sum();
     let labels = Labels::of(scene, &settled.options);
     refuse(
         args,
         &[
             ("the scene as loaded", process::memory_now().unwrap_or(0)),
-            ("building the tree over its triangles", triangles as u64 * BYTES_A_TRIANGLE),
+            (
+                "building the tree over its triangles",
+                triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
+            ),
             ("the picture", film_bytes(&settled.options, &labels)),
             (
                 "taking the noise out",

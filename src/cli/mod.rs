@@ -51,6 +51,7 @@ mod scene_path;
 mod settings;
 mod shapes;
 mod shot;
+mod shutter_args;
 mod stage_args;
 mod terms;
 mod thumb;

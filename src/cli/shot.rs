@@ -51,6 +51,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         allow_external: args.allow_external,
         brings_environment: args.env.is_some(),
         gltf: args.asset.options(),
+        shutter: args.shutter.options(args.fps, args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))),
         point_radius: args.point_radius,
         up: args.stage.up,
         stage,

@@ -1,15 +1,17 @@
 //! Makes the geometry that a plan asks for: the world's own, and a space of its own for each mesh that is not copied.
 
+use super::blur::{self, MovingShape, moving_shapes};
 use super::classes::Class;
-use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
+use super::geometry::{Attributes, Geometries, Placement, Space, Transform, normal_matrix};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, Owners};
 use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
-use crate::accel::{self, AccelInstance};
-use crate::math::{Bounds3, DAffine3, DMat3, DVec3, Mat3, Vec3};
-use crate::scene::{MaterialId, Mesh, Scene};
+use crate::accel::{self, AccelInstance, MovingInstance};
+use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3};
+use crate::scene::{MaterialId, Mesh, Moving, Scene};
 use crate::shape::{Analytic, Quad, Shape as _};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 /// Where geometry ended up.
@@ -21,6 +23,8 @@ pub(super) struct Baked {
     pub instances: Vec<AccelInstance>,
     /// The first of these that moves.
     pub first_moving: usize,
+    /// Those that move while the picture is taken.
+    pub moving: Vec<MovingInstance>,
 }
 
 /// What of an earlier moment's geometry is used again.
@@ -66,7 +70,9 @@ pub(super) fn bake(
         let instance = &scene.instances[step.instance];
         let mesh = &scene.meshes[instance.mesh.index()];
         let made = &mut tangents[instance.mesh.index()];
+        // New tangents may come with new vertices, whose motion nobody knows: hits find their own then.
         if made.is_none()
+            && !blur::deforms(scene, instance.mesh)
             && let Some(uv_set) = normal_map_set(part_materials(mesh, instance), scene)
         {
             *made = with_tangents(mesh, uv_set);
@@ -81,7 +87,11 @@ pub(super) fn bake(
             world.append(mesh, (instance.material, class), &step.world_from_object, needs, is_hidden);
         } else {
             let class = plan.mesh_classes[step.geometry];
-            shared[step.geometry] = Some(Arc::new(share(mesh, class, materials, plan.keeps_uv)));
+            let mut space = share(mesh, class, materials, plan.keeps_uv);
+            if step.place == Place::Moving {
+                space.take_keys(scene, instance.mesh);
+            }
+            shared[step.geometry] = Some(Arc::new(space));
         }
     }
     let world = kept.world.unwrap_or_else(|| {
@@ -90,7 +100,18 @@ pub(super) fn bake(
         Arc::new(world)
     });
     let shared = shared.into_iter().flatten().collect();
-    place(scene, plan, &numbering, Geometries { world, shared, placements: Vec::new() })
+    let geometries = Geometries { world, shared, placements: Vec::new(), motions: plan.motions.clone() };
+    let mut baked = place(scene, plan, &numbering, geometries);
+    for shape in moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv) {
+        baked.add_shape(shape);
+    }
+    let placed = baked.geometries.placements.iter().enumerate();
+    let keys = |(instance, p): (usize, &Placement)| {
+        let keys = baked.geometries.motions[p.motion? as usize].clone();
+        Some(MovingInstance { instance, keys })
+    };
+    baked.moving = placed.filter_map(keys).collect();
+    baked
 }
 
 /// Adds the placements: those that stand still, then those that move.
@@ -101,7 +122,10 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
         for step in plan.steps.iter().filter(|s| s.place == place) {
             let class = plan.mesh_classes[step.geometry];
             let material = scene.instances[step.instance].material.map(|id| class.material(id));
-            geometries.placements.push(placement(step, material, numbering.instance(step.instance)));
+            let mut placed = placement(step, material, numbering.instance(step.instance));
+            let has_keys = |space: &Arc<Space>| !space.shapes.keys.is_empty();
+            placed.moves |= geometries.shared.get(step.geometry).is_some_and(has_keys);
+            geometries.placements.push(placed);
             instances.push(AccelInstance {
                 // The accelerator counts the world, too.
                 geometry: step.geometry as u32 + 1,
@@ -109,17 +133,18 @@ fn place(scene: &Scene, plan: &Plan, numbering: &Numbering, mut geometries: Geom
             });
         }
     }
-    Baked { geometries, instances, first_moving }
+    Baked { geometries, instances, first_moving, moving: Vec::new() }
 }
 
 fn placement(step: &Step, material: Option<u32>, object: ObjectId) -> Placement {
-    let DAffine3 { matrix3, translation } = step.world_from_object;
-    let world_from_object = Transform {
-        linear: matrix3.as_mat3(),
-        translation: translation.as_vec3(),
-        normal_from_object: normal_matrix(&matrix3).as_mat3(),
-    };
-    Placement { geometry: step.geometry as u32, world_from_object, material, object }
+    Placement {
+        geometry: step.geometry as u32,
+        world_from_object: Transform::of(&step.world_from_object),
+        material,
+        object,
+        moves: step.motion.is_some(),
+        motion: step.motion,
+    }
 }
 
 fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMaterial]) -> Needs {
@@ -131,13 +156,6 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
         needs.colors |= material.uses_vertex_colors;
     }
     needs
-}
-
-/// The inverse transpose, scaled so that its largest column has length 1.
-fn normal_matrix(m: &DMat3) -> DMat3 {
-    let n = m.inverse().transpose();
-    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
-    n * (1.0 / largest)
 }
 
 /// A mesh in a space of its own.
@@ -156,23 +174,47 @@ fn share(mesh: &Mesh, class: Class, materials: &[CompiledMaterial], keeps_uv: bo
     space
 }
 
+impl Baked {
+    /// Adds a shape that moves, behind all other placements.
+    fn add_shape(&mut self, shape: MovingShape) {
+        let geometries = &mut self.geometries;
+        let (geometry, motion) = (geometries.shared.len() as u32, geometries.motions.len() as u32);
+        geometries.shared.push(Arc::new(shape.space));
+        geometries.motions.push(shape.keys);
+        geometries.placements.push(Placement {
+            geometry,
+            world_from_object: Transform::of(&shape.world_from_object),
+            material: None,
+            object: shape.object,
+            moves: true,
+            motion: Some(motion),
+        });
+        // The accelerator counts the world, too.
+        self.instances
+            .push(AccelInstance { geometry: geometry + 1, world_from_object: shape.world_from_object });
+    }
+}
+
 impl Space {
     /// Nothing.
-    const EMPTY: Space = Space {
+    pub(super) const EMPTY: Space = Space {
         shapes: accel::Geometry {
             positions: Vec::new(),
             triangles: Vec::new(),
             quads: Vec::new(),
             analytic: Vec::new(),
+            keys: Vec::new(),
         },
         attributes: Attributes::EMPTY,
         bounds: Bounds3::EMPTY,
+        neighbours: None,
         owners: Owners::EMPTY,
     };
 
     /// Finds the box around the shapes.
-    fn measure(&mut self) {
-        let positions = self.shapes.positions.iter().map(|&p| Vec3::from_array(p));
+    pub(super) fn measure(&mut self) {
+        let positions = self.shapes.positions.iter().chain(self.shapes.keys.iter().flatten());
+        let positions = positions.map(|&p| Vec3::from_array(p));
         let mut bounds = Bounds3::of(positions.filter(|p| p.is_finite()));
         for quad in &self.shapes.quads {
             bounds = bounds.union(quad.bounds());
@@ -230,7 +272,10 @@ impl Space {
     ) {
         let (shapes, attributes) = (&mut self.shapes, &mut self.attributes);
         let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
-        for (i, quad) in scene.quads.iter().enumerate().filter(|(_, quad)| is_seen(quad.material)) {
+        let stays =
+            |moving: &BTreeMap<usize, Moving<_>>, i: usize| !moving.get(&i).is_some_and(Moving::blurs);
+        let (motion, quads) = (&scene.motion, scene.quads.iter().enumerate());
+        for (i, quad) in quads.filter(|(i, quad)| is_seen(quad.material) && stays(&motion.quads, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.quad(i));
             shapes.quads.push(Quad {
                 corner: (quad.corner - origin).as_vec3(),
@@ -240,7 +285,8 @@ impl Space {
             attributes.materials.push(plan.classes.of_object(&quad.name).material(quad.material));
         }
         let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
-        for (i, shape) in scene.shapes.iter().enumerate().filter(|(_, shape)| is_seen(shape.material)) {
+        let shown = scene.shapes.iter().enumerate();
+        for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
             attributes.materials.push(plan.classes.of_object(&shape.name).material(shape.material));

@@ -4,9 +4,10 @@ use super::geometry::{Attributes, Geometries, Space};
 use super::material::{CompiledEmission, CompiledMaterial};
 use crate::accel::{self, is_in_reach};
 use crate::color::Rgb;
-use crate::light::{AreaLight, AreaShape, Edges, Radiance};
+use crate::light::{AreaLight, AreaShape, Edges, MovingLight, Radiance};
 use crate::math::{Bounds3, Mat3, Vec2, Vec3};
 use crate::shape::{Analytic, Shape};
+use std::collections::BTreeMap;
 
 /// Area lights and which primitives they are.
 #[derive(Debug, Default)]
@@ -15,9 +16,13 @@ pub struct Emitters {
     pub lights: Vec<AreaLight>,
     /// Primitive of the world's own geometry and its light, by primitive.
     pub light_of_primitive: Vec<(u32, u32)>,
+    /// Of lights that move, at the keys of their motion.
+    pub moving: BTreeMap<usize, MovingLight<AreaLight>>,
+    /// Their instances and primitives.
+    pub moving_primitives: BTreeMap<(u32, u32), u32>,
 }
 
-/// All emitting primitives; only the world's own geometry has any.
+/// All emitting primitives of the world's own geometry; no other has any, but for what moves.
 pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters {
     let mut emitters = Emitters::default();
     if materials.iter().all(|m| m.emission.is_none()) {
@@ -66,7 +71,7 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
 }
 
 /// The emission that light sampling knows of. Where a surface is partly absent only paths that meet it find its light.
-fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
+pub(super) fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
     material.emission.filter(|_| material.alpha.is_none())
 }
 
@@ -110,6 +115,21 @@ impl Emitters {
         self.lights.push(light);
     }
 
+    /// Adds a light that moves, at its keys.
+    pub(super) fn push_moving(&mut self, primitive: (u32, u32), keys: Vec<AreaLight>) {
+        let Some(&first) = keys.first() else { return };
+        let index = self.lights.len();
+        self.moving_primitives.insert(primitive, index as u32);
+        self.lights.push(first);
+        self.moving.insert(index, MovingLight(keys));
+    }
+
+    /// The light that a primitive of a placement is part of.
+    #[cold]
+    pub fn moving_light_of(&self, instance: u32, prim: u32) -> Option<u32> {
+        self.moving_primitives.get(&(instance, prim)).copied()
+    }
+
     /// The light that a primitive is part of.
     #[inline]
     pub fn light_of(&self, prim: u32) -> Option<u32> {
@@ -123,7 +143,7 @@ fn corners(shapes: &accel::Geometry, prim: usize) -> [Vec3; 3] {
 }
 
 /// Can rays reach what lies in a box? The accelerator drops what they can't, which then shines no more than it is seen.
-fn is_reached(bounds: Bounds3) -> bool {
+pub(super) fn is_reached(bounds: Bounds3) -> bool {
     is_in_reach(bounds.min) && is_in_reach(bounds.max)
 }
 

@@ -2,7 +2,7 @@
 
 use super::objects::{ObjectId, Owners};
 use crate::accel;
-use crate::math::{Bounds3, Hit, Mat3, Ray, Vec2, Vec3, gamma};
+use crate::math::{Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma};
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
 use std::sync::Arc;
@@ -12,6 +12,8 @@ use std::sync::Arc;
 pub struct Attributes {
     /// Unit normals by vertex; zero where a mesh is flat.
     pub normals: Vec<[f32; 3]>,
+    /// The same at the keys of vertices that move.
+    pub normal_keys: Vec<Vec<[f32; 3]>>,
     /// Two sets of texture coordinates by vertex.
     pub uv: [Vec<[f32; 2]>; 2],
     /// Unit tangents with handedness by vertex; zero where a mesh has none.
@@ -35,9 +37,13 @@ pub struct Placement {
     pub material: Option<u32>,
     /// The object of the scene that it is.
     pub object: ObjectId,
+    /// It or its vertices move while the picture is taken.
+    pub moves: bool,
+    /// Where it stands then: which of [`Geometries::motions`]. Without, it stands still.
+    pub motion: Option<u32>,
 }
 
-/// From object to world space. (One moment's; a transform that moves would hold more than one of them.)
+/// From object to world space, at one moment.
 #[derive(Clone, Copy, Debug)]
 pub struct Transform {
     /// Linear part.
@@ -57,6 +63,8 @@ pub struct Space {
     pub attributes: Attributes,
     /// The box around the shapes.
     pub bounds: Bounds3,
+    /// Where vertices are a frame before and a frame after the picture, if they are another then and it is asked for.
+    pub neighbours: Option<[Vec<[f32; 3]>; 2]>,
     /// The objects of the scene that the shapes belong to, in the world's own space.
     pub owners: Owners,
 }
@@ -84,6 +92,8 @@ pub struct Geometries {
     pub shared: Vec<Arc<Space>>,
     /// In the order of hit instances from 1 on.
     pub placements: Vec<Placement>,
+    /// How placements move.
+    pub motions: Vec<TransformKeys>,
 }
 
 /// The corners of a flat primitive, with the normals there: all that its surface follows from.
@@ -105,13 +115,13 @@ pub struct TextureCorners {
 }
 
 /// Which kind of primitive an id means.
-enum Primitive<'a> {
+pub(super) enum Primitive<'a> {
     Triangle([u32; 3]),
     Quad(&'a Quad),
     Analytic(usize, &'a Analytic),
 }
 
-fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
+pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
     let prim = prim as usize;
     if let Some(&t) = shapes.triangles.get(prim) {
         return Primitive::Triangle(t);
@@ -127,7 +137,7 @@ fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
 }
 
 #[inline(always)]
-fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
+pub(super) fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
     t.map(|i| list[i as usize])
 }
 
@@ -213,9 +223,12 @@ impl Geometries {
         Some(TextureCorners { uv, tangents })
     }
 
-    /// The surface at a hit of `ray`.
+    /// The surface at a hit of `ray`; `time`, in 0..1, is asked for where something moves.
     #[inline]
-    pub fn surface(&self, ray: &Ray, hit: &Hit) -> Surface {
+    pub fn surface(&self, ray: &Ray, hit: &Hit, time: f32) -> Surface {
+        if let Some(moment) = self.moment(hit, time) {
+            return moment.surface(ray, hit);
+        }
         let Space { shapes, attributes, .. } = self.space(hit);
         let material = attributes.materials[hit.prim as usize];
         let mut surface = match primitive(shapes, hit.prim) {
@@ -241,7 +254,10 @@ impl Geometries {
 
     /// Does a ray hit the back of a flat primitive? `None` for others, where it depends on where they are hit.
     #[inline]
-    pub fn is_back_of_flat(&self, ray: &Ray, hit: &Hit) -> Option<bool> {
+    pub fn is_back_of_flat(&self, ray: &Ray, hit: &Hit, time: f32) -> Option<bool> {
+        if let Some(moment) = self.moment(hit, time) {
+            return moment.is_back_of_flat(ray, hit);
+        }
         let shapes = &self.space(hit).shapes;
         let corners = match primitive(shapes, hit.prim) {
             Primitive::Triangle(t) => vertices(&shapes.positions, t),
@@ -257,14 +273,23 @@ impl Geometries {
     }
 
     /// Does a ray hit a surface from behind?
-    pub fn is_back(&self, ray: &Ray, hit: &Hit) -> bool {
-        let of_flat = self.is_back_of_flat(ray, hit);
-        of_flat.unwrap_or_else(|| self.surface(ray, hit).ng.dot(ray.direction) > 0.0)
+    pub fn is_back(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
+        let of_flat = self.is_back_of_flat(ray, hit, time);
+        of_flat.unwrap_or_else(|| self.surface(ray, hit, time).ng.dot(ray.direction) > 0.0)
     }
 
     /// Texture coordinates, colour and tangents at a hit; how densely textures lie on triangles only if `footprints` says
     /// so.
-    pub fn coordinates(&self, surface: &Surface, hit: &Hit, footprints: bool) -> SurfaceCoordinates {
+    pub fn coordinates(
+        &self,
+        surface: &Surface,
+        hit: &Hit,
+        footprints: bool,
+        time: f32,
+    ) -> SurfaceCoordinates {
+        if let Some(moment) = self.moment(hit, time) {
+            return moment.coordinates(surface, hit, footprints);
+        }
         let placement = hit.instance.checked_sub(1).map(|i| &self.placements[i as usize]);
         let Space { shapes, attributes, .. } = self.space(hit);
         match primitive(shapes, hit.prim) {
@@ -300,6 +325,7 @@ impl Attributes {
     /// None.
     pub(super) const EMPTY: Attributes = Attributes {
         normals: Vec::new(),
+        normal_keys: Vec::new(),
         uv: [const { Vec::new() }; 2],
         tangents: Vec::new(),
         colors: Vec::new(),
@@ -312,7 +338,7 @@ impl Attributes {
         self.object_from_world.get(index).copied().unwrap_or(Mat3::IDENTITY)
     }
 
-    fn of_triangle(
+    pub(super) fn of_triangle(
         &self,
         t: [u32; 3],
         corners: [Vec3; 3],
@@ -361,7 +387,7 @@ impl Attributes {
 }
 
 /// A frame whose x lies along `tangent` and whose y is `handedness * (n x tangent)`.
-fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
+pub(super) fn frame_of(tangent: Vec3, n: Vec3, handedness: f32) -> Option<Mat3> {
     let t = (tangent - n * n.dot(tangent)).try_normalize()?;
     Some(Mat3::from_cols(t, n.cross(t) * handedness.signum(), n))
 }
@@ -377,9 +403,33 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
 }
 
+impl Transform {
+    /// That of a matrix.
+    pub(super) fn of(world_from_object: &DAffine3) -> Transform {
+        let DAffine3 { matrix3, translation } = world_from_object;
+        Transform {
+            linear: matrix3.as_mat3(),
+            translation: translation.as_vec3(),
+            normal_from_object: normal_matrix(matrix3).as_mat3(),
+        }
+    }
+
+    /// The matrix again, as far as it is kept.
+    pub(super) fn to_double(self) -> DAffine3 {
+        DAffine3 { matrix3: self.linear.as_dmat3(), translation: self.translation.as_dvec3() }
+    }
+}
+
+/// The inverse transpose, scaled so that its largest column has length 1.
+pub(super) fn normal_matrix(m: &DMat3) -> DMat3 {
+    let n = m.inverse().transpose();
+    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
+    n * (1.0 / largest)
+}
+
 impl Placement {
     #[inline]
-    fn surface_to_world(&self, s: &Surface) -> Surface {
+    pub(super) fn surface_to_world(&self, s: &Surface) -> Surface {
         let Transform { linear: m, translation, normal_from_object } = self.world_from_object;
         let p = m * s.p + translation;
         let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());

@@ -3,6 +3,7 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::objects::ObjectId;
+use crate::math::Hit;
 use crate::scene::{Scene, group_or_default};
 use std::collections::HashMap;
 
@@ -46,6 +47,10 @@ impl LightGroups {
             let material = geometries.world.attributes.materials[prim as usize];
             let material = material % scene.materials.len() as u32;
             lights[light as usize] = groups.of_surface(geometries.world.owners.of(prim), material);
+        }
+        for (&(instance, prim), &light) in &emitters.moving_primitives {
+            let hit = Hit { instance, prim, ..Hit::MISS };
+            lights[light as usize] = groups.of_surface(geometries.object(&hit), geometries.material(&hit));
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
         lights.push(number(&scene.environment_group));

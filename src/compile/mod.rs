@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod blur;
 mod classes;
 mod compiler;
 mod content;
@@ -13,6 +14,8 @@ mod groups;
 mod material;
 mod media;
 mod medium;
+mod moving;
+mod moving_emitters;
 mod objects;
 mod plan;
 mod reuse;
@@ -21,6 +24,7 @@ mod scattering;
 mod scene;
 mod tangents;
 mod tree;
+mod vectors;
 mod view;
 
 pub use compiler::Compiler;
@@ -34,4 +38,5 @@ pub use run::compile;
 pub use scattering::{Ball, Scattering};
 pub use scene::{CompileOptions, CompileReport, CompiledScene, Features};
 pub use tree::Tree;
+pub use vectors::{Vectors, Way};
 pub use view::{View, choose_camera};

@@ -1,10 +1,11 @@
 //! Where each instance goes: into the world's own geometry, or beside it as a placement of a mesh that is shared or moves.
 
+use super::blur;
 use super::classes::{Class, Classes};
 use super::content::{self, Fingerprint};
 use super::material::CompiledMaterial;
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3};
+use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
 use crate::scene::{Instance, MaterialId, Mesh, Motion, Scene};
 use rayon::prelude::*;
 use std::collections::HashMap;
@@ -42,6 +43,8 @@ pub(super) struct Step {
     pub world_from_object: DAffine3,
     /// Index of its mesh among those that are not copied.
     pub geometry: usize,
+    /// How it moves while the picture is taken: which of [`Plan::motions`].
+    pub motion: Option<u32>,
 }
 
 /// All instances that are seen, in the scene's order.
@@ -55,6 +58,8 @@ pub(super) struct Plan {
     pub mesh_classes: Vec<Class>,
     /// The first of these that changes its shape.
     pub first_changing: usize,
+    /// How instances move while the picture is taken.
+    pub motions: Vec<TransformKeys>,
     /// Texture coordinates are kept even if no material asks for them.
     pub keeps_uv: bool,
     /// The objects with copies of materials of their own.
@@ -102,12 +107,17 @@ pub(super) fn plan(
         let emits = part_materials(mesh, instance).any(|m| materials[m.index()].emission.is_some());
         let can_be_placed = !emits && condition(&world_from_object.matrix3) <= MAX_SHARED_CONDITION;
         let is_shared = uses[instance.mesh.index()] > 1 && mesh.triangles.len() >= MIN_SHARED_TRIANGLES;
+        let motion = blur::keys(scene, instance, origin).map(|keys| {
+            plan.motions.push(keys);
+            plan.motions.len() as u32 - 1
+        });
         let place = match instance.motion {
-            Motion::Moves | Motion::Deforms if keeps && can_be_placed => Place::Moving,
+            Motion::Keyed(_) if motion.is_some() || blur::deforms(scene, instance.mesh) => Place::Moving,
+            Motion::Moves | Motion::Deforms | Motion::Keyed(_) if keeps && can_be_placed => Place::Moving,
             _ if is_shared && can_be_placed => Place::Still,
             _ => Place::World,
         };
-        plan.steps.push(Step { instance: index, place, world_from_object, geometry: 0 });
+        plan.steps.push(Step { instance: index, place, world_from_object, geometry: 0, motion });
     }
     if invisible > 0 {
         left_out.push(format!("{invisible} placements whose materials are fully transparent"));
@@ -127,7 +137,8 @@ impl Plan {
             let mut known: HashMap<(usize, Class), usize> = HashMap::new();
             for step in self.steps.iter_mut().filter(|s| s.place != Place::World) {
                 let instance = &scene.instances[step.instance];
-                let changes = step.place == Place::Moving && instance.motion == Motion::Deforms;
+                let deforms = instance.motion == Motion::Deforms || blur::changes(scene, instance.mesh);
+                let changes = step.place == Place::Moving && deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
                     let class = classes.of_object(&instance.name);

@@ -118,6 +118,7 @@ fn build(baked: &Baked, plan: &Plan, tree: Tree, reuse: Reuse, earlier: Option<A
         first_moving: baked.first_moving,
         // The world counts, too.
         first_changing: plan.first_changing + 1,
+        moving: &baked.moving,
         quality: tree.quality(triangles),
     };
     match earlier {

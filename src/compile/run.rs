@@ -1,5 +1,6 @@
 //! The way from a scene to a compiled one.
 
+use super::blur;
 use super::classes::{self, Classes};
 use super::emitters;
 use super::geometry::{Geometries, Transform};
@@ -7,12 +8,14 @@ use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
+use super::moving_emitters;
 use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
+use super::vectors::Vectors;
 use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
-use crate::light::{EnvironmentLight, Lights, PunctualLight};
+use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3};
 use crate::scene::{RayKinds, Scene};
 use crate::texture::CompiledTextures;
@@ -64,15 +67,18 @@ pub(super) fn compile_after(
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
     report_accel(accel.stats(), &mut report);
 
-    let emitters = emitters::find(&geometries, &materials);
+    let mut emitters = emitters::find(&geometries, &materials);
+    moving_emitters::add(&mut emitters, &geometries, &materials);
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
+    let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = match kept.environment.take() {
         Some(environment) => environment,
         None => EnvironmentLight::new(&scene.environment, &scene.images, true),
     };
     let radius = scene_radius(&geometries);
-    let lights = Lights::new(emitters.lights.clone(), punctual, environment, &textures, radius);
+    let all = (emitters.lights.clone(), punctual);
+    let lights = Lights::moving(all, motions, environment, &textures, radius);
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
@@ -94,6 +100,8 @@ pub(super) fn compile_after(
         own_materials: scene.materials.len() as u32,
         features,
         emitters,
+        vectors: Vectors::of(scene, anchor),
+        camera_motions: scene.motion.cameras.clone(),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
@@ -180,9 +188,13 @@ fn scene_radius(geometries: &Geometries) -> f32 {
     for placement in &geometries.placements {
         let object = geometries.shared[placement.geometry as usize].bounds;
         if !object.is_empty() {
-            let Transform { linear, translation, .. } = placement.world_from_object;
-            let place = |p| linear * p + translation;
-            world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
+            let mut add = |Transform { linear, translation, .. }: Transform| {
+                let place = |p| linear * p + translation;
+                world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
+            };
+            add(placement.world_from_object);
+            let keys = placement.motion.map(|motion| &geometries.motions[motion as usize]);
+            keys.into_iter().flat_map(|keys| keys.iter()).for_each(|key| add(Transform::of(key)));
         }
     }
     let radius = 0.5 * world.extent().length();

@@ -8,12 +8,13 @@ use super::medium::Medium;
 use super::objects::ObjectId;
 use super::reuse::{Kept, Sources};
 use super::tree::Tree;
+use super::vectors::Vectors;
 use crate::accel::{Accel, TreeQuality};
 use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{RayKinds, Scene, ShapeTag};
+use crate::scene::{CameraMotion, RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -84,6 +85,10 @@ pub struct CompiledScene {
     pub features: Features,
     /// Which primitives are lights.
     pub(super) emitters: Emitters,
+    /// Where objects are at the neighbouring frames.
+    pub vectors: Vectors,
+    /// Cameras that move.
+    pub(super) camera_motions: Vec<CameraMotion>,
     /// What it was made of, for what may be made of it.
     pub(super) sources: Option<Sources>,
 }
@@ -123,7 +128,15 @@ impl CompiledScene {
     /// The light that the primitive at a hit is part of.
     #[inline]
     pub fn light_at(&self, hit: &Hit) -> Option<u32> {
-        if hit.instance == 0 { self.emitters.light_of(hit.prim) } else { None }
+        match hit.instance {
+            0 => self.emitters.light_of(hit.prim),
+            instance => self.emitters.moving_light_of(instance, hit.prim),
+        }
+    }
+
+    /// Does anything but the camera move while the picture is taken?
+    pub fn is_moving(&self) -> bool {
+        self.accel.is_moving() || self.lights.are_moving()
     }
 
     /// The kinds of rays that light `index` is visible to.

@@ -1,16 +1,20 @@
 //! A camera's view of a compiled scene: all that depends on the camera, made in no time.
 
 use super::scene::CompiledScene;
-use crate::camera::Camera;
+use crate::camera::{Camera, MovingCamera};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::math::{DMat4, gamma};
 use crate::scene::{self, Scene};
 
 /// A camera and the size of its picture, for a [`CompiledScene`].
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct View {
     /// Camera rays, in the compiled scene's coordinates.
     pub camera: Camera,
+    /// The same while the shutter is open, if it moves then.
+    pub moving: Option<MovingCamera>,
+    /// The same a frame before and a frame after, where that is known.
+    pub neighbours: [Camera; 2],
     /// Picture width in pixels.
     pub width: u32,
     /// Picture height in pixels.
@@ -22,8 +26,19 @@ pub struct View {
 impl View {
     /// The view of a camera on a picture of `width` x `height` pixels. Takes no time to speak of: nothing is built.
     pub fn new(compiled: &CompiledScene, camera: &scene::Camera, width: u32, height: u32) -> View {
+        let at = |world_from_camera| {
+            let camera = scene::Camera { world_from_camera, ..camera.clone() };
+            Camera::new(&camera, width, height, compiled.anchor)
+        };
+        let motion = compiled.camera_motions.iter();
+        let motion = motion.map(|m| (m.world_from_camera, &m.moving));
+        let motion = motion.filter(|(place, _)| *place == camera.world_from_camera).map(|m| m.1).next();
+        let blurring = motion.filter(|m| m.blurs());
+        let neighbours = motion.and_then(|m| m.neighbours).unwrap_or([camera.world_from_camera; 2]);
         View {
-            camera: Camera::new(camera, width, height, compiled.anchor),
+            moving: blurring.map(|m| MovingCamera::new(m.keys.iter().copied().map(at))),
+            neighbours: neighbours.map(at),
+            camera: at(camera.world_from_camera),
             width,
             height,
             camera_from_world: DMat4::from(camera.world_from_camera.inverse()),

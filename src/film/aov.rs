@@ -113,6 +113,8 @@ table! {
         "Cosine between the shading normal and the direction to the camera: 1 where the surface faces it"
     Uv "uv" &["UV.U", "UV.V"], Float FirstHit MeanOfHits { empty: 0.0 };
         "First texture coordinates of the first surface, v downwards; 0 where it has none"
+    Motion "motion" &["Vector.X", "Vector.Y", "Vector.Z", "Vector.W"], Float FirstHit MeanOfHits { empty: 0.0 };
+        "Way of the first surface in the picture, pixels to the right and up: to the previous frame (X, Y), to the next (Z, W)"
     Albedo "albedo" rgb!("albedo"), Float FirstHit Mean;
         "Reflectance of the first surface"
     Roughness "roughness" &["roughness.V"], Float FirstHit Mean;

@@ -35,7 +35,7 @@ impl Integrator<'_> {
             w.materials.push(material);
         }
         for pass in 0..MAX_PASSES {
-            let Workspace { pending, rays, hits, arriving, without, .. } = &mut *w;
+            let Workspace { pending, rays, hits, arriving, without, times, .. } = &mut *w;
             pending.retain(|&i| {
                 let i = i as usize;
                 if self.is_left_out(*without, &hits[i]) {
@@ -44,8 +44,11 @@ impl Integrator<'_> {
                 let carried = &arriving.carried;
                 let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
                 let salt = salt.wrapping_add(pass);
-                match self.meet(&rays[i], &hits[i], self.kind(bounce, i, arriving), || salt) {
-                    Meeting::Stops => self.passes_sheet(i, &rays[i], &hits[i], salt, &mut arriving.carried),
+                let time = times.of(carried.sample[i]);
+                match self.meet(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), || salt) {
+                    Meeting::Stops => {
+                        self.passes_sheet(i, &rays[i], &hits[i], time, salt, &mut arriving.carried)
+                    }
                     Meeting::Passes => true,
                     Meeting::PassesUnseen(others) => {
                         self.pass_unseen(i, others, arriving);
@@ -60,16 +63,20 @@ impl Integrator<'_> {
             if self.scene.features.boundaries {
                 self.cross_boundaries(bounce, pass, w);
             }
-            let Workspace { pending, pending_rays, pending_hits, rays, hits, materials, .. } = &mut *w;
+            let Workspace {
+                pending, pending_rays, pending_hits, rays, hits, materials, arriving, times, ..
+            } = &mut *w;
+            let sample = |&i: &u32| arriving.carried.sample[i as usize];
             pending_rays.clear();
             pending_rays.extend(pending.iter().map(|&i| {
+                let time = times.of(sample(&i));
                 let i = i as usize;
-                self.step_past(&mut rays[i], &hits[i]);
+                self.step_past(&mut rays[i], &hits[i], time);
                 rays[i]
             }));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
-            self.scene.accel.closest(pending_rays, pending_hits);
+            times.closest(&self.scene.accel, pending_rays, pending.iter().map(sample), pending_hits);
             for (&i, &hit) in pending.iter().zip(&*pending_hits) {
                 hits[i as usize] = hit;
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
@@ -93,12 +100,13 @@ impl Integrator<'_> {
             {
                 continue;
             }
-            let surface = self.scene.geometries.surface(&w.rays[i], &hit);
+            let time = w.times.of(w.arriving.carried.sample[i]);
+            let surface = self.scene.geometries.surface(&w.rays[i], &hit, time);
             let is_back = surface.ng.dot(w.rays[i].direction) > 0.0;
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             let left = self.left_on_the_way(i, hit.t, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * left);
-            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time }, w);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput);
         }
     }
@@ -106,11 +114,12 @@ impl Integrator<'_> {
     /// Any-hit for shadow rays among surfaces that may be absent.
     pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_doubtful(w);
-        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, .. } = w;
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
         let (pending, pending_rays, pending_hits) =
             (&mut w.pending, &mut w.pending_rays, &mut w.pending_hits);
         let (shadow_ways, passed_kinds) = (&mut w.shadow_ways, &mut w.passed_kinds);
         let Wave { paths, vertices: Vertices { light, .. }, .. } = &mut **wave;
+        let sample = |&vertex: &u32| paths.carried.sample[vertex as usize];
         for pass in 0..MAX_PASSES {
             if pending.is_empty() {
                 return;
@@ -119,7 +128,8 @@ impl Integrator<'_> {
             pending_rays.extend(pending.iter().map(|&k| shadow_rays[k as usize]));
             pending_hits.clear();
             pending_hits.resize(pending.len(), Hit::MISS);
-            self.scene.accel.closest(pending_rays, pending_hits);
+            let samples = pending.iter().map(|&k| sample(&shadow_vertices[k as usize]));
+            times.closest(&self.scene.accel, pending_rays, samples, pending_hits);
             ray_counts.all += pending.len() as u64;
             let mut at = 0;
             pending.retain(|&k| {
@@ -129,16 +139,16 @@ impl Integrator<'_> {
                 if !hit.is_hit() {
                     return false;
                 }
+                let i = shadow_vertices[k] as usize;
+                let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
                 if self.is_left_out(*without, &hit) {
-                    self.step_past(&mut shadow_rays[k], &hit);
+                    self.step_past(&mut shadow_rays[k], &hit, time);
                     return true;
                 }
-                let i = shadow_vertices[k] as usize;
-                let path = &paths.carried;
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                match self.meet(&shadow_rays[k], &hit, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass)) {
+                match self.meet(&shadow_rays[k], &hit, time, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass)) {
                     Meeting::Stops => {
-                        if !self.light_passes_sheet(i, &shadow_rays[k], &hit, light) {
+                        if !self.light_passes_sheet(i, &shadow_rays[k], &hit, time, light) {
                             occluded[k] = true;
                             return false;
                         }
@@ -150,8 +160,8 @@ impl Integrator<'_> {
                         }
                     }
                 }
-                self.cross_with_light(i, &shadow_rays[k], &hit, shadow_ways.get_mut(k), light);
-                self.step_past(&mut shadow_rays[k], &hit);
+                self.cross_with_light(i, &shadow_rays[k], (&hit, time), shadow_ways.get_mut(k), light);
+                self.step_past(&mut shadow_rays[k], &hit, time);
                 true
             });
         }
@@ -159,11 +169,13 @@ impl Integrator<'_> {
 
     /// Finds the shadow rays that hit what may be absent; of others it is known whether they are occluded.
     fn find_doubtful(&self, w: &mut Workspace) {
-        let Workspace { shadow_rays, occluded, ray_counts, pending, pending_hits, without, .. } = &mut *w;
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, ray_counts, without, times, .. } = w;
+        let (pending, pending_hits) = (&mut w.pending, &mut w.pending_hits);
+        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
         if pending_hits.len() < shadow_rays.len() {
             pending_hits.resize(shadow_rays.len(), Hit::MISS);
         }
-        self.scene.accel.any(shadow_rays, pending_hits);
+        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
         ray_counts.all += shadow_rays.len() as u64;
         let doubtful = self.doubtful(*without);
         // Most hit nothing, or something that is there.
@@ -171,7 +183,8 @@ impl Integrator<'_> {
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
             let is_doubtful = hit.is_hit()
                 && doubtful[self.scene.geometries.material(hit) as usize]
-                && (*without || !self.is_surely_front(&shadow_rays[k], hit));
+                && (*without
+                    || !self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&shadow_vertices[k]))));
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);
@@ -187,23 +200,23 @@ impl Integrator<'_> {
 
     /// Is the hit on the front of a surface that is absent from behind only, wherever it hit the primitive?
     #[inline(always)]
-    fn is_surely_front(&self, ray: &Ray, hit: &Hit) -> bool {
+    fn is_surely_front(&self, ray: &Ray, hit: &Hit, time: f32) -> bool {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         material.alpha.is_none()
             && material.presence.is_none()
             && !material.passes_straight
             && !material.is_boundary
-            && self.scene.geometries.is_back_of_flat(ray, hit) == Some(false)
+            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(false)
     }
 
     /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
     /// behind a back that isn't there, what lies at the same distance still counts.
-    fn step_past(&self, ray: &mut Ray, hit: &Hit) {
+    fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_back =
-            material.is_absent_from_behind && self.scene.geometries.is_back_of_flat(ray, hit) == Some(true);
+        let is_back = material.is_absent_from_behind
+            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(true);
         let is_another = hit.t > ray.t_min.next_up();
         if is_back && is_another {
             ray.t_min = hit.t.next_down();
@@ -215,14 +228,14 @@ impl Integrator<'_> {
 
     /// What a ray of a kind meets where it hit. Nothing hit stops it: there is nothing to pass.
     #[inline(always)]
-    fn meet(&self, ray: &Ray, hit: &Hit, kind: RayKinds, salt: impl Fn() -> u32) -> Meeting {
+    fn meet(&self, ray: &Ray, hit: &Hit, time: f32, kind: RayKinds, salt: impl Fn() -> u32) -> Meeting {
         if !hit.is_hit() {
             return Meeting::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_there = !material.is_boundary
-            && !(material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit))
-            && self.is_present(material, ray, hit, salt);
+            && !(material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time))
+            && self.is_present(material, ray, hit, time, salt);
         match material.presence {
             _ if !is_there => Meeting::Passes,
             None => Meeting::Stops,
@@ -234,10 +247,17 @@ impl Integrator<'_> {
 
     /// Does alpha say that the surface is there?
     #[inline(always)]
-    fn is_present(&self, material: &CompiledMaterial, ray: &Ray, hit: &Hit, salt: impl Fn() -> u32) -> bool {
+    fn is_present(
+        &self,
+        material: &CompiledMaterial,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        salt: impl Fn() -> u32,
+    ) -> bool {
         let Some(alpha) = material.alpha else { return true };
-        let surface: Surface = self.scene.geometries.surface(ray, hit);
-        let at = self.scene.geometries.coordinates(&surface, hit, false);
+        let surface: Surface = self.scene.geometries.surface(ray, hit, time);
+        let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
         let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
         unit(hash32(salt())) < presence

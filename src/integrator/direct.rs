@@ -88,7 +88,7 @@ impl Integrator<'_> {
         if self.scene.features.alpha {
             self.occluded_by_present_surfaces(bounce, w);
         } else {
-            self.scene.accel.occluded(&w.shadow_rays, &mut w.occluded);
+            self.occluded(w);
             w.ray_counts.all += w.shadow_rays.len() as u64;
         }
     }

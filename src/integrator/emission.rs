@@ -17,13 +17,13 @@ use crate::simd::{Kernel, dispatch};
 impl Integrator<'_> {
     /// Adds the light that a surface emits along the ray of arriving path `i`.
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
-        let HitPoint { surface, hit, material, is_back } = at;
+        let HitPoint { surface, hit, material, is_back, time } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
         let radiance = match emission.radiance.texture {
             None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
                 // A point: light sampling, which this is weighted against, uses points too.
-                let at = self.scene.geometries.coordinates(surface, hit, false);
+                let at = self.scene.geometries.coordinates(surface, hit, false, *time);
                 self.slots(&at, surface, 0.0).color(&emission.radiance)
             }
         };
@@ -36,7 +36,8 @@ impl Integrator<'_> {
             if self.is_shadowed(i, &w.arriving) {
                 return;
             }
-            let area = &self.scene.lights.area()[index as usize];
+            let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
+            let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = w.rays[i].origin;
             let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
             let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);

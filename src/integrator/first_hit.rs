@@ -10,6 +10,8 @@ use crate::shape::Surface;
 pub(super) struct FirstHit<'a> {
     /// The hit.
     pub hit: Hit,
+    /// When, where something moves.
+    pub time: f32,
     /// Where it is, in the compiled scene's space, with normals on its front or towards the camera, and its material.
     pub surface: Surface,
     /// Towards the camera.
@@ -28,7 +30,8 @@ pub(super) struct Shown<'a> {
 impl FirstHit<'_> {
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
     fn values(&self, aov: Aov, &Shown { scene, view, mattes }: &Shown) -> [f32; MOST_COMPONENTS] {
-        let one = |value: f32| [value, 0.0, 0.0];
+        let one = |value: f32| [value, 0.0, 0.0, 0.0];
+        let three = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let Surface { p, ng, ns, .. } = self.surface;
         let material = scene.described_material(self.surface.material);
         let side = if ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 };
@@ -37,19 +40,21 @@ impl FirstHit<'_> {
         let id = |ids: &[u32], index: u32| one(f32::from_bits(ids.get(index as usize).copied().unwrap_or(0)));
         match aov {
             Aov::Depth | Aov::DepthMin => one(view.camera.depth(p)),
-            Aov::Position => (scene.anchor + p.as_dvec3()).as_vec3().to_array(),
-            Aov::Normal => (ns * side).to_array(),
-            Aov::GeometricNormal => (ng * side).to_array(),
+            Aov::Position => three((scene.anchor + p.as_dvec3()).as_vec3().to_array()),
+            Aov::Normal => three((ns * side).to_array()),
+            Aov::GeometricNormal => three((ng * side).to_array()),
             Aov::Facing => one((ns * side).dot(self.wo).clamp(0.0, 1.0)),
             Aov::Uv => {
-                let [u, v] = scene.geometries.coordinates(&self.surface, &self.hit, false).uv[0].to_array();
-                [u, v, 0.0]
+                let [u, v] =
+                    scene.geometries.coordinates(&self.surface, &self.hit, false, self.time).uv[0].to_array();
+                [u, v, 0.0, 0.0]
             }
-            Aov::Albedo => self.bsdf.albedo().to_array(),
+            Aov::Motion => self.motion(scene, view),
+            Aov::Albedo => three(self.bsdf.albedo().to_array()),
             Aov::Roughness => one(self.bsdf.look().roughness),
-            Aov::DiffuseColor => self.bsdf.look().diffuse.to_array(),
-            Aov::GlossyColor => self.bsdf.look().glossy.to_array(),
-            Aov::TransmissionColor => self.bsdf.look().transmission.to_array(),
+            Aov::DiffuseColor => three(self.bsdf.look().diffuse.to_array()),
+            Aov::GlossyColor => three(self.bsdf.look().glossy.to_array()),
+            Aov::TransmissionColor => three(self.bsdf.look().transmission.to_array()),
             Aov::ObjectId => one(f32::from_bits(object() + 1)),
             Aov::MaterialId => one(f32::from_bits(material + 1)),
             Aov::CryptoObject => id(&mattes.objects, object()),
@@ -59,9 +64,22 @@ impl FirstHit<'_> {
             _ => [0.0; MOST_COMPONENTS],
         }
     }
+
+    /// How far what is seen goes in the picture, in pixels to the right and up: from here to where it was a frame before, and to
+    /// where it will be a frame after. What lies beside the camera then has nowhere to go.
+    fn motion(&self, scene: &CompiledScene, view: &View) -> [f32; 4] {
+        let way = scene.vectors.way(&scene.geometries, &self.hit, self.surface.p, self.time);
+        let [x, y] = view.camera.film_point(way.now);
+        let to = |k: usize| {
+            let [x1, y1] = view.neighbours[k].film_point(way.neighbours[k]);
+            [x1 - x, y - y1]
+        };
+        let ([a, b], [c, d]) = (to(0), to(1));
+        [a, b, c, d].map(|v| if v.is_finite() { v } else { 0.0 })
+    }
 }
 
-const MOST_COMPONENTS: usize = 3;
+const MOST_COMPONENTS: usize = 4;
 
 // What shows a first surface fits.
 const _: () = {

@@ -35,6 +35,10 @@ impl Integrator<'_> {
             camera,
             filter,
         });
+        if self.is_moving() {
+            self.start_times(w);
+        }
+        let (paths, vertices) = (&mut *w.arriving, &w.wave.vertices);
         if self.parts.footprints {
             let (width, spread) = camera.pixel_cone();
             paths.footprints.width[..count].fill(width);

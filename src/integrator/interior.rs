@@ -78,7 +78,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3) -> Vec<u16> {
         }
         ray.t_min = hit.t;
         let medium = scene.materials[scene.geometries.material(&hit) as usize].medium_index;
-        let is_front = scene.geometries.surface(&ray, &hit).ng.dot(direction) < 0.0;
+        let is_front = scene.geometries.surface(&ray, &hit, 0.5).ng.dot(direction) < 0.0;
         if medium == 0 {
             continue;
         }

@@ -18,7 +18,7 @@ impl Integrator<'_> {
     /// Chooses a point of a light for each vertex that light can reach.
     pub(super) fn sample_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Light);
-        let (wave, count) = (&mut *w.wave, sorted.lit().end);
+        let (wave, times, count) = (&mut *w.wave, &w.times, sorted.lit().end);
         if let Some(sampler) = RectangleSampler::of(&self.scene.lights) {
             return dispatch(SampleLight { wave, count, dimensions, sampler });
         }
@@ -27,10 +27,14 @@ impl Integrator<'_> {
         }
         let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
         dispatch(SelectLights { wave, count, opaque, lights, dimensions });
-        let Wave { vertices: v, scratch: [u0, u1, ..], .. } = wave;
+        let Wave { vertices: v, paths, scratch: [u0, u1, ..] } = wave;
         for i in 0..count {
             let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
             let sample = match pdf_discrete > 0.0 {
+                true if lights.are_moving() => {
+                    let (p, time) = (get(&v.p, i), times.of(paths.carried.sample[i]));
+                    lights.sample_at(&self.scene.textures, index, p, [u0[i], u1[i]], time)
+                }
                 true => lights.sample(&self.scene.textures, index, get(&v.p, i), [u0[i], u1[i]]),
                 false => LightSample::NONE,
             };

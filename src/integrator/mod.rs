@@ -45,6 +45,7 @@ mod surface;
 #[cfg(test)]
 mod tests;
 mod textured;
+mod times;
 mod volume;
 mod wave;
 mod workspace;
@@ -141,6 +142,9 @@ pub struct Integrator<'a> {
 /// Bounces whose Sobol dimensions are prepared in advance.
 const PREPARED_BOUNCES: u32 = 32;
 
+/// The set of dimensions of the time: far from those of all bounces.
+const TIME_SET: u32 = 1 << 31;
+
 /// Bounces between two questions whether to stop; few paths see the first.
 const STOP_INTERVAL: u32 = 64;
 
@@ -158,6 +162,8 @@ enum Purpose {
     Scatter,
     /// How far a path flies through a medium (2), the lamp that guides it (2).
     Flight,
+    /// When it looks at the scene (1).
+    Time,
 }
 
 impl<'a> Integrator<'a> {
@@ -301,6 +307,7 @@ impl<'a> Integrator<'a> {
             Purpose::Scatter => 2 + 2 * bounce,
             // Behind those of all bounces.
             Purpose::Flight => u32::MAX - bounce,
+            Purpose::Time => TIME_SET,
         };
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }

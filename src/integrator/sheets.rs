@@ -21,11 +21,19 @@ const SHEET: u32 = 0x5bd1_e995;
 
 impl Integrator<'_> {
     /// Does the ray of arriving path `i` pass the sheet that it hit, if it is one? The path then carries what is left.
-    pub(super) fn passes_sheet(&self, i: usize, ray: &Ray, hit: &Hit, salt: u32, path: &mut Carried) -> bool {
+    pub(super) fn passes_sheet(
+        &self,
+        i: usize,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        salt: u32,
+        path: &mut Carried,
+    ) -> bool {
         if path.pdf[i] <= 0.0 {
             return false;
         }
-        let passing = self.straight(ray, hit);
+        let passing = self.straight(ray, hit, time);
         let probability = passing.max_element().min(1.0);
         let passes = unit(hash32(salt ^ SHEET)) < probability;
         if passes {
@@ -37,7 +45,8 @@ impl Integrator<'_> {
 
     /// What arriving path `i`, which did not pass a sheet though it might have, finds there.
     pub(super) fn stop_at_sheet(&self, bsdf: Bsdf, i: usize, w: &mut Workspace) -> Bsdf {
-        let stops = 1.0 - self.straight(&w.rays[i], &w.hits[i]).max_element();
+        let time = w.times.of(w.arriving.carried.sample[i]);
+        let stops = 1.0 - self.straight(&w.rays[i], &w.hits[i], time).max_element();
         let throughput = &mut w.arriving.carried.throughput;
         let value = get_rgb(throughput, i);
         set_rgb(throughput, i, if stops > 0.0 { value / stops } else { Rgb::ZERO });
@@ -46,8 +55,15 @@ impl Integrator<'_> {
 
     /// Does the light of the sample of vertex `i` pass the sheet that its shadow ray hit, if it is one? The contribution
     /// becomes what is left.
-    pub(super) fn light_passes_sheet(&self, i: usize, ray: &Ray, hit: &Hit, light: &mut LightLanes) -> bool {
-        let contribution = get_rgb(&light.contribution, i) * self.straight(ray, hit);
+    pub(super) fn light_passes_sheet(
+        &self,
+        i: usize,
+        ray: &Ray,
+        hit: &Hit,
+        time: f32,
+        light: &mut LightLanes,
+    ) -> bool {
+        let contribution = get_rgb(&light.contribution, i) * self.straight(ray, hit, time);
         let passes = contribution.max_element() > 0.0;
         if passes {
             set_rgb(&mut light.contribution, i, contribution);
@@ -56,7 +72,7 @@ impl Integrator<'_> {
     }
 
     /// Share of light that passes straight on where a ray hit; zero at all but smooth thin sheets.
-    fn straight(&self, ray: &Ray, hit: &Hit) -> Rgb {
+    fn straight(&self, ray: &Ray, hit: &Hit, time: f32) -> Rgb {
         if !hit.is_hit() {
             return Rgb::ZERO;
         }
@@ -65,7 +81,7 @@ impl Integrator<'_> {
             return Rgb::ZERO;
         }
         let wo = -ray.direction.normalize();
-        let at = self.point_of(ray, *hit, index);
+        let at = self.point_of(ray, *hit, index, time);
         // A point, as all that competes with light sampling.
         let (bsdf, ns) = self.read_material(&at, 0.0, wo);
         let ns = scattering_normal(ns, at.surface.ng, wo);

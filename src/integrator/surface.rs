@@ -25,6 +25,8 @@ pub(super) struct HitPoint<'a> {
     pub material: &'a CompiledMaterial,
     /// The ray came from behind.
     pub is_back: bool,
+    /// When, where something moves.
+    pub time: f32,
 }
 
 /// A surface with its BSDF.
@@ -187,15 +189,16 @@ impl Integrator<'_> {
 
     /// The surface where ray `i` hit.
     fn hit_point(&self, i: usize, w: &Workspace) -> HitPoint<'_> {
-        self.point_of(&w.rays[i], w.hits[i], w.materials[i])
+        let time = w.times.of(w.arriving.carried.sample[i]);
+        self.point_of(&w.rays[i], w.hits[i], w.materials[i], time)
     }
 
     /// The surface where a ray hit a material.
-    pub(super) fn point_of(&self, ray: &Ray, hit: Hit, material: u32) -> HitPoint<'_> {
-        let surface = self.scene.geometries.surface(ray, &hit);
+    pub(super) fn point_of(&self, ray: &Ray, hit: Hit, material: u32, time: f32) -> HitPoint<'_> {
+        let surface = self.scene.geometries.surface(ray, &hit, time);
         let material = &self.scene.materials[material as usize];
         let is_back = surface.ng.dot(ray.direction) > 0.0;
-        HitPoint { surface, hit, material, is_back }
+        HitPoint { surface, hit, material, is_back, time }
     }
 
     /// Makes the vertex where ray `i` hit, whatever its class: geometry, textures, emission, the boundary of solids, and
@@ -232,7 +235,7 @@ impl Integrator<'_> {
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };
-            let hit = FirstHit { hit: w.hits[i], surface, wo, bsdf: &vertex.bsdf };
+            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf: &vertex.bsdf };
             w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
         }
         vertex
@@ -254,8 +257,8 @@ impl Integrator<'_> {
 
     /// Looks up textures, vertex colours and the normal map.
     fn textured(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
-        let HitPoint { surface, hit, material, .. } = at;
-        let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints);
+        let HitPoint { surface, hit, material, time, .. } = at;
+        let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
         let slots = self.slots(&at, surface, width);
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {

@@ -62,7 +62,8 @@ impl Integrator<'_> {
             material: w.materials[i],
         };
         let bsdf = Bsdf::MetalRough(load_material(&v.metal_rough, k, self.scene.shading));
-        let hit = FirstHit { hit: w.hits[i], surface, wo: get(&v.wo, k), bsdf: &bsdf };
+        // Nothing that moves is in this group.
+        let hit = FirstHit { hit: w.hits[i], time: 0.0, surface, wo: get(&v.wo, k), bsdf: &bsdf };
         w.first_hits.record(w.wave.paths.carried.sample[k] as usize, &hit, &self.shown());
     }
 
@@ -91,7 +92,7 @@ impl Integrator<'_> {
             let is_back = ng.dot(get(&v.wo, k)) < 0.0;
             let surface = Surface { p, p_error: Vec3::ZERO, ng, ns: ng, material: w.materials[i] };
             let hit = w.hits[i];
-            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back }, w);
+            self.emit(bounce, i, &HitPoint { surface, hit, material, is_back, time: 0.0 }, w);
         }
     }
 }

@@ -176,11 +176,11 @@ impl Integrator<'_> {
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
         for at in 0..w.pending.len() {
             let i = w.pending[at] as usize;
-            let hit = w.hits[i];
+            let (hit, time) = (w.hits[i], w.times.of(w.arriving.carried.sample[i]));
             if self.is_left_out(w.without, &hit) {
                 continue;
             }
-            let Some(beyond) = self.beyond_boundary(&w.rays[i], &hit, w.arriving.interior[i]) else {
+            let Some(beyond) = self.beyond_boundary(&w.rays[i], &hit, time, w.arriving.interior[i]) else {
                 continue;
             };
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
@@ -198,13 +198,13 @@ impl Integrator<'_> {
     }
 
     /// The solids behind a hit on a boundary without a surface; `None` at all others.
-    fn beyond_boundary(&self, ray: &Ray, hit: &Hit, here: Interior) -> Option<Interior> {
+    fn beyond_boundary(&self, ray: &Ray, hit: &Hit, time: f32, here: Interior) -> Option<Interior> {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         if !material.is_boundary || material.medium_index == 0 {
             return None;
         }
         let own = material.medium_index;
-        Some(match self.scene.geometries.is_back(ray, hit) {
+        Some(match self.scene.geometries.is_back(ray, hit, time) {
             true if here.contains(own) => here.left(own),
             true => here.left(here.medium()),
             false => here.entered(own),
@@ -229,12 +229,12 @@ impl Integrator<'_> {
         &self,
         i: usize,
         ray: &Ray,
-        hit: &Hit,
+        (hit, time): (&Hit, f32),
         way: Option<&mut ShadowWay>,
         light: &mut LightLanes,
     ) {
         let Some(way) = way else { return };
-        if let Some(beyond) = self.beyond_boundary(ray, hit, way.interior) {
+        if let Some(beyond) = self.beyond_boundary(ray, hit, time, way.interior) {
             let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, hit.t);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);

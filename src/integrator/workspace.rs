@@ -7,6 +7,7 @@ use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;
 use super::sink::Sink;
+use super::times::Times;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
@@ -45,6 +46,8 @@ pub struct Workspace {
     /// How the paths of the wave started; where there are catchers.
     pub(super) starts: Option<Box<Paths>>,
     pub(super) start_rays: Vec<Ray>,
+    /// When samples look at the scene, where something moves.
+    pub(super) times: Times,
     /// Results by sample.
     pub(super) sink: Sink,
     /// What outputs besides colour show, by sample.
@@ -86,6 +89,7 @@ impl Workspace {
             without: false,
             starts: None,
             start_rays: Vec::new(),
+            times: Times::default(),
             sink: Sink::new(),
             first_hits: FirstHits::default(),
             pending: Vec::new(),
@@ -103,7 +107,8 @@ impl Workspace {
     pub(super) fn intersect(&mut self, accel: &Accel) {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
-        accel.closest(&self.rays, &mut self.hits);
+        let samples = self.arriving.carried.sample[..self.rays.len()].iter().copied();
+        self.times.closest(accel, &self.rays, samples, &mut self.hits);
         self.ray_counts.all += self.rays.len() as u64;
     }
 }

@@ -16,6 +16,11 @@ pub struct Cone {
 }
 
 impl Cone {
+    /// The same about another axis, of unit length.
+    pub fn about(self, axis: Vec3) -> Cone {
+        Cone { axis, ..self }
+    }
+
     /// A cone about an axis between two half angles, radians.
     pub fn new(direction: DVec3, inner_angle_rad: f64, outer_angle_rad: f64, fade: SpotFade) -> Cone {
         let range = match fade {

@@ -42,6 +42,25 @@ impl PunctualLight {
         PunctualLight { intensity: Rgb::from_array(light.intensity), kind }
     }
 
+    /// It on its way to another light of the same kind: places go along straight lines, directions turn evenly. (Suns, which are
+    /// met by chance as well, stay.)
+    pub fn towards(&self, other: &PunctualLight, share: f32) -> PunctualLight {
+        let place = |a: Vec3, b: Vec3| a + (b - a) * share;
+        let way = |a: Vec3, b: Vec3| place(a, b).try_normalize().unwrap_or(a);
+        let kind = match (self.kind, other.kind) {
+            (Kind::Point(a), Kind::Point(b)) => Kind::Point(place(a, b)),
+            (Kind::Spot { position: a, cone }, Kind::Spot { position: b, cone: turned }) => {
+                let axis = way(cone.axis, turned.axis);
+                Kind::Spot { position: place(a, b), cone: cone.about(axis) }
+            }
+            (Kind::Directional { to_light: a }, Kind::Directional { to_light: b }) => {
+                Kind::Directional { to_light: way(a, b) }
+            }
+            (own, _) => own,
+        };
+        PunctualLight { kind, ..*self }
+    }
+
     /// It as a sun, which paths may meet, too.
     pub fn sun(&self) -> Option<&Sun> {
         if let Kind::Sun(sun) = &self.kind { Some(sun) } else { None }

@@ -1,6 +1,9 @@
 //! All lights of a scene and the choice of one of them.
 
-use super::{AreaLight, EnvironmentLight, LightBounds, LightSample, LightTree, PunctualLight, Receiver, Sun};
+use super::{
+    AreaLight, EnvironmentLight, LightBounds, LightMotions, LightSample, LightTree, PunctualLight, Receiver,
+    Sun,
+};
 use crate::math::Vec3;
 use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
@@ -22,6 +25,7 @@ pub struct Lights {
     /// What the table's entries are.
     entries: Vec<Entry>,
     suns: Vec<SelectedSun>,
+    motions: LightMotions,
 }
 
 /// A sun among the lights.
@@ -61,15 +65,27 @@ impl Lights {
         textures: &CompiledTextures,
         scene_radius: f32,
     ) -> Lights {
+        Lights::moving((area, punctual), LightMotions::default(), environment, textures, scene_radius)
+    }
+
+    /// The same with lights some of which move.
+    pub fn moving(
+        (area, punctual): (Vec<AreaLight>, Vec<PunctualLight>),
+        motions: LightMotions,
+        environment: Option<EnvironmentLight>,
+        textures: &CompiledTextures,
+        scene_radius: f32,
+    ) -> Lights {
         let (mut bounds, mut power_of_tree) = (Vec::new(), 0.0);
         let mut far: Vec<(Entry, f32)> = Vec::new();
-        for light in &area {
-            bounds.push(light.bounds(textures));
-            power_of_tree += light.power(textures);
+        for (i, light) in area.iter().enumerate() {
+            let moving = motions.area.get(&i);
+            bounds.push(moving.map_or_else(|| light.bounds(textures), |m| m.bounds(textures)));
+            power_of_tree += moving.map_or_else(|| light.power(textures), |m| m.power(textures));
         }
         for (i, light) in punctual.iter().enumerate() {
             let power = light.power(scene_radius);
-            match light.bounds() {
+            match motions.punctual.get(&i).map_or_else(|| light.bounds(), |m| m.bounds()) {
                 Some(b) => {
                     bounds.push(b);
                     power_of_tree += power;
@@ -90,7 +106,8 @@ impl Lights {
         let (entries, powers): (Vec<Entry>, Vec<f32>) = far.into_iter().unzip();
         let tree = LightTree::new(&bounds);
         let table = AliasTable::new(if powers.is_empty() { &[1.0] } else { &powers });
-        let mut lights = Lights { area, punctual, environment, tree, table, entries, suns: Vec::new() };
+        let mut lights =
+            Lights { area, punctual, environment, tree, table, entries, suns: Vec::new(), motions };
         lights.suns = lights.find_suns();
         lights
     }
@@ -190,6 +207,39 @@ impl Lights {
         match self.area.get(index) {
             Some(light) => Some(light.middle()),
             None => self.punctual.get(index - self.area.len())?.position(),
+        }
+    }
+
+    /// Does any move while the shutter is open?
+    #[inline(always)]
+    pub fn are_moving(&self) -> bool {
+        !self.motions.is_empty()
+    }
+
+    /// An area light at a time in 0..1.
+    #[inline(always)]
+    pub fn area_at(&self, index: u32, time: f32) -> AreaLight {
+        let moving = self.motions.area.get(&(index as usize));
+        moving.map_or_else(|| self.area[index as usize], |moving| moving.at(time))
+    }
+
+    /// [`Lights::sample`] where lights move.
+    pub fn sample_at(
+        &self,
+        textures: &CompiledTextures,
+        index: u32,
+        reference: Vec3,
+        u: [f32; 2],
+        time: f32,
+    ) -> LightSample {
+        let place = index as usize;
+        if let Some(moving) = self.motions.area.get(&place) {
+            return moving.sample(textures, reference, u, time);
+        }
+        let moving = place.checked_sub(self.area.len()).and_then(|place| self.motions.punctual.get(&place));
+        match moving {
+            Some(moving) => moving.at(time).sample(reference, u),
+            None => self.sample(textures, index, reference, u),
         }
     }
 

@@ -2,6 +2,7 @@
 
 use super::blender::BlenderOptions;
 use super::gltf::GltfOptions;
+use super::shutter::ShutterOptions;
 use super::stage::{StageOptions, Turntable};
 use super::upright::{Up, UpHint};
 use crate::error::Warning;
@@ -26,6 +27,8 @@ pub struct LoadOptions {
     pub geometry_only: bool,
     /// Which axis of an OBJ or PLY file points up: its model is turned to stand upright.
     pub up: Up,
+    /// How long the shutter is open, and when.
+    pub shutter: ShutterOptions,
     /// How a model without camera or light is shown.
     pub stage: StageOptions,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).

@@ -18,6 +18,7 @@ mod polygon;
 mod saved;
 pub mod scene_file;
 mod shapes;
+mod shutter;
 pub mod stage;
 mod upright;
 mod uri;
@@ -26,6 +27,7 @@ mod words;
 pub use formats::extensions;
 pub use loaded::{BlenderExport, LoadOptions, Loaded};
 pub use saved::SavedFiles;
+pub use shutter::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 pub use upright::{Up, UpHint};
 
 use crate::error::{Error, Result, Warning};
@@ -40,6 +42,7 @@ use std::path::Path;
 /// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     let path = path.as_ref();
+    let options = &with_shutter(path, options);
     let format = formats::of(path);
     let mut loaded = match format {
         Format::Model(model) => (model.load)(path, options)?,
@@ -51,6 +54,10 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
                 .with_help(way_to_a_scene(&extension)));
         }
     };
+    if is_of_blender(path) && options.shutter.is_open() {
+        let message = "what moves in files of Blender is not blurred: it is exported at one moment";
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
     let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
     if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
         let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
@@ -80,6 +87,7 @@ pub fn load_moments(
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     let path = path.as_ref();
+    let options = &with_shutter(path, options);
     let mut moments = moments.into_iter().map(Some);
     if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
@@ -122,6 +130,16 @@ pub fn load_frames(
         }
     }
     Ok(())
+}
+
+/// With what the file beside a model says about the shutter.
+fn with_shutter(path: &Path, options: &LoadOptions) -> LoadOptions {
+    let asks_sidecar = matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar;
+    let shutter = match asks_sidecar {
+        true => scene_file::sidecar::with_shutter(path, options.shutter),
+        false => options.shutter,
+    };
+    LoadOptions { shutter, ..options.clone() }
 }
 
 /// Does its name say that a file is one of Blender?

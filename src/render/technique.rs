@@ -56,12 +56,10 @@ impl Choice {
     pub fn new(scene: &CompiledScene, options: &RenderOptions) -> Choice {
         // Surfaces that are absent at random let visibility be known at random only.
         // Connections would have to cross media that scatter.
-        // They would not know the kinds of rays that they stand for.
-        let can_share = !has_random_surfaces(scene)
-            && !scene.features.scattering
-            && !scene.features.ray_kinds
-            && !options.catchers
-            && options.max_depth >= 2;
+        // They would not know the kinds of rays that they stand for, and what one path found may stand elsewhere at
+        // another's time.
+        let is_plain = !has_random_surfaces(scene) && !scene.features.scattering && !scene.is_moving();
+        let can_share = is_plain && !scene.features.ray_kinds && !options.catchers && options.max_depth >= 2;
         let branches = match options.splitting {
             Splitting::Into(branches) if options.max_depth >= 1 && !options.catchers => branches,
             _ => 1,
@@ -100,6 +98,8 @@ impl Choice {
             "the scene has shadow catchers"
         } else if scene.features.ray_kinds {
             "objects or lights of the scene are visible to some kinds of rays only"
+        } else if scene.is_moving() {
+            "something moves in the scene"
         } else {
             "there is no indirect light with so few bounces"
         };

@@ -60,6 +60,9 @@ pub enum Motion {
     Moves,
     /// Its mesh is another, too.
     Deforms,
+    /// It moves while the picture is taken, or its mesh changes then: the number of its motion in
+    /// [`SceneMotion::instances`](super::SceneMotion::instances).
+    Keyed(u32),
 }
 
 /// A parallelogram in world space; its front is on the side of `edge_u x edge_v`.

@@ -20,7 +20,7 @@ pub struct Light {
 }
 
 /// Kinds of lights without a surface. Directions have unit length and point the way the light travels.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum LightKind {
     /// Shines equally in all directions.
     Point {

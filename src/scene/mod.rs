@@ -26,6 +26,7 @@ mod light;
 mod material;
 mod medium;
 mod model;
+mod motion;
 mod outline;
 mod pbr;
 mod settings;
@@ -46,6 +47,7 @@ pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
 pub use medium::{Fog, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
+pub use motion::{CameraMotion, LightMotion, Moving, SceneMotion, Vertices};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
@@ -97,6 +99,8 @@ pub struct Scene {
     pub environment_group: String,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
+    /// What moves while the picture is taken.
+    pub motion: SceneMotion,
     /// What the scene says about rendering; the command line may override each.
     pub settings: Settings,
 }

@@ -3,6 +3,7 @@
 mod gltf;
 mod images;
 mod left_out;
+mod moving;
 mod obj_ply;
 mod oracles;
 mod regressions;

@@ -41,6 +41,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
                 instances: &[],
                 first_moving: 0,
                 first_changing: 1,
+                moving: &[],
                 quality,
             })
         });

@@ -1,6 +1,7 @@
 //! Pictures of whole scenes: against closed forms, references and each other.
 
 mod adaptive;
+mod blur;
 mod catcher;
 mod closed_form;
 mod compile_scene;

@@ -30,6 +30,7 @@ mod options;
 mod place;
 mod repair;
 mod report;
+mod shutter;
 mod skin;
 mod textures;
 mod traits;
@@ -50,6 +51,7 @@ use keep::{Kept, StillMesh};
 use place::Builder;
 use report::Report;
 use serde_json::Value;
+use shutter::Moments;
 use std::io::Read;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -88,7 +90,8 @@ pub(super) fn load_moments(
     for time_s in moments {
         report.begin_moment();
         doc.begin_moment();
-        let (mut loaded, still) = at(&doc, time_s, &mut kept, &mut report)?;
+        let moments = Moments::read(&doc, time_s, &options.shutter, &mut kept, &mut report);
+        let (mut loaded, still) = at(&doc, time_s, moments.as_ref(), &mut kept, &mut report)?;
         if each(&mut loaded)?.is_break() {
             break;
         }
@@ -114,6 +117,7 @@ fn read_file(path: &Path) -> std::io::Result<Vec<u8>> {
 fn at(
     doc: &Document,
     time_s: Option<f64>,
+    moments: Option<&Moments>,
     kept: &mut Kept,
     report: &mut Report,
 ) -> Result<(Loaded, Vec<StillMesh>)> {
@@ -127,6 +131,7 @@ fn at(
     let empties = hierarchy.empties(doc).into_iter().map(|(_, name, place)| (name, place)).collect();
     let left_out = left_out(doc, &builder, &pose);
     let (mut scene, still) = builder.finish(report);
+    moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
     read_scene(doc, hierarchy.scene, &mut scene, report);
     let blender = exported::signs_of_loss(doc, &hierarchy, &scene, &kept.materials.signs, report);
     extensions::warn_unread(doc, report);

@@ -63,6 +63,14 @@ pub(super) fn pose(
     Ok(SkinPose { joints, rest: back * world_from_node, origin })
 }
 
+/// Where the joints of a skin stand in the world. What is wrong with it is noted where it is used.
+pub(super) fn places(doc: &Document, index: usize, family: &Family, report: &mut Report) -> Vec<DAffine3> {
+    let Ok(raw) = doc.raw("skins", index, "/skins", report) else { return Vec::new() };
+    let joints = list_of_indices(raw, "joints", &pointer("skins", index), report);
+    let place = |joint: usize| family.world_from_node(joint, report).unwrap_or_default();
+    joints.into_iter().map(place).collect()
+}
+
 fn inverse_binds(
     doc: &Document,
     accessor: &Accessor,

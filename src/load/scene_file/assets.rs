@@ -5,7 +5,7 @@ use super::build::Build;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded};
-use crate::scene::{Camera, Instance, MaterialId, MeshId, Scene, Shape, Texture};
+use crate::scene::{Camera, Instance, MaterialId, MeshId, Motion, Scene, Shape, Texture};
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -57,6 +57,7 @@ impl Assets {
             return known.as_ref().map(|a| a.cameras.clone());
         }
         let mut loaded = self.read(build, &path, name, &span, true)?;
+        build.loaded.scene.motion.cameras.append(&mut loaded.scene.motion.cameras);
         build.loaded.warnings.append(&mut loaded.warnings);
         build.loaded.notes.append(&mut loaded.notes);
         build.loaded.left_out.push(format!("meshes of '{name}': only its camera is used"));
@@ -71,7 +72,7 @@ impl Assets {
         span: &Range<usize>,
         geometry_only: bool,
     ) -> Option<Loaded> {
-        let options = LoadOptions { geometry_only, ..build.options.clone() };
+        let options = LoadOptions { geometry_only, shutter: build.shutter, ..build.options.clone() };
         match read(path, &options) {
             Ok(loaded) => Some(loaded),
             Err(e) => {
@@ -109,7 +110,8 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
-    let Scene { meshes, instances, shapes, materials, textures, images, lights, cameras, .. } = loaded.scene;
+    let Scene { meshes, instances, shapes, materials, textures, images, lights, cameras, motion, .. } =
+        loaded.scene;
     if !lights.is_empty() {
         let message = format!("its {} lights are left out: a scene file lists its own", lights.len());
         build.loaded.notes.push(Warning::new(path, "", message));
@@ -120,6 +122,7 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
         material: scene.materials.len() as u32,
         texture: scene.textures.len() as u32,
         image: scene.images.len() as u32,
+        motion: scene.motion.instances.len() as u32,
     };
     scene.images.extend(images);
     scene.textures.extend(textures.into_iter().map(|t| shift.texture(t)));
@@ -135,7 +138,12 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
         mesh.parts.iter_mut().for_each(|p| p.material.0 += shift.material);
         scene.meshes.push(mesh);
     }
+    scene.motion.instances.extend(motion.instances);
+    let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + shift.mesh as usize, moving));
+    scene.motion.meshes.extend(deformed);
+    scene.motion.cameras.extend(motion.cameras);
     let instances = instances.into_iter().map(|i| Instance {
+        motion: shift.motion(i.motion),
         mesh: MeshId(i.mesh.0 + shift.mesh),
         material: i.material.map(|m| MaterialId(m.0 + shift.material)),
         ..i
@@ -151,9 +159,14 @@ struct Shift {
     material: u32,
     texture: u32,
     image: u32,
+    motion: u32,
 }
 
 impl Shift {
+    fn motion(&self, motion: Motion) -> Motion {
+        if let Motion::Keyed(number) = motion { Motion::Keyed(number + self.motion) } else { motion }
+    }
+
     fn texture(&self, mut texture: Texture) -> Texture {
         match &mut texture {
             Texture::Image { image, .. } => image.0 += self.image,

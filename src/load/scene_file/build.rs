@@ -1,7 +1,7 @@
 //! A scene in the making.
 
 use super::fields::Problems;
-use crate::load::{LoadOptions, Loaded};
+use crate::load::{LoadOptions, Loaded, ShutterOptions};
 use std::path::Path;
 
 /// Everything that the parts of a scene file are built into.
@@ -12,8 +12,17 @@ pub(super) struct Build<'a> {
     pub options: &'a LoadOptions,
     /// What is wrong with the file.
     pub problems: &'a Problems<'a>,
+    /// When the shutter is open: what the user chose, else what the file says.
+    pub shutter: ShutterOptions,
     /// The file lies beside a model, whose parts it may change.
     pub is_beside_model: bool,
     /// The scene so far.
     pub loaded: Loaded,
+}
+
+impl Build<'_> {
+    /// The picture's moment, frames.
+    pub fn frame(&self) -> f64 {
+        self.options.gltf.time_s.map_or(0.0, |time_s| time_s * self.shutter.fps)
+    }
 }

@@ -14,6 +14,8 @@
 //! | `blades`, `blade_rotation` | instead of a round lens a polygon of 3 to 256 sides; how far it is turned counter-clockwise, degrees | round, 0 |
 //! | `aperture_ratio` | height over width of the lens: 2 for the tall discs of wide screens | 1 |
 //! | `shift` | `[x, y]`: what is seen moves right and up by so many heights of the picture, and upright lines stay parallel | `[0, 0]` |
+//! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
+//! | `shutter_position` | `"centre"`: around the picture's moment; `"start"`: from it on; `"end"`: up to it | `"centre"` |
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens
 //! and `shift` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
@@ -21,6 +23,7 @@
 use super::assets::Assets;
 use super::build::Build;
 use super::fields::{Fields, nearest};
+use super::shutter;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Aperture, Camera, Projection, ThinLens, looking_at};
 
@@ -83,6 +86,7 @@ fn finish(build: &mut Build, fields: &Fields) {
     let (width, height) = (fields.integer("width", 1, 65_536), fields.integer("height", 1, 65_536));
     settings.width = settings.width.or(width);
     settings.height = settings.height.or(height);
+    shutter::check(fields);
     fields.finish();
 }
 

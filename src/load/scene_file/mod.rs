@@ -7,7 +7,7 @@
 //! | `[render]` | `settings` |
 //! | `[textures.NAME]` | `textures` |
 //! | `[materials.NAME]` | `materials` |
-//! | `[[objects]]` | `objects`, `transform` |
+//! | `[[objects]]` | `objects`, `transform`, `motion` |
 //! | `[[lights]]` | `lights` |
 //!
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
@@ -26,6 +26,7 @@ mod lights;
 mod materials;
 mod media;
 mod metals;
+mod motion;
 mod object;
 mod objects;
 mod overrides;
@@ -35,6 +36,7 @@ mod placement;
 pub mod reference;
 mod round;
 mod settings;
+mod shutter;
 pub mod sidecar;
 mod textures;
 mod transform;
@@ -70,10 +72,11 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         }
         return Loaded::default();
     }
-    let mut build =
-        Build { file: path, options, problems, loaded: Loaded::default(), is_beside_model: false };
-    build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
+    let shutter = shutter::chosen(options.shutter, &root);
+    let (loaded, is_beside_model) = (Loaded::default(), false);
+    let mut build = Build { file: path, options, problems, loaded, shutter, is_beside_model };
+    build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     root.require("objects", root.list("objects"));
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {

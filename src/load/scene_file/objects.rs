@@ -1,5 +1,5 @@
-//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name` and a `transform` (`oscura help
-//! transform`).
+//! `[[objects]]`: each has exactly one shape, a `material`, optionally a `name`, a `transform` (`oscura help
+//! transform`) and a `motion` (`oscura help motion`).
 //!
 //! | Shape | Value |
 //! |---|---|
@@ -23,7 +23,6 @@ use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};
 use super::textures::Textures;
-use super::transform;
 use super::{overrides, round, visibility};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
@@ -66,10 +65,8 @@ pub(super) fn read<'a>(
             overrides::object(build, &fields, (node.value, node.span), materials, textures);
             continue;
         }
-        let object = Object {
-            name: fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string()),
-            world_from_object: transform::read(&fields),
-        };
+        let name = fields.string("name").map_or_else(|| format!("object {}", i + 1), |n| n.value.to_string());
+        let object = Object::read(build, &fields, name);
         let before = counts(build);
         read_object(build, &fields, &object, materials, textures, assets);
         give_traits(build, &fields, before);
@@ -162,15 +159,18 @@ fn add_mesh(
 ) {
     let Some(file) = fields.string("mesh") else { return };
     let Some(asset) = assets.get(build, file.value, file.span.clone()) else { return };
-    let placed = asset.instances.iter().map(|i| Instance {
-        name: format!("{}/{}", object.name, i.name),
-        mesh: i.mesh,
-        world_from_object: object.world_from_object * i.world_from_object,
-        material: material.or(i.material),
-        motion: i.motion,
-    });
-    build.loaded.scene.instances.extend(placed);
+    let scene = &mut build.loaded.scene;
+    for i in &asset.instances {
+        let world_from_object = object.world_from_object * i.world_from_object;
+        let motion = object.moved(&mut scene.motion, i);
+        let (name, material) = (format!("{}/{}", object.name, i.name), material.or(i.material));
+        scene.instances.push(Instance { name, mesh: i.mesh, world_from_object, material, motion });
+    }
     let Some(first) = asset.shapes.first() else { return };
+    if object.motion.is_some() {
+        let message = "the points of a point cloud can't move";
+        return fields.problems.push_help(file.span, message, "leave 'motion' out");
+    }
     if round::placed(object, first.clone()).is_none() {
         let message = "the points of a point cloud are spheres, which this transform bends";
         return fields.problems.push_help(file.span, message, "scale by the same factor along all axes");
@@ -274,5 +274,7 @@ fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material
         corner += edge_u;
         edge_u = -edge_u;
     }
-    build.loaded.scene.quads.push(Quad { name: object.name.clone(), corner, edge_u, edge_v, material });
+    let scene = &mut build.loaded.scene;
+    scene.motion.quads.extend(object.motion.clone().map(|moving| (scene.quads.len(), moving)));
+    scene.quads.push(Quad { name: object.name.clone(), corner, edge_u, edge_v, material });
 }

@@ -28,6 +28,7 @@ pub const CHAPTERS: &[Chapter] = &[
     ),
     chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
+    chapter("motion", &[include_str!("motion.rs")]),
     chapter("[[lights]]", &[include_str!("lights.rs")]),
     chapter("sidecar", &[include_str!("sidecar.rs")]),
 ];

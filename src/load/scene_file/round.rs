@@ -98,7 +98,9 @@ pub(super) fn placed(object: &Object, shape: Shape) -> Option<Shape> {
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
 fn add_shape(build: &mut Build, object: &Object, shape: Shape) {
     if let Some(placed) = placed(object, shape.clone()) {
-        return build.loaded.scene.shapes.push(placed);
+        let scene = &mut build.loaded.scene;
+        scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
+        return scene.shapes.push(placed);
     }
     let mut mesh = Mesh { name: shape.name.clone(), ..mesh_of(shape.kind) };
     let triangle_count = mesh.triangles.len() as u32;

@@ -8,7 +8,7 @@
 //! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does; `visible_to_camera` = false hides it from the camera, and from nothing else; `visible_to` lists the rays that see it, as for objects of scene files |
 //! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as for objects of scene files; among `[[objects]]`, `node = "NAME"` says which node is meant |
 //! | `[camera]` with `look_from` | a camera before those of the model |
-//! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; with `default = true` it comes before the others; `width`, `height` |
+//! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
 //! | `[render]` | settings of rendering |
 
@@ -17,8 +17,9 @@ use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
 use super::parts::{read_parts, read_text};
+use super::shutter;
 use crate::error::{Choice, Result, Warning};
-use crate::load::{LoadOptions, Loaded};
+use crate::load::{LoadOptions, Loaded, ShutterOptions};
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -40,6 +41,15 @@ pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Lo
     Ok(())
 }
 
+/// With what the file beside a model says about the shutter, which is to be known before the model is read. What is wrong with the
+/// file is found later.
+pub(in crate::load) fn with_shutter(model: &Path, options: ShutterOptions) -> ShutterOptions {
+    let Ok(text) = read_text(&path_for(model)) else { return options };
+    let problems = Problems::new(&text);
+    let (root, _) = DeTable::parse_recoverable(&text);
+    shutter::chosen(options, &Fields::new("the file", root.get_ref(), 0..0, &problems))
+}
+
 /// What was added, in words.
 fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, loaded: &mut Loaded) -> String {
     let (root, errors) = DeTable::parse_recoverable(text);
@@ -50,9 +60,10 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
         return String::new();
     }
     let own = std::mem::take(&mut loaded.scene.settings);
-    let mut build =
-        Build { file: path, options, problems, loaded: std::mem::take(loaded), is_beside_model: true };
     let root = Fields::new("the file", root.get_ref(), 0..0, problems);
+    let shutter = shutter::chosen(options.shutter, &root);
+    let (taken, is_beside_model) = (std::mem::take(loaded), true);
+    let mut build = Build { file: path, options, problems, loaded: taken, shutter, is_beside_model };
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {
         for fields in root.tables("camera") {

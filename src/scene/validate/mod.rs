@@ -14,6 +14,7 @@ mod lights;
 mod materials;
 mod media;
 mod meshes;
+mod motion;
 mod objects;
 mod settings;
 #[cfg(test)]
@@ -40,6 +41,7 @@ impl Scene {
         environment::check(self, &mut findings);
         media::check(self, &mut findings);
         groups::check(self, &mut findings);
+        motion::check(self, &mut findings);
         for (i, camera) in self.cameras.iter().enumerate() {
             cameras::check(camera, i, &mut findings);
         }

@@ -2,8 +2,9 @@
 
 use super::asset::{floats, triangle_bytes, triangle_with};
 use oscura::load::gltf::GltfOptions;
-use oscura::load::{LoadOptions, Loaded};
+use oscura::load::{LoadOptions, Loaded, ShutterOptions};
 use oscura::math::{DQuat, DVec3};
+use oscura::scene::Motion;
 use serde_json::{Value, json};
 
 /// Loads an asset over the triangle's bytes and further floats, at a moment.
@@ -233,4 +234,36 @@ fn skins_move_corners_with_their_joints() {
     broken(|a| a["skins"][0]["joints"] = json!([]), "/skins/0/joints");
     broken(|a| a["accessors"][3]["count"] = json!(1), "MAT4");
     broken(|a| a["nodes"][0]["skin"] = json!(3), "/skins/3");
+}
+
+/// What an open shutter sees of the moving node, with a frame before and after.
+#[test]
+fn nodes_move_while_the_shutter_is_open() {
+    let (asset, numbers) = moving();
+    let with = |frames: f64, vectors: bool| {
+        let mut asset = asset.clone();
+        let mut bytes = triangle_bytes();
+        bytes.extend(floats(&numbers));
+        asset["buffers"][0]["byteLength"] = json!(bytes.len());
+        let gltf = GltfOptions { time_s: Some(0.5), ..GltfOptions::default() };
+        let shutter =
+            ShutterOptions { frames: Some(frames), vectors, fps: 10.0, ..ShutterOptions::default() };
+        let options = LoadOptions { gltf, shutter, ..LoadOptions::default() };
+        super::asset::load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
+    };
+    let scene = with(2.0, true).scene;
+    assert_eq!(scene.instances[0].motion, Motion::Keyed(0));
+    let motion = &scene.motion.instances[0];
+    // 18 degrees: four steps of 4.5.
+    assert_eq!(motion.keys.len(), 5);
+    let x: Vec<f64> = motion.keys.iter().map(|key| key.translation.x).collect();
+    for (found, truth) in x.iter().zip([4.0, 4.5, 5.0, 5.5, 6.0]) {
+        assert!((found - truth).abs() < 1e-5, "{x:?}");
+    }
+    let [before, after] = motion.neighbours.expect("they were asked for").map(|m| m.translation.x);
+    assert!((before - 4.0).abs() < 1e-5 && (after - 6.0).abs() < 1e-5);
+    // Closed, it is the scene of the moment.
+    let (closed, plain) =
+        (with(0.0, false), at(&asset, &numbers, Some(0.5)).unwrap_or_else(|e| panic!("{e}")));
+    assert_eq!(format!("{:?}", closed.scene), format!("{:?}", plain.scene));
 }

@@ -113,6 +113,16 @@ const TABLES: &[Table] = &[
         "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
         &[("f_stop", "2.8", "4"), ("focal_length", "35", "50"), ("focus_at", "[0, 0, 1]", "[0, 0, 2]")],
     ),
+    Table {
+        about: "camera",
+        before: "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
+        between: "\n",
+        after: concat!(
+            "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n",
+            "motion = { translate = [1, 0, 0] }\n"
+        ),
+        keys: &[("shutter", "0.5", "1"), ("shutter_position", "\"start\"", "\"end\"")],
+    },
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",

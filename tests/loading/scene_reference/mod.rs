@@ -129,6 +129,14 @@ fn objects_and_transforms_are_explained() {
     }
     let step = known_keys(&format!("[[objects]]\ntransform = [{{ {WRONG} = 1 }}]\n"));
     assert_explained(&step, "transform", "a step");
+    for (about, motion) in [
+        ("a motion", format!("{WRONG} = 1, translate = [1, 0, 0]")),
+        ("a rotation", format!("rotate = {{ {WRONG} = 1 }}")),
+        ("a key", format!("keys = [{{ {WRONG} = 1 }}]")),
+    ] {
+        let known = known_keys(&format!("[[objects]]\nmotion = {{ {motion} }}"));
+        assert_explained(&known, "motion", about);
+    }
 }
 
 #[test]

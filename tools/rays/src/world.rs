@@ -43,6 +43,7 @@ impl World {
             instances,
             first_moving,
             first_changing,
+            moving: &[],
             quality,
         })
     }

@@ -1,0 +1,170 @@
+//! What moves while rays are traced: placed geometries, whose matrix is interpolated where a ray enters them, and triangles
+//! whose vertices are.
+//!
+//! Rays carry no time: it comes in a list beside them, and only the loop for moving scenes reads it. Boxes hold what is below
+//! them at all times.
+
+use super::emit::triangle_packet;
+use super::gather::vertices_of;
+use super::input::{AccelInput, Geometry, MovingInstance};
+use super::layout::{
+    ANALYTIC_LINES, AnalyticPacket, InstanceRecord, MOVING_TRIANGLES, TRIANGLE_LINES, TrianglePacket, view,
+    view_mut,
+};
+use crate::math::{DAffine3, TransformKeys, Vec3, segment, transform_at};
+use crate::shape::triangle::LANES;
+use crate::simd::Line;
+
+/// Where an instance stands at equal steps of time; none if it stands still.
+pub fn keys_of(moving: &[MovingInstance], instance: usize) -> &[DAffine3] {
+    let found = moving.binary_search_by_key(&instance, |m| m.instance);
+    found.map_or(&[], |at| &moving[at].keys)
+}
+
+/// All motions of a structure.
+#[derive(Default)]
+pub struct Motions {
+    /// By instance.
+    transforms: Vec<Option<TransformKeys>>,
+    has_moving_vertices: bool,
+}
+
+impl Motions {
+    /// Those of what a structure is built over.
+    pub fn of(input: &AccelInput) -> Motions {
+        let has_moving_vertices = input.geometries.iter().any(|g| !g.keys.is_empty());
+        let mut transforms = Vec::new();
+        if !input.moving.is_empty() {
+            transforms.resize(input.instances.len(), None);
+        }
+        for moving in input.moving {
+            transforms[moving.instance] = Some(moving.keys.clone());
+        }
+        Motions { transforms, has_moving_vertices }
+    }
+
+    /// Does nothing move?
+    #[inline(always)]
+    pub fn is_empty(&self) -> bool {
+        self.transforms.is_empty() && !self.has_moving_vertices
+    }
+
+    /// The record of an instance as it is at a time.
+    #[inline]
+    fn record(&self, record: &InstanceRecord, time: f32) -> InstanceRecord {
+        let keys = self.transforms.get((record.instance as usize).wrapping_sub(1));
+        match keys {
+            Some(Some(keys)) => {
+                let object_from_world = transform_at(keys, time).inverse();
+                InstanceRecord { object_from_world: InstanceRecord::rows(&object_from_world), ..*record }
+            }
+            _ => *record,
+        }
+    }
+}
+
+/// The times of the rays of a batch.
+pub trait Clock: Copy {
+    /// Does anything move?
+    const MOVING: bool;
+
+    /// The time of a ray, 0..1.
+    fn time(&self, ray: usize) -> f32;
+
+    /// The record of an instance that a ray enters.
+    fn record(&self, record: &InstanceRecord, ray: usize) -> InstanceRecord;
+}
+
+/// Nothing moves.
+#[derive(Clone, Copy)]
+pub struct Stopped;
+
+impl Clock for Stopped {
+    const MOVING: bool = false;
+
+    #[inline(always)]
+    fn time(&self, _ray: usize) -> f32 {
+        0.0
+    }
+
+    #[inline(always)]
+    fn record(&self, record: &InstanceRecord, _ray: usize) -> InstanceRecord {
+        *record
+    }
+}
+
+/// Each ray has its time.
+#[derive(Clone, Copy)]
+pub struct Running<'a> {
+    /// By ray.
+    pub times: &'a [f32],
+    /// What moves.
+    pub motions: &'a Motions,
+}
+
+impl Clock for Running<'_> {
+    const MOVING: bool = true;
+
+    #[inline(always)]
+    fn time(&self, ray: usize) -> f32 {
+        self.times[ray]
+    }
+
+    #[inline(always)]
+    fn record(&self, record: &InstanceRecord, ray: usize) -> InstanceRecord {
+        self.motions.record(record, self.times[ray])
+    }
+}
+
+/// The triangles that follow a packet's head, as they are at a time. Neighbours stay neighbours: a vertex is where it is for all
+/// triangles that have it, so that no ray passes between them.
+#[inline(always)]
+pub fn triangles_at(
+    lines: &[Line],
+    head: usize,
+    packet: &AnalyticPacket,
+    time: f32,
+) -> Option<TrianglePacket> {
+    let (key, share) = segment(packet.id[0] as usize, time);
+    let at = |key: usize| {
+        view::<TrianglePacket, TRIANGLE_LINES>(lines, head + ANALYTIC_LINES + key * TRIANGLE_LINES)
+    };
+    let (mut triangles, to) = (*at(key)?, at(key + 1)?);
+    for axis in 0..3 {
+        for vertex in 0..3 {
+            let row = 4 * axis + vertex;
+            for lane in 0..LANES {
+                let from = triangles.rows[row][lane];
+                triangles.rows[row][lane] = from + (to.rows[row][lane] - from) * share;
+            }
+        }
+    }
+    Some(triangles)
+}
+
+/// Writes the head of some triangles whose vertices move, and the triangles at each key.
+pub fn write_triangles(
+    region: &mut [Line],
+    at: usize,
+    geometry: &Geometry,
+    triangles: &[([Vec3; 3], u32, u32)],
+    next: u32,
+) {
+    let mut head = AnalyticPacket {
+        numbers: [[0.0; 6]; LANES],
+        id: [u32::MAX; LANES],
+        kind: [0; LANES],
+        next,
+        padding: [0; 2],
+    };
+    (head.kind[0], head.id[0]) = (MOVING_TRIANGLES, geometry.keys.len() as u32);
+    *view_mut(region, at) = head;
+    for (key, positions) in geometry.keys.iter().enumerate() {
+        let mut moved = triangles.to_vec();
+        for (vertices, id, _) in &mut moved {
+            let corners = geometry.triangles.get(*id as usize);
+            *vertices = corners.and_then(|t| vertices_of(positions, *t)).unwrap_or(*vertices);
+        }
+        *view_mut(region, at + ANALYTIC_LINES + key * TRIANGLE_LINES) = triangle_packet(&moved, next);
+    }
+}

@@ -1,0 +1,134 @@
+//! What of a scene moves while its picture is taken, in the spaces that it is compiled to.
+
+use super::geometry::Space;
+use super::material::CompiledMaterial;
+use super::objects::{Numbering, ObjectId};
+use crate::light::{MovingLight, PunctualLight};
+use crate::math::{DAffine3, DMat3, DVec3, Mat3, TransformKeys, Vec3};
+use crate::scene::{
+    Instance, Light, LightKind, MaterialId, MeshId, Motion, Moving, Scene, Shape, ShapeKind, Vertices,
+};
+use crate::shape::{Analytic, Quad};
+use std::collections::BTreeMap;
+
+/// Where an instance stands while the shutter is open, from an origin; `None` if it stands still.
+pub(super) fn keys(scene: &Scene, instance: &Instance, origin: DVec3) -> Option<TransformKeys> {
+    let Motion::Keyed(number) = instance.motion else { return None };
+    let moving = scene.motion.instances.get(number as usize).filter(|m| m.blurs())?;
+    Some(moving.keys.iter().map(|key| from_origin(key, origin)).collect())
+}
+
+fn from_origin(key: &DAffine3, origin: DVec3) -> DAffine3 {
+    DAffine3 { translation: key.translation - origin, ..*key }
+}
+
+/// Is a mesh's shape at other moments to be known: does it change while the shutter is open, or are there to be motion vectors?
+pub(super) fn deforms(scene: &Scene, mesh: MeshId) -> bool {
+    let moving = scene.motion.meshes.get(&mesh.index());
+    moving.is_some_and(|m| m.blurs() || m.neighbours.is_some())
+}
+
+/// Is a mesh another at other moments?
+pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
+    scene.motion.meshes.contains_key(&mesh.index())
+}
+
+/// The lights without a surface that move while the shutter is open, by their place in the scene's list.
+pub(super) fn lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
+    let moving = |(i, light): (usize, &Light)| {
+        let found = scene.motion.lights.iter().find(|m| m.kind == light.kind && m.moving.blurs())?;
+        let at = |kind: &LightKind| PunctualLight::new(&Light { kind: *kind, ..light.clone() }, origin);
+        Some((i, MovingLight(found.moving.keys.iter().map(at).collect())))
+    };
+    scene.lights.iter().enumerate().filter_map(moving).collect()
+}
+
+impl Space {
+    /// Takes the shapes of a mesh while the shutter is open, if it changes then.
+    pub(super) fn take_keys(&mut self, scene: &Scene, mesh: MeshId) {
+        let Some(moving) = scene.motion.meshes.get(&mesh.index()) else { return };
+        let positions = |[a, b]: &[Vertices; 2]| [a.positions.clone(), b.positions.clone()];
+        self.neighbours = moving.neighbours.as_ref().map(positions);
+        if !moving.blurs() {
+            return;
+        }
+        self.shapes.keys = moving.keys.iter().map(|key| key.positions.clone()).collect();
+        if !self.attributes.normals.is_empty() {
+            self.attributes.normal_keys = moving.keys.iter().map(|key| key.normals.clone()).collect();
+        }
+        self.measure();
+    }
+}
+
+/// A quad or another shape that moves, in a space of its own.
+pub(super) struct MovingShape {
+    pub space: Space,
+    /// The object that it is.
+    pub object: ObjectId,
+    /// Where it stands at the picture's moment.
+    pub world_from_object: DAffine3,
+    /// Where it stands while the shutter is open.
+    pub keys: TransformKeys,
+}
+
+/// All quads and other shapes that move while the shutter is open.
+pub(super) fn moving_shapes(
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    origin: DVec3,
+    numbering: &Numbering,
+    keeps_uv: bool,
+) -> Vec<MovingShape> {
+    let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
+    let mut all = Vec::new();
+    let quads = scene.motion.quads.iter().filter(|(_, moving)| moving.blurs());
+    for (&i, moving) in quads {
+        let Some(quad) = scene.quads.get(i).filter(|quad| is_seen(quad.material)) else { continue };
+        let (edge_u, edge_v) = (quad.edge_u.as_vec3(), quad.edge_v.as_vec3());
+        let mut space = Space::EMPTY;
+        space.shapes.quads.push(Quad { corner: Vec3::ZERO, edge_u, edge_v });
+        let place = |world_from_rest: &DAffine3| {
+            from_origin(&(*world_from_rest * DAffine3::from_translation(quad.corner)), origin)
+        };
+        all.push(MovingShape::new(space, quad.material, numbering.quad(i), moving, place));
+    }
+    let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
+    for (&i, moving) in shapes {
+        let Some(shape) = scene.shapes.get(i).filter(|shape| is_seen(shape.material)) else { continue };
+        let mut space = Space::EMPTY;
+        space.shapes.analytic.push(Analytic::of_scene(shape, Vec3::ZERO));
+        if keeps_uv || materials[shape.material.index()].uses_uv {
+            let rotation = Mat3::from_quat(shape.rotation.inverse().as_quat());
+            space.attributes.object_from_world.push(rotation);
+        }
+        let emits = materials[shape.material.index()].emission.is_some();
+        let place = |world_from_rest: &DAffine3| from_origin(&placed(shape, world_from_rest, emits), origin);
+        all.push(MovingShape::new(space, shape.material, numbering.shape(i), moving, place));
+    }
+    all
+}
+
+/// Where a shape around its own middle stands. Spheres that shine are not turned: interpolated rotations would bend them a little,
+/// and what samples their light asks for spheres.
+fn placed(shape: &Shape, world_from_rest: &DAffine3, emits: bool) -> DAffine3 {
+    let m = world_from_rest.matrix3;
+    let scale = m.determinant().abs().cbrt();
+    let keeps_straight = emits && shape.kind == ShapeKind::Sphere;
+    let linear = if keeps_straight { DMat3::from_diagonal(DVec3::splat(scale)) } else { m };
+    DAffine3 { matrix3: linear, translation: world_from_rest.transform_point3(shape.center) }
+}
+
+impl MovingShape {
+    fn new(
+        mut space: Space,
+        material: MaterialId,
+        object: ObjectId,
+        moving: &Moving<DAffine3>,
+        place: impl Fn(&DAffine3) -> DAffine3,
+    ) -> MovingShape {
+        space.attributes.materials.push(material.0);
+        space.measure();
+        let world_from_object = place(&DAffine3::IDENTITY);
+        MovingShape { space, object, world_from_object, keys: moving.keys.iter().map(place).collect() }
+    }
+}

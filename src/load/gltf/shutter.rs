@@ -1,0 +1,208 @@
+//! What animations do while the shutter is open: the scene is read at some moments of that time as at any other, and what stands
+//! elsewhere or has another shape then moves.
+
+use super::animation;
+use super::document::Document;
+use super::keep::Kept;
+use super::nodes;
+use super::place::Builder;
+use super::report::Report;
+use super::skin;
+use super::transform::Family;
+use crate::load::ShutterOptions;
+use crate::math::DAffine3;
+use crate::scene::{
+    Camera, CameraMotion, Instance, Light, LightKind, LightMotion, Mesh, Motion, Moving, Scene, Vertices,
+};
+use std::collections::HashMap;
+
+/// What is known of one moment.
+struct Moment {
+    /// Placements with their meshes, by name and how many had it before.
+    instances: HashMap<(String, usize), (DAffine3, usize)>,
+    /// Meshes that are deformed, by index.
+    meshes: HashMap<usize, Vertices>,
+    cameras: Vec<Camera>,
+    lights: Vec<Light>,
+}
+
+/// The moments of the shutter, then, if motion vectors are wanted, those a frame before and after.
+pub(super) struct Moments {
+    keys: Vec<Moment>,
+    neighbours: Option<[Moment; 2]>,
+}
+
+impl Moments {
+    /// Reads what is to be known of a file around a moment, seconds; `None` if that is nothing.
+    pub fn read(
+        doc: &Document,
+        time_s: Option<f64>,
+        shutter: &ShutterOptions,
+        kept: &mut Kept,
+        report: &mut Report,
+    ) -> Option<Moments> {
+        if !shutter.wants_motion() || doc.count("animations") == 0 {
+            return None;
+        }
+        if time_s.is_none() && shutter.is_open() {
+            let message = "no moment is asked for: nothing moves while the shutter is open";
+            report.note("/animations", message);
+        }
+        let time_s = time_s?;
+        let at = |frames: f64| time_s + frames / shutter.fps;
+        let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report));
+        let mut moment = |frames: f64| {
+            report.begin_moment();
+            doc.begin_moment();
+            moment(doc, at(frames), kept, report)
+        };
+        let moments = Moments {
+            keys: shutter.key_frames(keys).map(&mut moment).collect(),
+            neighbours: shutter.vectors.then(|| [moment(-1.0), moment(1.0)]),
+        };
+        report.begin_moment();
+        doc.begin_moment();
+        if !is_enough {
+            let message = format!("something turns too far while the shutter is open for {keys} keys");
+            report.warn("/animations", message);
+        }
+        Some(moments)
+    }
+
+    /// Something at all moments; `None` where it isn't there at one of them.
+    fn all<T>(&self, of: impl Fn(&Moment) -> Option<T>) -> Option<Moving<T>> {
+        let neighbours = match &self.neighbours {
+            Some([before, after]) => Some([of(before)?, of(after)?]),
+            None => None,
+        };
+        Some(Moving { keys: self.keys.iter().map(of).collect::<Option<_>>()?, neighbours })
+    }
+
+    /// Says in a scene, that of the picture's moment, what moves.
+    pub fn tell(&self, scene: &mut Scene, report: &mut Report) {
+        let mut absent = 0;
+        let names = numbered(&scene.instances);
+        for (i, name) in names.iter().enumerate() {
+            let Some(met) = self.all(|m| m.instances.get(name).copied()) else {
+                absent += 1;
+                continue;
+            };
+            let (place, mesh) = (scene.instances[i].world_from_object, scene.instances[i].mesh.index());
+            let moving = Moving {
+                keys: met.keys.iter().map(|m| m.0).collect(),
+                neighbours: met.neighbours.map(|n| n.map(|m| m.0)),
+            };
+            let deformed = self.vertices(&met, &scene.meshes[mesh]);
+            let deforms = deformed.as_ref().is_some_and(is_different);
+            if differs(&moving, &place) || deforms {
+                scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
+                scene.motion.instances.push(moving);
+            }
+            if let Some(deformed) = deformed.filter(|_| deforms) {
+                scene.motion.meshes.insert(mesh, deformed);
+            }
+        }
+        if absent > 0 {
+            let message = format!(
+                "{absent} placements are not there all the time that the shutter is open: they are not blurred"
+            );
+            report.warn("/animations", message);
+        }
+        self.tell_cameras(scene);
+        self.tell_lights(scene);
+    }
+
+    /// The shapes of a placed mesh, if it is deformed.
+    fn vertices(&self, met: &Moving<(DAffine3, usize)>, mesh: &Mesh) -> Option<Moving<Vertices>> {
+        let counts = (mesh.positions.len(), mesh.normals.len());
+        let of = |moment: &Moment, mesh: usize| {
+            moment.meshes.get(&mesh).filter(|v| (v.positions.len(), v.normals.len()) == counts).cloned()
+        };
+        let keys = self.keys.iter().zip(&met.keys).map(|(moment, met)| of(moment, met.1));
+        let neighbours = match (&self.neighbours, &met.neighbours) {
+            (Some([before, after]), Some([b, a])) => Some([of(before, b.1)?, of(after, a.1)?]),
+            _ => None,
+        };
+        Some(Moving { keys: keys.collect::<Option<_>>()?, neighbours })
+    }
+
+    fn tell_cameras(&self, scene: &mut Scene) {
+        for (i, camera) in scene.cameras.iter().enumerate() {
+            let place =
+                |m: &Moment| m.cameras.get(i).filter(|c| c.name == camera.name).map(|c| c.world_from_camera);
+            let world_from_camera = camera.world_from_camera;
+            if let Some(moving) = self.all(place).filter(|moving| differs(moving, &world_from_camera)) {
+                scene.motion.cameras.push(CameraMotion { world_from_camera, moving });
+            }
+        }
+    }
+
+    fn tell_lights(&self, scene: &mut Scene) {
+        for (i, light) in scene.lights.iter().enumerate() {
+            let kind = |m: &Moment| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
+            let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
+            if let Some(moving) = self.all(kind).filter(differs) {
+                scene.motion.lights.push(LightMotion { kind: light.kind, moving });
+            }
+        }
+    }
+}
+
+/// Is anything of a list another than at the picture's moment?
+fn differs<T: PartialEq>(moving: &Moving<T>, now: &T) -> bool {
+    moving.keys.iter().chain(moving.neighbours.iter().flatten()).any(|then| then != now)
+}
+
+/// Do shapes differ from each other?
+fn is_different(moving: &Moving<Vertices>) -> bool {
+    let mut all = moving.keys.iter().chain(moving.neighbours.iter().flatten());
+    let first = all.next();
+    all.any(|other| Some(other) != first)
+}
+
+/// Names of instances, with numbers that tell those of one name apart.
+fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
+    let mut counts: HashMap<&str, usize> = HashMap::new();
+    let mut names = Vec::with_capacity(instances.len());
+    for instance in instances {
+        let count = counts.entry(&instance.name).or_default();
+        names.push((instance.name.clone(), *count));
+        *count += 1;
+    }
+    names
+}
+
+/// Where everything stands at a moment that may move.
+fn places(doc: &Document, time_s: f64, report: &mut Report) -> Vec<DAffine3> {
+    let pose = animation::pose(doc, time_s, report);
+    let family = Family::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &family, report);
+    let mut places = Vec::new();
+    for node in &hierarchy.nodes {
+        let is_shown = node.mesh.is_some() || node.camera.is_some() || node.light.is_some();
+        if is_shown && node.moves {
+            places.push(node.world_from_node);
+        }
+        if let Some(skin) = node.skin {
+            places.extend(skin::places(doc, skin, &family, report));
+        }
+    }
+    places
+}
+
+/// The scene at a moment.
+fn moment(doc: &Document, time_s: f64, kept: &mut Kept, report: &mut Report) -> Moment {
+    let pose = animation::pose(doc, time_s, report);
+    let family = Family::new(doc, &pose);
+    let hierarchy = nodes::walk(doc, &pose, &family, report);
+    let mut builder = Builder::new(doc, &pose, &family, kept);
+    builder.add(&hierarchy, report);
+    let (mut scene, still) = builder.finish(report);
+    kept.take_back(&mut scene, still);
+    let places = scene.instances.iter().map(|i| (i.world_from_object, i.mesh.index()));
+    let instances = numbered(&scene.instances).into_iter().zip(places).collect();
+    // What is left of others was taken back.
+    let deformed = scene.meshes.into_iter().enumerate().filter(|(_, mesh)| !mesh.positions.is_empty());
+    let vertices = deformed.map(|(i, m)| (i, Vertices { positions: m.positions, normals: m.normals }));
+    Moment { instances, meshes: vertices.collect(), cameras: scene.cameras, lights: scene.lights }
+}

@@ -1,0 +1,96 @@
+//! `motion` of objects in scene files, and the shutter.
+
+use oscura::load::{LoadOptions, Loaded, ShutterOptions, load};
+use oscura::math::{DVec3, transform_at};
+use oscura::scene::Motion;
+
+const HEAD: &str = "[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\nshutter = 0.5\n\
+    [materials]\na = { type = \"lambert\" }\n[[objects]]\nmaterial = \"a\"\n";
+const BALL: &str = "sphere = { center = [1, 2, 3], radius = 1 }\n";
+
+fn read_by(text: &str, options: &LoadOptions) -> Result<Loaded, oscura::Error> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, text).expect("written");
+    load(&path, options)
+}
+
+fn read(text: &str) -> Loaded {
+    read_by(text, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"))
+}
+
+#[test]
+fn even_motion_is_so_much_a_frame() {
+    let loaded = read(&format!("{HEAD}{BALL}motion = {{ translate = [4, 0, 0] }}\n"));
+    let moving = &loaded.scene.motion.shapes[&0];
+    let places: Vec<DVec3> = moving.keys.iter().map(|key| key.translation).collect();
+    assert_eq!(places, [DVec3::NEG_X, DVec3::X]);
+    assert_eq!((loaded.scene.shapes[0].center, moving.neighbours), (DVec3::new(1.0, 2.0, 3.0), None));
+    // A quarter turn about the middle of a cube, as many keys as it needs.
+    let turn = "motion = { rotate = { axis = [0, 0, 1], angle = 180, center = [1, 1, 0] } }\n";
+    let loaded = read(&format!("{HEAD}box = {{ min = [0, 0, 0], max = [2, 2, 2] }}\n{turn}"));
+    let (instance, motion) = (&loaded.scene.instances[0], &loaded.scene.motion.instances[0]);
+    assert_eq!((instance.motion, motion.keys.len()), (Motion::Keyed(0), 33));
+    let onwards = instance.world_from_object.inverse();
+    let corner =
+        |time: f32| (transform_at(&motion.keys, time) * onwards).transform_point3(DVec3::new(2.0, 1.0, 0.0));
+    let half = std::f64::consts::FRAC_1_SQRT_2;
+    assert!(corner(0.0).distance(DVec3::new(1.0 + half, 1.0 - half, 0.0)) < 1e-9);
+    assert!(corner(0.5).distance(DVec3::new(2.0, 1.0, 0.0)) < 1e-9);
+}
+
+#[test]
+fn keys_hold_before_the_first_and_after_the_last() {
+    let motion =
+        "motion = { keys = [{ frame = 0 }, { frame = 0.125, transform = [{ translate = [2, 0, 0] }] }] }\n";
+    let loaded =
+        read(&format!("{HEAD}quad = {{ corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }}\n{motion}"));
+    let keys = &loaded.scene.motion.quads[&0].keys;
+    let at = |time: f32| transform_at(keys, time).translation.x;
+    assert_eq!([at(0.0), at(0.5), at(0.625), at(0.75), at(1.0)], [0.0, 0.0, 1.0, 2.0, 2.0]);
+}
+
+/// Frame N of a sequence has what moves where it is then.
+#[test]
+fn sequences_move_objects_on() {
+    let mut options = LoadOptions::default();
+    options.gltf.time_s = Some(3.0 / 24.0);
+    options.shutter = ShutterOptions { vectors: true, ..ShutterOptions::default() };
+    let text = format!("{HEAD}{BALL}motion = {{ translate = [4, 0, 0] }}\n");
+    let scene = read_by(&text, &options).unwrap_or_else(|e| panic!("{e}")).scene;
+    assert_eq!(scene.shapes[0].center.x, 13.0);
+    let moving = &scene.motion.shapes[&0];
+    assert_eq!(moving.keys[0].translation, DVec3::NEG_X);
+    let neighbours = moving.neighbours.map(|n| n.map(|m| m.translation.x));
+    assert_eq!(neighbours, Some([-4.0, 4.0]));
+}
+
+#[test]
+fn a_closed_shutter_is_no_motion() {
+    let closed = HEAD.replace("shutter = 0.5", "shutter = 0");
+    let loaded = read(&format!("{closed}{BALL}motion = {{ translate = [4, 0, 0] }}\n"));
+    let plain = read(&format!("{closed}{BALL}"));
+    assert_eq!(format!("{:?}", loaded.scene), format!("{:?}", plain.scene));
+    assert!(loaded.notes.iter().any(|n| n.message.contains("--shutter") || n.message.contains("shutter")));
+    assert!(plain.notes.is_empty());
+}
+
+#[test]
+fn what_is_no_motion_says_so() {
+    for (motion, complaint) in [
+        ("{}", "needs 'translate', 'rotate' or 'keys'"),
+        ("{ keys = [] }", "is empty"),
+        ("{ keys = [{ frame = 1 }, { frame = 1 }] }", "don't increase"),
+        ("{ keys = [{ frame = nan }] }", "finite number"),
+        ("{ keys = [{ frame = 0, transform = [{ scale = 0 }] }] }", "flattens"),
+        ("{ translate = [1, 0, 0], keys = [{ frame = 0 }] }", "leave 'translate'"),
+        ("{ rotate = { axis = [0, 0, 0], angle = 3 } }", "length 0"),
+        ("{ translate = [1, inf, 0] }", "finite"),
+    ] {
+        let error = read_by(&format!("{HEAD}{BALL}motion = {motion}\n"), &LoadOptions::default());
+        let error = error.expect_err(motion).to_string();
+        assert!(error.contains(complaint), "{motion}: {error}");
+    }
+    let negative = HEAD.replace("shutter = 0.5", "shutter = -1");
+    assert!(read_by(&format!("{negative}{BALL}"), &LoadOptions::default()).is_err());
+}
