@@ -3,7 +3,7 @@
 use super::long_args::region;
 use clap::{Args, ValueEnum};
 use oscura::error::{Error, Result};
-use oscura::film::PixelType;
+use oscura::film::{AovSet, PixelType};
 use oscura::output::part::Region;
 use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 use oscura::scene::{Backdrop, Camera, Projection};
@@ -85,6 +85,22 @@ impl ExrArgs {
         let mut types = of(&self.exr_half, PixelType::Half);
         types.extend(of(&self.exr_float, PixelType::Float));
         ExrOptions { layout, compression, tiles: self.exr_tiles, types, window }
+    }
+
+    /// Does the compression keep these AOVs what they are?
+    ///
+    /// # Errors
+    /// A usage error for one that would change the ids of mattes.
+    pub fn check(&self, aovs: AovSet) -> Result<()> {
+        let changes_ids = matches!(
+            self.exr_compression,
+            CompressionArg::Pxr24 | CompressionArg::Dwaa | CompressionArg::Dwab
+        );
+        if changes_ids && aovs.mattes().next().is_some() {
+            let message = "this --exr-compression would change the ids of Cryptomattes";
+            return Err(Error::usage(message).with_help("take zip, zips or piz"));
+        }
+        Ok(())
     }
 
     /// Where the pixels stand in a frame of so many, if they are not just those of the frame; and the size with overscan.

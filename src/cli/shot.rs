@@ -287,6 +287,7 @@ fn prepare(
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
     limits::before_building(args, loaded, &settled)?;
     let frame = (settled.options.width, settled.options.height);
+    args.exr.check(settled.options.aovs)?;
     let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
     let mut camera = settled.camera(&loaded.scene)?.clone();
     if let Some(framed) = framed {

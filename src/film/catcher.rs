@@ -55,7 +55,10 @@ impl Film {
             let least = (0..3).map(ratio).fold(1.0, f32::min).max(0.0);
             let (sum, count) = (&mut self.sums.rgba[pixel], f64::from(self.sums.count[pixel]));
             for c in 0..3 {
-                sum[c] -= f64::from(least * without[c]) * count;
+                let left = sum[c] / count.max(1.0) - f64::from(least * without[c]);
+                // Nothing but rounding.
+                let is_nothing = left.abs() <= f64::from(1e-6 * without[c]);
+                sum[c] = if is_nothing { 0.0 } else { left * count };
                 factors[c].push(1.0 + share * (ratio(c) - 1.0));
             }
             sum[3] += f64::from((1.0 - least) * share) * count;

@@ -21,6 +21,7 @@ impl Integrator<'_> {
         w.rays_before_split = None;
         w.sink.begin(count, self.layers);
         w.first_hits.reset(count, self.first_hits);
+        w.uncovered.clear();
         let (paths, vertices, scratch) = (&mut *w.arriving, &mut w.wave.vertices, &mut w.wave.scratch);
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);
