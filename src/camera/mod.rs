@@ -1,10 +1,12 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
 mod aperture;
+mod importance;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
 use aperture::Aperture;
+pub use importance::Sight;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]

@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod caustics;
 mod compiler;
 mod content;
 mod density;
@@ -22,6 +23,7 @@ mod tangents;
 mod tree;
 mod view;
 
+pub use caustics::Role;
 pub use compiler::Compiler;
 pub use content::{Fingerprint, of_mesh};
 pub use density::{DensityGrid, GridRay};

@@ -7,6 +7,7 @@
 mod accumulator;
 mod aov;
 mod aov_set;
+mod arrivals;
 mod backdrop;
 mod bytes;
 mod channel;
@@ -15,6 +16,7 @@ mod edit;
 mod exact;
 mod filter;
 mod matte;
+mod splats;
 mod sums;
 mod tile;
 
@@ -24,10 +26,12 @@ pub use aov_set::AovSet;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
 pub use matte::{MatteIds, matte_id, matte_key};
+pub use splats::Splat;
 pub use sums::Layout;
 pub use tile::FilmTile;
 
 use crate::error::{Choice, Error, Result};
+use splats::Splats;
 use std::sync::Arc;
 use sums::Sums;
 
@@ -40,6 +44,8 @@ pub struct Film {
     origin: (u32, u32),
     layout: Arc<Layout>,
     sums: Sums,
+    /// Light from paths of lamps, once there is some.
+    splats: Option<Splats>,
     invalid_samples: u64,
 }
 
@@ -85,13 +91,29 @@ impl Film {
             ))
             .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
-        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), sums, invalid_samples: 0 })
+        Ok(Film {
+            width,
+            height,
+            origin: (0, 0),
+            layout: Arc::new(layout),
+            sums,
+            splats: None,
+            invalid_samples: 0,
+        })
     }
 
     /// A film without pixels, for tiles of this layout.
     pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
         let sums = Sums::try_new(0, layout, true).expect("nothing takes no memory");
-        Film { width: 0, height: 0, origin: (0, 0), layout: layout.clone(), sums, invalid_samples: 0 }
+        Film {
+            width: 0,
+            height: 0,
+            origin: (0, 0),
+            layout: layout.clone(),
+            sums,
+            splats: None,
+            invalid_samples: 0,
+        }
     }
 
     /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
@@ -161,6 +183,7 @@ impl Film {
     pub fn merge_film(&mut self, other: &Film) {
         assert!(other.layout == self.layout, "films have different channels");
         self.add_sums(&other.sums, other.origin, (other.width, other.height));
+        self.merge_splats(other);
         self.invalid_samples += other.invalid_samples;
     }
 
@@ -188,12 +211,17 @@ impl Film {
 
     /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
     pub fn rgba(&self) -> Vec<[f32; 4]> {
-        (0..self.sums.count.len()).map(|pixel| self.sums.mean_rgba(pixel)).collect()
+        (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)).collect()
     }
 
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
-        self.sums.mean_rgba(self.index(x, y))
+        self.mean_of(self.index(x, y))
+    }
+
+    /// Mean colour and alpha of a pixel by its place in the film.
+    fn mean_of(&self, pixel: usize) -> [f32; 4] {
+        self.sums.mean_rgba_with(pixel, self.splat(pixel))
     }
 
     /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
@@ -202,7 +230,13 @@ impl Film {
     /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
         let of = |half: usize| {
-            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel)[half]).collect()
+            (0..self.sums.count.len())
+                .map(move |pixel| {
+                    let splats = self.splats.as_ref().map_or([[0.0; 3]; 2], |splats| splats.halves(pixel));
+                    let mean = self.sums.halves(pixel)[half];
+                    std::array::from_fn(|c| (f64::from(mean[c]) + splats[half][c]) as f32)
+                })
+                .collect()
         };
         self.layout.has_halves().then(|| [of(0), of(1)])
     }
@@ -215,7 +249,7 @@ impl Film {
     /// All components of all channels, each computed when its turn comes.
     pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
         self.channels().iter().enumerate().flat_map(|(index, channel)| {
-            let named = channel.names.iter().zip(self.sums.planes(index, channel));
+            let named = channel.names.iter().zip(self.planes_of(index, channel));
             named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
         })
     }
@@ -226,7 +260,16 @@ impl Film {
         let has = |channel: &Channel| channel.names.iter().position(|own| own == name);
         let mut places = self.channels().iter().enumerate().filter_map(|(i, c)| Some((i, c, has(c)?)));
         let (index, channel, component) = places.next()?;
-        self.sums.planes(index, channel).into_iter().nth(component)
+        self.planes_of(index, channel).into_iter().nth(component)
+    }
+
+    /// The values of a channel, one list a name.
+    fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
+        if index > 0 {
+            return self.sums.planes(index, channel);
+        }
+        let component = |c: usize| (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)[c]).collect();
+        (0..4).map(component).map(Values::Float).collect()
     }
 
     /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.

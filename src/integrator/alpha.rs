@@ -8,6 +8,7 @@ use super::lanes::{get_rgb, set_rgb};
 use super::surface::HitPoint;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
+use crate::compile::CompiledMaterial;
 use crate::math::{Hit, Ray};
 use crate::sampling::hash::{hash32, unit};
 use crate::shape::Surface;
@@ -196,11 +197,15 @@ impl Integrator<'_> {
         if let Some(lamp) = material.lamp {
             return lamp.is_obstacle && (lamp.visible_to_camera || !is_of_camera);
         }
-        let Some(alpha) = material.alpha else { return true };
+        material.alpha.is_none() || unit(hash32(salt())) < self.presence(ray, hit, material)
+    }
+
+    /// The probability that a surface of a material is there where a ray hit it.
+    pub(super) fn presence(&self, ray: &Ray, hit: &Hit, material: &CompiledMaterial) -> f32 {
+        let Some(alpha) = material.alpha else { return 1.0 };
         let surface: Surface = self.scene.geometries.surface(ray, hit);
         let at = self.scene.geometries.coordinates(&surface, hit, false);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
-        let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
-        unit(hash32(salt())) < presence
+        alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha)
     }
 }

@@ -56,6 +56,8 @@ pub struct Paths {
     pub depth: Words,
     /// How it scattered first; where light passes are asked for.
     pub first_bounces: FirstBounces,
+    /// Whether it is on a way of light that is left to paths from lamps; where there are some.
+    pub chains: Words,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -66,24 +68,26 @@ pub struct PathParts {
     pub interiors: bool,
     pub depths: bool,
     pub first_bounces: bool,
+    pub chains: bool,
     /// One of them at least.
     any: bool,
 }
 
 impl PathParts {
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
-    /// passes.
-    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
+    /// passes, `chains`
+    /// where paths start at lamps, too.
+    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool, chains: bool) -> PathParts {
         let Features { footprints, media: interiors, walks: depths, .. } = *features;
-        let any = footprints || receiver_normals || interiors || first_bounces;
-        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, any }
+        let any = footprints || receiver_normals || interiors || first_bounces || chains;
+        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, chains, any }
     }
 }
 
 impl Paths {
     /// Makes each of the first `count` paths several, one after the other.
     pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, chains } = self;
         carried.repeat(count, times);
         if parts.footprints {
             footprints.repeat(count, times);
@@ -100,12 +104,15 @@ impl Paths {
         if parts.first_bounces {
             first_bounces.repeat(count, times);
         }
+        if parts.chains {
+            chains.repeat(count, times);
+        }
     }
 
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, chains } = self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
             return;
@@ -124,6 +131,9 @@ impl Paths {
         }
         if parts.first_bounces {
             first_bounces.copy_to(i, &mut other.first_bounces, k);
+        }
+        if parts.chains {
+            chains.copy_to(i, &mut other.chains, k);
         }
     }
 }
