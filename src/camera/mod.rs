@@ -2,11 +2,12 @@
 
 mod aperture;
 mod importance;
+mod sight;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
 use aperture::Aperture;
-pub use importance::Sight;
+pub use sight::Sight;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]

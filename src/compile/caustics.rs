@@ -72,11 +72,22 @@ impl CompiledScene {
 
     /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
     pub fn targets(&self, roles: &[Role]) -> Targets {
-        let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
+        // Primitives of an object follow each other: maps are asked once for each.
+        let mut runs: Vec<(u32, Bounds3)> = Vec::new();
         self.visit_senders(roles, |object, ball| {
-            let (bounds, r) = (boxes.entry(object).or_insert(Bounds3::EMPTY), Vec3::splat(ball.radius));
-            *bounds = bounds.with(ball.center - r).with(ball.center + r);
+            if runs.last().is_none_or(|run| run.0 != object) {
+                runs.push((object, Bounds3::EMPTY));
+            }
+            if let Some((_, bounds)) = runs.last_mut() {
+                let r = Vec3::splat(ball.radius);
+                *bounds = bounds.with(ball.center - r).with(ball.center + r);
+            }
         });
+        let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
+        for (object, bounds) in runs {
+            let all = boxes.entry(object).or_insert(Bounds3::EMPTY);
+            *all = all.union(bounds);
+        }
         let mut groups: Vec<(Bounds3, Vec<u32>)> =
             boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
         while groups.len() > MOST_TARGETS {
@@ -88,8 +99,14 @@ impl CompiledScene {
         let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
         let mut balls: Vec<Ball> =
             groups.iter().map(|(bounds, _)| Ball { center: bounds.center(), radius: 0.0 }).collect();
+        let mut last = None;
         self.visit_senders(roles, |object, ball| {
-            if let Some(around) = group_of.get(&object).and_then(|&group| balls.get_mut(group)) {
+            let (_, group) = match last {
+                Some(known @ (of, _)) if of == object => known,
+                _ => (object, group_of.get(&object).copied().unwrap_or(usize::MAX)),
+            };
+            last = Some((object, group));
+            if let Some(around) = balls.get_mut(group) {
                 let far = (ball.center - around.center).length() + ball.radius;
                 around.radius = around.radius.max(far * (1.0 + 1e-5));
             }
@@ -102,8 +119,11 @@ impl CompiledScene {
         let sends = |material: u32| roles.get(material as usize) == Some(&Role::Sends);
         let world = &self.geometries.world;
         let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
+        let (mut object, mut end) = (0, 0);
         for (prim, _) in senders {
-            let object = world.owners.of(prim as u32).0;
+            if prim as u32 >= end {
+                (object, end) = (world.owners.of(prim as u32).0, world.owners.end_of_run(prim as u32));
+            }
             visit_primitive(world, prim, |ball| visit(object, ball));
         }
         for placement in &self.geometries.placements {

@@ -12,7 +12,7 @@ use crate::sampling::hash::r2_sequence;
 use std::sync::Arc;
 
 /// Paths from lamps that are tried.
-const TRIED_PATHS: u32 = 1 << 14;
+const TRIED_PATHS: u32 = 1 << 13;
 
 /// Squares of so many pixels, with this edge and two samples a pixel, tell how noisy the rest of the picture is.
 const SQUARES: u32 = 128;
@@ -30,8 +30,9 @@ const LEAST_GAIN: f64 = 1.15;
 /// Where nothing else finds the light, it must be this part of the picture's.
 const LEAST_LIGHT: f64 = 1e-5;
 
-/// Time of a ray from a lamp with all that belongs to it, as a part of that of one from the camera.
-const RAY_COST: f64 = 1.2;
+/// Time of a ray from a lamp with all that belongs to it, as a part of that of one from the camera. (Glass and metal balls in a
+/// box: 1.41 times the processor time for 1.13 times the rays.)
+const RAY_COST: f64 = 3.0;
 
 /// What is decided about caustics.
 #[derive(Clone, Debug, Default)]

@@ -1,6 +1,7 @@
 //! Pictures of whole scenes: against closed forms, references and each other.
 
 mod adaptive;
+mod caustics;
 mod closed_form;
 mod compile_scene;
 mod converged;

@@ -5,7 +5,7 @@ use super::super::group::Group;
 use super::super::normals::{scattering_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
-use super::trace::{CausticTally, LampPath};
+use super::path::{CausticTally, LampPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::camera::Sight;
 use crate::color::Rgb;
@@ -58,7 +58,11 @@ impl Integrator<'_> {
         let Catcher { ng, wo, wi, .. } = catcher;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
         let plan = self.options.caustics?;
-        let value = path.radiance * f_cos * (path.scale * area / plan.paths as f32);
+        // The way to the camera is in what surrounds that.
+        let medium = &self.scene.media[usize::from(self.camera_interior.medium())];
+        let left =
+            if self.scene.features.absorption { medium.transmittance(sight.distance) } else { Rgb::ONE };
+        let value = path.radiance * f_cos * left * (path.scale * area / plan.paths as f32);
         let found = (path.radiance * f_cos).luminance() / pdf_solid_angle;
         let side = if wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));

@@ -20,9 +20,10 @@
 mod catch;
 mod follow;
 mod passage;
+mod path;
 mod plan;
 mod send;
 mod trace;
 
+pub use path::CausticTally;
 pub use plan::CausticPlan;
-pub use trace::CausticTally;

@@ -5,7 +5,7 @@ use super::super::lanes::{get_rgb, set_rgb};
 use super::super::normals::{bent_normal, scattering_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
-use super::trace::LampPath;
+use super::path::LampPath;
 use crate::bsdf::{Bsdf, BsdfSample};
 use crate::color::Rgb;
 use crate::math::{Frame, Ray, Vec3, offset_along};
