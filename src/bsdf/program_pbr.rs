@@ -57,6 +57,16 @@ pub struct MetalRoughProgram {
 }
 
 impl MetalRoughProgram {
+    /// Share of metal.
+    pub fn metallic(&self) -> FloatSlot {
+        self.metallic
+    }
+
+    /// Perceptual roughness.
+    pub fn roughness(&self) -> FloatSlot {
+        self.roughness
+    }
+
     pub(super) fn new(pbr: &PbrMaterial, shading: ShadingModel) -> MetalRoughProgram {
         MetalRoughProgram {
             base_color: pbr.base_color,

@@ -1,13 +1,16 @@
 //! Cameras, compiled: a point on the film and a point on the lens give a ray.
 
 mod aperture;
+mod importance;
 mod moving;
+mod sight;
 
 pub use moving::MovingCamera;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
 use aperture::Aperture;
+pub use sight::Sight;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
 #[derive(Clone, Copy, Debug)]

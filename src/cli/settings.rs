@@ -55,6 +55,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
         splitting: args.splitting,
+        caustics: args.picture.caustics,
         adaptive: args.adaptive,
         tree,
         noise: args.long.noise.map(|percent| percent / 100.0),

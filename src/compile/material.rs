@@ -48,7 +48,7 @@ pub struct CompiledMaterial {
     pub uses_frame: bool,
     /// Bends the normals of the clearcoat.
     coat_normal_map: Option<NormalMap>,
-    program: BsdfProgram,
+    pub(super) program: BsdfProgram,
 }
 
 /// Emitted radiance.

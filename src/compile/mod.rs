@@ -3,6 +3,7 @@
 
 mod bake;
 mod blur;
+mod caustics;
 mod classes;
 mod compiler;
 mod content;
@@ -27,6 +28,7 @@ mod tree;
 mod vectors;
 mod view;
 
+pub use caustics::Role;
 pub use compiler::Compiler;
 pub use content::{Fingerprint, of_mesh};
 pub use density::{DensityGrid, GridRay};

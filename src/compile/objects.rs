@@ -79,6 +79,12 @@ impl Owners {
         let run = self.0.partition_point(|&(first, _)| first <= prim);
         run.checked_sub(1).map_or(ObjectId(u32::MAX), |run| self.0[run].1)
     }
+
+    /// The first primitive behind one that belongs to another object.
+    pub fn end_of_run(&self, prim: u32) -> u32 {
+        let next = self.0.partition_point(|&(first, _)| first <= prim);
+        self.0.get(next).map_or(u32::MAX, |&(first, _)| first)
+    }
 }
 
 #[cfg(test)]
@@ -93,6 +99,7 @@ mod tests {
         }
         let found = [0, 9, 10, 11, 12, 1_000_000].map(|prim| owners.of(prim).0);
         assert_eq!(found, [5, 5, 7, 7, 2, 2]);
+        assert_eq!([0, 9, 10, 12].map(|prim| owners.end_of_run(prim)), [10, 10, 12, u32::MAX]);
         assert_eq!(Owners::default().of(3), ObjectId(u32::MAX));
     }
 }

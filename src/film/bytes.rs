@@ -4,6 +4,7 @@ use super::Film;
 use super::accumulator::{Accumulator, Kept};
 use super::coverage::Entry;
 use super::exact::SumList;
+use super::splats::Splats;
 use std::io::{self, Read, Write};
 
 impl Film {
@@ -19,7 +20,10 @@ impl Film {
         writer.write_all(bytemuck::cast_slice(&sums.count))?;
         writer.write_all(bytemuck::cast_slice(&sums.hits))?;
         writer.write_all(bytemuck::cast_slice(&sums.first_half))?;
-        sums.further.iter().try_for_each(|accumulator| accumulator.write(writer))
+        sums.further.iter().try_for_each(|accumulator| accumulator.write(writer))?;
+        writer.write_all(&[u8::from(self.splats.is_some())])?;
+        let splats = self.splats.iter().flat_map(|splats| [&splats.all, &splats.first_half]);
+        splats.into_iter().try_for_each(|list| writer.write_all(bytemuck::cast_slice(list)))
     }
 
     /// Reads sums that [`Film::write_sums`] wrote, in place of those that there are. Nothing is allocated beyond what the
@@ -37,7 +41,17 @@ impl Film {
         read(reader, &mut sums.count)?;
         read(reader, &mut sums.hits)?;
         read(reader, &mut sums.first_half)?;
-        sums.further.iter_mut().try_for_each(|accumulator| accumulator.read(reader))
+        sums.further.iter_mut().try_for_each(|accumulator| accumulator.read(reader))?;
+        let mut has_splats = [0u8];
+        read(reader, &mut has_splats)?;
+        self.splats = None;
+        if has_splats[0] != 0 {
+            let mut splats = Splats::new(self.sums.count.len(), self.layout.has_halves());
+            read(reader, &mut splats.all)?;
+            read(reader, &mut splats.first_half)?;
+            self.splats = Some(splats);
+        }
+        Ok(())
     }
 }
 

@@ -10,6 +10,7 @@ impl Film {
     /// If there are fewer values than pixels.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
         self.sums.set_color(color);
+        self.splats = None;
     }
 
     /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first

@@ -9,6 +9,8 @@ const CELLS: usize = 256;
 /// The tables cover these ranges of the probability that is left outside, from the centre to the edge: the long thin
 /// tails of the filters need finer cells.
 const RANGES: [(f32, f32); 3] = [(1.0, 1.0 / 16.0), (1.0 / 16.0, 1.0 / 256.0), (1.0 / 256.0, 0.0)];
+/// Steps between two values of the table of values.
+const VALUES: usize = 512;
 /// Steps of the numerical integral of a filter over half its width.
 const STEPS: usize = 1 << 15;
 
@@ -19,6 +21,10 @@ const STEPS: usize = 1 << 15;
 #[derive(Clone, Debug)]
 pub struct FilterSampler {
     tables: [[f32; CELLS + 1]; RANGES.len()],
+    /// Half the filter's width, pixels.
+    radius: f32,
+    /// Values from the centre to the edge, with an integral of 1 over the whole width.
+    values: [f32; VALUES + 1],
 }
 
 impl FilterSampler {
@@ -68,7 +74,28 @@ impl FilterSampler {
             let (from, to) = (f64::from(from), f64::from(to));
             std::array::from_fn(|i| inverse(1.0 - (from + (to - from) * i as f64 / CELLS as f64)))
         });
-        FilterSampler { tables }
+        let scale = 1.0 / (2.0 * sum * step);
+        let values = std::array::from_fn(|i| (density(i as f64 / VALUES as f64 * radius) * scale) as f32);
+        FilterSampler { tables, radius: radius as f32, values }
+    }
+
+    /// Half the filter's width, pixels: offsets are no larger.
+    pub fn radius(&self) -> f32 {
+        self.radius
+    }
+
+    /// The filter at an offset, per pixel: the density of [`FilterSampler::sample`], for light that arrives at places of
+    /// its own choice.
+    #[inline]
+    pub fn value(&self, offset: f32) -> f32 {
+        let place = offset.abs() / self.radius * VALUES as f32;
+        if place < VALUES as f32 {
+            let cell = (place as usize).min(VALUES - 1);
+            let part = place - cell as f32;
+            self.values[cell] + part * (self.values[cell + 1] - self.values[cell])
+        } else {
+            0.0
+        }
     }
 }
 
@@ -182,6 +209,20 @@ mod tests {
             }
             // Mean k, variance 2k; 4.5 sigma leaves about 1 in 10^4 for the skewed tail.
             assert!(chi2 < freedom + 4.5 * (2.0f64 * freedom).sqrt(), "{filter:?}: chi2 {chi2} of {freedom}");
+        }
+    }
+
+    #[test]
+    fn values_are_the_density() {
+        for filter in FILTERS {
+            let sampler = FilterSampler::new(filter);
+            let mass = moment(filter, 0, -1.5, 1.5);
+            for i in -1000..=1000 {
+                let x = f64::from(i) * 2e-3 + 1e-4;
+                let expected = density(filter, x) / mass;
+                let value = f64::from(sampler.value(x as f32));
+                assert!((value - expected).abs() < 2e-4, "{filter:?} {x}: {value} {expected}");
+            }
         }
     }
 

@@ -7,6 +7,7 @@
 mod accumulator;
 mod aov;
 mod aov_set;
+mod arrivals;
 mod backdrop;
 mod bytes;
 mod catcher;
@@ -16,6 +17,7 @@ mod edit;
 mod exact;
 mod filter;
 mod matte;
+mod splats;
 mod sums;
 mod tile;
 
@@ -26,10 +28,12 @@ pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
 pub use matte::{MatteIds, matte_id, matte_key};
+pub use splats::Splat;
 pub use sums::Layout;
 pub use tile::FilmTile;
 
 use crate::error::{Choice, Error, Result};
+use splats::Splats;
 use std::sync::Arc;
 use sums::Sums;
 
@@ -42,6 +46,8 @@ pub struct Film {
     origin: (u32, u32),
     layout: Arc<Layout>,
     sums: Sums,
+    /// Light from paths of lamps, once there is some.
+    splats: Option<Splats>,
     invalid_samples: u64,
 }
 
@@ -87,13 +93,29 @@ impl Film {
             ))
             .with_help(format!("make it smaller, or leave out {}", Choice::Aovs))
         })?;
-        Ok(Film { width, height, origin: (0, 0), layout: Arc::new(layout), sums, invalid_samples: 0 })
+        Ok(Film {
+            width,
+            height,
+            origin: (0, 0),
+            layout: Arc::new(layout),
+            sums,
+            splats: None,
+            invalid_samples: 0,
+        })
     }
 
     /// A film without pixels, for tiles of this layout.
     pub(crate) fn nowhere(layout: &Arc<Layout>) -> Film {
         let sums = Sums::try_new(0, layout, true).expect("nothing takes no memory");
-        Film { width: 0, height: 0, origin: (0, 0), layout: layout.clone(), sums, invalid_samples: 0 }
+        Film {
+            width: 0,
+            height: 0,
+            origin: (0, 0),
+            layout: layout.clone(),
+            sums,
+            splats: None,
+            invalid_samples: 0,
+        }
     }
 
     /// The same as a part of a larger picture, in which its first pixel stands at (`x0`, `y0`): tiles have their places in
@@ -163,6 +185,7 @@ impl Film {
     pub fn merge_film(&mut self, other: &Film) {
         assert!(other.layout == self.layout, "films have different channels");
         self.add_sums(&other.sums, other.origin, (other.width, other.height));
+        self.merge_splats(other);
         self.invalid_samples += other.invalid_samples;
     }
 
@@ -190,12 +213,17 @@ impl Film {
 
     /// Mean colour and alpha of all pixels, premultiplied, row by row from the top; zero where there are no samples yet.
     pub fn rgba(&self) -> Vec<[f32; 4]> {
-        (0..self.sums.count.len()).map(|pixel| self.sums.mean_rgba(pixel)).collect()
+        (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)).collect()
     }
 
     /// Mean colour and alpha of a pixel, premultiplied; zero where there are no samples yet.
     pub fn mean_rgba(&self, x: u32, y: u32) -> [f32; 4] {
-        self.sums.mean_rgba(self.index(x, y))
+        self.mean_of(self.index(x, y))
+    }
+
+    /// Mean colour and alpha of a pixel by its place in the film.
+    fn mean_of(&self, pixel: usize) -> [f32; 4] {
+        self.sums.mean_rgba_with(pixel, self.splat(pixel))
     }
 
     /// Mean colour, premultiplied, of the first half of each pixel's samples and of the second one, row by row from the top;
@@ -204,16 +232,24 @@ impl Film {
     /// [`RenderOptions::halves`](crate::render::RenderOptions::halves)).
     pub fn halves(&self) -> Option<[Vec<[f32; 3]>; 2]> {
         let of = |half: usize| {
-            (0..self.sums.count.len()).map(move |pixel| self.sums.halves(pixel).0[half]).collect()
+            (0..self.sums.count.len()).map(move |pixel| self.halves_of(pixel).0[half]).collect()
         };
         self.layout.has_halves().then(|| [of(0), of(1)])
+    }
+
+    /// The means of a pixel's halves, and of how many samples they are.
+    fn halves_of(&self, pixel: usize) -> ([[f32; 3]; 2], [u32; 2]) {
+        let (means, counts) = self.sums.halves(pixel);
+        let splats = self.splats.as_ref().map_or([[0.0; 3]; 2], |splats| splats.halves(pixel));
+        let with = |half: usize, c: usize| (f64::from(means[half][c]) + splats[half][c]) as f32;
+        ([0, 1].map(|half| [0, 1, 2].map(|c| with(half, c))), counts)
     }
 
     /// How far each pixel's mean colour may be off, by its halves: half the difference of their means where they have as many
     /// samples, signed; red, green and blue. NaN where a half has no samples. `None` unless the film keeps halves apart.
     pub fn deviations(&self) -> Option<[Vec<f32>; 3]> {
         let of = |pixel: usize, c: usize| {
-            let ([first, second], counts) = self.sums.halves(pixel);
+            let ([first, second], counts) = self.halves_of(pixel);
             let [n, m] = counts.map(f64::from);
             match n > 0.0 && m > 0.0 {
                 // The mean of all is `(n a + m b) / (n + m)`, whose variance is `n m / (n + m)^2` times that of `a - b`.
@@ -239,7 +275,7 @@ impl Film {
     /// All components of all channels, each computed when its turn comes.
     pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
         self.channels().iter().enumerate().flat_map(|(index, channel)| {
-            let named = channel.names.iter().zip(self.sums.planes(index, channel));
+            let named = channel.names.iter().zip(self.planes_of(index, channel));
             named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
         })
     }
@@ -250,7 +286,16 @@ impl Film {
         let has = |channel: &Channel| channel.names.iter().position(|own| own == name);
         let mut places = self.channels().iter().enumerate().filter_map(|(i, c)| Some((i, c, has(c)?)));
         let (index, channel, component) = places.next()?;
-        self.sums.planes(index, channel).into_iter().nth(component)
+        self.planes_of(index, channel).into_iter().nth(component)
+    }
+
+    /// The values of a channel, one list a name.
+    fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
+        if index > 0 {
+            return self.sums.planes(index, channel);
+        }
+        let component = |c: usize| (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)[c]).collect();
+        (0..4).map(component).map(Values::Float).collect()
     }
 
     /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.

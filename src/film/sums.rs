@@ -225,18 +225,16 @@ impl Sums {
         self.hits = Vec::new();
     }
 
-    /// Mean colour and alpha of a pixel.
-    pub fn mean_rgba(&self, pixel: usize) -> [f32; 4] {
+    /// Mean colour and alpha of a pixel, with colour from elsewhere.
+    pub fn mean_rgba_with(&self, pixel: usize, [r, g, b]: [f64; 3]) -> [f32; 4] {
         let scale = reciprocal(self.count[pixel]);
-        self.rgba[pixel].map(|sum| (sum * scale) as f32)
+        let sum = self.rgba[pixel];
+        [sum[0] * scale + r, sum[1] * scale + g, sum[2] * scale + b, sum[3] * scale].map(|mean| mean as f32)
     }
 
-    /// The values of a channel, one list a name.
+    /// The values of a channel beyond colour, one list a name.
     pub fn planes(&self, index: usize, channel: &Channel) -> Vec<Values> {
-        let Some(further) = index.checked_sub(1) else {
-            let component = |c: usize| (0..self.count.len()).map(|pixel| self.mean_rgba(pixel)[c]).collect();
-            return (0..4).map(component).map(Values::Float).collect();
-        };
+        let further = index - 1;
         let brought = match channel.source {
             Source::Color | Source::PartOfColor => &self.count,
             Source::FirstHit => &self.hits,

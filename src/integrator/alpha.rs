@@ -45,12 +45,12 @@ impl Integrator<'_> {
                 let salt = hash32(carried.seed[i] ^ hash32(carried.shuffled[i]) ^ (bounce << 16));
                 let salt = salt.wrapping_add(pass);
                 let time = times.of(carried.sample[i]);
-                match self.meet(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), || salt) {
-                    Meeting::Stops => {
+                match self.response(&rays[i], &hits[i], time, self.kind(bounce, i, arriving), || salt) {
+                    Response::Stops => {
                         self.passes_sheet(i, &rays[i], &hits[i], time, salt, &mut arriving.carried)
                     }
-                    Meeting::Passes => true,
-                    Meeting::PassesUnseen(others) => {
+                    Response::Passes => true,
+                    Response::PassesUnseen(others) => {
                         self.pass_unseen(i, others, arriving);
                         true
                     }
@@ -146,15 +146,17 @@ impl Integrator<'_> {
                     return true;
                 }
                 let salt = || hash32(path.seed[i] ^ hash32(!path.shuffled[i]) ^ (bounce << 16));
-                match self.meet(&shadow_rays[k], &hit, time, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass)) {
-                    Meeting::Stops => {
+                match self
+                    .response(&shadow_rays[k], &hit, time, OF_LIGHT_SAMPLES, || salt().wrapping_add(pass))
+                {
+                    Response::Stops => {
                         if !self.light_passes_sheet(i, &shadow_rays[k], &hit, time, light) {
                             occluded[k] = true;
                             return false;
                         }
                     }
-                    Meeting::Passes => {}
-                    Meeting::PassesUnseen(others) => {
+                    Response::Passes => {}
+                    Response::PassesUnseen(others) => {
                         if let Some(passed) = passed_kinds.get_mut(k) {
                             *passed = passed.with(others);
                         }
@@ -226,22 +228,22 @@ impl Integrator<'_> {
         }
     }
 
-    /// What a ray of a kind meets where it hit. Nothing hit stops it: there is nothing to pass.
+    /// What a ray of a kind does where it hit. Nothing hit stops it: there is nothing to pass.
     #[inline(always)]
-    fn meet(&self, ray: &Ray, hit: &Hit, time: f32, kind: RayKinds, salt: impl Fn() -> u32) -> Meeting {
+    fn response(&self, ray: &Ray, hit: &Hit, time: f32, kind: RayKinds, salt: impl Fn() -> u32) -> Response {
         if !hit.is_hit() {
-            return Meeting::Stops;
+            return Response::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         let is_there = !material.is_boundary
             && !(material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time))
             && self.is_present(material, ray, hit, time, salt);
         match material.presence {
-            _ if !is_there => Meeting::Passes,
-            None => Meeting::Stops,
-            Some(presence) if !presence.is_obstacle => Meeting::Passes,
-            Some(presence) if presence.visible_to.contains(kind) => Meeting::Stops,
-            Some(presence) => Meeting::PassesUnseen(presence.visible_to),
+            _ if !is_there => Response::Passes,
+            None => Response::Stops,
+            Some(presence) if !presence.is_obstacle => Response::Passes,
+            Some(presence) if presence.visible_to.contains(kind) => Response::Stops,
+            Some(presence) => Response::PassesUnseen(presence.visible_to),
         }
     }
 
@@ -255,17 +257,21 @@ impl Integrator<'_> {
         time: f32,
         salt: impl Fn() -> u32,
     ) -> bool {
-        let Some(alpha) = material.alpha else { return true };
+        material.alpha.is_none() || unit(hash32(salt())) < self.presence(ray, hit, time, material)
+    }
+
+    /// The probability that a surface of a material is there where a ray hit it.
+    pub(super) fn presence(&self, ray: &Ray, hit: &Hit, time: f32, material: &CompiledMaterial) -> f32 {
+        let Some(alpha) = material.alpha else { return 1.0 };
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
-        let presence = alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha);
-        unit(hash32(salt())) < presence
+        alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha)
     }
 }
 
 /// What a ray does where it hit a surface.
-enum Meeting {
+enum Response {
     /// It ends there.
     Stops,
     /// It goes on: nothing is there, or what only takes its light along.

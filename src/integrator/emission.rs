@@ -19,6 +19,9 @@ impl Integrator<'_> {
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
         let HitPoint { surface, hit, material, is_back, time } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
+        if self.is_left_to_lamps(bounce, i, self.scene.light_at(hit), w) {
+            return;
+        }
         let radiance = match emission.radiance.texture {
             None => Rgb::from_array(emission.radiance.factor),
             Some(_) => {
@@ -65,6 +68,9 @@ impl Integrator<'_> {
                     continue;
                 }
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
+                if self.is_left_to_lamps(bounce, i, Some(selected.index), w) {
+                    continue;
+                }
                 let value = get_rgb(&path.throughput, i) * sun.radiance * weight;
                 w.sink.contribute(path.sample[i], value, || Origin {
                     way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),

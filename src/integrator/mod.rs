@@ -15,6 +15,7 @@
 mod alpha;
 mod block;
 mod catcher;
+mod caustics;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -51,6 +52,7 @@ mod wave;
 mod workspace;
 
 pub use block::Block;
+pub use caustics::{CausticPlan, CausticTally};
 pub use lanes::WAVE;
 pub use ray_counts::RayCounts;
 pub use samples::SamplePlan;
@@ -92,6 +94,8 @@ pub struct PathOptions<'a> {
     pub branches: u32,
     /// Keep what samples have alone, without sharing and splitting.
     pub keeps_plain: bool,
+    /// Which light is left to paths from lamps, if any.
+    pub caustics: Option<&'a CausticPlan>,
 }
 
 /// One finished path.
@@ -185,11 +189,16 @@ impl<'a> Integrator<'a> {
             left_out,
             absent_or_left_out,
             first_hits: options.aovs.of(Source::FirstHit),
-            options,
             layers,
             camera_interior: Interior::of_camera(scene, &view.camera),
-            parts: PathParts::of(&scene.features, scene.lights.use_tree(), layers.has_passes()),
+            parts: PathParts::of(
+                &scene.features,
+                scene.lights.use_tree(),
+                layers.has_passes(),
+                options.caustics.is_some(),
+            ),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
+            options,
             dimensions,
         }
     }
@@ -255,6 +264,7 @@ impl<'a> Integrator<'a> {
                 self.start_flights(bounce, w);
             }
             w.intersect(&self.scene.accel);
+            self.arrive_in_chains(w);
             if self.scene.features.alpha {
                 self.pass_absent_surfaces(bounce, w);
                 if bounce == 0 {
@@ -274,6 +284,7 @@ impl<'a> Integrator<'a> {
             }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
+                self.leave_light_samples(bounce, &sorted, w);
                 self.direct_light(bounce, &sorted, w);
             }
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };

@@ -61,6 +61,7 @@ impl Integrator<'_> {
             true => self.classify::<true>(bounce, is_last, w),
             false => self.classify::<false>(bounce, is_last, w),
         };
+        self.follow_chains(bounce, w);
         let counts = if self.parts.depths { self.end_deep_paths(w) } else { counts };
         let sorted = counts.sorted();
         self.sort(bounce, &sorted, w);
@@ -232,6 +233,9 @@ impl Integrator<'_> {
                 vertex.surface.ng = -vertex.surface.ng;
                 vertex.surface.ns = -vertex.surface.ns;
             }
+        }
+        if self.parts.chains {
+            self.end_chain_if_bent(i, w.materials[i], &vertex.surface, wo, &mut w.arriving.chains);
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };

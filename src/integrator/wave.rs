@@ -58,6 +58,8 @@ pub struct Paths {
     pub first_bounces: FirstBounces,
     /// The kind of its ray, and what that passed; where objects differ by it. See [`super::kinds`].
     pub kinds: Words,
+    /// Whether it is on a way of light that is left to paths from lamps; where there are some.
+    pub chains: Words,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -69,6 +71,7 @@ pub struct PathParts {
     pub depths: bool,
     pub first_bounces: bool,
     pub kinds: bool,
+    pub chains: bool,
     /// One of them at least.
     any: bool,
 }
@@ -82,22 +85,24 @@ impl PathParts {
         depths: true,
         first_bounces: true,
         kinds: true,
+        chains: true,
         any: true,
     };
 
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
-    /// passes.
-    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool) -> PathParts {
+    /// passes, `chains` where paths start at lamps, too.
+    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool, chains: bool) -> PathParts {
         let Features { footprints, media: interiors, walks: depths, ray_kinds: kinds, .. } = *features;
-        let any = footprints || receiver_normals || interiors || first_bounces || kinds;
-        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, kinds, any }
+        let any = footprints || receiver_normals || interiors || first_bounces || kinds || chains;
+        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, kinds, chains, any }
     }
 }
 
 impl Paths {
     /// Makes each of the first `count` paths several, one after the other.
     pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds, chains } =
+            self;
         carried.repeat(count, times);
         if parts.footprints {
             footprints.repeat(count, times);
@@ -117,12 +122,16 @@ impl Paths {
         if parts.kinds {
             kinds.repeat(count, times);
         }
+        if parts.chains {
+            chains.repeat(count, times);
+        }
     }
 
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds } = self;
+        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds, chains } =
+            self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
             return;
@@ -144,6 +153,9 @@ impl Paths {
         }
         if parts.kinds {
             kinds.copy_to(i, &mut other.kinds, k);
+        }
+        if parts.chains {
+            chains.copy_to(i, &mut other.chains, k);
         }
     }
 }

@@ -156,17 +156,11 @@ impl AreaLight {
         const GRID: usize = 8;
         let cell = |i: usize| (i as f32 + 0.5) / GRID as f32;
         let points = (0..GRID * GRID).map(|i| [cell(i % GRID), cell(i / GRID)]);
-        let at = |[a, b]: [f32; 2]| match &self.shape {
-            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + e.edge_u * a + e.edge_v * b,
-            // Folds the square onto the triangle.
-            AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
-            AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
-            AreaShape::Analytic(shape) => shape.point_by_area([a, b]),
-        };
         match self.radiance {
             Radiance::Constant(c) => c.luminance(),
             _ => {
-                let sum: f32 = points.map(|u| self.radiance_at(textures, at(u)).luminance()).sum();
+                let sum: f32 =
+                    points.map(|u| self.radiance_at(textures, self.point_by_area(u)).luminance()).sum();
                 sum / (GRID * GRID) as f32
             }
         }
@@ -197,6 +191,17 @@ impl AreaLight {
             &TexturePoint { uv, world: point, normal: self.normal_at(point), ..TexturePoint::default() },
         );
         *factor * Rgb::new(r, g, b)
+    }
+
+    /// A point of it, uniform by area; of two-sided ones the same for both sides.
+    pub fn point_by_area(&self, [a, b]: [f32; 2]) -> Vec3 {
+        match &self.shape {
+            AreaShape::Rectangle(e) | AreaShape::Parallelogram(e) => e.corner + e.edge_u * a + e.edge_v * b,
+            // Folds the square onto the triangle.
+            AreaShape::Triangle(e) if a + b > 1.0 => e.corner + e.edge_u * (1.0 - a) + e.edge_v * (1.0 - b),
+            AreaShape::Triangle(e) => e.corner + e.edge_u * a + e.edge_v * b,
+            AreaShape::Analytic(shape) => shape.point_by_area([a, b]),
+        }
     }
 
     /// The front's unit normal at a point.

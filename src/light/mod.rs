@@ -3,21 +3,25 @@
 mod area;
 mod beam;
 mod bounds;
+mod emission;
 mod environment;
 mod moving;
 mod punctual;
 mod select;
 mod sun;
+mod targets;
 mod tree;
 
 pub use area::{AreaLight, AreaShape, Edges, Radiance};
 pub use beam::Beam;
 pub use bounds::LightBounds;
+pub use emission::{Emission, Emitted};
 pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, solid_angle_density};
 pub use moving::{LightMotions, MovingLight};
-pub use punctual::PunctualLight;
+pub use punctual::{PunctualLight, Source};
 pub use select::{Lights, Selected, SelectedSun};
 pub use sun::Sun;
+pub use targets::{Ball, Targets};
 pub use tree::{LightTree, Receiver};
 
 use crate::color::Rgb;

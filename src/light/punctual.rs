@@ -14,6 +14,17 @@ pub struct PunctualLight {
     kind: Kind,
 }
 
+/// Where light without a surface starts.
+#[derive(Clone, Copy, Debug)]
+pub enum Source<'a> {
+    /// At a point.
+    At(Vec3),
+    /// Infinitely far away in a direction.
+    Far(Vec3),
+    /// Infinitely far away in the directions of a disk.
+    Disk(&'a Sun),
+}
+
 #[derive(Clone, Copy, Debug)]
 enum Kind {
     Point(Vec3),
@@ -64,6 +75,23 @@ impl PunctualLight {
     /// It as a sun, which paths may meet, too.
     pub fn sun(&self) -> Option<&Sun> {
         if let Kind::Sun(sun) = &self.kind { Some(sun) } else { None }
+    }
+
+    /// Where its light starts.
+    pub fn source(&self) -> Source<'_> {
+        match &self.kind {
+            Kind::Point(position) | Kind::Spot { position, .. } => Source::At(*position),
+            Kind::Directional { to_light } => Source::Far(*to_light),
+            Kind::Sun(sun) => Source::Disk(sun),
+        }
+    }
+
+    /// What it sends in a direction of unit length: radiant intensity, of one infinitely far away the irradiance of what faces it.
+    pub fn intensity(&self, direction: Vec3) -> Rgb {
+        match &self.kind {
+            Kind::Spot { cone, .. } => self.intensity * cone.attenuation(direction.dot(cone.axis)),
+            _ => self.intensity,
+        }
     }
 
     /// Luminous power in relative units; a directional light's is what falls on a disk of the scene's radius.

@@ -144,6 +144,11 @@ impl Lights {
         &self.area
     }
 
+    /// The lights without a surface.
+    pub fn punctual(&self) -> &[PunctualLight] {
+        &self.punctual
+    }
+
     /// Those of the punctual lights that have a size.
     #[inline(always)]
     pub fn suns(&self) -> &[SelectedSun] {

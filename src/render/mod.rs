@@ -9,6 +9,7 @@
 
 mod adaptive;
 mod cancel;
+mod caustics;
 mod clock;
 mod denoising;
 mod halves;
@@ -37,7 +38,7 @@ pub use cancel::CancelHandle;
 pub use denoising::denoising_guides;
 pub use identity::identity;
 pub use labels::Labels;
-pub use options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
+pub use options::{Adaptive, Caustics, PathReuse, RenderOptions, Splitting, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;

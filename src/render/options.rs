@@ -44,6 +44,23 @@ impl Splitting {
     pub const MOST: u32 = 16;
 }
 
+/// Whether caustics are found from the lamp: light that reaches diffuse surfaces, which the camera sees directly, by way of
+/// smooth glass, mirrors or polished metal. Pictures have the same mean either way, but for lamps without a size (points,
+/// spots, suns without an angle): only this finds what they send through smooth glass and by mirrors.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Caustics {
+    /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
+    /// light. Not in scenes with media that scatter or with thin sheets of glass, beside light passes, groups of
+    /// lights and the variance, and with [adaptive sampling](Adaptive).
+    #[default]
+    Auto,
+    /// Wherever that is possible.
+    On,
+    /// Never.
+    Off,
+}
+
 /// Which pixels get how many samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -122,6 +139,8 @@ pub struct RenderOptions {
     pub path_reuse: PathReuse,
     /// Into how many paths samples split. Default [`Splitting::Auto`].
     pub splitting: Splitting,
+    /// Whether caustics are found from the lamp. Default [`Caustics::Auto`].
+    pub caustics: Caustics,
     /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,
     /// Stop when the estimated relative error of the whole picture is this or less: the root of the mean over pixels and
@@ -182,6 +201,23 @@ impl FromStr for Adaptive {
     }
 }
 
+impl FromStr for Caustics {
+    type Err = Error;
+
+    /// Reads `auto`, `on` or `off`.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<Caustics> {
+        match text {
+            "auto" => Ok(Caustics::Auto),
+            "on" => Ok(Caustics::On),
+            "off" => Ok(Caustics::Off),
+            _ => Err(Error::usage(format!("'{text}' is neither auto nor on nor off"))),
+        }
+    }
+}
+
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
         RenderOptions {
@@ -202,6 +238,7 @@ impl Default for RenderOptions {
             soft_terminator: true,
             path_reuse: PathReuse::default(),
             splitting: Splitting::default(),
+            caustics: Caustics::default(),
             adaptive: Adaptive::default(),
             noise: None,
             time_limit: None,
@@ -303,6 +340,12 @@ impl RenderOptions {
     #[must_use]
     pub fn splitting(self, splitting: Splitting) -> RenderOptions {
         RenderOptions { splitting, ..self }
+    }
+
+    /// Sets whether caustics are found from the lamp.
+    #[must_use]
+    pub fn caustics(self, caustics: Caustics) -> RenderOptions {
+        RenderOptions { caustics, ..self }
     }
 
     /// Sets whether noisy pixels get more samples.

@@ -2,7 +2,7 @@
 
 use super::cancel::CancelHandle;
 use super::labels::Labels;
-use super::options::{Adaptive, PathReuse, Splitting, TreeChoice};
+use super::options::{Adaptive, Caustics, PathReuse, Splitting, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
 use super::rendering::Rendering;
@@ -158,6 +158,12 @@ impl Renderer {
     /// Sets into how many paths samples split. Default [`Splitting::Auto`].
     pub fn splitting(mut self, splitting: Splitting) -> Renderer {
         self.choices.splitting = splitting;
+        self
+    }
+
+    /// Sets whether caustics are found from the lamp. Default [`Caustics::Auto`].
+    pub fn caustics(mut self, caustics: Caustics) -> Renderer {
+        self.choices.caustics = caustics;
         self
     }
 

@@ -2,6 +2,7 @@
 
 use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
+use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
 use super::labels::Labels;
 use super::noise::Noise;
@@ -16,6 +17,7 @@ use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Channel, Film, FilterSampler, Layout};
+use crate::integrator::CausticPlan;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
@@ -64,6 +66,8 @@ pub struct Rendering {
     /// How far from the world's origin the scene's coordinates have theirs.
     world_offset: DVec3,
     pub(super) choice: Choice,
+    /// Whether caustics are found from the lamp.
+    caustics: CausticChoice,
     allotment: Option<Allotment>,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
@@ -109,6 +113,7 @@ impl Rendering {
         let samples = options.taken();
         Ok(Rendering {
             choice: Choice::new(&scene, &options),
+            caustics: CausticChoice::default(),
             allotment: None,
             scene,
             view,
@@ -230,6 +235,7 @@ impl Rendering {
         let has_stopped = self.outcome != PassOutcome::Progressed;
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
+        warnings.extend(caustics::warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }
@@ -288,6 +294,7 @@ impl Rendering {
             path_reuse: self.choice.now.shape(),
             branches: self.choice.now.branches(),
             is_adaptive: self.allotment.is_some(),
+            lamp_paths: self.caustics.plan().map(CausticPlan::paths),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
@@ -299,6 +306,7 @@ impl Rendering {
         if self.has_converged() {
             return PassOutcome::Converged;
         }
+        self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter);
         if !self.choose_technique(stopwatch) {
             return PassOutcome::Cancelled;
         }
@@ -355,6 +363,7 @@ impl Rendering {
             pass,
             layout: &layout,
             film: Mutex::new(film),
+            caustics: self.caustics.plan(),
             allotment: self.allotment.as_ref(),
             errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,
@@ -365,7 +374,7 @@ impl Rendering {
                 !self.finishes_passes && is_over()
             },
         };
-        let is_finished = {
+        let is_finished = (takes == Takes::TrialsOnly || work.light_from_lamps()) && {
             let mut trials = pilot::trials(self.choice, &self.view, pass);
             let best = if trials.is_empty() { Some(self.choice.now) } else { work.try_all(&mut trials) };
             if !trials.is_empty() {

@@ -1,6 +1,6 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::{Adaptive, PathReuse, RenderOptions, Splitting, TreeChoice};
+use super::options::{Adaptive, Caustics, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet};
@@ -40,6 +40,8 @@ pub struct Choices {
     pub path_reuse: PathReuse,
     /// See [`RenderOptions::splitting`].
     pub splitting: Splitting,
+    /// See [`RenderOptions::caustics`].
+    pub caustics: Caustics,
     /// See [`RenderOptions::adaptive`].
     pub adaptive: Adaptive,
     /// How good trees are.
@@ -82,6 +84,7 @@ impl Default for Choices {
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
             splitting: options.splitting,
+            caustics: options.caustics,
             adaptive: options.adaptive,
             tree: TreeChoice::default(),
             noise: options.noise,
@@ -117,6 +120,7 @@ impl Choices {
             .soft_terminator(self.soft_terminator)
             .path_reuse(self.path_reuse)
             .splitting(self.splitting)
+            .caustics(self.caustics)
             .adaptive(self.adaptive)
             .noise(self.noise)
             .time_limit(self.time_limit);

@@ -38,6 +38,8 @@ pub struct Statistics {
     pub branches: u32,
     /// Do noisy pixels get more samples than others?
     pub is_adaptive: bool,
+    /// How many paths from lamps stood for one sample of each pixel, if caustics were found so.
+    pub lamp_paths: Option<u32>,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
     /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.

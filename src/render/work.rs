@@ -11,9 +11,11 @@ use super::share::within;
 use super::technique::Technique;
 use super::tiles::{Tiles, parts};
 use crate::compile::{CompiledScene, View};
-use crate::film::{Film, FilmTile, FilterSampler, Layout};
+use crate::film::{Film, FilmTile, FilterSampler, Layout, Splat};
 use crate::integrator::reuse::Tiling;
-use crate::integrator::{Block, Integrator, PathOptions, PathSample, SamplePlan, Workspace};
+use crate::integrator::{
+    Block, CausticPlan, Integrator, PathOptions, PathSample, SamplePlan, WAVE, Workspace,
+};
 use crate::sampling::{Allotment, Arrangement};
 use rayon::prelude::*;
 use std::cell::RefCell;
@@ -33,6 +35,8 @@ pub(super) struct PassWork<'a> {
     pub pass: Pass,
     pub layout: &'a Arc<Layout>,
     pub film: Mutex<&'a mut Film>,
+    /// Which light is left to paths from lamps, if any.
+    pub caustics: Option<&'a CausticPlan>,
     /// Where samples go that are left after the first pass, if that is decided.
     pub allotment: Option<&'a Allotment>,
     /// Takes down the errors of the pass, if that is asked for.
@@ -100,6 +104,43 @@ impl PassWork<'_> {
         errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)))
     }
 
+    /// Traces the paths from lamps that belong to the pass, if there are some. False if it was stopped: the samples whose paths
+    /// were not all traced have got none.
+    pub fn light_from_lamps(&self) -> bool {
+        let Some(plan) = self.caustics else { return true };
+        let tracer = self.tracer(Technique::PLAIN, false);
+        let starts: Vec<u32> = (0..plan.paths()).step_by(WAVE).collect();
+        let one = |sample: u32, &start: &u32| {
+            if (self.stop)() {
+                return None;
+            }
+            let paths = start..plan.paths().min(start.saturating_add(WAVE as u32));
+            let mut splats = Vec::new();
+            let trace = |w: &RefCell<Workspace>| {
+                tracer.integrator.trace_from_lamps(sample, paths, &mut w.borrow_mut(), &mut splats)
+            };
+            let tally = WORKSPACE.with(trace);
+            self.progress.add(0, tally.rays, self.stopwatch.wall(), self.listener);
+            Some(splats)
+        };
+        let Pass { first_sample, samples } = self.pass;
+        (first_sample..first_sample + samples).all(|sample| {
+            let splats: Option<Vec<Vec<Splat>>> = starts.par_iter().map(|start| one(sample, start)).collect();
+            let is_of_first_half = self.is_of_first_half(sample);
+            splats.is_some_and(|all| {
+                let mut film = lock(&self.film);
+                all.iter().for_each(|splats| film.add_splats(splats, is_of_first_half));
+                film.count_splats(1, is_of_first_half);
+                true
+            })
+        })
+    }
+
+    fn is_of_first_half(&self, sample: u32) -> bool {
+        let pixel = Block { x0: 0, y0: 0, width: 1, height: 1, first_sample: sample, samples: 1 };
+        self.of_first_half(&pixel) > 0
+    }
+
     fn tracer(&self, technique: Technique, keeps_plain: bool) -> Tracer<'_> {
         let branches = technique.branches();
         let even = || {
@@ -120,6 +161,7 @@ impl PassWork<'_> {
             reuse,
             branches,
             keeps_plain,
+            caustics: self.caustics,
         };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }

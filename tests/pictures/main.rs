@@ -3,6 +3,7 @@
 mod adaptive;
 mod blur;
 mod catcher;
+mod caustics;
 mod closed_form;
 mod compile_scene;
 mod converged;

@@ -12,7 +12,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// What files begin with; the number is that of the format.
-const MAGIC: &[u8; 16] = b"oscura part 0001";
+const MAGIC: &[u8; 16] = b"oscura part 0002";
 
 /// Longest head.
 const LONGEST_HEAD: u64 = 64 << 20;

@@ -1,0 +1,133 @@
+//! The way back: where on the film a camera shows a point, for light that looks for the camera.
+
+use super::Camera;
+use super::sight::Sight;
+use crate::math::Vec3;
+
+impl Camera {
+    /// How a point is seen through the point of the lens that `lens` in 0..1 squared chooses, as [`Camera::ray`] does; `None` for
+    /// points behind the camera.
+    ///
+    /// Of a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
+    /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
+    /// what it sends to the plane in focus is the film's picture, scaled.
+    pub fn sight(&self, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
+        let depth = self.depth(p);
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let offset = match self.aperture.radius > 0.0 {
+            true => {
+                let (x, y) = self.aperture.point(lens);
+                self.right * x + self.up * y
+            }
+            false => Vec3::ZERO,
+        };
+        // How far the way to the plane in focus has come at the point.
+        let share = depth / self.focus_distance;
+        let (start, place) = if self.is_perspective {
+            let start = self.origin + offset;
+            let focus = start + (p - start) / share;
+            (start, (focus - self.origin) / self.focus_distance)
+        } else {
+            let axis = self.forward * self.focus_distance;
+            let start = p - (axis - offset) * share;
+            (start, start - offset - self.origin)
+        };
+        let way = start - p;
+        let distance = way.length();
+        let direction = way / distance;
+        let film = place - self.corner;
+        let (width, height) = (self.step_x.length_squared(), self.step_y.length_squared());
+        let cosine = -direction.dot(self.forward);
+        let on_plane = match self.is_perspective {
+            true => 1.0 / (distance * distance * cosine * cosine * cosine),
+            false => 1.0 / cosine,
+        };
+        let sight = Sight {
+            film: [film.dot(self.step_x) / width, film.dot(self.step_y) / height],
+            lens: start,
+            direction,
+            distance,
+            pixels_per_area: on_plane / (width * height).sqrt(),
+        };
+        sight.pixels_per_area.is_finite().then_some(sight)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::math::{DAffine3, DVec3};
+    use crate::sampling::hash::r2_sequence;
+    use crate::scene;
+
+    fn cameras() -> Vec<Camera> {
+        let lens = scene::ThinLens {
+            defocus_angle_rad: 0.3,
+            focus_distance: 5.0,
+            aperture: scene::Aperture { blades: 6, rotation_rad: 0.2, ratio: 1.5 },
+        };
+        let projections = [
+            scene::Projection::Perspective { vfov_rad: 0.9 },
+            scene::Projection::Orthographic { half_height: 2.0 },
+        ];
+        let of = |(projection, lens)| scene::Camera {
+            name: String::new(),
+            world_from_camera: DAffine3::from_rotation_y(0.4) * DAffine3::from_rotation_x(0.3),
+            projection,
+            aspect_ratio: None,
+            lens,
+            shift: [0.1, -0.05],
+        };
+        let all = projections.into_iter().flat_map(|p| [(p, None), (p, Some(lens))]);
+        all.map(|camera| Camera::new(&of(camera), 60, 40, DVec3::ZERO)).collect()
+    }
+
+    fn numbers(i: u32) -> [f32; 2] {
+        r2_sequence(i).map(|bits| (bits >> 8) as f32 / (1 << 24) as f32)
+    }
+
+    #[test]
+    fn points_are_seen_where_rays_hit_them() {
+        for (k, camera) in cameras().into_iter().enumerate() {
+            for i in 1..200 {
+                let ([x, y], lens) = (numbers(i), numbers(7 * i + 3));
+                let (x, y) = (60.0 * x, 40.0 * y);
+                let ray = camera.ray(x, y, lens);
+                let p = ray.at(0.5 + 0.05 * i as f32);
+                let sight = camera.sight(p, lens).expect("in front");
+                assert!(
+                    (sight.film[0] - x).abs() + (sight.film[1] - y).abs() < 2e-3,
+                    "{k}: {x} {y} {sight:?}"
+                );
+                assert!((sight.lens - ray.origin).length() < 1e-4, "{k}");
+                assert!((sight.direction + ray.direction).length() < 1e-4, "{k}");
+                assert!(camera.sight(ray.at(-1.0), lens).is_none(), "{k}: behind");
+            }
+        }
+    }
+
+    /// By the definition: how the place on the film changes over a small square that faces the ray.
+    #[test]
+    fn areas_are_the_change_of_places() {
+        for (k, camera) in cameras().into_iter().enumerate() {
+            for i in 1..50 {
+                let lens = numbers(3 * i + 1);
+                let ray = camera.ray(60.0 * numbers(i)[0], 40.0 * numbers(i)[1], lens);
+                let p = ray.at(4.0);
+                let (a, b) = ray.direction.any_orthonormal_pair();
+                let step = 0.02;
+                let at = |v: Vec3| camera.sight(p + v, lens).expect("in front").film;
+                let change = |v: Vec3| {
+                    let (to, from) = (at(v * step), at(v * -step));
+                    [0, 1].map(|c| (to[c] - from[c]) / (2.0 * step))
+                };
+                let ([ax, ay], [bx, by]) = (change(a), change(b));
+                let area = camera.sight(p, lens).expect("in front").pixels_per_area;
+                let expected = (ax * by - ay * bx).abs();
+                assert!((area / expected - 1.0).abs() < 5e-3, "{k} {i}: {area} {expected}");
+            }
+        }
+    }
+}

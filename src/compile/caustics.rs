@@ -1,0 +1,194 @@
+//! What caustics are made by and where they show: which materials light passes on its way there, and which catch it.
+
+use super::geometry::Space;
+use super::material::CompiledMaterial;
+use super::scene::CompiledScene;
+use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram};
+use crate::light::{Ball, Targets};
+use crate::math::{Bounds3, Vec3};
+use crate::shape::Shape;
+use std::collections::BTreeMap;
+
+/// Metals up to this roughness (the root of GGX alpha) reflect light to caustics.
+const MOST_ROUGHNESS: f32 = 0.25;
+
+/// Materials with facets on top catch caustics from this roughness on: they don't show lamps as mirrors do.
+const LEAST_ROUGHNESS: f32 = 0.4;
+
+/// Balls around what makes caustics, at most.
+const MOST_TARGETS: usize = 16;
+
+/// What a material does to the light of lamps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Role {
+    /// It sends it on: smooth glass, mirrors, polished metals.
+    Sends,
+    /// It scatters it to all sides, so that caustics show on it.
+    Catches,
+    /// Neither for sure.
+    Neither,
+}
+
+impl CompiledMaterial {
+    /// Its role, the same at all points.
+    pub fn role(&self) -> Role {
+        use BsdfClass::{Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, SchlickMetal};
+        match self.class {
+            Lambert | OrenNayar => Role::Catches,
+            Black => Role::Neither,
+            Dielectric => Role::Sends,
+            MetalRough if self.catches() => Role::Catches,
+            MetalRough | SchlickMetal | Conductor if self.is_polished() => Role::Sends,
+            _ => match self.constant {
+                Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Sends,
+                _ => Role::Neither,
+            },
+        }
+    }
+
+    /// What is smooth in air need not be within another solid.
+    fn is_the_same_in_solids(&self, bsdf: Bsdf) -> bool {
+        self.medium_index == 0 || bsdf.with_ior(2.0).is_specular()
+    }
+
+    fn is_polished(&self) -> bool {
+        let look = self.constant.map(|bsdf| bsdf.look());
+        look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MOST_ROUGHNESS)
+    }
+
+    /// Is it a rough dielectric, whatever its textures show?
+    fn catches(&self) -> bool {
+        let BsdfProgram::MetalRough(program) = &self.program else { return false };
+        let (metallic, roughness) = (program.metallic(), program.roughness());
+        metallic.factor == 0.0 && roughness.texture.is_none() && roughness.factor >= LEAST_ROUGHNESS
+    }
+}
+
+impl CompiledScene {
+    /// Role of each material.
+    pub fn roles(&self) -> Vec<Role> {
+        self.materials.iter().map(CompiledMaterial::role).collect()
+    }
+
+    /// Balls around all that sends light on: one for each object, or for neighbouring ones together.
+    pub fn targets(&self, roles: &[Role]) -> Targets {
+        // Primitives of an object follow each other: maps are asked once for each.
+        let mut runs: Vec<(u32, Bounds3)> = Vec::new();
+        self.visit_senders(roles, |object, ball| {
+            if runs.last().is_none_or(|run| run.0 != object) {
+                runs.push((object, Bounds3::EMPTY));
+            }
+            if let Some((_, bounds)) = runs.last_mut() {
+                let r = Vec3::splat(ball.radius);
+                *bounds = bounds.with(ball.center - r).with(ball.center + r);
+            }
+        });
+        let mut boxes: BTreeMap<u32, Bounds3> = BTreeMap::new();
+        for (object, bounds) in runs {
+            let all = boxes.entry(object).or_insert(Bounds3::EMPTY);
+            *all = all.union(bounds);
+        }
+        let mut groups: Vec<(Bounds3, Vec<u32>)> =
+            boxes.into_iter().map(|(object, b)| (b, vec![object])).collect();
+        while groups.len() > MOST_TARGETS {
+            unite_neighbours(&mut groups);
+        }
+        let group_of = |(group, (_, objects)): (usize, &(Bounds3, Vec<u32>))| -> Vec<(u32, usize)> {
+            objects.iter().map(|&object| (object, group)).collect()
+        };
+        let group_of: BTreeMap<u32, usize> = groups.iter().enumerate().flat_map(group_of).collect();
+        let mut balls: Vec<Ball> =
+            groups.iter().map(|(bounds, _)| Ball { center: bounds.center(), radius: 0.0 }).collect();
+        let mut last = None;
+        self.visit_senders(roles, |object, ball| {
+            let (_, group) = match last {
+                Some(known @ (of, _)) if of == object => known,
+                _ => (object, group_of.get(&object).copied().unwrap_or(usize::MAX)),
+            };
+            last = Some((object, group));
+            if let Some(around) = balls.get_mut(group) {
+                let far = (ball.center - around.center).length() + ball.radius;
+                around.radius = around.radius.max(far * (1.0 + 1e-5));
+            }
+        });
+        Targets::new(balls)
+    }
+
+    /// Calls `visit` with balls within which all primitives lie that send light on, and their objects.
+    fn visit_senders(&self, roles: &[Role], mut visit: impl FnMut(u32, Ball)) {
+        let sends = |material: u32| roles.get(material as usize) == Some(&Role::Sends);
+        let world = &self.geometries.world;
+        let senders = world.attributes.materials.iter().enumerate().filter(|(_, m)| sends(**m));
+        let (mut object, mut end) = (0, 0);
+        for (prim, _) in senders {
+            if prim as u32 >= end {
+                (object, end) = (world.owners.of(prim as u32).0, world.owners.end_of_run(prim as u32));
+            }
+            visit_primitive(world, prim, |ball| visit(object, ball));
+        }
+        for placement in &self.geometries.placements {
+            let space = &self.geometries.shared[placement.geometry as usize];
+            let materials = &space.attributes.materials;
+            let is_sender = placement.material.map_or_else(|| materials.iter().any(|m| sends(*m)), sends);
+            if is_sender && !space.bounds.is_empty() {
+                let place = placement.world_from_object;
+                let corners = space.bounds.corners().map(|p| place.linear * p + place.translation);
+                corners.into_iter().for_each(|p| visit(placement.object.0, point(p)));
+            }
+        }
+    }
+
+    /// Radius of a ball about the origin that holds all that rays can hit.
+    pub fn reach(&self) -> f32 {
+        let of_box = |bounds: &Bounds3| bounds.corners().map(|p| p.length()).into_iter().fold(0.0, f32::max);
+        let world =
+            Some(&self.geometries.world.bounds).filter(|bounds| !bounds.is_empty()).map_or(0.0, of_box);
+        let placed = self.geometries.placements.iter().map(|placement| {
+            let bounds = &self.geometries.shared[placement.geometry as usize].bounds;
+            let place = placement.world_from_object;
+            match bounds.is_empty() {
+                true => 0.0,
+                false => of_box(&Bounds3::of(bounds.corners().map(|p| place.linear * p + place.translation))),
+            }
+        });
+        placed.fold(world, f32::max)
+    }
+}
+
+/// A ball without size.
+fn point(center: Vec3) -> Ball {
+    Ball { center, radius: 0.0 }
+}
+
+/// Calls `visit` with balls of which each sphere that holds them holds a primitive.
+fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(Ball)) {
+    let shapes = &space.shapes;
+    if let Some(t) = shapes.triangles.get(prim) {
+        return t.iter().for_each(|&i| visit(point(Vec3::from_array(shapes.positions[i as usize]))));
+    }
+    let prim = prim - shapes.triangles.len();
+    if let Some(quad) = shapes.quads.get(prim) {
+        let corners = [Vec3::ZERO, quad.edge_u, quad.edge_v, quad.edge_u + quad.edge_v];
+        return corners.into_iter().for_each(|edge| visit(point(quad.corner + edge)));
+    }
+    let (center, radius) = shapes.analytic[prim - shapes.quads.len()].center_and_radius();
+    visit(Ball { center, radius });
+}
+
+/// Puts groups together in twos that follow each other along the axis in which all are spread most.
+fn unite_neighbours(groups: &mut Vec<(Bounds3, Vec<u32>)>) {
+    let spread = Bounds3::of(groups.iter().map(|(bounds, _)| bounds.center())).extent();
+    let axis = (0..3).fold(0, |best, c| if spread[c] > spread[best] { c } else { best });
+    groups.sort_by(|(a, _), (b, _)| a.center()[axis].total_cmp(&b.center()[axis]));
+    let mut united: Vec<(Bounds3, Vec<u32>)> = Vec::with_capacity(groups.len() / 2 + 1);
+    for (at, (bounds, objects)) in groups.drain(..).enumerate() {
+        match united.last_mut().filter(|_| at % 2 == 1) {
+            Some(last) => {
+                last.0 = last.0.union(bounds);
+                last.1.extend(objects);
+            }
+            None => united.push((bounds, objects)),
+        }
+    }
+    *groups = united;
+}

@@ -1,0 +1,155 @@
+//! Caustics show: light that arrives at a surface is scattered to the camera.
+
+use super::super::Integrator;
+use super::super::group::Group;
+use super::super::normals::{scattering_normal, terminator};
+use super::super::surface::HitPoint;
+use super::super::workspace::Workspace;
+use super::path::{CausticTally, LampPath};
+use crate::bsdf::{Bsdf, BsdfEval};
+use crate::camera::Sight;
+use crate::color::Rgb;
+use crate::film::Splat;
+use crate::math::{Frame, Ray, Vec3, offset_along};
+use crate::sampling::hash::hash32;
+use crate::scene::RayKinds;
+use std::f32::consts::FRAC_1_PI;
+
+/// Light on its way to the camera.
+pub(super) struct Caught {
+    /// From the surface to the lens.
+    segment: Ray,
+    film: [f32; 2],
+    /// What a pixel gets whose filter is 1 there.
+    value: Rgb,
+    /// What a path from the camera that found this light would bring; infinite where none can.
+    brought_from_camera: f32,
+    salt: u32,
+}
+
+/// A surface that scatters light to the camera.
+struct Catcher {
+    bsdf: Bsdf,
+    is_lambert: bool,
+    /// Only on the viewer's side.
+    is_opaque: bool,
+    ng: Vec3,
+    ns: Vec3,
+    /// Towards the camera and towards where the light came from.
+    wo: Vec3,
+    wi: Vec3,
+}
+
+impl Integrator<'_> {
+    /// What light that met a surface sends to the camera, if nothing is in its way.
+    pub(super) fn catch(&self, path: &LampPath, at: &HitPoint<'_>, material: u32) -> Option<Caught> {
+        let sight = self.view.camera.sight(at.surface.p, path.lens)?;
+        let margin = self.options.filter.radius();
+        let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
+        if !(is_on(sight.film[0], self.view.width) && is_on(sight.film[1], self.view.height)) {
+            return None;
+        }
+        let is_behind = sight.direction.dot(at.surface.ng) <= 0.0;
+        let is_hidden = at.material.presence.is_some_and(|p| !p.visible_to.contains(RayKinds::CAMERA));
+        if is_hidden || at.material.is_absent_from_behind && is_behind {
+            return None;
+        }
+        let catcher = self.catcher(path, at, material, &sight);
+        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher)?;
+        let Catcher { ng, wo, wi, .. } = catcher;
+        let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
+        let plan = self.options.caustics?;
+        // The way to the camera is in what surrounds that.
+        let medium = &self.scene.media[usize::from(self.camera_interior.medium())];
+        let left =
+            if self.scene.features.absorption { medium.transmittance(sight.distance) } else { Rgb::ONE };
+        let value = path.radiance * f_cos * left * (path.scale * area / plan.paths as f32);
+        let found = (path.radiance * f_cos).luminance() / pdf_solid_angle;
+        let side = if wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
+        let segment = Ray::segment(origin, sight.lens - origin);
+        let (seed, index) = path.point.to_parts();
+        (value.max_element() > 0.0).then(|| Caught {
+            segment: Ray { origin_primitive: (&at.hit).into(), ..segment },
+            film: sight.film,
+            value,
+            brought_from_camera: if path.is_delta { f32::INFINITY } else { found },
+            salt: hash32(seed ^ hash32(index ^ path.bounces)),
+        })
+    }
+
+    fn catcher(&self, path: &LampPath, at: &HitPoint<'_>, material: u32, sight: &Sight) -> Catcher {
+        let group = self.groups[material as usize];
+        let is_lambert = matches!(group, Group::Plain | Group::Lambert);
+        let is_opaque = is_lambert || matches!(group, Group::Textured | Group::MetalRough);
+        // As wide as what the camera sees there.
+        let (width, spread) = self.view.camera.pixel_cone();
+        let (wo, wi) = (sight.direction, -path.ray.direction);
+        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo);
+        let ng = at.surface.ng;
+        let side = if is_opaque && wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        Catcher { bsdf, is_lambert, is_opaque, ng: ng * side, ns: ns * side, wo, wi }
+    }
+
+    /// What a surface scatters to the camera, and how often paths from there would go to where the light comes from.
+    fn scattered(&self, at: &Catcher) -> Option<BsdfEval> {
+        let Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo, wi } = at;
+        let height = wi.dot(*ng);
+        let crosses = height * wo.dot(*ng) < 0.0;
+        if height == 0.0 || bsdf.is_specular() || crosses && (*is_opaque || !bsdf.scatters_through()) {
+            return None;
+        }
+        let n = if *is_lambert { *ns } else { scattering_normal(*ns, *ng, *wo) };
+        let eval = if *is_lambert {
+            let pdf_solid_angle = wi.dot(n).max(0.0) * FRAC_1_PI;
+            BsdfEval { f_cos: bsdf.albedo() * pdf_solid_angle, pdf_solid_angle }
+        } else {
+            let frame = Frame::from_normal(n);
+            let (wo, wi) = (frame.to_local(*wo), frame.to_local(*wi));
+            if crosses && wo.z * wi.z >= 0.0 {
+                return None;
+            }
+            bsdf.eval(wo, wi)
+        };
+        let side = if height < 0.0 { -1.0 } else { 1.0 };
+        let is_soft = self.softens_terminator() && !crosses;
+        let kept = if is_soft { terminator(n * side, *ng * side, *wi) } else { 1.0 };
+        (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
+    }
+
+    /// Brings the light that nothing is in the way of to the pixels that show it.
+    pub(super) fn show(&self, caught: &[Caught], w: &mut Workspace, splats: &mut Vec<Splat>) -> CausticTally {
+        let segments: Vec<Ray> = caught.iter().map(|c| c.segment).collect();
+        let salts: Vec<u32> = caught.iter().map(|c| c.salt).collect();
+        let blocked = self.blocked(&segments, &salts, w);
+        let mut tally = CausticTally::default();
+        for (caught, _) in caught.iter().zip(&blocked).filter(|(_, blocked)| !**blocked) {
+            let [x, y] = caught.film;
+            let is_inside = x >= 0.0 && y >= 0.0 && x < self.view.width as f32 && y < self.view.height as f32;
+            if is_inside {
+                tally.add(caught.value.luminance(), caught.brought_from_camera);
+            }
+            self.spread(caught, splats);
+        }
+        tally
+    }
+
+    /// The pixels in whose filters a place of the film is.
+    fn spread(&self, caught: &Caught, splats: &mut Vec<Splat>) {
+        let filter = self.options.filter;
+        let range = |at: f32, size: u32| {
+            let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
+            (first.max(0.0) as u32)..((last + 1.0).clamp(0.0, size as f32) as u32)
+        };
+        let [film_x, film_y] = caught.film;
+        for y in range(film_y, self.view.height) {
+            let of_row = filter.value(film_y - (y as f32 + 0.5));
+            for x in range(film_x, self.view.width) {
+                let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
+                if weight > 0.0 {
+                    splats.push(Splat { x, y, rgb: (caught.value * weight).to_array() });
+                }
+            }
+        }
+    }
+}

@@ -1,0 +1,140 @@
+//! Light goes on at smooth glass, mirrors and polished metal.
+
+use super::super::Integrator;
+use super::super::lanes::{get_rgb, set_rgb};
+use super::super::normals::{bent_normal, scattering_normal, terminator};
+use super::super::surface::HitPoint;
+use super::super::workspace::Workspace;
+use super::path::LampPath;
+use crate::bsdf::{Bsdf, BsdfSample};
+use crate::color::Rgb;
+use crate::math::{Frame, Ray, Vec3, offset_along};
+use crate::sampling::sampler::Dimensions;
+
+/// From so many surfaces on, paths may end.
+const FIRST_ROULETTE: u32 = 8;
+/// How often they go on then.
+const SURVIVAL: f32 = 0.8;
+
+/// Where light arrives at a surface that sends it on.
+struct Sender {
+    bsdf: Bsdf,
+    /// Normals, on the front of the surface that `bsdf` is for.
+    ng: Vec3,
+    ns: Vec3,
+    /// Towards where the light came from.
+    wo: Vec3,
+}
+
+/// How light goes on.
+struct Sent {
+    direction: Vec3,
+    /// What is left of the radiance.
+    weight: Rgb,
+    /// What becomes of measures.
+    scale: f32,
+    is_specular: bool,
+    is_transmission: bool,
+}
+
+impl Integrator<'_> {
+    /// The path behind a surface that it met; `None` if it ends.
+    pub(super) fn send(&self, path: &LampPath, at: &HitPoint<'_>, w: &mut Workspace) -> Option<LampPath> {
+        // One scattering is left for where the caustic shows.
+        if path.bounces + 2 > self.options.max_depth {
+            return None;
+        }
+        let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
+        arriving.interior[0] = path.interior;
+        set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
+        (arriving.carried.seed[0], arriving.carried.shuffled[0]) = path.point.to_parts();
+        let is_solid = material.medium_index != 0;
+        if is_solid && at.is_back {
+            self.assume_inside(material, at.hit.t, 0, arriving);
+        }
+        let (bsdf, ns) = self.read_material(at, 0.0, wo);
+        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo };
+        let mut beyond = arriving.interior[0];
+        if is_solid {
+            let boundary = self.boundary(bsdf, material, at.is_back, path.bounces, 0, arriving);
+            (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            if boundary.is_inverted {
+                (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
+            }
+        }
+        let radiance = get_rgb(&arriving.carried.throughput, 0);
+        let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
+        let survival = if path.bounces >= FIRST_ROULETTE { SURVIVAL } else { 1.0 };
+        if roulette >= survival {
+            return None;
+        }
+        let sent = self.scatter_light(&sender, [a, b, lobe])?;
+        let ng = at.surface.ng;
+        let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
+        Some(LampPath {
+            ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, sent.direction) },
+            radiance: radiance * sent.weight,
+            scale: path.scale * sent.scale / survival,
+            interior: if sent.is_transmission { beyond } else { arriving.interior[0] },
+            bounces: path.bounces + 1,
+            is_specular: path.is_specular && sent.is_specular,
+            ..*path
+        })
+    }
+
+    fn scatter_light(&self, at: &Sender, u: [f32; 3]) -> Option<Sent> {
+        let Sender { bsdf, ng, ns, wo } = at;
+        // Both normals must agree on which side the light is.
+        if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
+            return None;
+        }
+        let frame = Frame::from_normal(*ns);
+        let sample = bsdf.sample(frame.to_local(*wo), u);
+        let direction = frame.to_world(sample.wi);
+        let crosses = direction.dot(*ng) * wo.dot(*ng) < 0.0;
+        if sample.pdf_solid_angle <= 0.0 || crosses != sample.is_transmission || direction.dot(*ng) == 0.0 {
+            return None;
+        }
+        match sample.is_specular {
+            true => self.send_on(at, &sample, direction),
+            false => self.send_glossy(at, &sample, direction),
+        }
+    }
+
+    /// By a perfectly smooth surface. What BSDFs scale radiance by at refractions is none of flux.
+    fn send_on(&self, at: &Sender, sample: &BsdfSample, direction: Vec3) -> Option<Sent> {
+        let Sender { ng, ns, wo, .. } = at;
+        if self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1 {
+            return None;
+        }
+        let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
+        Some(Sent {
+            direction,
+            weight: sample.weight * (sample.eta * sample.eta),
+            scale: if ns == ng { 1.0 } else { scale.abs() },
+            is_specular: true,
+            is_transmission: sample.is_transmission,
+        })
+    }
+
+    /// By a polished one that is opaque: what it scatters to a viewer in the direction chosen.
+    fn send_glossy(&self, at: &Sender, sample: &BsdfSample, direction: Vec3) -> Option<Sent> {
+        let Sender { bsdf, ng, ns, wo } = at;
+        if sample.is_transmission {
+            return None;
+        }
+        let n = scattering_normal(*ns, *ng, direction);
+        let frame = Frame::from_normal(n);
+        let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
+        let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
+        let kept = if self.softens_terminator() { terminator(n * side, *ng * side, *wo) } else { 1.0 };
+        Some(Sent {
+            direction,
+            weight: f_cos * (kept / sample.pdf_solid_angle),
+            scale: (direction.dot(*ng) / wo.dot(*ng)).abs(),
+            is_specular: false,
+            is_transmission: false,
+        })
+    }
+}

@@ -1,0 +1,264 @@
+//! Caustics from the lamp: closed forms that nothing else finds, and the same expected picture where paths from the camera find
+//! them, too.
+
+use crate::support::differences::{assert_same_bits, assert_same_means, bits, noise};
+use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, rendering, sphere};
+use oscura::math::{DAffine3, DVec3};
+use oscura::output::part::Region;
+use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
+use oscura::scene::{
+    Aperture, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material, MaterialId, Mesh,
+    Model, PbrMaterial, Projection, Scene, ThinLens,
+};
+use std::f64::consts::PI;
+
+fn glass(ior: f32) -> Material {
+    let tint = ColorSlot::constant([1.0; 3]);
+    Material::new("glass", Model::Dielectric { ior, tint, fresnel: FresnelModel::Exact })
+}
+
+fn pbr(metallic: f32, roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant([1.0; 3]),
+        metallic: FloatSlot::constant(metallic),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material { double_sided: true, ..Material::new("metal", Model::Pbr(Box::new(pbr))) }
+}
+
+fn lamp(scene: &mut Scene, kind: LightKind, intensity: f32) {
+    let light = Light { name: "lamp".into(), kind, intensity: [intensity; 3], group: String::new() };
+    scene.lights.push(light);
+}
+
+/// A grey floor at y = 0, and a camera that looks straight down on a square of this half height about a point of it.
+fn floor_from_above(scene: &mut Scene, from: DVec3, half_height: f64) {
+    let grey = material(scene, Material::lambert("grey", [0.8; 3]));
+    quad(scene, [-20.0, 0.0, 20.0], [40.0, 0.0, 0.0], [0.0, 0.0, -40.0], grey);
+    let mut view = camera(from, DVec3::new(from.x, 0.0, from.z), DVec3::Z, 1.0);
+    view.projection = Projection::Orthographic { half_height };
+    scene.cameras.push(view);
+}
+
+/// The mean over a square about the origin.
+fn mean_over_square(half: f64, f: impl Fn(f64, f64) -> f64) -> f64 {
+    const N: u32 = 50;
+    let at = |i: u32| ((f64::from(i) + 0.5) / f64::from(N) * 2.0 - 1.0) * half;
+    let sum: f64 = (0..N).flat_map(|i| (0..N).map(move |j| (i, j))).map(|(i, j)| f(at(i), at(j))).sum();
+    sum / f64::from(N * N)
+}
+
+/// Irradiance of a floor by a point of intensity 1.
+fn from_point(x: f64, z: f64, [px, py, pz]: [f64; 3]) -> f64 {
+    let squared = (px - x).powi(2) + py * py + (pz - z).powi(2);
+    py / squared / squared.sqrt()
+}
+
+/// An upright mirror that faces -x at x = 1.5.
+fn mirror(scene: &mut Scene, mirror: MaterialId) {
+    quad(scene, [1.5, 0.2, -0.6], [0.0, 0.0, 1.2], [0.0, 0.8, 0.0], mirror);
+}
+
+/// What a mirror sends to the floor is what its image of the lamp would.
+#[test]
+fn a_point_and_its_image_in_a_mirror() {
+    let mut scene = Scene::default();
+    let polished = material(&mut scene, pbr(1.0, 0.0));
+    mirror(&mut scene, polished);
+    floor_from_above(&mut scene, DVec3::new(0.0, 3.0, 0.0), 0.1);
+    lamp(&mut scene, LightKind::Point { position: DVec3::new(0.5, 1.0, 0.0) }, 5.0);
+    let direct = mean_over_square(0.1, |x, z| from_point(x, z, [0.5, 1.0, 0.0]));
+    let image = mean_over_square(0.1, |x, z| from_point(x, z, [2.5, 1.0, 0.0]));
+    let options = options(16, 256, 4);
+    let radiance = |irradiance: f64| 0.8 / PI * 5.0 * irradiance;
+    assert_radiance("mirror", &scene, &options, radiance(direct + image), 5e-3);
+    let off = mean(&picture(&scene, &options.caustics(Caustics::Off)));
+    assert!((off / radiance(direct) - 1.0).abs() < 1e-3, "without: {off}");
+}
+
+/// The same for a sun, by the law of reflection: its light comes down on the other side at the same angle.
+#[test]
+fn a_sun_and_its_image_in_a_mirror() {
+    for angle_rad in [None, Some(0.01)] {
+        let mut scene = Scene::default();
+        let polished = material(&mut scene, pbr(1.0, 0.0));
+        mirror(&mut scene, polished);
+        floor_from_above(&mut scene, DVec3::new(0.7, 3.0, 0.0), 0.1);
+        let direction = DVec3::new(1.0, -0.8, 0.0).normalize();
+        let kind = match angle_rad {
+            None => LightKind::Directional { direction },
+            Some(angle_rad) => LightKind::Sun { direction, angle_rad },
+        };
+        lamp(&mut scene, kind, 2.0);
+        let options = options(16, 256, 4).caustics(Caustics::On);
+        // Directly, and by the mirror.
+        let truth = 0.8 / PI * 2.0 * -direction.y * 2.0;
+        assert_radiance(&format!("sun {angle_rad:?}"), &scene, &options, truth, 5e-3);
+    }
+}
+
+/// Straight through a plane of glass: what both faces let pass and mirror between them, from an image of the lamp that is lifted
+/// by t (1 - 1 / n), and by 2 t / n less for each pair of reflections.
+#[test]
+fn a_point_seen_through_a_slab() {
+    let (n, thickness) = (1.5, 0.2);
+    let mut scene = Scene::default();
+    let clear = material(&mut scene, glass(n as f32));
+    let (low, high) = (0.5, 0.5 + thickness);
+    quad(&mut scene, [-0.05, high, 0.05], [0.1, 0.0, 0.0], [0.0, 0.0, -0.1], clear);
+    quad(&mut scene, [-0.05, low, -0.05], [0.1, 0.0, 0.0], [0.0, 0.0, 0.1], clear);
+    floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.02);
+    lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 1.0, 0.0) }, 5.0);
+    let reflectance = ((n - 1.0) / (n + 1.0f64)).powi(2);
+    let irradiance = |height: f64| mean_over_square(0.02, |x, z| from_point(x, z, [0.0, height, 0.0]));
+    let orders = (0..6).map(|k| {
+        let share = (1.0 - reflectance).powi(2) * reflectance.powi(2 * k);
+        let height = 1.0 - thickness * (1.0 - 1.0 / n) + 2.0 * f64::from(k) * thickness / n;
+        share * irradiance(height)
+    });
+    let truth = 0.8 / PI * 5.0 * orders.sum::<f64>();
+    assert_radiance("slab", &scene, &options(16, 256, 10), truth, 1e-2);
+}
+
+/// Balls on a floor under a lamp; `thing` adds what makes the caustics.
+fn stage(thing: impl Fn(&mut Scene)) -> Scene {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.7, 0.6, 0.5]));
+    quad(&mut scene, [-3.0, 0.0, 3.0], [6.0, 0.0, 0.0], [0.0, 0.0, -6.0], grey);
+    let plastic = material(&mut scene, pbr(0.0, 0.6));
+    quad(&mut scene, [-1.2, 0.0, -1.5], [0.6, 0.0, 0.8], [0.0, 2.0, 0.0], plastic);
+    thing(&mut scene);
+    let shine = material(&mut scene, Material::emitter("lamp", [3.0; 3], false));
+    quad(&mut scene, [-1.6, 2.5, -1.6], [3.2, 0.0, 0.0], [0.0, 0.0, 3.2], shine);
+    scene.cameras.push(camera(DVec3::new(0.2, 2.2, 3.0), DVec3::new(0.0, 0.2, 0.0), DVec3::Y, 35.0));
+    scene
+}
+
+fn ball(of: Material) -> impl Fn(&mut Scene) {
+    move |scene| {
+        let of = material(scene, of.clone());
+        sphere(scene, [0.1, 0.5, 0.1], 0.45, of);
+    }
+}
+
+/// A ball of triangles with the normals of a sphere, in glass or metal.
+fn smooth_ball(of: Material) -> impl Fn(&mut Scene) {
+    move |scene| {
+        let of = material(scene, of.clone());
+        let (rows, columns) = (10u32, 16u32);
+        let normal = |i: u32, j: u32| {
+            let (a, b) = (PI * f64::from(i) / f64::from(rows), 2.0 * PI * f64::from(j) / f64::from(columns));
+            DVec3::new(a.sin() * b.cos(), a.cos(), a.sin() * b.sin())
+        };
+        let all = (0..=rows).flat_map(|i| (0..=columns).map(move |j| normal(i, j)));
+        let normals: Vec<DVec3> = all.collect();
+        let positions = normals.iter().map(|n| (DVec3::new(0.1, 0.5, 0.1) + *n * 0.45).as_vec3().to_array());
+        let at = |i: u32, j: u32| i * (columns + 1) + j;
+        let cells = (0..rows).flat_map(|i| (0..columns).map(move |j| (i, j)));
+        let triangles = cells.flat_map(|(i, j)| {
+            [[at(i, j), at(i, j + 1), at(i + 1, j)], [at(i + 1, j), at(i, j + 1), at(i + 1, j + 1)]]
+        });
+        let triangles = triangles.filter(|t| is_a_triangle(&normals, *t)).collect();
+        let mut mesh = Mesh::new("ball", positions.collect(), triangles, of);
+        mesh.normals = normals.iter().map(|n| n.as_vec3().to_array()).collect();
+        let mesh = scene.add_mesh(mesh);
+        scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    }
+}
+
+fn is_a_triangle(points: &[DVec3], t: [u32; 3]) -> bool {
+    let [a, b, c] = t.map(|i| points[i as usize]);
+    (b - a).cross(c - a).length() > 1e-9
+}
+
+/// Nothing but caustics differs.
+fn plain(options: RenderOptions) -> RenderOptions {
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+}
+
+#[test]
+fn caustics_change_no_mean() {
+    let things: [(&str, Scene); 6] = [
+        ("glass", stage(ball(glass(1.5)))),
+        ("mirror", stage(ball(pbr(1.0, 0.0)))),
+        ("polished", stage(ball(pbr(1.0, 0.2)))),
+        ("smooth glass", stage(smooth_ball(glass(1.5)))),
+        ("smooth mirror", stage(smooth_ball(pbr(1.0, 0.0)))),
+        ("smooth metal", stage(smooth_ball(pbr(1.0, 0.15)))),
+    ];
+    for (what, scene) in &things {
+        let off = plain(options(32, 128, 12)).caustics(Caustics::Off);
+        assert_same_means(what, scene, [&off, &off.caustics(Caustics::On)], 16);
+    }
+}
+
+#[test]
+fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
+    let mut scene = stage(ball(glass(1.5)));
+    scene.cameras[0].lens =
+        Some(ThinLens { defocus_angle_rad: 0.06, focus_distance: 3.5, aperture: Aperture::default() });
+    let off =
+        plain(options(32, 128, 12)).caustics(Caustics::Off).filter(oscura::scene::Filter::BlackmanHarris);
+    assert_same_means("lens", &scene, [&off, &off.caustics(Caustics::On)], 16);
+    let shared =
+        |options: RenderOptions| options.path_reuse(PathReuse::Groups("2x2".parse().expect("a shape")));
+    assert_same_means("shared", &scene, [&off, &shared(off.caustics(Caustics::On))], 16);
+    let split = off.caustics(Caustics::On).splitting(Splitting::Into(4));
+    assert_same_means("split", &scene, [&off, &split], 16);
+}
+
+#[test]
+fn caustics_from_the_lamp_are_less_noisy() {
+    let mut scene = stage(ball(glass(1.5)));
+    let small = material(&mut scene, Material::emitter("small lamp", [40.0; 3], false));
+    quad(&mut scene, [-0.2, 2.4, -0.2], [0.4, 0.0, 0.0], [0.0, 0.0, 0.4], small);
+    let options = plain(options(64, 16, 12));
+    let [on, off] = [Caustics::Auto, Caustics::Off].map(|c| noise(&scene, &options.caustics(c)));
+    assert!(on < 0.5 * off, "{on} {off}");
+}
+
+#[test]
+fn caustics_have_the_same_bits_whatever_the_machine() {
+    assert_same_bits("caustics", &stage(ball(glass(1.5))), &plain(options(48, 9, 12)).caustics(Caustics::On));
+}
+
+/// Without glass, mirrors or lamps nothing is done.
+#[test]
+fn nothing_happens_without_caustics() {
+    let scene = stage(ball(Material::lambert("chalk", [0.8; 3])));
+    let mut without = rendering(&scene, &options(32, 8, 12));
+    without.run();
+    assert_eq!(without.statistics().lamp_paths, None);
+    let mut with = rendering(&stage(ball(glass(1.5))), &options(32, 8, 12));
+    with.run();
+    assert!(with.statistics().lamp_paths.is_some());
+}
+
+/// Ranges of samples and regions make the picture of a single run.
+#[test]
+fn parts_have_their_share_of_caustics() {
+    let scene = stage(ball(glass(1.5)));
+    let whole = plain(options(32, 24, 12)).caustics(Caustics::On).halves(true);
+    let film = |options: RenderOptions| picture(&scene, &options);
+    let part = |options: RenderOptions| {
+        let mut rendering = rendering(&scene, &options);
+        rendering.run();
+        rendering.into_picture().into_film()
+    };
+    let complete = film(whole);
+    let mut of_ranges = part(whole.sample_range((0, 8)));
+    of_ranges.merge_film(&part(whole.sample_range((8, 24))));
+    assert!(bits(&of_ranges) == bits(&complete) && of_ranges.halves() == complete.halves());
+    let mut of_regions = complete.clone();
+    let regions = [(0, 0, 13, 32), (13, 0, 32, 9), (13, 9, 32, 32)];
+    let films = regions.map(|(x0, y0, x1, y1)| part(whole.region(Region { x0, y0, x1, y1 })));
+    for film in &films {
+        for (x, y) in (0..film.height()).flat_map(|y| (0..film.width()).map(move |x| (x, y))) {
+            let (x0, y0) = film.origin();
+            assert_eq!(film.mean_rgba(x, y), complete.mean_rgba(x0 + x, y0 + y));
+        }
+    }
+    of_regions.merge_film(&films[0]);
+    assert!(of_regions.samples(0, 0) == 48 && of_regions.samples(20, 0) == 24);
+}
