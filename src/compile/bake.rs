@@ -97,11 +97,13 @@ pub(super) fn bake(
         Arc::new(world)
     });
     let shared = shared.into_iter().flatten().collect();
-    let geometries = Geometries { world, shared, placements: Vec::new(), motions: plan.motions.clone() };
+    let (placements, motions) = (Vec::new(), plan.motions.clone());
+    let geometries = Geometries { world, shared, placements, motions, moves: false };
     let mut baked = place(scene, plan, &numbering, geometries);
     let shapes = moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
     shapes.into_iter().for_each(|shape| baked.add_shape(shape));
     baked.moving = moving(&baked.geometries);
+    baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);
     baked
 }
 
