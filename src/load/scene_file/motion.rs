@@ -118,7 +118,7 @@ fn read_track(fields: &Fields) -> Option<Track> {
             return None;
         };
         turn = (unit, angle?.value.to_radians(), center);
-    } else if a_frame.is_none() {
+    } else if !fields.has("translate") {
         fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }

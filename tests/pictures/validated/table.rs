@@ -39,7 +39,7 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, is_environment_hidden,
-        backdrop, object_light_groups, environment_group, cameras, settings,
+        backdrop, object_light_groups, environment_group, cameras, motion, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -77,7 +77,7 @@ structs! {
 }
 
 enums! {
-    Motion { Still {} Moves {} Deforms {} } {}
+    Motion { Still {} Moves {} Deforms {} } { Keyed }
     ShapeKind { Sphere {} Disk {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
