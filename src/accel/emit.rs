@@ -182,7 +182,7 @@ impl Emit<'_> {
         let mut written = 0;
         for four in triangles.as_slice().chunks(LANES) {
             match self.shapes.geometry.keys.is_empty() {
-                true => *view_mut(region, at(written)) = triangle_packet(four, next(written)),
+                true => *view_mut(region, at(written)) = TrianglePacket::of(four, next(written)),
                 false => {
                     motion::write_triangles(region, at(written), self.shapes.geometry, four, next(written))
                 }
@@ -217,22 +217,6 @@ impl Emit<'_> {
         }
         packet
     }
-}
-
-/// Four triangles or fewer, with their ids and what they are.
-pub fn triangle_packet(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
-    let mut packet = TrianglePacket::empty();
-    packet.rows[11] = [f32::from_bits(next); LANES];
-    for (lane, (vertices, id, part)) in triangles.iter().enumerate() {
-        for (k, vertex) in vertices.iter().enumerate() {
-            for axis in 0..3 {
-                packet.rows[4 * axis + k][lane] = vertex[axis];
-            }
-        }
-        packet.rows[3][lane] = f32::from_bits(*id);
-        packet.rows[7][lane] = f32::from_bits(*part);
-    }
-    packet
 }
 
 impl Shapes<'_> {

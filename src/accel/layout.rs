@@ -3,6 +3,7 @@
 //! A reference is 32 bits: an inner node is its line number; anything else has [`LEAF`] set, its kind in bits 29 and 30
 //! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
+use crate::math::Vec3;
 use crate::shape::Packed;
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
 use crate::simd::Line;
@@ -96,6 +97,22 @@ impl TrianglePacket {
         packet.rows[3] = [f32::from_bits(u32::MAX); LANES];
         packet.rows[7] = [f32::from_bits(0); LANES];
         packet.rows[11] = [f32::from_bits(DONE); LANES];
+        packet
+    }
+
+    /// Four triangles or fewer, with their ids and what they are.
+    pub fn of(triangles: &[([Vec3; 3], u32, u32)], next: u32) -> TrianglePacket {
+        let mut packet = TrianglePacket::empty();
+        packet.rows[11] = [f32::from_bits(next); LANES];
+        for (lane, (vertices, id, part)) in triangles.iter().enumerate() {
+            for (k, vertex) in vertices.iter().enumerate() {
+                for axis in 0..3 {
+                    packet.rows[4 * axis + k][lane] = vertex[axis];
+                }
+            }
+            packet.rows[3][lane] = f32::from_bits(*id);
+            packet.rows[7][lane] = f32::from_bits(*part);
+        }
         packet
     }
 

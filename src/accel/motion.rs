@@ -4,7 +4,6 @@
 //! Rays carry no time: it comes in a list beside them, and only the loop for moving scenes reads it. Boxes hold what is below
 //! them at all times.
 
-use super::emit::triangle_packet;
 use super::gather::vertices_of;
 use super::input::{AccelInput, Geometry, MovingInstance};
 use super::layout::{
@@ -165,6 +164,6 @@ pub fn write_triangles(
             let corners = geometry.triangles.get(*id as usize);
             *vertices = corners.and_then(|t| vertices_of(positions, *t)).unwrap_or(*vertices);
         }
-        *view_mut(region, at + ANALYTIC_LINES + key * TRIANGLE_LINES) = triangle_packet(&moved, next);
+        *view_mut(region, at + ANALYTIC_LINES + key * TRIANGLE_LINES) = TrianglePacket::of(&moved, next);
     }
 }

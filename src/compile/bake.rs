@@ -100,18 +100,22 @@ pub(super) fn bake(
         Arc::new(world)
     });
     let shared = shared.into_iter().flatten().collect();
-    let geometries = Geometries { world, shared, placements: Vec::new(), motions: plan.motions.clone() };
+    let (placements, motions) = (Vec::new(), plan.motions.clone());
+    let geometries = Geometries { world, shared, placements, motions, moves: false };
     let mut baked = place(scene, plan, &numbering, geometries);
-    for shape in moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv) {
-        baked.add_shape(shape);
-    }
-    let placed = baked.geometries.placements.iter().enumerate();
-    let keys = |(instance, p): (usize, &Placement)| {
-        let keys = baked.geometries.motions[p.motion? as usize].clone();
-        Some(MovingInstance { instance, keys })
-    };
-    baked.moving = placed.filter_map(keys).collect();
+    let shapes = moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
+    shapes.into_iter().for_each(|shape| baked.add_shape(shape));
+    baked.moving = moving(&baked.geometries);
+    baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);
     baked
+}
+
+/// The placements that move while the picture is taken.
+fn moving(geometries: &Geometries) -> Vec<MovingInstance> {
+    let keys = |(instance, p): (usize, &Placement)| {
+        Some(MovingInstance { instance, keys: geometries.motions[p.motion? as usize].clone() })
+    };
+    geometries.placements.iter().enumerate().filter_map(keys).collect()
 }
 
 /// Adds the placements: those that stand still, then those that move.

@@ -94,6 +94,8 @@ pub struct Geometries {
     pub placements: Vec<Placement>,
     /// How placements move.
     pub motions: Vec<TransformKeys>,
+    /// Does any placement move while the picture is taken?
+    pub moves: bool,
 }
 
 /// The corners of a flat primitive, with the normals there: all that its surface follows from.

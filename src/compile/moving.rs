@@ -20,17 +20,17 @@ impl Geometries {
     /// A hit on something that moves, at the time of its path; `None` on all else.
     #[inline(always)]
     pub(super) fn moment(&self, hit: &Hit, time: f32) -> Option<Moment<'_>> {
-        let placement = self.placements.get((hit.instance as usize).wrapping_sub(1))?;
-        if placement.moves { Some(self.moment_at(placement, time)) } else { None }
+        if self.moves { self.moment_at(hit, time) } else { None }
     }
 
     #[cold]
     #[inline(never)]
-    fn moment_at(&self, placement: &Placement, time: f32) -> Moment<'_> {
+    fn moment_at(&self, hit: &Hit, time: f32) -> Option<Moment<'_>> {
+        let placement = self.placements.get((hit.instance as usize).wrapping_sub(1)).filter(|p| p.moves)?;
         let space = &*self.shared[placement.geometry as usize];
         let world_from_object = self.world_from_object(placement, time);
         let placement = Placement { world_from_object: Transform::of(&world_from_object), ..*placement };
-        Moment { space, placement, world_from_object, time }
+        Some(Moment { space, placement, world_from_object, time })
     }
 
     /// Where a placement stands at a time.

@@ -111,6 +111,27 @@ impl Integrator<'_> {
         }
     }
 
+    /// Traces the shadow rays: which of them hit something, and which something that may be absent. Those are pending then.
+    fn find_doubtful(&self, w: &mut Workspace) {
+        let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending, pending_hits, times, .. } = w;
+        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
+        if pending_hits.len() < shadow_rays.len() {
+            pending_hits.resize(shadow_rays.len(), Hit::MISS);
+        }
+        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
+        w.ray_counts.all += shadow_rays.len() as u64;
+        // Most hit nothing, or something that is there.
+        pending.clear();
+        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
+            let is_doubtful = self.is_doubtful(hit)
+                && !self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&shadow_vertices[k])));
+            *occluded = hit.is_hit() && !is_doubtful;
+            if is_doubtful {
+                pending.push(k as u32);
+            }
+        }
+    }
+
     /// Any-hit for shadow rays among surfaces that may be absent.
     pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_doubtful(w);

@@ -40,6 +40,7 @@ pub mod reuse;
 mod samples;
 mod scatter;
 mod sheets;
+mod shutter;
 mod sink;
 mod split;
 mod surface;

@@ -1,12 +1,9 @@
 //! When each path looks at the scene, where something moves: a time in 0..1, from the opening of the shutter to its closing.
 //! It belongs to a path's sample, so that all of a path's rays, vertices and branches have the same.
 
-use super::lanes::{WAVE, set};
-use super::workspace::Workspace;
-use super::{Integrator, Purpose};
+use super::lanes::WAVE;
 use crate::accel::Accel;
 use crate::math::{Hit, Ray};
-use crate::sampling::sampler::SobolPoint;
 
 /// The times of a wave; empty where nothing moves.
 #[derive(Default)]
@@ -19,6 +16,18 @@ pub(super) struct Times {
 }
 
 impl Times {
+    /// Begins with new samples.
+    pub fn start(&mut self, times: impl Iterator<Item = f32>, branches: u32) {
+        self.by_sample.clear();
+        self.by_sample.extend(times);
+        self.branches = branches;
+    }
+
+    /// The times of all samples.
+    pub fn all(&self) -> &[f32] {
+        &self.by_sample
+    }
+
     /// The time of a sample, by the index that its path carries; 0 where nothing moves.
     #[inline(always)]
     pub fn of(&self, sample: u32) -> f32 {
@@ -65,48 +74,5 @@ impl Times {
         of_rays.clear();
         of_rays.extend(samples.map(|sample| self.of(sample)));
         self.of_rays = of_rays;
-    }
-}
-
-impl Integrator<'_> {
-    /// Does anything move while the picture is taken?
-    pub(super) fn is_moving(&self) -> bool {
-        self.scene.is_moving() || self.view.moving.is_some()
-    }
-
-    /// Finds which of the shadow rays are occluded, where all surfaces are there.
-    #[inline]
-    pub(super) fn occluded(&self, w: &mut Workspace) {
-        let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending_hits, times, .. } = w;
-        if !self.scene.accel.is_moving() {
-            return self.scene.accel.occluded(shadow_rays, occluded);
-        }
-        pending_hits.clear();
-        pending_hits.resize(shadow_rays.len(), Hit::MISS);
-        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
-        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
-        for (occluded, hit) in occluded.iter_mut().zip(&*pending_hits) {
-            *occluded = hit.is_hit();
-        }
-    }
-
-    /// Draws a time for each new path; where the camera moves, its ray is that of the camera at that time.
-    #[cold]
-    pub(super) fn start_times(&self, w: &mut Workspace) {
-        let Workspace { times, arriving, wave, pixels, .. } = w;
-        let dimensions = self.dimensions(0, Purpose::Time);
-        let path = &arriving.carried;
-        let draw =
-            |i: usize| SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(&dimensions)[0];
-        times.by_sample.clear();
-        times.by_sample.extend((0..pixels.len()).map(draw));
-        times.branches = self.options.branches;
-        let Some(moving) = &self.view.moving else { return };
-        let [x, y, _, _, lens_u, lens_v, ..] = &wave.scratch;
-        for (i, &time) in times.by_sample.iter().enumerate() {
-            let ray = moving.at(time).ray(x[i], y[i], [lens_u[i], lens_v[i]]);
-            set(&mut wave.vertices.next_origin, i, ray.origin);
-            set(&mut wave.vertices.next_direction, i, ray.direction);
-        }
     }
 }

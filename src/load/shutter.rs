@@ -50,8 +50,11 @@ pub const LONGEST_SHUTTER: f64 = 1000.0;
 /// Most keys that are chosen for something.
 const MOST_KEYS: usize = 65;
 
-/// Interpolated axes may be off by this part of their length, and places by this part of the way.
+/// Interpolated axes may be off by this part of their length, and places by this part of the whole way.
 const TOLERANCE: f64 = 1e-3;
+
+/// The same where there can't be more keys: beyond, it is said.
+const LAST_TOLERANCE: f64 = 1e-2;
 
 impl ShutterOptions {
     /// With what a scene says, where the user has not chosen.
@@ -96,18 +99,40 @@ impl ShutterOptions {
         if let Some(keys) = self.keys {
             return (keys as usize, true);
         }
+        let ways = self.ways(places);
         let mut steps = 1;
         while steps + 1 < MOST_KEYS {
-            if self.is_even(steps, places) {
+            if self.is_even(steps, places, &ways, TOLERANCE) {
                 return (steps + 1, true);
             }
             steps *= 2;
         }
-        (steps + 1, self.is_even(steps, places))
+        (steps + 1, self.is_even(steps, places, &ways, LAST_TOLERANCE))
+    }
+
+    /// How far things go while it is open, roughly.
+    fn ways(&self, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> Vec<f64> {
+        const STEPS: u32 = 8;
+        let mut before = places(self.frame_at(0.0));
+        let mut ways = vec![0.0; before.len()];
+        for step in 1..=STEPS {
+            let next = places(self.frame_at(f64::from(step) / f64::from(STEPS)));
+            for (way, (from, to)) in ways.iter_mut().zip(before.iter().zip(&next)) {
+                *way += from.translation.distance(to.translation);
+            }
+            before = next;
+        }
+        ways
     }
 
     /// Does interpolation between so many steps meet the places in between?
-    fn is_even(&self, steps: usize, places: &mut dyn FnMut(f64) -> Vec<DAffine3>) -> bool {
+    fn is_even(
+        &self,
+        steps: usize,
+        places: &mut dyn FnMut(f64) -> Vec<DAffine3>,
+        ways: &[f64],
+        tolerance: f64,
+    ) -> bool {
         // Some on each step; uneven numbers, that what goes round and round is not always met at the same place.
         let between = (7 / steps).max(2);
         let inner = |k: usize| (k as f64 + 0.9) / (between as f64 + 0.8);
@@ -117,8 +142,10 @@ impl ShutterOptions {
             let to = places(at(1.0));
             for share in (0..between).map(inner) {
                 let met = places(at(share));
-                let all = from.iter().zip(&to).zip(&met);
-                is_even &= all.into_iter().all(|((from, to), met)| is_near(from, to, share, met));
+                let all = from.iter().zip(&to).zip(met.iter().zip(ways));
+                is_even &= all
+                    .into_iter()
+                    .all(|((from, to), (met, way))| is_near(&mix(from, to, share), met, tolerance, *way));
             }
             if !is_even {
                 return false;
@@ -129,17 +156,14 @@ impl ShutterOptions {
     }
 }
 
-/// Is a place near the one between two others?
-fn is_near(from: &DAffine3, to: &DAffine3, share: f64, met: &DAffine3) -> bool {
-    let found = mix(from, to, share);
+/// Is a place near another, of something that goes a certain way in all?
+fn is_near(found: &DAffine3, met: &DAffine3, tolerance: f64, way: f64) -> bool {
     let axes = |m: &DAffine3| [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis];
-    let is_near = |(found, met): (DVec3, DVec3)| (found - met).length() <= TOLERANCE * met.length();
-    let way = from.translation.distance(met.translation) + met.translation.distance(to.translation);
-    let size = met.translation.length();
+    let is_near = |(found, met): (DVec3, DVec3)| (found - met).length() <= tolerance * met.length();
     // What moves by less than numbers can tell stands still.
-    let tolerance = TOLERANCE * way + 1e-12 * size;
-    let is_placed = found.translation.distance(met.translation) <= tolerance;
-    is_placed && axes(&found).into_iter().zip(axes(met)).all(is_near)
+    let distance = tolerance * way + 1e-12 * met.translation.length();
+    let is_placed = found.translation.distance(met.translation) <= distance;
+    is_placed && axes(found).into_iter().zip(axes(met)).all(is_near)
 }
 
 #[cfg(test)]
@@ -160,7 +184,8 @@ mod tests {
         assert_eq!(keys(0.05), (2, true));
         // 1 - cos(a / 2) is a thousandth at 5.1 degrees.
         assert_eq!(keys(1.0), (17, true));
-        assert_eq!(keys(std::f64::consts::TAU), (65, false));
+        assert_eq!(keys(std::f64::consts::TAU), (65, true));
+        assert_eq!(keys(20.0), (65, false));
         assert_eq!(ShutterOptions { keys: Some(3), ..open(1.0) }.keys_for(&mut turn(9.0)), (3, true));
     }
 

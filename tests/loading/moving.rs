@@ -71,7 +71,7 @@ fn a_closed_shutter_is_no_motion() {
     let loaded = read(&format!("{closed}{BALL}motion = {{ translate = [4, 0, 0] }}\n"));
     let plain = read(&format!("{closed}{BALL}"));
     assert_eq!(format!("{:?}", loaded.scene), format!("{:?}", plain.scene));
-    assert!(loaded.notes.iter().any(|n| n.message.contains("--shutter") || n.message.contains("shutter")));
+    assert!(loaded.notes.iter().any(|n| n.message.contains("shutter")));
     assert!(plain.notes.is_empty());
 }
 

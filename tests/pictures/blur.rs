@@ -234,7 +234,8 @@ fn a_part_is_as_in_the_whole_and_so_are_threads() {
     let whole = picture(&scene, &options);
     let region = Region { x0: 5, y0: 9, x1: 22, y1: 25 };
     let part = picture(&scene, &options.region(region));
-    let rows = whole.rgba().chunks(SIZE as usize).skip(9).take(16).flat_map(|row| row[5..22].to_vec());
+    let pixels = whole.rgba();
+    let rows = pixels.chunks(SIZE as usize).skip(9).take(16).flat_map(|row| row[5..22].to_vec());
     assert_eq!(part.rgba(), rows.collect::<Vec<_>>());
     for level in Level::ALL {
         limit_level(level);

@@ -89,7 +89,7 @@ pub(super) fn read(build: &mut Build, object: &Fields, name: &str) -> Option<Mov
 }
 
 fn say_closed(build: &mut Build) {
-    let message = "objects move, but the shutter is closed: 'shutter' of [camera] or --shutter opens it";
+    let message = "objects move, but the shutter is closed: 'shutter' of [camera] opens it";
     let note = Warning::new(build.file, "", message);
     if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)
     {
@@ -118,7 +118,7 @@ fn read_track(fields: &Fields) -> Option<Track> {
             return None;
         };
         turn = (unit, angle?.value.to_radians(), center);
-    } else if a_frame.is_none() {
+    } else if !fields.has("translate") {
         fields.problems.push(fields.span(), "'motion' needs 'translate', 'rotate' or 'keys'");
         return None;
     }

@@ -6,6 +6,7 @@
 
 mod bases;
 mod dice;
+mod motion;
 mod mutate;
 mod table;
 

@@ -51,7 +51,7 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
-        backdrop, object_light_groups, object_traits, environment_group, cameras, settings,
+        backdrop, object_light_groups, object_traits, environment_group, cameras, motion, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
@@ -90,7 +90,7 @@ structs! {
 }
 
 enums! {
-    Motion { Still {} Moves {} Deforms {} } {}
+    Motion { Still {} Moves {} Deforms {} } { Keyed }
     ShapeKind { Sphere {} Disk {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}

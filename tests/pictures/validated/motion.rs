@@ -1,0 +1,42 @@
+//! Changes of what moves while a picture is taken.
+
+use super::dice::Dice;
+use super::mutate::{Mutate, fields, structs};
+use oscura::scene::{CameraMotion, LightMotion, Moving, SceneMotion, Vertices};
+use std::collections::BTreeMap;
+
+structs! {
+    SceneMotion { instances, meshes, quads, shapes, cameras, lights }
+    Vertices { positions, normals }
+    CameraMotion { world_from_camera, moving }
+    LightMotion { kind, moving }
+}
+
+impl<T: Mutate + Clone> Mutate for Moving<T> {
+    fn fresh(dice: &mut Dice) -> Moving<T> {
+        Moving { keys: vec![T::fresh(dice), T::fresh(dice)], neighbours: None }
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        let Moving { keys, neighbours } = self;
+        fields(dice, &mut [(".keys", keys), (".neighbours", neighbours)]);
+    }
+}
+
+/// Entries by the index of what they are about.
+impl<T: Mutate> Mutate for BTreeMap<usize, T> {
+    fn fresh(dice: &mut Dice) -> BTreeMap<usize, T> {
+        BTreeMap::from([(0, T::fresh(dice))])
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        let index = dice.below(4);
+        match self.get_mut(&index) {
+            Some(entry) => dice.at(format!("[{index}]"), |dice| entry.mutate(dice)),
+            None => {
+                self.insert(index, T::fresh(dice));
+                dice.note(format!("[{index}] inserted"));
+            }
+        }
+    }
+}
