@@ -105,9 +105,8 @@ pub(super) fn run_one(
     let png = png(args, settled.exposure, is_stage_lit);
     let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
-    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?
-        .placed(loaded.scene.backdrop.clone(), loaded.offset);
-    let rendering = keeper.begin(rendering)?;
+    let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
+    let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
