@@ -169,13 +169,16 @@ impl Integrator<'_> {
     /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
-    /// behind a back that isn't there, what lies at the same distance still counts.
+    /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
+    /// bodies of fog touch each other and stand on floors. Of several at one place two are met.
     fn step_past(&self, ray: &mut Ray, hit: &Hit) {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
+        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind;
         let is_back =
-            material.is_absent_from_behind && self.scene.geometries.is_back_of_flat(ray, hit) == Some(true);
+            if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit) } else { None };
+        let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary);
         let is_another = hit.t > ray.t_min.next_up();
-        if is_back && is_another {
+        if has_neighbours && is_another {
             ray.t_min = hit.t.next_down();
             ray.origin_primitive = hit.into();
         } else {
