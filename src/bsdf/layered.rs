@@ -4,8 +4,8 @@
 //! directional albedo E(wo) rather than its Fresnel term 1 - F(v.h) for each light, so that layered white returns
 //! exactly the light that arrives. From the top: coat, sheen, then the base.
 //!
-//! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface. The
-//! inside of a solid sees the glass and the opaque part alone, not the layers on the outside: light on its way out is
+//! The base mixes glass (share transmission (1 - metallic)) with the opaque material of the same interface, of which a part may
+//! let light pass diffusely. The inside of a solid sees the base alone, not the layers on the outside: light on its way out is
 //! not dimmed by them. Neither side gains or loses energy; the price is that transmission through layers is not
 //! reciprocal.
 
@@ -73,7 +73,8 @@ impl Layered {
         }
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
-        let is_inside = wo.z < 0.0 && self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
+        let lets_in = self.glass_share > 0.0 || self.through != Rgb::ZERO;
+        let is_inside = wo.z < 0.0 && lets_in && self.glass.walls == Walls::Solid;
         let (mut coat, mut sheen, mut left) = (0.0, Rgb::ZERO, 1.0);
         if !is_inside && self.coat.factor > 0.0 {
             let taken;

@@ -147,6 +147,24 @@ impl DensityGrid {
         left
     }
 
+    /// Where a ray enters and leaves the grid between two of its points; `None` where it misses it.
+    fn entry(&self, ray: &GridRay, from: f32, to: f32) -> Option<[f32; 2]> {
+        let (mut begin, mut end) = (from, to);
+        for axis in 0..3 {
+            let (o, d) = (ray.origin[axis], ray.direction[axis]);
+            if d == 0.0 {
+                if !(o >= 0.0 && o <= self.size[axis] as f32) {
+                    return None;
+                }
+                continue;
+            }
+            let (a, b) = ((0.0 - o) / d, (self.size[axis] as f32 - o) / d);
+            begin = begin.max(a.min(b));
+            end = end.min(a.max(b));
+        }
+        (begin < end).then_some([begin, end])
+    }
+
     /// Shows `visit` tentative collisions, each with the probability that it is real, until that says false.
     #[inline]
     fn tentative(
@@ -157,7 +175,10 @@ impl DensityGrid {
         numbers: &mut Numbers,
         mut visit: impl FnMut(f32, f32, &mut Numbers) -> bool,
     ) {
-        let Some(mut walk) = Walk::new(self, ray, from, to) else { return };
+        let Some(begin) = self.entry(ray, from, to) else { return };
+        // From where the grid begins on: far away from it parameters are coarser than its voxels.
+        let ray = &GridRay { origin: ray.origin + ray.direction * begin[0], ..*ray };
+        let mut walk = Walk::new(self, ray, begin[1] - begin[0]);
         // So many mean free paths to the next one.
         let mut depth = -poly::ln(1.0 - first);
         loop {
@@ -168,9 +189,10 @@ impl DensityGrid {
                 if t.is_nan() || t >= walk.next() {
                     break;
                 }
-                walk.t = t;
+                // However dense it is, a ray gets on.
+                walk.t = t.max(walk.t.next_up());
                 let density = self.density(ray.origin + ray.direction * walk.t) * ray.scale;
-                if !visit(walk.t, density / bound, numbers) {
+                if !visit((begin[0] + walk.t).min(begin[1]), density / bound, numbers) {
                     return;
                 }
                 depth = -poly::ln(1.0 - numbers.next());
@@ -207,35 +229,13 @@ struct Walk {
 }
 
 impl Walk {
-    /// `None` where the ray misses the grid.
-    fn new(grid: &DensityGrid, ray: &GridRay, from: f32, to: f32) -> Option<Walk> {
-        let (mut begin, mut end) = (from, to);
+    /// Of a ray that starts where it enters the grid and leaves it at `end`.
+    fn new(grid: &DensityGrid, ray: &GridRay, end: f32) -> Walk {
+        let mut walk =
+            Walk { t: 0.0, end, block: [0; 3], step: [0; 3], leaves: [f32::INFINITY; 3], between: [0.0; 3] };
         for axis in 0..3 {
             let (o, d) = (ray.origin[axis], ray.direction[axis]);
-            if d == 0.0 {
-                if !(o >= 0.0 && o <= grid.size[axis] as f32) {
-                    return None;
-                }
-                continue;
-            }
-            let (a, b) = ((0.0 - o) / d, (grid.size[axis] as f32 - o) / d);
-            begin = begin.max(a.min(b));
-            end = end.min(a.max(b));
-        }
-        if begin.is_nan() || end.is_nan() || begin >= end {
-            return None;
-        }
-        let mut walk = Walk {
-            t: begin,
-            end,
-            block: [0; 3],
-            step: [0; 3],
-            leaves: [f32::INFINITY; 3],
-            between: [0.0; 3],
-        };
-        for axis in 0..3 {
-            let (o, d) = (ray.origin[axis], ray.direction[axis]);
-            let at = ((o + d * begin) / BLOCK as f32).floor() as i32;
+            let at = (o / BLOCK as f32).floor() as i32;
             walk.block[axis] = at.clamp(0, grid.blocks[axis] as i32 - 1);
             if d != 0.0 {
                 walk.step[axis] = if d > 0.0 { 1 } else { -1 };
@@ -244,7 +244,7 @@ impl Walk {
                 walk.between[axis] = BLOCK as f32 / d.abs();
             }
         }
-        Some(walk)
+        walk
     }
 
     fn index(&self, grid: &DensityGrid) -> usize {
@@ -328,6 +328,24 @@ mod tests {
                 let error = (truth * (1.0 - truth) / n).sqrt().max(1e-4);
                 assert!((left / n - truth).abs() < 4.5 * error, "left {} {truth}", left / n);
                 assert!((passed / n - truth).abs() < 4.5 * error, "passed {} {truth}", passed / n);
+            }
+        }
+    }
+
+    /// A millimetre of dense smoke beside nothing, seen from so far away that the way's numbers are coarser than its mean
+    /// free paths.
+    #[test]
+    fn dense_grids_far_away() {
+        let values = Arc::new(vec![0.0, 1.0]);
+        let (name, min, max) = (String::new(), DVec3::ZERO, DVec3::splat(1e-3));
+        let grid = DensityGrid::new(&Grid { name, size: [2, 1, 1], values, min, max }, DVec3::ZERO);
+        for (x, is_clear) in [(1e-4, true), (2e-4, true), (9e-4, false)] {
+            let ray = grid.ray(Vec3::new(x, 5e-4, 30.0), Vec3::NEG_Z, 5e7);
+            for i in 0..20 {
+                let t = grid.collision(&ray, 0.0, f32::INFINITY, unit(hash32(!i)), hash32(i));
+                assert_eq!(t == f32::INFINITY, is_clear, "{x}: {t}");
+                assert!(is_clear || (t - 30.0).abs() < 2e-3, "{t}");
+                assert_eq!(grid.left(&ray, 0.0, 40.0, hash32(i)), f32::from(u8::from(is_clear)));
             }
         }
     }

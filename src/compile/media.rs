@@ -7,7 +7,9 @@ use super::scattering::{Ball, Scattering};
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::DVec3;
-use crate::scene::{Environment, Fog, LightKind, MaterialId, Outline, Scene, outline};
+use crate::scene::{
+    ColorSlot, Environment, FloatSlot, Fog, LightKind, Material, MaterialId, Model, Outline, Scene, outline,
+};
 use std::sync::Arc;
 
 /// Gathers the media of a scene's materials after that of the environment, and tells the materials their numbers.
@@ -63,6 +65,31 @@ pub(super) fn number(
         )));
     }
     media
+}
+
+/// What stands for the materials whose light scatters within a body (subsurface scattering), where their surfaces enclose none:
+/// all that enters would leave a sheet on its other side, whatever its colour. A diffuse base has the colour of a thick body.
+pub(super) fn without_bodies(scene: &Scene, warnings: &mut Vec<Warning>) -> Vec<Option<Material>> {
+    let mut without_body = |(id, material): (usize, &Material)| {
+        let (medium, pbr) = (material.medium?, material.model.pbr()?);
+        let through = pbr.diffuse_transmission.filter(|t| t.factor == FloatSlot::constant(1.0))?;
+        let scatters = (0..3).any(|c| medium.extinction[c] * medium.albedo[c] > 0.0);
+        let is_subsurface = pbr.has_volume && pbr.transmission.factor == 0.0 && scatters;
+        if !is_subsurface || outline(scene, MaterialId(id as u32)) != Outline::Open {
+            return None;
+        }
+        let name = &material.name;
+        warnings.push(Warning::general(format!(
+            "material '{name}' has no body for its subsurface scattering: its surfaces have edges, and get a diffuse base of \
+             its colour; close the mesh"
+        )));
+        let (color, slot) = (medium.color(), through.color);
+        let mut model = pbr.clone();
+        model.base_color = ColorSlot { factor: [0, 1, 2].map(|c| slot.factor[c] * color[c]), ..slot };
+        (model.diffuse_transmission, model.has_volume) = (None, false);
+        Some(Material { medium: None, model: Model::Pbr(Box::new(model)), ..material.clone() })
+    };
+    scene.materials.iter().enumerate().map(&mut without_body).collect()
 }
 
 /// Light from infinitely far away that no way leads to through fog without an end.

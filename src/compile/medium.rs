@@ -17,11 +17,14 @@ pub struct Medium {
     pub absorption: Option<Rgb>,
     /// What scatters or shines.
     pub scattering: Option<Scattering>,
+    /// It is bounded by no surface.
+    pub is_boundary: bool,
 }
 
 impl Medium {
     /// What surrounds the scene.
-    pub const AIR: Medium = Medium { iors: Some([1.0; 3]), absorption: None, scattering: None };
+    pub const AIR: Medium =
+        Medium { iors: Some([1.0; 3]), absorption: None, scattering: None, is_boundary: false };
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
@@ -39,7 +42,8 @@ impl Medium {
     }
 
     fn of_model(model: &Model, class: BsdfClass) -> Option<Medium> {
-        let clear = |iors| Medium { iors, ..Medium::AIR };
+        let is_boundary = matches!(model, Model::Boundary {});
+        let clear = |iors| Medium { iors, is_boundary, ..Medium::AIR };
         match model.transmission() {
             Transmission::None | Transmission::Thin => None,
             Transmission::Clear(ior) => Some(clear(relative_to_air([ior; 3]))),

@@ -55,8 +55,10 @@ pub(super) fn compile_after(
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
+    let replaced = media::without_bodies(scene, &mut report.warnings);
+    let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
     let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
-    let mut materials: Vec<CompiledMaterial> = scene.materials.iter().map(compiled).collect();
+    let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, &mut report.warnings);
     let classes = Classes::of(scene);
     classes.extend(&mut materials);

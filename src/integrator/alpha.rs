@@ -111,27 +111,6 @@ impl Integrator<'_> {
         }
     }
 
-    /// Traces the shadow rays: which of them hit something, and which something that may be absent. Those are pending then.
-    fn find_doubtful(&self, w: &mut Workspace) {
-        let Workspace { wave, shadow_rays, shadow_vertices, occluded, pending, pending_hits, times, .. } = w;
-        let sample = |&vertex: &u32| wave.paths.carried.sample[vertex as usize];
-        if pending_hits.len() < shadow_rays.len() {
-            pending_hits.resize(shadow_rays.len(), Hit::MISS);
-        }
-        times.any(&self.scene.accel, shadow_rays, shadow_vertices.iter().map(sample), pending_hits);
-        w.ray_counts.all += shadow_rays.len() as u64;
-        // Most hit nothing, or something that is there.
-        pending.clear();
-        for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let is_doubtful = self.is_doubtful(hit)
-                && !self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&shadow_vertices[k])));
-            *occluded = hit.is_hit() && !is_doubtful;
-            if is_doubtful {
-                pending.push(k as u32);
-            }
-        }
-    }
-
     /// Any-hit for shadow rays among surfaces that may be absent.
     pub(super) fn occluded_by_present_surfaces(&self, bounce: u32, w: &mut Workspace) {
         self.find_doubtful(w);
@@ -235,13 +214,16 @@ impl Integrator<'_> {
     /// Takes a ray past a surface that isn't there. Its origin stays what densities refer to.
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
-    /// behind a back that isn't there, what lies at the same distance still counts.
+    /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
+    /// bodies of fog touch each other and stand on floors. Of several at one place two are found.
     fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_back = material.is_absent_from_behind
-            && self.scene.geometries.is_back_of_flat(ray, hit, time) == Some(true);
+        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind;
+        let is_back =
+            if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
+        let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary);
         let is_another = hit.t > ray.t_min.next_up();
-        if is_back && is_another {
+        if has_neighbours && is_another {
             ray.t_min = hit.t.next_down();
             ray.origin_primitive = hit.into();
         } else {

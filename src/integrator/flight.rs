@@ -31,7 +31,7 @@ pub(super) struct Flight {
     pub medium: u16,
     /// Where on the ray the medium begins and ends, metres.
     pub extent: [f32; 2],
-    /// Shares of the channels in the choice.
+    /// Shares of the channels in the choice; all 0 where there is none.
     shares: [f32; 3],
     guide: Option<Guide>,
     /// Where it scatters; infinite if nowhere.
@@ -40,6 +40,17 @@ pub(super) struct Flight {
     pub scatters: bool,
     /// Found by tentative collisions on a grid, which need no weight.
     is_tracked: bool,
+    /// The boundary without a surface where it begins.
+    pub crossed: Option<Crossed>,
+}
+
+/// Where a path crossed a boundary without a surface.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossed {
+    /// Where on the ray.
+    pub at: f32,
+    /// The solids in front of it.
+    pub before: Interior,
 }
 
 /// What a shadow ray has crossed so far.
@@ -68,6 +79,7 @@ impl Flight {
             until: f32::INFINITY,
             scatters: false,
             is_tracked: false,
+            crossed: None,
         }
     }
 
@@ -122,8 +134,7 @@ impl Flight {
             return Rgb::ONE;
         }
         let left = self.left(medium, to);
-        let density = self.mixed(left, |guide| guide.beyond(to));
-        if self.draws(medium) { over(left, density) } else { left }
+        if self.draws() { over(left, self.mixed(left, |guide| guide.beyond(to))) } else { left }
     }
 
     /// What it is taken times where the path scatters.
@@ -137,26 +148,60 @@ impl Flight {
         over(left * medium.scattered, density)
     }
 
-    /// What the medium's own light adds to the path on its way to a point: an estimate by one point of the way, which a number in
-    /// 0..1 chooses.
+    /// The radiance that the medium's own light adds to a path of a throughput on its way to a point: an estimate by one point
+    /// of the way, which a number in 0..1 chooses.
     #[inline]
-    pub fn glow(&self, medium: &Scattering, to: f32, u: f32) -> Rgb {
+    pub fn glow(&self, medium: &Scattering, throughput: Rgb, to: f32, u: f32) -> Rgb {
         let [begin, end] = self.extent;
-        let way = to.min(self.until).min(end) - begin;
-        if !self.draws(medium) {
-            let way = way.clamp(0.0, Scattering::FARTHEST);
-            return medium.emission * medium.mean_transmittance(way) * way;
+        let way = (to.min(self.until).min(end) - begin).clamp(0.0, Scattering::FARTHEST);
+        let shines = throughput * medium.emission;
+        if !self.draws() {
+            return shines * medium.mean_transmittance(way) * way;
         }
-        if !(way > 0.0 && way.is_finite()) {
+        if way <= 0.0 || shines.max_element() <= 0.0 {
             return Rgb::ZERO;
         }
-        medium.emission * self.weight_of_passing(medium, begin + u * way) * way
+        let (x, density) = self.glowing_point(medium, shines, way, u);
+        over(shines * self.weight_of_passing(medium, begin + x), density)
     }
 
-    /// Does the flight choose where it ends? Media that scatter nothing are flown through.
+    /// A point of a way of some length and its density per metre, for light that shines everywhere alike in its medium.
+    ///
+    /// What arrives from there falls off, channel by channel, with the extinction less that of the channel which flies
+    /// farthest: so far do flights reach that make up for it. Beside a guide, whose flights end farther away than exponentials
+    /// do, it falls off with the extinction itself. Each channel has its share of the points by what shines there.
+    #[inline]
+    fn glowing_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
+        let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
+        let mut least = f32::INFINITY;
+        for c in 0..3 {
+            if self.shares[c] > 0.0 {
+                least = least.min(extinction[c]);
+            }
+        }
+        if self.guide.is_some() {
+            least = 0.0;
+        }
+        let sum = shines[0] + shines[1] + shines[2];
+        let (mut channel, mut rest) = (0, u * sum);
+        while channel < 2 && rest >= shines[channel] {
+            rest -= shines[channel];
+            channel += 1;
+        }
+        let u = (rest / shines[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
+        let rates = extinction.map(|x| (x - least).max(0.0));
+        let x = Truncated::new(rates[channel], way).sample(u);
+        let mut density = 0.0;
+        for c in 0..3 {
+            density += shines[c] / sum * Truncated::new(rates[c], way).density(x);
+        }
+        (x, density)
+    }
+
+    /// Does the flight choose where it ends? Media that scatter nothing are flown through, and what is beside them.
     #[inline(always)]
-    fn draws(&self, medium: &Scattering) -> bool {
-        medium.scattered.max_element() > 0.0
+    fn draws(&self) -> bool {
+        self.shares != [0.0; 3]
     }
 
     /// What is left of light at a point.
@@ -177,6 +222,44 @@ impl Flight {
             None => sum,
         }
     }
+}
+
+/// An exponential density on a way of finite length.
+struct Truncated {
+    /// Per metre; 0 where it is even.
+    rate: f32,
+    length: f32,
+    /// What lies on the way of the density without an end.
+    whole: f32,
+}
+
+impl Truncated {
+    #[inline(always)]
+    fn new(rate: f32, length: f32) -> Truncated {
+        let depth = rate * length;
+        // Hardly a slope, and differences of numbers near 1.
+        if depth < 1e-3 {
+            return Truncated { rate: 0.0, length, whole: 1.0 };
+        }
+        Truncated { rate, length, whole: 1.0 - falling(depth) }
+    }
+
+    #[inline(always)]
+    fn sample(&self, u: f32) -> f32 {
+        let x = if self.rate > 0.0 { -poly::ln(1.0 - u * self.whole) / self.rate } else { u * self.length };
+        x.clamp(0.0, self.length)
+    }
+
+    #[inline(always)]
+    fn density(&self, x: f32) -> f32 {
+        if self.rate > 0.0 { self.rate * falling(self.rate * x) / self.whole } else { 1.0 / self.length }
+    }
+}
+
+/// The exponential of minus a depth; the polynomial ends at the least normal number.
+#[inline(always)]
+fn falling(depth: f32) -> f32 {
+    if depth < 87.0 { poly::exp(-depth) } else { 0.0 }
 }
 
 /// A value over a density; nothing where the density has vanished.

@@ -1,5 +1,6 @@
 //! Paths start: camera rays.
 
+use super::interior::{AroundCamera, Interior};
 use super::lanes::{WAVE, get, set, set_rgb};
 use super::samples::Samples;
 use super::wave::{Carried, Scratch, Vertices};
@@ -46,7 +47,15 @@ impl Integrator<'_> {
             paths.footprints.spread[..count].fill(spread);
         }
         if self.parts.interiors {
-            paths.interior[..count].fill(self.camera_interior);
+            match self.camera_interior {
+                AroundCamera::Same(interior) => paths.interior[..count].fill(interior),
+                AroundCamera::Differs => {
+                    for i in 0..count {
+                        let origin = get(&vertices.next_origin, i);
+                        paths.interior[i] = Interior::around(self.scene, origin);
+                    }
+                }
+            }
         }
         if self.parts.depths {
             paths.depth[..count].fill(0);

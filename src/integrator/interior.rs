@@ -1,7 +1,6 @@
 //! The solids that a path is inside of.
 
-use crate::camera::Camera;
-use crate::compile::CompiledScene;
+use crate::compile::{CompiledScene, View};
 use crate::math::{Ray, Vec3};
 use bytemuck::Zeroable;
 
@@ -49,20 +48,47 @@ impl Interior {
         (0..u64::BITS).step_by(BITS as usize).find(|&shift| (self.0 >> shift) as u16 == medium)
     }
 
-    /// The solids around a scene's camera: a ray that leaves it crosses their surfaces from behind once more often than
+    /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
     /// from the front. Three rays vote, as models have holes.
-    pub fn of_camera(scene: &CompiledScene, camera: &Camera) -> Interior {
-        // Rays of an orthographic camera start all over its plane: each learns where it is from what it hits.
-        if !scene.features.media || !camera.is_perspective() {
-            return Interior::AIR;
-        }
+    pub fn around(scene: &CompiledScene, p: Vec3) -> Interior {
         let ways =
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
-        let around = ways.map(|way| solids_around(scene, camera.position(), way.normalize()));
+        let around = ways.map(|way| solids_around(scene, p, way.normalize()));
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
         solids.fold(Interior::AIR, |interior, &m| interior.entered(m))
+    }
+}
+
+/// The solids around the points where a camera's rays start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum AroundCamera {
+    /// They are the same everywhere.
+    Same(Interior),
+    /// They differ over the plane of an orthographic camera.
+    Differs,
+}
+
+impl AroundCamera {
+    /// Rays of an orthographic camera start all over its plane: points of a lattice there are asked.
+    pub fn of(scene: &CompiledScene, view: &View) -> AroundCamera {
+        /// Cells of the lattice along each side of the picture. What lies between its points is found only by the rays that
+        /// hit its surface from behind.
+        const CELLS: u32 = 8;
+        let camera = &view.camera;
+        if !scene.features.media {
+            return AroundCamera::Same(Interior::AIR);
+        }
+        if camera.is_perspective() {
+            return AroundCamera::Same(Interior::around(scene, camera.position()));
+        }
+        let at = |k: u32, size: u32| (k * size) as f32 / CELLS as f32;
+        let corner = |i, j| camera.ray(at(i, view.width), at(j, view.height), [0.5; 2]).origin;
+        let first = Interior::around(scene, corner(0, 0));
+        let differs =
+            (0..=CELLS).any(|j| (0..=CELLS).any(|i| Interior::around(scene, corner(i, j)) != first));
+        if differs { AroundCamera::Differs } else { AroundCamera::Same(first) }
     }
 }
 

@@ -51,6 +51,9 @@ impl Integrator<'_> {
     pub(super) fn absorb_light(&self, sorted: &Sorted, wave: &mut Wave) {
         let Wave { paths, vertices: v, .. } = wave;
         for i in sorted.lit() {
+            if get_rgb(&v.light.contribution, i).max_element() <= 0.0 {
+                continue;
+            }
             let ray = (get(&v.light.origin, i), get(&v.light.direction, i));
             let end = if v.light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
             let left = self.left_between(self.towards_light(sorted, paths, v, i), ray, 0.0, end);

@@ -63,7 +63,7 @@ use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
-use interior::Interior;
+use interior::AroundCamera;
 use layers::Layers;
 use light_samplers::has_vector_sampler;
 use reuse::Tiling;
@@ -135,7 +135,7 @@ pub struct Integrator<'a> {
     /// Layers of the radiance that are kept.
     layers: Layers,
     /// Solids around the camera.
-    camera_interior: Interior,
+    camera_interior: AroundCamera,
     /// What paths carry.
     parts: PathParts,
     /// The scene's light, where it has one that is sampled without a choice.
@@ -153,8 +153,9 @@ const TIME_SET: u32 = 1 << 31;
 /// Bounces between two questions whether to stop; few paths see the first.
 const STOP_INTERVAL: u32 = 64;
 
-/// What paths may scatter within solids besides.
-const WALK: u32 = 1024;
+/// What paths may scatter within solids besides: a body that absorbs nothing is left by nearly all paths even where it is a
+/// hundred mean free paths thick, which take some ten thousand steps at most.
+const WALK: u32 = 1 << 16;
 
 /// Which of a path's sets of four Sobol dimensions is for what.
 #[derive(Clone, Copy)]
@@ -191,7 +192,7 @@ impl<'a> Integrator<'a> {
             absent_or_left_out,
             first_hits: options.aovs.of(Source::FirstHit),
             layers,
-            camera_interior: Interior::of_camera(scene, &view.camera),
+            camera_interior: AroundCamera::of(scene, view),
             parts: PathParts::of(
                 &scene.features,
                 scene.lights.use_tree(),

@@ -7,7 +7,7 @@
 
 use super::Integrator;
 use super::Purpose;
-use super::flight::{Flight, ShadowWay};
+use super::flight::{Crossed, Flight, ShadowWay};
 use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
 use super::lanes::{get_rgb, set, set_rgb};
@@ -77,9 +77,12 @@ impl Integrator<'_> {
     pub(super) fn end_flights(&self, bounce: u32, w: &mut Workspace) {
         for i in 0..w.rays.len() {
             let hit = w.hits[i];
-            let weight = self.passed(bounce, i, hit.t, w);
+            let mut weight = self.passed(bounce, i, hit.t, w);
+            let time = w.times.of(w.arriving.carried.sample[i]);
             let flight = &mut w.flights[i];
-            let mut weight = weight;
+            if let Some(crossed) = flight.crossed.filter(|c| self.bounds_at(c, &w.rays[i], (&hit, time))) {
+                w.arriving.interior[i] = crossed.before;
+            }
             if !hit.is_hit() && flight.until.is_finite() {
                 flight.scatters = true;
                 w.hits[i].t = flight.until;
@@ -89,6 +92,19 @@ impl Integrator<'_> {
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
         }
+    }
+
+    /// Does a surface lie where a boundary without one was crossed, nearer than the offset of rays that start there? They
+    /// will not cross it back: the surface is on the boundary's near side then.
+    fn bounds_at(&self, crossed: &Crossed, ray: &Ray, (hit, time): (&Hit, f32)) -> bool {
+        /// Farther apart, in proportion, nothing is near by rounding.
+        const NEAR: f32 = 1e-3;
+        let way = hit.t - crossed.at;
+        if !hit.is_hit() || way > NEAR * hit.t {
+            return false;
+        }
+        let surface = self.scene.geometries.surface(ray, hit, time);
+        way * ray.direction.dot(surface.ng).abs() <= surface.ng.abs().dot(surface.p_error)
     }
 
     /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what the medium emits
@@ -104,7 +120,7 @@ impl Integrator<'_> {
             let path = &w.arriving.carried;
             let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
             let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
-            let value = get_rgb(&path.throughput, i) * flight.glow(scattering, to, u);
+            let value = flight.glow(scattering, get_rgb(&path.throughput, i), to, u);
             w.sink.contribute(path.sample[i], value, || Origin {
                 way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
                 group: 0,
@@ -180,9 +196,9 @@ impl Integrator<'_> {
             if self.is_left_out(w.without, &hit) {
                 continue;
             }
-            let Some(beyond) = self.beyond_boundary(&w.rays[i], &hit, time, w.arriving.interior[i]) else {
-                continue;
-            };
+            let (here, last) = (w.arriving.interior[i], w.flights[i].crossed.map_or(0.0, |c| c.at));
+            let crossing = (&hit, time);
+            let Some(beyond) = self.beyond_boundary(&w.rays[i], crossing, here, last) else { continue };
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             let throughput = throughput * self.passed(bounce, i, hit.t, w);
             let path = &mut w.arriving.carried;
@@ -194,19 +210,33 @@ impl Integrator<'_> {
             let flight = self.fly(beyond.medium(), &w.rays[i], hit.t, throughput, None, u);
             w.rays[i].t_max = flight.until;
             w.flights[i] = flight;
+            w.flights[i].crossed = Some(Crossed { at: hit.t, before: here });
         }
     }
 
-    /// The solids behind a hit on a boundary without a surface; `None` at all others.
-    fn beyond_boundary(&self, ray: &Ray, hit: &Hit, time: f32, here: Interior) -> Option<Interior> {
+    /// The solids behind a hit on a boundary without a surface, where the one before was crossed at `last`; `None` at all
+    /// other hits.
+    fn beyond_boundary(
+        &self,
+        ray: &Ray,
+        (hit, time): (&Hit, f32),
+        here: Interior,
+        last: f32,
+    ) -> Option<Interior> {
+        /// In proportion, how far apart rounding takes the hits of two triangles at their common edge.
+        const ROUNDING: f32 = 4.0 * f32::EPSILON;
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
         if !material.is_boundary || material.medium_index == 0 {
             return None;
         }
         let own = material.medium_index;
+        let is_at_last = hit.t - last <= ROUNDING * hit.t;
         Some(match self.scene.geometries.is_back(ray, hit, time) {
             true if here.contains(own) => here.left(own),
-            true => here.left(here.medium()),
+            // A body may have several materials, one where it is entered and another where it is left.
+            true if self.scene.media[usize::from(here.medium())].is_boundary => here.left(here.medium()),
+            true => here,
+            false if is_at_last && here.medium() == own => here,
             false => here.entered(own),
         })
     }
@@ -234,7 +264,7 @@ impl Integrator<'_> {
         light: &mut LightLanes,
     ) {
         let Some(way) = way else { return };
-        if let Some(beyond) = self.beyond_boundary(ray, hit, time, way.interior) {
+        if let Some(beyond) = self.beyond_boundary(ray, (hit, time), way.interior, way.from) {
             let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, hit.t);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);

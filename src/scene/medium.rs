@@ -59,6 +59,19 @@ impl Medium {
     }
 }
 
+impl Medium {
+    /// The share of diffuse light that a thick body of it scatters back under a surface that neither refracts nor reflects:
+    /// the colour of [`Medium::subsurface`].
+    pub fn color(&self) -> [f32; 3] {
+        let g = f64::from(self.anisotropy);
+        self.albedo.map(|albedo| {
+            let albedo = f64::from(albedo.clamp(0.0, 1.0));
+            let s = ((1.0 - albedo) / (1.0 - g * albedo)).sqrt();
+            ((1.0 - s) * (1.0 - 0.139 * s) / (1.0 + 1.17 * s)) as f32
+        })
+    }
+}
+
 impl Parameters for Medium {}
 
 /// The extinction coefficients of Beer's law from what is left of white light after a distance (KHR_materials_volume); `None`
@@ -68,4 +81,17 @@ pub fn coefficients(color: [f32; 3], distance: f32) -> Option<[f32; 3]> {
     // Black would be infinite; f32's smallest normal number is black enough.
     let sigma = |c: f32| -f64::from(c.clamp(f32::MIN_POSITIVE, 1.0)).ln() / f64::from(distance);
     (!is_clear).then(|| color.map(|c| sigma(c) as f32))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bodies_have_the_color_that_they_were_made_for() {
+        for (color, anisotropy) in [(0.0, 0.0), (0.1, 0.3), (0.5, -0.4), (0.9, 0.8), (1.0, 0.0)] {
+            let [r, _, b] = Medium::subsurface([color, 0.5, color], [0.1; 3], anisotropy).color();
+            assert!((r - color).abs() < 1e-4 && r == b, "{color} {anisotropy}: {r}");
+        }
+    }
 }

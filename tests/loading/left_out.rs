@@ -189,6 +189,9 @@ fn keys_of_scene_files_that_do_nothing() {
     assert!(refusal("", ", iridescence_ior = 1.5").contains("does nothing without 'iridescence'"));
     let color = ", transmission = 1, volume = true, attenuation_color = [1, 2, 1], attenuation_distance = 1";
     assert!(refusal("", color).contains("'attenuation_color' must be from 0 to 1"));
+    let filled = ", volume = true, medium = { density = 5 }";
+    assert!(refusal("", filled).contains("no light reaches this 'medium'"));
+    assert_eq!(refusal("", &format!("{filled}, transmission = 1")), "");
     let faces = "box = { min = [0, 0, 0], max = [1, 1, 1] }\nmaterial = \"default\"\n\
                  materials = [\"default\", \"default\", \"default\", \"default\", \"default\", \"default\"]\n";
     let both = open(&[("s.toml", &format!("{SCENE}{faces}"))]).expect_err("one of them would be lost");

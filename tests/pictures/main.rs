@@ -10,6 +10,7 @@ mod converged;
 mod determinism;
 mod lamps;
 mod media;
+mod media_edges;
 mod one_sided;
 mod parts;
 mod passes;

@@ -2,6 +2,7 @@
 
 use super::super::Integrator;
 use super::super::group::Group;
+use super::super::interior::{AroundCamera, Interior};
 use super::super::normals::{scattering_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
@@ -60,7 +61,11 @@ impl Integrator<'_> {
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
         let plan = self.options.caustics?;
         // The way to the camera is in what surrounds that.
-        let medium = &self.scene.media[usize::from(self.camera_interior.medium())];
+        let around = match self.camera_interior {
+            AroundCamera::Same(interior) => interior,
+            AroundCamera::Differs => Interior::around(self.scene, sight.lens),
+        };
+        let medium = &self.scene.media[usize::from(around.medium())];
         let left =
             if self.scene.features.absorption { medium.transmittance(sight.distance) } else { Rgb::ONE };
         let value = path.radiance * f_cos * left * (path.scale * area / plan.paths as f32);

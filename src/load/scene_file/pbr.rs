@@ -10,7 +10,7 @@
 //! | `transmission` | 0 | share of light that passes |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
-//! | `medium` | none | what fills the solid, see `media` |
+//! | `medium` | none | what fills a solid that lets light in, see `media` |
 //! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
 //! | `dispersion` | 0 | 20 / Abbe number of the solid |
 //! | `clearcoat`, `clearcoat_roughness` | 0 | a clear layer on top, 0 to 1 |
@@ -105,12 +105,24 @@ fn filling(fields: &Fields, material: &mut Material, model: &mut PbrMaterial, me
         if !model.has_volume {
             let message = "a 'medium' needs the inside of a solid: add 'volume = true'";
             fields.problems.push(fields.span(), message);
+        } else if !lets_light_in(model) {
+            let span = fields.raw("medium").map_or(fields.span(), |value| value.span());
+            let message = "no light reaches this 'medium': the surface lets none in";
+            let help =
+                "add 'transmission' or 'diffuse_transmission', or say 'subsurface' in place of 'medium'";
+            fields.problems.push_help(span, message, help);
         }
         material.medium = Some(medium);
     }
     if let Some(medium) = media::subsurface(fields, model) {
         material.medium = Some(medium);
     }
+}
+
+/// Does light pass the surface of a solid?
+fn lets_light_in(model: &PbrMaterial) -> bool {
+    let has_subsurface = model.diffuse_transmission.is_some();
+    has_subsurface || model.transmission.factor > 0.0
 }
 
 /// Complains of keys that say how a layer is, without the one that says that it is there.

@@ -3,7 +3,8 @@
 use super::findings::{Findings, Place};
 use super::media::check_medium;
 use crate::scene::{
-    AlphaMode, Beam, ColorSlot, FloatSlot, Material, Model, Parameter, PbrMaterial, Scene, TextureId,
+    AlphaMode, Beam, ColorSlot, FloatSlot, Material, Medium, Model, Parameter, PbrMaterial, Scene, TextureId,
+    coefficients,
 };
 
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -25,9 +26,18 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         check_model(&material.model, place, findings);
         if let Some(medium) = &material.medium {
             check_medium(medium, &scene.grids, place, findings);
+            check_attenuation(medium, &material.model, place, findings);
         }
         check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
     }
+}
+
+/// A grid makes a medium thinner and thicker for all channels alike: what a solid absorbs everywhere has no place there.
+fn check_attenuation(medium: &Medium, model: &Model, place: Place, findings: &mut Findings) {
+    let Some(pbr) = model.pbr().filter(|pbr| pbr.has_volume && medium.grid.is_some()) else { return };
+    let is_met = coefficients(pbr.attenuation_color, pbr.attenuation_distance).is_none();
+    let rule = "infinite where the medium has a grid: give the medium a 'color' instead";
+    findings.require(is_met, place, "attenuation_distance", pbr.attenuation_distance, rule);
 }
 
 /// The peak of narrower beams has no place among single-precision numbers.

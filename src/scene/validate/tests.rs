@@ -231,6 +231,21 @@ fn media_are_checked() {
         let problems = with(medium, grids);
         assert!(problems.iter().any(|p| p.to_string().contains(words)), "{words}: {problems:?}");
     }
+    // What is absorbed everywhere has no place in a grid.
+    let with_attenuation = |medium: Medium| {
+        let pbr = crate::scene::PbrMaterial {
+            has_volume: true,
+            attenuation_color: [0.9, 0.5, 0.1],
+            attenuation_distance: 2.0,
+            ..Default::default()
+        };
+        let mut scene = Scene { grids: one(&[1.0]), ..Scene::default() };
+        scene.add_material(Material { medium: Some(medium), ..Material::gltf("jade", pbr) });
+        scene.validate()
+    };
+    assert!(with_attenuation(good).is_empty());
+    let problems = with_attenuation(gridded);
+    assert!(problems.iter().any(|p| p.to_string().contains("attenuation_distance")), "{problems:?}");
     let foggy =
         |medium, radius| Scene { fog: Some(Fog { medium, center: DVec3::ZERO, radius }), ..Scene::default() };
     assert!(!foggy(good, f64::NAN).validate().is_empty());
