@@ -41,6 +41,7 @@ mod outcome;
 mod page;
 mod picture_args;
 mod pictures;
+mod prepared;
 mod process;
 mod progress;
 mod render;

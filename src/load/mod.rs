@@ -151,6 +151,7 @@ fn way_to_a_scene(extension: &str) -> String {
 fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
     if matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar {
         let beside = scene_file::sidecar::path_for(path);
+        options.files.note(&beside);
         match beside.is_file() {
             true => scene_file::sidecar::apply(&beside, options, loaded)?,
             false => losses::say(path, loaded),

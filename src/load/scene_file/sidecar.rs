@@ -32,7 +32,7 @@ pub fn path_for(model: &Path) -> PathBuf {
 /// # Errors
 /// All problems of that file.
 pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    let text = read_text(path)?;
+    let text = read_text(path, options)?;
     let problems = Problems::new(&text);
     let message = add(path, &text, options, &problems, loaded);
     problems.into_result(path, &text)?;
