@@ -25,6 +25,14 @@ pub(super) struct Wants {
     pub pictures: u64,
 }
 
+impl Wants {
+    /// Pictures that become files.
+    pub fn of_files(args: &RenderArgs, has_exr: bool) -> Wants {
+        let pictures = args.frames.map_or(1, |frames| frames.numbers().count() as u64);
+        Wants { has_exr, keeps_uv: false, pictures }
+    }
+}
+
 pub(super) struct Prepared {
     pub scene: Arc<CompiledScene>,
     pub labels: Labels,

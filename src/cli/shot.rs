@@ -90,8 +90,7 @@ pub(super) fn run_one(
     start: Instant,
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
-    let pictures = args.frames.map_or(1, |frames| frames.numbers().count() as u64);
-    let wants = Wants { has_exr: targets.has_exr(), keeps_uv: false, pictures };
+    let wants = Wants::of_files(args, targets.has_exr());
     let prepared = prepare(args, wants, environment, loaded, start, compiler)?;
     let Prepared { scene, labels, camera, settled, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;

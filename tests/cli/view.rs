@@ -214,7 +214,7 @@ fn pictures_so_far_are_saved_as_files() {
 
 #[test]
 fn lying_slow_and_silent_clients_do_no_harm() {
-    let view = View::new(&[]);
+    let view = View::new(&["--threads", "2"]);
     let head = format!("POST {}/set HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n", view.path, view.port);
     let slow = view.send(&head);
     let lie = "Content-Length: 100000000000000\r\n\r\n";
@@ -234,9 +234,13 @@ fn lying_slow_and_silent_clients_do_no_harm() {
     assert_eq!(view.ask("GET", "/", "", &[]).0, 200);
     view.post("/set", r#"{"exposure": 0}"#);
     assert!(start.elapsed() < Duration::from_secs(4), "others don't wait for them: {:?}", start.elapsed());
-    if let Ok(status) = fs::read_to_string(format!("/proc/{}/status", view.child.id())) {
-        let threads = status.lines().find_map(|line| line.strip_prefix("Threads:")).unwrap();
-        assert!(threads.trim().parse::<u32>().unwrap() < 120, "{threads} threads");
+    // Where the system tells: the threads of those that were dropped end.
+    let threads = || {
+        let status = fs::read_to_string(format!("/proc/{}/status", view.child.id())).ok()?;
+        status.lines().find_map(|line| line.strip_prefix("Threads:"))?.trim().parse::<u32>().ok()
+    };
+    while threads().is_some_and(|n| n > 100) {
+        assert!(start.elapsed() < Duration::from_secs(4), "{:?} threads", threads());
     }
     drop(waiting);
     // The first of them was closed when others came, else after a while.

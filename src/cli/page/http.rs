@@ -125,8 +125,15 @@ impl Slot {
         Some(Slot { open: open.clone(), number })
     }
 
-    fn request_arrived(&self) {
-        self.open.lock().entry(self.number).and_modify(|connection| connection.is_reading = false);
+    /// Says that the request has arrived in full. Returns whether the connection still has its place.
+    fn request_arrived(&self) -> bool {
+        match self.open.lock().get_mut(&self.number) {
+            Some(connection) => {
+                connection.is_reading = false;
+                true
+            }
+            None => false,
+        }
     }
 }
 
@@ -139,10 +146,8 @@ impl Drop for Slot {
 fn converse(mut stream: TcpStream, slot: &Slot, answer: &Answering) -> io::Result<()> {
     stream.set_nodelay(true)?;
     match receive(&mut stream, Instant::now() + READING) {
-        Ok(request) => {
-            slot.request_arrived();
-            send(&mut stream, &answer(&request), request.method == "HEAD")
-        }
+        Ok(_) if !slot.request_arrived() => Ok(()),
+        Ok(request) => send(&mut stream, &answer(&request), request.method == "HEAD"),
         Err(Flaw::Gone) => Ok(()),
         Err(Flaw::Refused(status, reason)) => {
             let headers = vec![("Content-Type", "text/plain; charset=utf-8".to_string())];
