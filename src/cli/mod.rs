@@ -42,6 +42,7 @@ mod outcome;
 mod page;
 mod picture_args;
 mod pictures;
+mod prepared;
 mod process;
 mod progress;
 mod render;

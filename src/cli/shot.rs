@@ -4,22 +4,20 @@ use super::Outcome;
 use super::args::RenderArgs;
 use super::checkpoint::Keeper;
 use super::environment::EnvironmentOverride;
-use super::exr_args::Framed;
 use super::page::Preview;
-use super::pictures::{How, Pictures, Shot, Targets};
+use super::pictures::{Pictures, Shot, Targets};
+use super::prepared::{Prepared, Wants, prepare};
 use super::process::peak_memory;
 use super::progress::{Progress, Waiting};
 use super::report::{Run, Said};
-use super::settings::{choices, png, without_exr};
-use super::{json, limits, report_json, terms};
-use oscura::compile::{CompileReport, CompiledScene, Compiler};
+use super::{json, report_json};
+use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet};
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::Animation;
-use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering, Settled, Statistics, denoising_guides};
-use oscura::scene::Camera;
+use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -93,16 +91,15 @@ pub(super) fn run_one(
     start: Instant,
     Kept { said, compiler, animation, preview }: &mut Kept,
 ) -> Result<Outcome> {
-    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let prepared = prepare(args, targets.has_exr(), environment, loaded, start, compiler)?;
-    let Prepared { scene, labels, camera, settled, how, kept_aovs, .. } = prepared;
-    let Prepared { build, load_s, notes, mut warnings, left_out, .. } = prepared;
+    let wants = Wants::of_files(args, targets.has_exr());
+    let prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
+    let Prepared { notes, mut warnings, left_out, .. } = prepared;
+    targets.check_size(settled.options.width, settled.options.height)?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
-    targets.check_size(settled.options.width, settled.options.height)?;
-    let png = png(args, settled.exposure, is_stage_lit);
     let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
@@ -241,70 +238,6 @@ fn take_picture<'a>(
     progress.finish(rendering.is_complete());
     let kept = keeper.finish(&mut rendering);
     Ok((rendering, kept))
-}
-
-/// All that rendering needs.
-struct Prepared {
-    scene: Arc<CompiledScene>,
-    labels: Labels,
-    camera: Camera,
-    settled: Settled,
-    how: How,
-    /// AOVs that the files are to have.
-    kept_aovs: AovSet,
-    build: CompileReport,
-    load_s: f64,
-    notes: Vec<Warning>,
-    warnings: Vec<Warning>,
-    left_out: Vec<String>,
-}
-
-/// Settles options and compiles what was loaded since `start`; `has_exr` tells whether anything can hold AOVs.
-fn prepare(
-    args: &RenderArgs,
-    has_exr: bool,
-    environment: Option<&EnvironmentOverride>,
-    loaded: &mut Loaded,
-    start: Instant,
-    compiler: &mut Compiler,
-) -> Result<Prepared> {
-    terms::in_loaded(loaded);
-    let mut warnings = std::mem::take(&mut loaded.warnings);
-    let mut choices = choices(args);
-    if !has_exr {
-        choices = without_exr(args, choices, &mut warnings);
-        loaded.scene.settings.aovs = None;
-    }
-    let mut settled = choices.settle(&loaded.scene)?;
-    let kept_aovs = settled.options.aovs;
-    if args.picture.denoise {
-        settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
-    }
-    warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
-    let load_s = start.elapsed().as_secs_f64();
-
-    args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
-    limits::before_building(args, loaded, &settled)?;
-    let frame = (settled.options.width, settled.options.height);
-    args.exr.check(settled.options.aovs)?;
-    let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
-    let mut camera = settled.camera(&loaded.scene)?.clone();
-    if let Some(framed) = framed {
-        camera = framed.widened(camera);
-        settled.options = settled.options.size(framed.size.0, framed.size.1);
-    }
-    let size = (settled.options.width, settled.options.height);
-    compiler.set_tree(settled.tree(args.frames.map_or(1, |frames| frames.numbers().count() as u64)));
-    compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
-    let waiting = Waiting::new(args.quiet, "build");
-    let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
-    drop(waiting);
-    warnings.append(&mut build.warnings);
-    let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
-    left_out.append(&mut build.left_out);
-    let labels = Labels::of(&loaded.scene, &settled.options);
-    let how = How::of(args, framed.map(Framed::window));
-    Ok(Prepared { scene, labels, camera, settled, how, kept_aovs, build, load_s, notes, warnings, left_out })
 }
 
 /// With `--strict`, warnings are problems.

@@ -1,9 +1,25 @@
-//! Changes of finished films: what a denoiser puts in place of what was rendered.
+//! Changes of finished films: what a denoiser puts in place of what was rendered, and single pixels taken out.
 
 use super::{Aov, Film, Layout, Reduction};
+use crate::error::Result;
 use std::sync::Arc;
 
 impl Film {
+    /// One pixel as a film of its own: its numbers without those of all others.
+    ///
+    /// # Errors
+    /// As for [`Film::try_new`].
+    ///
+    /// # Panics
+    /// If it is outside the film.
+    pub fn pixel(&self, x: u32, y: u32) -> Result<Film> {
+        let from = self.index(x, y);
+        let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
+        let mut film = Film::of_layout(1, 1, layout)?;
+        film.sums.add_row(0, &self.sums, from, 1, &self.layout);
+        Ok(film.at(self.origin.0 + x, self.origin.1 + y))
+    }
+
     /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
     ///
     /// # Panics

@@ -2,6 +2,7 @@
 
 use super::blender::BlenderOptions;
 use super::gltf::GltfOptions;
+use super::saved::SavedFiles;
 use super::shutter::ShutterOptions;
 use super::stage::{StageOptions, Turntable};
 use super::upright::{Up, UpHint};
@@ -31,6 +32,8 @@ pub struct LoadOptions {
     pub shutter: ShutterOptions,
     /// How a model without camera or light is shown.
     pub stage: StageOptions,
+    /// Is told which files are read or looked for.
+    pub files: SavedFiles,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
     pub no_sidecar: bool,
 }

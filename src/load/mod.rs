@@ -136,7 +136,7 @@ pub fn load_frames(
 fn with_shutter(path: &Path, options: &LoadOptions) -> LoadOptions {
     let asks_sidecar = matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar;
     let shutter = match asks_sidecar {
-        true => scene_file::sidecar::with_shutter(path, options.shutter),
+        true => scene_file::sidecar::with_shutter(path, options),
         false => options.shutter,
     };
     LoadOptions { shutter, ..options.clone() }
@@ -169,6 +169,7 @@ fn way_to_a_scene(extension: &str) -> String {
 fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
     if matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar {
         let beside = scene_file::sidecar::path_for(path);
+        options.files.note(&beside);
         match beside.is_file() {
             true => scene_file::sidecar::apply(&beside, options, loaded)?,
             false => losses::say(path, loaded),

@@ -1,95 +1,114 @@
-//! Which files a scene may be made of, and when they were saved.
+//! Which files a scene was made of, and when they were saved.
 
-use super::is_named_as_scene;
 use std::collections::BTreeMap;
-use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, MutexGuard};
 use std::time::SystemTime;
 
-/// Folders below the scene's that are looked into, and most files.
-const DEPTH: u32 = 3;
-const MOST_FILES: usize = 10_000;
+/// When a file was saved and its bytes; `None` for one that isn't there.
+type Stamp = Option<(Option<SystemTime>, u64)>;
 
-/// What scenes are made of besides scenes.
-const PARTS: [&str; 13] =
-    ["bin", "mtl", "png", "jpg", "jpeg", "hdr", "exr", "ktx2", "webp", "tga", "bmp", "tif", "tiff"];
-
-/// The files that a scene may be made of, with their sizes and when they were saved: equal as long as none was saved again.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct SavedFiles(BTreeMap<PathBuf, (Option<SystemTime>, u64)>);
+/// The files that loading has read or looked for in vain. Clones are the same list.
+#[derive(Clone, Debug, Default)]
+pub struct SavedFiles(Arc<Mutex<BTreeMap<PathBuf, Stamp>>>);
 
 impl SavedFiles {
-    /// Those in the scene's folder, and below it, that may belong to it, and those that a scene file names.
-    pub fn of(scene: impl AsRef<Path>) -> SavedFiles {
-        let scene = scene.as_ref();
-        let folder = scene.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-        let mut files = SavedFiles::default();
-        files.add_folder(folder, DEPTH);
-        for named in named_in(scene) {
-            let path = folder.join(named);
-            files.add(&path);
-        }
-        files.add(scene);
-        files
+    /// Notes a file as it is now, before it is read.
+    pub fn note(&self, path: impl AsRef<Path>) {
+        let path = path.as_ref();
+        self.lock().entry(path.to_path_buf()).or_insert_with(|| stamp(path));
     }
 
-    fn add(&mut self, path: &Path) {
-        if let Ok(data) = path.metadata()
-            && data.is_file()
-            && self.0.len() < MOST_FILES
-        {
-            self.0.insert(path.to_path_buf(), (data.modified().ok(), data.len()));
+    /// Was any of them saved, removed or made since it was noted or this was asked?
+    pub fn have_changed(&self) -> bool {
+        let mut has_any = false;
+        for (path, known) in self.lock().iter_mut() {
+            let now = stamp(path);
+            has_any |= now != *known;
+            *known = now;
         }
+        has_any
     }
 
-    fn add_folder(&mut self, folder: &Path, depth: u32) {
-        for entry in folder.read_dir().into_iter().flatten().flatten() {
-            let path = entry.path();
-            if self.0.len() >= MOST_FILES || entry.file_name().to_string_lossy().starts_with('.') {
-                continue;
-            }
-            match entry.file_type() {
-                Ok(kind) if kind.is_dir() && depth > 0 => self.add_folder(&path, depth - 1),
-                Ok(kind) if !kind.is_dir() && is_part(&path) => self.add(&path),
-                _ => {}
-            }
+    /// Takes the files of a newer load: all in place of these, or, where that failed, besides these.
+    pub fn take_over(&self, newer: &SavedFiles, has_failed: bool) {
+        let newer = newer.lock().clone();
+        let mut own = self.lock();
+        if !has_failed {
+            own.clear();
         }
+        own.extend(newer);
+    }
+
+    /// Their paths.
+    pub fn paths(&self) -> Vec<PathBuf> {
+        self.lock().keys().cloned().collect()
+    }
+
+    fn lock(&self) -> MutexGuard<'_, BTreeMap<PathBuf, Stamp>> {
+        self.0.lock().unwrap_or_else(|poisoned| poisoned.into_inner())
     }
 }
 
-fn is_part(path: &Path) -> bool {
-    let extension = path.extension().and_then(OsStr::to_str).unwrap_or_default().to_ascii_lowercase();
-    is_named_as_scene(path) || PARTS.contains(&extension.as_str())
-}
-
-/// What a scene file names that may be a file: the strings in quotation marks that end as one does.
-fn named_in(scene: &Path) -> Vec<String> {
-    let is_text =
-        scene.extension().is_some_and(|e| e.eq_ignore_ascii_case("toml") || e.eq_ignore_ascii_case("gltf"));
-    let text = if is_text { std::fs::read_to_string(scene).unwrap_or_default() } else { String::new() };
-    let strings = text.split('"').filter(|word| word.len() < 1000 && !word.contains('\n'));
-    strings.filter(|word| is_part(Path::new(word))).map(str::to_string).collect()
+fn stamp(path: &Path) -> Stamp {
+    let data = path.metadata().ok()?;
+    Some((data.modified().ok(), data.len()))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::load::{LoadOptions, load};
+    use std::fs;
+
+    /// A grid of one voxel.
+    fn grid() -> Vec<u8> {
+        let mut bytes = b"VOL\x03".to_vec();
+        [1u32, 1, 1, 1, 1].iter().for_each(|n| bytes.extend(n.to_le_bytes()));
+        [0.0f32, 0.0, 0.0, 1.0, 1.0, 1.0, 0.5].iter().for_each(|v| bytes.extend(v.to_le_bytes()));
+        bytes
+    }
 
     #[test]
-    fn saved_files_are_noticed() {
+    fn what_a_scene_is_made_of_is_watched_and_nothing_else() {
         let folder = tempfile::tempdir().unwrap();
-        let model = folder.path().join("part.obj");
-        let scene = folder.path().join("scenes/a.toml");
-        std::fs::create_dir(folder.path().join("scenes")).unwrap();
-        std::fs::write(&model, "v 0 0 0").unwrap();
-        std::fs::write(&scene, "[[objects]]\nfile = \"../part.obj\"\n").unwrap();
-        let before = SavedFiles::of(&scene);
-        assert_eq!(before.0.len(), 2);
-        assert_eq!(SavedFiles::of(&scene), before);
-        std::fs::write(&model, "v 0 0 0\nv 1 0 0").unwrap();
-        assert_ne!(SavedFiles::of(&scene), before);
-        let before = SavedFiles::of(&scene);
-        std::fs::write(folder.path().join("scenes/picture.txt"), "no part").unwrap();
-        assert_eq!(SavedFiles::of(&scene), before);
+        let file = |name: &str| folder.path().join(name);
+        fs::create_dir(file("scenes")).unwrap();
+        fs::write(file("part.obj"), "mtllib part.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+        fs::write(file("smoke.vol"), grid()).unwrap();
+        let scene = file("scenes/a.toml");
+        let text = "[materials.smoke]\ntype = \"dielectric\"\nmedium = { density = 1.0, grid = \"../smoke.vol\" }\n\
+                    [[objects]]\nfile = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
+                    material = \"smoke\"\n";
+        fs::write(&scene, text).unwrap();
+        let options = LoadOptions::default();
+        load(&scene, &options).unwrap();
+        let files = &options.files;
+        let read = files.paths();
+        for name in ["a.toml", "../part.obj", "../part.mtl", "../smoke.vol"] {
+            assert!(read.contains(&file("scenes").join(name)), "{name}: {read:?}");
+        }
+        assert!(!files.have_changed());
+        for other in ["picture.png", "scenes/b.toml", "scenes/c.exr"] {
+            fs::write(file(other), "no part").unwrap();
+        }
+        assert!(!files.have_changed(), "files that the scene isn't made of");
+        for (name, text) in [("smoke.vol", ""), ("part.mtl", "newmtl a\n"), ("part.obj", "v 0 0 0")] {
+            fs::write(file(name), text).unwrap();
+            assert!(files.have_changed() && !files.have_changed(), "{name} was saved");
+        }
+        fs::remove_file(scene).unwrap();
+        assert!(files.have_changed());
+    }
+
+    #[test]
+    fn a_load_that_failed_is_watched_besides() {
+        let (own, newer) = (SavedFiles::default(), SavedFiles::default());
+        own.note("a");
+        newer.note("b");
+        own.take_over(&newer, true);
+        assert_eq!(own.paths().len(), 2);
+        own.take_over(&newer, false);
+        assert_eq!(own.paths(), [PathBuf::from("b")]);
     }
 }

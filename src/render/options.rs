@@ -53,11 +53,11 @@ pub enum Caustics {
     /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
     /// light. Not in scenes with media that scatter or with thin sheets of glass, beside light passes, groups of
     /// lights and the variance, and with [adaptive sampling](Adaptive).
-    #[default]
     Auto,
     /// Wherever that is possible.
     On,
     /// Never.
+    #[default]
     Off,
 }
 
@@ -139,7 +139,7 @@ pub struct RenderOptions {
     pub path_reuse: PathReuse,
     /// Into how many paths samples split. Default [`Splitting::Auto`].
     pub splitting: Splitting,
-    /// Whether caustics are found from the lamp. Default [`Caustics::Auto`].
+    /// Whether caustics are found from the lamp. Default [`Caustics::Off`].
     pub caustics: Caustics,
     /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,

@@ -29,6 +29,8 @@ struct View {
     folder: tempfile::TempDir,
     child: Child,
     port: u16,
+    /// The path of the page, without the slash at its end.
+    path: String,
 }
 
 impl View {
@@ -37,8 +39,12 @@ impl View {
     }
 
     fn start(arguments: &[&str]) -> View {
+        View::of(&[("scene.toml", SCENE)], arguments)
+    }
+
+    fn of(files: &[(&str, &str)], arguments: &[&str]) -> View {
         let folder = tempfile::tempdir().unwrap();
-        fs::write(folder.path().join("scene.toml"), SCENE).unwrap();
+        files.iter().for_each(|(name, text)| fs::write(folder.path().join(name), text).unwrap());
         let mut child = Command::new(env!("CARGO_BIN_EXE_oscura"))
             .args(arguments)
             .args(["--width", "64", "--height", "48"])
@@ -50,27 +56,32 @@ impl View {
         let line = lines.find_map(|line| line.ok().filter(|l| l.contains("http://"))).expect("an address");
         // Who isn't listened to could not go on.
         std::thread::spawn(move || lines.for_each(drop));
-        let port = line.split("127.0.0.1:").nth(1).and_then(|rest| rest.split('/').next()).unwrap();
-        View { folder, child, port: port.parse().unwrap() }
+        let place = line.split("127.0.0.1:").nth(1).and_then(|rest| rest.split("/ ").next()).unwrap();
+        let (port, key) = place.split_once('/').unwrap();
+        View { folder, child, port: port.parse().unwrap(), path: format!("/{key}") }
+    }
+
+    /// A connection on which something has been sent.
+    fn send(&self, text: &str) -> TcpStream {
+        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
+        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        // Who is refused early may not take all of it.
+        stream.write_all(text.as_bytes()).ok();
+        stream
     }
 
     /// Status and body.
     fn ask(&self, method: &str, path: &str, body: &str, headers: &[&str]) -> (u16, Vec<u8>) {
-        let mut stream = TcpStream::connect(("127.0.0.1", self.port)).unwrap();
-        stream.set_read_timeout(Some(Duration::from_secs(60))).unwrap();
+        self.ask_outside(method, &format!("{}{path}", self.path), body, headers)
+    }
+
+    /// Status and body for a path that may not have the page's key.
+    fn ask_outside(&self, method: &str, path: &str, body: &str, headers: &[&str]) -> (u16, Vec<u8>) {
         let own = format!("Host: 127.0.0.1:{}", self.port);
         let headers = if headers.is_empty() { own } else { headers.join("\r\n") };
-        write!(
-            stream,
-            "{method} {path} HTTP/1.0\r\n{headers}\r\nContent-Length: {}\r\n\r\n{body}",
-            body.len()
-        )
-        .unwrap();
-        let mut answer = Vec::new();
-        stream.read_to_end(&mut answer).unwrap();
-        let end = answer.windows(4).position(|w| w == b"\r\n\r\n").expect("a header");
-        let status = String::from_utf8_lossy(&answer[..end]).split(' ').nth(1).unwrap().parse().unwrap();
-        (status, answer[end + 4..].to_vec())
+        let length = body.len();
+        let text = format!("{method} {path} HTTP/1.0\r\n{headers}\r\nContent-Length: {length}\r\n\r\n{body}");
+        answer(self.send(&text))
     }
 
     fn post(&self, path: &str, body: &str) {
@@ -107,6 +118,15 @@ impl Drop for View {
         self.child.kill().ok();
         self.child.wait().ok();
     }
+}
+
+/// Status and body of an answer, read to its end.
+fn answer(mut stream: TcpStream) -> (u16, Vec<u8>) {
+    let mut answer = Vec::new();
+    stream.read_to_end(&mut answer).unwrap();
+    let end = answer.windows(4).position(|w| w == b"\r\n\r\n").expect("a header");
+    let status = String::from_utf8_lossy(&answer[..end]).split(' ').nth(1).unwrap().parse().unwrap();
+    (status, answer[end + 4..].to_vec())
 }
 
 fn pixel(pixels: &[u8], x: usize, y: usize) -> [u8; 4] {
@@ -146,19 +166,37 @@ fn a_picture_refines_turns_and_is_probed() {
     }
 }
 
-#[test]
-fn the_command_renders_what_is_shown() {
-    let view = View::new(&[]);
-    view.finished();
-    view.post("/move", r#"{"orbit": [0.5, 0.25], "pan": [0.1, 0.05]}"#);
-    let (state, shown) = view.finished();
-    let words: Vec<&str> = state["command"].as_str().unwrap().split(' ').skip(1).collect();
+/// Renders by the command that a page tells; it must be the picture that the page shows.
+fn assert_command_renders(view: &View, (state, shown): (Value, Vec<u8>)) {
+    let command = state["command"].as_str().unwrap();
+    let words: Vec<&str> = command.split(' ').skip(1).collect();
     let output = oscura(view.folder.path(), &words);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let rendered = image::open(view.folder.path().join("picture.png")).unwrap().into_rgba8();
     // The camera's place is rounded to seven digits.
     let differ = rendered.as_raw().iter().zip(&shown).filter(|(a, b)| a.abs_diff(**b) > 2).count();
-    assert!(differ <= shown.len() / 200, "{differ} of {} bytes differ", shown.len());
+    assert!(differ <= shown.len() / 200, "{differ} of {} bytes differ: {command}", shown.len());
+}
+
+#[test]
+fn the_command_renders_what_is_shown() {
+    let view = View::new(&[]);
+    view.finished();
+    view.post("/move", r#"{"orbit": [0.5, 0.25], "pan": [0.1, 0.05]}"#);
+    assert_command_renders(&view, view.finished());
+}
+
+#[test]
+fn the_command_says_what_the_arguments_said() {
+    let scene = SCENE.replace("[camera]", "[render]\nexposure = 2\nsamples = 1\n[camera]");
+    let arguments = "view scene.toml --no-open --eye 1,2,3 --target 0.2,0,0 --defocus 8 --fov 50";
+    let arguments: Vec<&str> = arguments.split(' ').collect();
+    let view = View::of(&[("scene.toml", &scene)], &arguments);
+    let (_, pixels) = view.wait(|state| state["samples"].as_f64().is_some_and(|n| n >= 1.0));
+    assert_eq!(pixel(&pixels, 1, 1), [255, 255, 255, 255], "by the scene's exposure");
+    view.post("/set", r#"{"exposure": 0}"#);
+    let (state, shown) = view.wait(|state| state["exposure"] == 0.0 && state["finished"] == true);
+    assert_command_renders(&view, (state, shown));
 }
 
 #[test]
@@ -172,6 +210,59 @@ fn pictures_so_far_are_saved_as_files() {
         assert_eq!(view.ask("GET", page, "", &[]).0, 200, "{page}");
     }
     assert_eq!(view.ask("GET", "/../Cargo.toml", "", &[]).0, 404);
+}
+
+#[test]
+fn lying_slow_and_silent_clients_do_no_harm() {
+    let view = View::new(&["--threads", "2"]);
+    let head = format!("POST {}/set HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n", view.path, view.port);
+    let slow = view.send(&head);
+    let lie = "Content-Length: 100000000000000\r\n\r\n";
+    assert_eq!(answer(view.send(&format!("{head}{lie}"))).0, 413);
+    assert_eq!(answer(view.send(&format!("POST /set HTTP/1.1\r\nHost: evil\r\n{lie}"))).0, 413);
+    assert_eq!(answer(view.send(&format!("{head}Content-Length: -1\r\n\r\n"))).0, 400);
+    assert_eq!(answer(view.send(&format!("{head}A: {}\r\n\r\n", "a".repeat(100_000)))).0, 431);
+    assert_eq!(answer(view.send("GET / HTTP/1.1\r\nno header\r\n\r\n")).0, 400);
+
+    // Requests whose bodies don't come, and connections on which nothing is said.
+    let start = Instant::now();
+    let waiting: Vec<TcpStream> = (0..150)
+        .map(|i| {
+            view.send(&if i % 2 == 0 { format!("{head}Content-Length: 5000\r\n\r\n") } else { String::new() })
+        })
+        .collect();
+    assert_eq!(view.ask("GET", "/", "", &[]).0, 200);
+    view.post("/set", r#"{"exposure": 0}"#);
+    assert!(start.elapsed() < Duration::from_secs(4), "others don't wait for them: {:?}", start.elapsed());
+    // Where the system tells: the threads of those that were dropped end.
+    let threads = || {
+        let status = fs::read_to_string(format!("/proc/{}/status", view.child.id())).ok()?;
+        status.lines().find_map(|line| line.strip_prefix("Threads:"))?.trim().parse::<u32>().ok()
+    };
+    while threads().is_some_and(|n| n > 100) {
+        assert!(start.elapsed() < Duration::from_secs(4), "{:?} threads", threads());
+    }
+    drop(waiting);
+    // The first of them was closed when others came, else after a while.
+    let mut nothing = Vec::new();
+    (&slow).read_to_end(&mut nothing).ok();
+    assert!(nothing.is_empty());
+    let alone = view.send(&head);
+    let start = Instant::now();
+    (&alone).read_to_end(&mut nothing).ok();
+    assert!(nothing.is_empty() && start.elapsed() < Duration::from_secs(20), "{:?}", start.elapsed());
+}
+
+#[test]
+fn who_does_not_know_the_key_sees_nothing() {
+    let view = View::new(&[]);
+    let other = format!("/{}/", "0".repeat(32));
+    for path in ["/", "/frame?after=0", "/open/", &other] {
+        assert_eq!(view.ask_outside("GET", path, "", &[]).0, 403, "{path}");
+    }
+    assert_eq!(view.ask_outside("POST", "/set", r#"{"exposure": 1}"#, &[]).0, 403);
+    assert_eq!(view.ask_outside("GET", &view.path, "", &[]).0, 303);
+    assert_eq!(view.ask("GET", "/", "", &[]).0, 200);
 }
 
 #[test]
@@ -196,11 +287,53 @@ fn saved_scenes_are_loaded_again_and_broken_ones_reported() {
     let file = view.folder.path().join("scene.toml");
     view.finished();
     fs::write(&file, "[camera").unwrap();
-    let (_, pixels) = view.wait(|state| state["trouble"].as_str().is_some_and(|t| t.contains("scene.toml")));
-    assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255], "the old picture stays");
+    let is_told = |state: &Value| state["trouble"].as_str().is_some_and(|t| t.contains("scene.toml"));
+    let (_, pixels) = view.wait(|state| is_told(state) && state["finished"] == true);
+    assert_eq!(pixel(&pixels, 32, 24), [255, 0, 0, 255], "the old picture stays, and goes on");
+    view.post("/move", r#"{"pan": [0.5, 0]}"#);
+    let (state, _) = view.finished();
+    assert!(is_told(&state), "the scene is still broken: {state}");
+    view.post("/camera", "0");
     fs::write(&file, SCENE.replace("[1, 0, 0]", "[0, 1, 0]")).unwrap();
     let (state, pixels) = view.wait(|state| state["trouble"] == "" && state["finished"] == true);
     assert_eq!(pixel(&pixels, 32, 24), [0, 255, 0, 255], "{state}");
+}
+
+#[test]
+fn files_that_the_scene_is_not_made_of_start_nothing() {
+    let view = View::new(&["--watch"]);
+    let (state, _) = view.finished();
+    for name in ["picture.png", "picture.exr", "other.toml"] {
+        fs::write(view.folder.path().join(name), "no part of the scene").unwrap();
+    }
+    std::thread::sleep(Duration::from_millis(1300));
+    assert_eq!(view.wait(|_| true).0["version"], state["version"]);
+}
+
+#[test]
+fn texture_coordinates_are_shown_of_meshes_without_textures() {
+    let mesh = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
+    let scene = SCENE.replace("sphere = { center = [0, 0, 0], radius = 0.5 }", "file = \"quad.obj\"");
+    let files = [("scene.toml", scene.as_str()), ("quad.obj", mesh)];
+    let view = View::of(&files, &["view", "scene.toml", "--no-open", "--spp", "4"]);
+    view.finished();
+    view.post("/set", r#"{"pass": "uv"}"#);
+    let (_, pixels) = view.wait(|state| state["pass"] == "uv" && state["finished"] == true);
+    let (left, right) = (pixel(&pixels, 20, 24), pixel(&pixels, 44, 24));
+    assert!(left[0] + 100 < right[0], "u grows to the right: {left:?} {right:?}");
+}
+
+#[test]
+fn what_does_not_fit_into_memory_is_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    // A file with nothing in it, which takes no room.
+    let file = fs::File::create(folder.path().join("scene.glb")).unwrap();
+    if file.set_len(1 << 43).is_err() {
+        return println!("skipped: this disk holds no files of 8 TiB");
+    }
+    let output = oscura(folder.path(), &["view", "scene.glb", "--no-open"]);
+    assert_eq!(output.status.code(), Some(2), "{}", stderr(&output));
+    assert!(stderr(&output).contains("memory"), "{}", stderr(&output));
 }
 
 #[test]

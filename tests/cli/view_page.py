@@ -63,7 +63,7 @@ class Program:
         while self.address is None:
             line = self.process.stderr.readline()
             assert line, "the program ended before it had a page"
-            found = re.search(r"http://127\.0\.0\.1:\d+/", line)
+            found = re.search(r"http://127\.0\.0\.1:\d+/[0-9a-f]+/", line)
             self.address = found and found.group()
 
     def end(self):
@@ -80,14 +80,16 @@ def wait_for(page, condition, what):
 
 
 def check_hosts(address):
-    """Other names for this machine, and pages of other sites, are refused."""
-    for headers in [{"Host": "evil.example"}, {"Origin": "http://evil.example"}, {"Sec-Fetch-Site": "cross-site"}]:
+    """Other names for this machine, pages of other sites, and who doesn't know the key are refused."""
+    without_key = re.sub("/[0-9a-f]+/$", "/", address)
+    for url, headers in [(address, {"Host": "evil.example"}), (address, {"Origin": "http://evil.example"}),
+                         (address, {"Sec-Fetch-Site": "cross-site"}), (without_key, {})]:
         try:
-            urllib.request.urlopen(urllib.request.Request(address, headers=headers))
+            urllib.request.urlopen(urllib.request.Request(url, headers=headers))
         except urllib.error.HTTPError as error:
             assert error.code == 403, error
         else:
-            raise AssertionError(f"{headers} should be refused")
+            raise AssertionError(f"{url} with {headers} should be refused")
 
 
 def check(page, other, program, pictures):

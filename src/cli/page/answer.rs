@@ -1,5 +1,6 @@
 //! What the page asks for, and the answers.
 
+use super::frame::Frame;
 use super::pose::Move;
 use super::state::{Shared, State};
 use super::told;
@@ -7,6 +8,7 @@ use oscura::film::Aov;
 use oscura::output::{Format, OutputOptions, ViewTransform, encode};
 use serde::Deserialize;
 use serde_json::{Value, json};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// How long a page waits for news before it asks again.
@@ -29,19 +31,25 @@ pub(super) struct Answer {
     pub body: Vec<u8>,
     /// A name to save it by.
     pub name: Option<&'static str>,
+    /// The path to go to instead.
+    pub place: Option<String>,
 }
 
 impl Answer {
     pub fn text(status: u16, text: &str) -> Answer {
-        Answer { status, kind: "text/plain; charset=utf-8", body: text.as_bytes().to_vec(), name: None }
+        Answer { status, body: text.as_bytes().to_vec(), ..Answer::of("text/plain; charset=utf-8") }
     }
 
     fn json(value: &Value) -> Answer {
-        Answer { status: 200, kind: "application/json", body: value.to_string().into_bytes(), name: None }
+        Answer { body: value.to_string().into_bytes(), ..Answer::of("application/json") }
     }
 
     fn bytes(body: Vec<u8>) -> Answer {
-        Answer { status: 200, kind: "application/octet-stream", body, name: None }
+        Answer { body, ..Answer::of("application/octet-stream") }
+    }
+
+    fn of(kind: &'static str) -> Answer {
+        Answer { status: 200, kind, body: Vec::new(), name: None, place: None }
     }
 }
 
@@ -137,10 +145,16 @@ pub(super) fn post(url: &str, body: &str, shared: &Shared) -> Answer {
 }
 
 fn go(step: Move, shared: &Shared) {
+    let depth = {
+        let state = shared.lock();
+        // A frame of an earlier wish may be another camera's.
+        let fits = |frame: &&Arc<Frame>| frame.order == state.wishes && !state.wish.pose.is_changed();
+        let frame = state.frame.as_ref().filter(fits).cloned();
+        drop(state);
+        frame.and_then(|frame| frame.depth(0.5, 0.5))
+    };
     shared.wish(|state| {
-        if let (Some(frame), false) = (state.frame.clone(), state.wish.pose.is_changed())
-            && let Some(depth) = frame.depth(0.5, 0.5)
-        {
+        if let (Some(depth), false) = (depth, state.wish.pose.is_changed()) {
             state.wish.pose.set_target_distance(depth);
         }
         state.wish.pose.apply(step);

@@ -56,12 +56,11 @@ impl Frame {
     /// Everything about the pixel at a place, as shares of width and height from the upper left corner.
     pub fn probe(&self, x: f64, y: f64) -> Option<Value> {
         let (x, y) = self.pixel(x, y)?;
-        let at = y as usize * self.film.width() as usize + x as usize;
         let mut values = Map::new();
-        for plane in self.film.planes() {
+        for plane in self.film.pixel(x, y).ok()?.planes() {
             let value = match &plane.values {
-                Values::Float(values) => values.get(at).map(|v| json!(v)),
-                Values::Uint(values) => values.get(at).map(|v| json!(v)),
+                Values::Float(values) => values.first().map(|v| json!(v)),
+                Values::Uint(values) => values.first().map(|v| json!(v)),
                 _ => None,
             };
             values.insert(plane.name.to_string(), value.unwrap_or(Value::Null));
@@ -73,8 +72,7 @@ impl Frame {
     /// Depth at a place, metres; `None` where nothing was hit.
     pub fn depth(&self, x: f64, y: f64) -> Option<f64> {
         let (x, y) = self.pixel(x, y)?;
-        let depths = self.film.plane("Z")?.into_floats();
-        let depth = depths[y as usize * self.film.width() as usize + x as usize];
+        let depth = *self.film.pixel(x, y).ok()?.plane("Z")?.into_floats().first()?;
         (depth > 0.0 && depth < 0.5 * oscura::film::BACKGROUND_DEPTH).then_some(f64::from(depth))
     }
 

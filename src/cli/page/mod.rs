@@ -2,7 +2,9 @@
 //! the threads that answer requests and the one that renders.
 
 mod answer;
+mod door;
 mod frame;
+mod http;
 mod pose;
 mod preview;
 mod server;

@@ -1,5 +1,6 @@
 //! Where the camera stands, and how hands move it: around a target, sideways, nearer.
 
+use crate::cli::camera_args::CameraArgs;
 use oscura::math::{DAffine3, DVec3};
 use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -16,6 +17,17 @@ pub(crate) struct Pose {
     is_moved: bool,
     is_lens_changed: bool,
     is_zoomed: bool,
+    given: Given,
+}
+
+/// What the arguments of the program said about a camera, which a command that renders it has to say again.
+#[derive(Clone, Copy, Debug, Default)]
+struct Given {
+    place: bool,
+    height: bool,
+    lens: bool,
+    /// Degrees.
+    fov: Option<f64>,
 }
 
 /// What a hand does.
@@ -34,7 +46,20 @@ impl Pose {
     /// A scene's camera, whose target is so far ahead.
     pub fn new(camera: Camera, distance: f64) -> Pose {
         let target = camera.world_from_camera.translation + distance * ahead(&camera);
-        Pose { camera, target, is_moved: false, is_lens_changed: false, is_zoomed: false }
+        let given = Given::default();
+        Pose { camera, target, is_moved: false, is_lens_changed: false, is_zoomed: false, given }
+    }
+
+    /// The same for the camera that arguments were about, and a vertical field of view in degrees.
+    #[must_use]
+    pub fn with_arguments(self, place: &CameraArgs, fov: Option<f64>) -> Pose {
+        let given = Given {
+            place: place.eye.is_some(),
+            height: place.view_height.is_some(),
+            lens: place.focus.or(place.defocus).is_some(),
+            fov,
+        };
+        Pose { target: place.target.unwrap_or(self.target), given, ..self }
     }
 
     /// Did anybody move it or change its lens?
@@ -133,16 +158,24 @@ impl Pose {
         let point = |p: DVec3| format!("{},{},{}", short(p.x), short(p.y), short(p.z));
         let mut arguments = Vec::new();
         let mut add = |option: &str, value: String| arguments.extend([option.to_string(), value]);
-        if self.is_moved {
+        if self.is_moved || self.given.place {
             add("--eye", point(self.camera.world_from_camera.translation));
             add("--target", point(self.target));
         }
-        if let (Projection::Orthographic { half_height }, true) = (self.camera.projection, self.is_zoomed) {
+        if let Some(degrees) = self.given.fov {
+            add("--fov", degrees.to_string());
+        }
+        let has_height = self.is_zoomed || self.given.height;
+        if let (Projection::Orthographic { half_height }, true) = (self.camera.projection, has_height) {
             add("--view-height", short(2.0 * half_height));
         }
-        if let (Some(lens), true) = (self.camera.lens, self.is_lens_changed) {
-            add("--focus", short(lens.focus_distance));
-            add("--defocus", short(lens.defocus_angle_rad.to_degrees()));
+        match (self.camera.lens, self.is_lens_changed || self.given.lens) {
+            (_, false) => {}
+            (Some(lens), true) => {
+                add("--focus", short(lens.focus_distance));
+                add("--defocus", short(lens.defocus_angle_rad.to_degrees()));
+            }
+            (None, true) => add("--defocus", "0".to_string()),
         }
         arguments
     }
@@ -203,6 +236,15 @@ mod tests {
         pose.open(1.5);
         let said = pose.arguments().join(" ");
         assert_eq!(said, "--eye 0,0,10 --target 0,0,0 --focus 10 --defocus 1.5");
+        let place = CameraArgs { view_height: Some(3.0), defocus: Some(0.0), ..CameraArgs::default() };
+        let mut parallel = pose.camera.clone();
+        parallel.projection = Projection::Orthographic { half_height: 1.5 };
+        parallel.lens = None;
+        let mut given = Pose::new(parallel, 5.0).with_arguments(&place, None);
+        assert_eq!(given.arguments().join(" "), "--view-height 3 --defocus 0");
+        given.apply(Move { dolly: Some(0.5), ..Move::default() });
+        let said = given.arguments();
+        assert_eq!(said.iter().filter(|word| *word == "--view-height").count(), 1, "{said:?}");
         assert_eq!([short(0.0), short(-1234567.89), short(1.0 / 3.0)], ["0", "-1234568", "0.3333333"]);
     }
 }

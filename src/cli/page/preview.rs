@@ -4,6 +4,7 @@ use super::frame::{Frame, Look};
 use super::pose::Pose;
 use super::server::{Page, bind};
 use super::state::{Facts, Shared, Wish};
+use super::told;
 use crate::cli::args::{PreviewArg, RenderArgs};
 use oscura::error::Result;
 use oscura::film::Aov;
@@ -34,7 +35,7 @@ impl Preview {
         let wish = Wish { pose, camera: 0, size: (1, 1), rotation: None, aov: None, loads: 0 };
         let facts = Facts {
             name: args.scene.file_name().unwrap_or_default().to_string_lossy().into_owned(),
-            command: std::iter::once("oscura".to_string()).chain(std::env::args().skip(1)).collect(),
+            command: std::iter::once("oscura".to_string()).chain(told::arguments()).collect(),
             ..Facts::default()
         };
         let look = Look { png: PngOptions::default(), aov: None };

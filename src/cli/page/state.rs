@@ -23,6 +23,23 @@ pub(crate) struct Wish {
     pub loads: u64,
 }
 
+impl Wish {
+    /// Brings it to a scene that was loaded again, which is shown as `own` says at first; before, there were these sizes.
+    pub fn fit(&mut self, own: &Wish, sizes_before: &[(u32, u32)], facts: &Facts, poses: &[Pose]) {
+        if !facts.sizes.contains(&self.size) {
+            let place = sizes_before.iter().position(|size| *size == self.size);
+            self.size = place.and_then(|at| facts.sizes.get(at)).copied().unwrap_or(own.size);
+        }
+        match poses.get(self.camera) {
+            None => (self.camera, self.pose) = (own.camera, own.pose.clone()),
+            // A camera that nobody has moved is the file's.
+            Some(fresh) if !self.pose.is_changed() => self.pose = fresh.clone(),
+            Some(_) => {}
+        }
+        self.rotation = facts.rotation.and(self.rotation.or(own.rotation));
+    }
+}
+
 /// What a page tells about the scene.
 #[derive(Clone, Debug, Default, serde::Serialize)]
 pub(crate) struct Facts {
@@ -143,5 +160,29 @@ impl Shared {
             |state: &mut State| (state.version <= version || state.frame.is_none()) && !state.is_over;
         let waited = self.changed.wait_timeout_while(self.lock(), most, is_old);
         waited.unwrap_or_else(|poisoned| poisoned.into_inner()).0
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use oscura::scene::Camera;
+
+    #[test]
+    fn wishes_fit_a_scene_that_has_changed() {
+        let pose = |x: f64| Pose::new(Camera::look_at([x, 0.0, 5.0], [x, 0.0, 0.0], 30.0), 5.0);
+        let eye = |wish: &Wish| wish.pose.camera().world_from_camera.translation.x;
+        let own = Wish { pose: pose(0.0), camera: 0, size: (40, 30), rotation: None, aov: None, loads: 0 };
+        let facts = |width: u32| Facts { sizes: vec![(width / 2, 30), (width, 60)], ..Facts::default() };
+        let before = facts(100).sizes;
+        let mut wish =
+            Wish { pose: pose(1.0), camera: 1, size: (100, 60), rotation: Some(3.0), ..own.clone() };
+        wish.fit(&own, &before, &facts(80), &[pose(7.0), pose(8.0)]);
+        assert_eq!((wish.size, wish.camera, eye(&wish), wish.rotation), ((80, 60), 1, 8.0, None));
+        wish.fit(&own, &before, &facts(80), &[pose(0.0)]);
+        assert_eq!((wish.size, wish.camera, eye(&wish)), ((80, 60), 0, 0.0));
+        wish.pose.open(1.0);
+        wish.fit(&own, &[], &facts(20), &[pose(9.0)]);
+        assert_eq!((wish.size, eye(&wish)), (own.size, 0.0), "what hands have done stays");
     }
 }

@@ -48,9 +48,9 @@ fn command(state: &State) -> String {
     if let Some(rotation) = state.wish.rotation {
         add("--env-rotation", rotation.to_string());
     }
-    if state.look.png.exposure != 0.0 {
-        add("--exposure", state.look.png.exposure.to_string());
-    }
+    // What the scene's file says of these may be something else.
+    add("--exposure", state.look.png.exposure.to_string());
+    add("--spp", state.facts.samples.to_string());
     add("--view", state.look.png.view.name().to_string());
     words.extend(state.wish.pose.arguments());
     words.extend(["-o".to_string(), "picture.exr".to_string(), "-o".to_string(), "picture.png".to_string()]);
@@ -60,13 +60,18 @@ fn command(state: &State) -> String {
 /// The command by which `render` does what this process does, but for what pages set.
 pub(crate) fn own_command() -> Vec<String> {
     let words = ["oscura", "render"].map(str::to_string);
-    words.into_iter().chain(given(std::env::args().skip(1))).collect()
+    words.into_iter().chain(given(arguments())).collect()
+}
+
+/// The arguments of this process.
+pub(super) fn arguments() -> impl Iterator<Item = String> {
+    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned())
 }
 
 /// The arguments of this process that a render takes as well and that the page doesn't set.
 fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
     const FLAGS: [&str; 2] = ["--no-open", "--watch"];
-    const SET: [&str; 11] = [
+    const SET: [&str; 14] = [
         "--camera",
         "--port",
         "--width",
@@ -78,6 +83,9 @@ fn given(arguments: impl Iterator<Item = String>) -> Vec<String> {
         "--target",
         "--focus",
         "--defocus",
+        "--view-height",
+        "--fov",
+        "--spp",
     ];
     let (mut kept, mut arguments) = (Vec::new(), arguments.skip_while(|a| a == "view"));
     while let Some(argument) = arguments.next() {
@@ -111,9 +119,10 @@ mod tests {
 
     #[test]
     fn the_page_replaces_what_it_sets() {
-        let words = "view a.glb --no-open --port 80 --spp 64 --exposure=1 --env x.hdr --width 10";
+        let words = "view a.glb --no-open --port 80 --spp 64 --exposure=1 --env x.hdr --width 10 \
+                     --view-height 3 --fov=30 --depth 4";
         let kept = given(words.split(' ').map(str::to_string));
-        assert_eq!(kept.join(" "), "a.glb --spp 64 --env x.hdr");
+        assert_eq!(kept.join(" "), "a.glb --env x.hdr --depth 4");
     }
 
     #[test]

@@ -32,9 +32,9 @@ pub(crate) fn run(args: &ViewArgs) -> Result<Outcome> {
 fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     // A port that is taken is told before the scene is loaded.
     let server = bind(args.port)?;
-    let files = args.watch.then(|| SavedFiles::of(&args.picture.scene));
-    let model = Model::load(args, cancel)?;
-    let (facts, poses) = (model.facts(args), model.poses());
+    let files = SavedFiles::default();
+    let model = Model::load(args, &files, cancel)?;
+    let (facts, poses) = (model.facts(args), model.poses(args));
     if !args.picture.quiet {
         facts.notes.iter().for_each(|note| say!("note: {note}"));
     }
@@ -43,27 +43,25 @@ fn show(args: &ViewArgs, cancel: &CancelHandle) -> Result<Outcome> {
     let page = Page::open(server, shared, !args.no_open, args.picture.quiet);
     // Rendering stays on this thread, which belongs to the pool.
     std::thread::scope(|scope| {
-        scope.spawn(|| watch_over(args, files, cancel, &page.shared));
-        let done = worker::run(args, model, &page.shared);
+        scope.spawn(|| watch_over(args.watch.then_some(&files), cancel, &page.shared));
+        let done = worker::run(args, model, &files, cancel, &page.shared);
         page.shared.end();
         done
     })?;
     Ok(Outcome::Done)
 }
 
-/// Ends all at a signal, and has the scene loaded again when a file of it was saved.
-fn watch_over(args: &ViewArgs, mut files: Option<SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
+/// Ends all at a signal, and has the scene loaded again when one of these files was saved.
+fn watch_over(files: Option<&SavedFiles>, cancel: &CancelHandle, shared: &Shared) {
     let mut looked = Instant::now();
     while !shared.lock().is_over {
         std::thread::sleep(TICK);
         if cancel.is_cancelled() {
             shared.end();
         }
-        let Some(before) = files.as_mut().filter(|_| looked.elapsed() >= WATCH) else { continue };
+        let Some(files) = files.filter(|_| looked.elapsed() >= WATCH) else { continue };
         looked = Instant::now();
-        let now = SavedFiles::of(&args.picture.scene);
-        if now != *before {
-            *before = now;
+        if files.have_changed() {
             shared.wish(|state| state.wish.loads += 1);
         }
     }

@@ -1,20 +1,23 @@
 //! The scene that is viewed: loaded, compiled, and brought to what the pages want.
 
 use super::ViewArgs;
+use crate::cli::args::RenderArgs;
 use crate::cli::environment::EnvironmentOverride;
 use crate::cli::page::{Facts, Look, Pose, Wish, own_command};
-use crate::cli::settings::{choices, png};
+use crate::cli::prepared::{Prepared, Wants, prepare};
 use crate::cli::shot::{load_options, load_scene};
-use crate::cli::{scene_path, terms};
-use oscura::compile::{CompileReport, CompiledScene, Compiler, View};
+use crate::cli::stage_args::BackgroundArg;
+use crate::cli::{limits, scene_path};
+use oscura::compile::{CompiledScene, Compiler, View};
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Aov;
-use oscura::load::Loaded;
+use oscura::load::{LoadOptions, Loaded, SavedFiles};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Settled};
 use oscura::scene::{Camera, Environment, instance_extents, scene_extent};
 use std::sync::Arc;
+use std::time::Instant;
 
 /// Samples of a finished picture, unless the arguments say so.
 const SAMPLES: u32 = 1024;
@@ -28,48 +31,54 @@ pub(super) struct Model {
     /// Samples of a finished picture.
     pub samples: u32,
     pub png: PngOptions,
+    /// Which wish for loading it follows.
+    pub loads: u64,
     compiler: Compiler,
     triangles: u64,
     notes: Vec<String>,
-    /// Which wish for loading it follows.
-    loads: u64,
     /// How the environment was turned when it was loaded, degrees.
     own_rotation: Option<f64>,
     rotation: Option<f64>,
 }
 
 impl Model {
-    /// Loads and compiles the scene.
+    /// Loads and compiles the scene, and has its files watched in place of those before; where that fails, besides them.
     ///
     /// # Errors
     /// As `oscura render` does.
-    pub fn load(args: &ViewArgs, cancel: &CancelHandle) -> Result<Model> {
-        let args = &args.picture;
+    pub fn load(args: &ViewArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
+        let newer = SavedFiles::default();
+        let model = Model::read(&args.picture, &newer, cancel);
+        files.take_over(&newer, model.is_err());
+        model
+    }
+
+    fn read(args: &RenderArgs, files: &SavedFiles, cancel: &CancelHandle) -> Result<Model> {
+        let start = Instant::now();
         scene_path::check(&args.scene)?;
+        limits::before_loading(args)?;
+        args.env.iter().for_each(|path| files.note(path));
+        if let Some(BackgroundArg::File(path)) = &args.stage.background {
+            files.note(path);
+        }
         let environment = EnvironmentOverride::load(args)?;
-        let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
-        terms::in_loaded(&mut loaded);
-        let mut warnings = std::mem::take(&mut loaded.warnings);
-        warnings.extend(environment.apply(args, &mut loaded.scene));
-        let settled = choices(args).settle(&loaded.scene)?;
-        let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-        args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
-        let camera = settled.camera(&loaded.scene)?.clone();
+        let options = LoadOptions { files: files.clone(), ..load_options(args)? };
+        let mut loaded = load_scene(args, cancel, &options)?;
         let mut compiler = Compiler::sequence();
-        let (compiled, report) = compile(&mut compiler, &loaded, &settled, &camera)?;
-        warnings.extend(report.warnings.iter().cloned());
-        let notes = loaded.notes.iter().chain(&warnings).map(Warning::to_string).collect();
+        let wants = Wants { has_exr: true, keeps_uv: true, pictures: 1 };
+        let prepared = prepare(args, wants, Some(&environment), &mut loaded, start, &mut compiler)?;
+        let Prepared { scene, settled, png, notes, warnings, build, .. } = prepared;
         let own_rotation = rotation(&loaded.scene.environment);
         Ok(Model {
-            png: png(args, settled.exposure, is_stage_lit),
-            samples: args.spp.unwrap_or(SAMPLES),
             loaded,
             settled,
-            compiled,
-            compiler,
-            triangles: report.triangles,
-            notes,
+            compiled: scene,
+            samples: args.spp.unwrap_or(SAMPLES),
+            png,
             loads: 0,
+            compiler,
+            triangles: build.triangles,
+            notes: notes.iter().chain(&warnings).map(Warning::to_string).collect(),
             own_rotation,
             rotation: own_rotation,
         })
@@ -84,7 +93,8 @@ impl Model {
         let camera = self.settled.camera.unwrap_or(0);
         let pose =
             poses.get(camera).cloned().ok_or_else(|| Error::input(&args.picture.scene, "has no camera"))?;
-        Ok(Wish { pose, camera, size, rotation: None, aov: None, loads: 0 })
+        let rotation = self.own_rotation.and(args.picture.env_rotation);
+        Ok(Wish { pose, camera, size, rotation, aov: None, loads: self.loads })
     }
 
     pub fn look(&self) -> Look {
@@ -115,53 +125,71 @@ impl Model {
     }
 
     /// The scene's cameras.
-    pub fn poses(&self) -> Vec<Pose> {
+    pub fn poses(&self, args: &ViewArgs) -> Vec<Pose> {
         let scene = &self.loaded.scene;
         let bounds = scene_extent(scene, &instance_extents(scene)).0;
         let (low, high) = bounds.unwrap_or((DVec3::NEG_ONE, DVec3::ONE));
-        let pose = |camera: &Camera| {
+        let chosen = self.settled.camera.unwrap_or(0);
+        let pose = |(number, camera): (usize, &Camera)| {
             let eye = camera.world_from_camera.translation;
             let ahead = camera.world_from_camera.transform_vector3(DVec3::NEG_Z);
             let distance = (0.5 * (low + high) - eye).dot(ahead);
             // A camera within the scene may look away from its middle.
             let distance = if distance > 0.0 { distance } else { 0.5 * low.distance(high).max(1e-3) };
-            Pose::new(camera.clone(), distance)
+            let pose = Pose::new(camera.clone(), distance);
+            match number == chosen {
+                true => pose.with_arguments(&args.picture.place, args.picture.stage.fov),
+                false => pose,
+            }
         };
-        scene.cameras.iter().map(pose).collect()
+        scene.cameras.iter().enumerate().map(pose).collect()
     }
 
-    /// Brings it to what is wanted. Gives what pages tell about the scene if that has changed.
+    /// Loads the scene again, as the wish of a number asks for.
     ///
     /// # Errors
     /// As [`Model::load`]; it is then as it was.
-    pub fn follow(&mut self, args: &ViewArgs, wish: &Wish) -> Result<Option<Facts>> {
-        let is_fresh = wish.loads != self.loads;
-        if is_fresh {
-            // Whatever comes of it, it was tried.
-            self.loads = wish.loads;
-            *self = Model { loads: wish.loads, ..Model::load(args, &CancelHandle::new())? };
-        }
-        let camera = wish.pose.camera();
-        let view = View::new(&self.compiled, camera, wish.size.0, wish.size.1);
-        if self.turn(wish) || view.needs_new_anchor(&self.compiled) {
-            self.compiled = compile(&mut self.compiler, &self.loaded, &self.settled, camera)?.0;
-        }
-        Ok(is_fresh.then(|| self.facts(args)))
+    pub fn reload(
+        &mut self,
+        args: &ViewArgs,
+        files: &SavedFiles,
+        cancel: &CancelHandle,
+        loads: u64,
+    ) -> Result<()> {
+        // Whatever comes of it, it was tried.
+        self.loads = loads;
+        *self = Model { loads, ..Model::load(args, files, cancel)? };
+        Ok(())
     }
 
-    /// Turns the environment. Returns whether anything changed.
-    fn turn(&mut self, wish: &Wish) -> bool {
+    /// Brings it to what is wanted.
+    ///
+    /// # Errors
+    /// As compiling has them; it is then as it was.
+    pub fn follow(&mut self, wish: &Wish) -> Result<()> {
+        let camera = wish.pose.camera();
         let wanted = wish.rotation.or(self.own_rotation);
-        if wanted == self.rotation {
-            return false;
+        let view = View::new(&self.compiled, camera, wish.size.0, wish.size.1);
+        if wanted == self.rotation && !view.needs_new_anchor(&self.compiled) {
+            return Ok(());
         }
-        self.rotation = wanted;
-        if let (Environment::Image { rotation_rad, .. }, Some(degrees)) =
-            (&mut self.loaded.scene.environment, wanted)
-        {
-            *rotation_rad = degrees.to_radians();
+        turn(&mut self.loaded.scene.environment, wanted);
+        let size = (self.settled.options.width, self.settled.options.height);
+        match self.compiler.compile(&self.loaded.scene, self.settled.shading, camera, size) {
+            Ok((compiled, _)) => (self.compiled, self.rotation) = (compiled, wanted),
+            Err(error) => {
+                turn(&mut self.loaded.scene.environment, self.rotation);
+                return Err(error);
+            }
         }
-        true
+        Ok(())
+    }
+}
+
+/// Turns an environment's picture to an angle, degrees.
+fn turn(environment: &mut Environment, wanted: Option<f64>) {
+    if let (Environment::Image { rotation_rad, .. }, Some(degrees)) = (environment, wanted) {
+        *rotation_rad = degrees.to_radians();
     }
 }
 
@@ -170,15 +198,4 @@ fn rotation(environment: &Environment) -> Option<f64> {
         Environment::Image { rotation_rad, .. } => Some(rotation_rad.to_degrees()),
         _ => None,
     }
-}
-
-fn compile(
-    compiler: &mut Compiler,
-    loaded: &Loaded,
-    settled: &Settled,
-    camera: &Camera,
-) -> Result<(Arc<CompiledScene>, CompileReport)> {
-    compiler.set_tree(settled.tree(1));
-    let size = (settled.options.width, settled.options.height);
-    compiler.compile(&loaded.scene, settled.shading, camera, size)
 }

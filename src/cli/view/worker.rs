@@ -2,10 +2,11 @@
 
 use super::ViewArgs;
 use super::model::Model;
-use crate::cli::page::{Frame, Order, Shared};
+use crate::cli::page::{Frame, Order, Shared, Wish};
 use oscura::error::Result;
 use oscura::film::{Aov, AovSet};
-use oscura::render::{Labels, PassOutcome, Rendering};
+use oscura::load::SavedFiles;
+use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering};
 use std::time::{Duration, Instant};
 
 /// How long a small first picture may take, seconds.
@@ -18,37 +19,56 @@ const COARSEST: u32 = 8;
 /// Fulfils wishes until all is over.
 ///
 /// # Errors
-/// If there is no memory for pictures.
-pub(super) fn run(args: &ViewArgs, mut model: Model, shared: &Shared) -> Result<()> {
+/// If there is no memory for the first picture.
+pub(super) fn run(
+    args: &ViewArgs,
+    mut model: Model,
+    files: &SavedFiles,
+    cancel: &CancelHandle,
+    shared: &Shared,
+) -> Result<()> {
     let (mut done, mut speed) = (0, FIRST_GUESS);
+    // Why the scene could not be loaded again; empty if it could.
+    let mut broken = String::new();
     while let Some(mut order) = shared.next_order(done) {
         done = order.number;
-        match model.follow(args, &order.wish) {
-            Ok(None) => {}
-            Ok(Some(facts)) => {
-                let poses = model.poses();
-                // A camera that nobody has moved is the file's.
-                if let (Some(fresh), false) = (poses.get(order.wish.camera), order.wish.pose.is_changed()) {
-                    order.wish.pose = fresh.clone();
-                }
-                shared.show(|state| {
-                    state.facts = facts;
-                    state.poses = poses;
-                    state.trouble.clear();
-                    if !state.wish.pose.is_changed() {
-                        state.wish.pose = order.wish.pose.clone();
-                    }
-                });
-            }
-            Err(error) => {
-                shared.show(|state| state.trouble = error.to_string());
-                // What was there before is still there.
-                continue;
-            }
+        if order.wish.loads != model.loads {
+            let loaded = model.reload(args, files, cancel, order.wish.loads);
+            let taken = loaded.and_then(|()| take_over(args, &model, &mut order.wish, shared));
+            broken = taken.err().map_or(String::new(), |error| error.to_string());
         }
-        render(&model, &order, shared, &mut speed)?;
+        // Whatever went wrong, what was there before is still there and goes on.
+        let followed = model.follow(&order.wish);
+        tell(shared, followed.err().map_or(broken.clone(), |error| error.to_string()));
+        if let Err(error) = render(&model, &order, shared, &mut speed) {
+            if shared.lock().frame.is_none() {
+                return Err(error);
+            }
+            tell(shared, error.to_string());
+        }
     }
     Ok(())
+}
+
+/// Shows what is known of a scene that was loaded again, and brings what is wanted to it.
+fn take_over(args: &ViewArgs, model: &Model, wish: &mut Wish, shared: &Shared) -> Result<()> {
+    let (facts, poses) = (model.facts(args), model.poses(args));
+    let own = model.wish(args, &facts, &poses)?;
+    shared.show(|state| {
+        let before = std::mem::replace(&mut state.facts, facts).sizes;
+        state.poses = poses;
+        for wish in [&mut *wish, &mut state.wish] {
+            wish.fit(&own, &before, &state.facts, &state.poses);
+        }
+    });
+    Ok(())
+}
+
+/// Shows what went wrong, unless it is shown.
+fn tell(shared: &Shared, trouble: String) {
+    if shared.lock().trouble != trouble {
+        shared.show(|state| state.trouble = trouble);
+    }
 }
 
 /// Renders until all samples are taken or something else is wanted.

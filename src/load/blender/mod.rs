@@ -13,7 +13,7 @@ pub use cache::default_cache;
 pub use options::BlenderOptions;
 
 use super::gltf::Glass;
-use super::{LoadOptions, Loaded, gltf, scene_file};
+use super::{LoadOptions, Loaded, SavedFiles, gltf, scene_file};
 use crate::error::{Error, Result, Warning};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -60,11 +60,13 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
 
 /// Exports a file of Blender and reads the result.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    options.files.note(path);
     let exported = export(path, options, &std::env::temp_dir())?;
     // What Blender has chosen is no choice about the model. To Blender all glass is solid, that of single sheets, too.
     let glass = if options.gltf.glass == Glass::Auto { Glass::Solid } else { options.gltf.glass };
     let chosen = gltf::GltfOptions { time_s: None, scene: None, glass, ..options.gltf.clone() };
-    let inner = LoadOptions { gltf: chosen, ..options.clone() };
+    // What Blender writes goes again.
+    let inner = LoadOptions { gltf: chosen, files: SavedFiles::default(), ..options.clone() };
     let is_temporary =
         |file: &Option<PathBuf>| file.as_ref().is_some_and(|f| f.starts_with(&exported.folder));
     let mut loaded = read(&exported, &inner).map_err(|error| match is_temporary(&error.file) {

@@ -116,13 +116,19 @@ impl<'a> Document<'a> {
     pub fn fetch(&self, uri: &str, at: &str, report: &mut Report) -> Sound<Fetched<'a>> {
         match uri::resolve(uri, self.path, self.allow_external) {
             Ok(Target::Embedded { mime, bytes }) => Ok(Fetched { bytes: bytes.into(), mime, file: None }),
-            Ok(Target::File(path)) => match std::fs::read(&path) {
-                Ok(bytes) => {
-                    self.note_read(bytes.len());
-                    Ok(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
+            Ok(Target::File(path)) => {
+                self.files.note(&path);
+                match std::fs::read(&path) {
+                    Ok(bytes) => {
+                        self.note_read(bytes.len());
+                        Ok(Fetched { bytes: bytes.into(), mime: None, file: Some(path) })
+                    }
+                    Err(e) => {
+                        let message = format!("the file {} can't be read: {e}", path.display());
+                        Err(report.problem(at, message))
+                    }
                 }
-                Err(e) => Err(report.problem(at, format!("the file {} can't be read: {e}", path.display()))),
-            },
+            }
             Err(message) => Err(report.problem(at, message)),
         }
     }
@@ -130,7 +136,10 @@ impl<'a> Document<'a> {
     /// The file that a URI leads to, if it is not there.
     pub fn missing_file(&self, uri: &str) -> Option<PathBuf> {
         match uri::resolve(uri, self.path, self.allow_external) {
-            Ok(Target::File(path)) if !path.exists() => Some(path),
+            Ok(Target::File(path)) if !path.exists() => {
+                self.files.note(&path);
+                Some(path)
+            }
             _ => None,
         }
     }

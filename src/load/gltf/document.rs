@@ -4,7 +4,7 @@
 use super::container::Parts;
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
-use crate::load::LoadOptions;
+use crate::load::{LoadOptions, SavedFiles};
 use gltf::json::accessor::ComponentType;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -22,6 +22,8 @@ pub(super) struct Document<'a> {
     pub binary: Option<Cow<'a, [u8]>>,
     /// May URIs lead out of the asset's folder?
     pub allow_external: bool,
+    /// Is told which files are read.
+    pub files: &'a SavedFiles,
     /// What the user chose.
     pub options: &'a GltfOptions,
     /// The contents of each buffer, once read.
@@ -60,8 +62,20 @@ impl<'a> Document<'a> {
         let views = (0..count("bufferViews")).map(|_| OnceCell::new()).collect();
         let accessors = (0..count("accessors")).map(|_| OnceCell::new()).collect();
         let (read, decoded) = (Cell::new(size as u64), Cell::new(0));
-        let (allow_external, options) = (options.allow_external, &options.gltf);
-        Document { path, json, binary, allow_external, options, buffers, views, accessors, read, decoded }
+        let (allow_external, files, options) = (options.allow_external, &options.files, &options.gltf);
+        Document {
+            path,
+            json,
+            binary,
+            allow_external,
+            files,
+            options,
+            buffers,
+            views,
+            accessors,
+            read,
+            decoded,
+        }
     }
 
     /// Notes that another file of this many bytes was read.

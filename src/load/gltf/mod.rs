@@ -82,6 +82,7 @@ pub(super) fn load_moments(
     moments: impl IntoIterator<Item = Option<f64>>,
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
+    options.files.note(path);
     let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
     let doc = Document::new(path, parts, bytes.len(), options);

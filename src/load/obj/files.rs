@@ -1,6 +1,7 @@
 //! Files that OBJ and MTL files name: relative to their folder, with the names of other systems forgiven.
 
 use crate::error::Choice;
+use crate::load::LoadOptions;
 use std::path::{Component, Path, PathBuf};
 
 /// The file that `name` means beside `file`: as written, with `\` for `/`, its last part alone (for paths of another
@@ -8,7 +9,17 @@ use std::path::{Component, Path, PathBuf};
 ///
 /// # Errors
 /// Says why there is none.
-pub(in crate::load) fn find(file: &Path, name: &str, allow_external: bool) -> Result<PathBuf, String> {
+pub(in crate::load) fn find(file: &Path, name: &str, options: &LoadOptions) -> Result<PathBuf, String> {
+    let found = look_for(file, name, options.allow_external);
+    match &found {
+        Ok(path) => options.files.note(path),
+        // It may come.
+        Err(_) => options.files.note(file.parent().unwrap_or(Path::new("")).join(name.replace('\\', "/"))),
+    }
+    found
+}
+
+fn look_for(file: &Path, name: &str, allow_external: bool) -> Result<PathBuf, String> {
     let folder = file.parent().unwrap_or(Path::new(""));
     let slashed = name.replace('\\', "/");
     let last = slashed.rsplit('/').next().unwrap_or_default();
@@ -74,7 +85,8 @@ mod tests {
             std::fs::write(outer.path().join(name), "").expect("written");
         }
         let obj = folder.join("a.obj");
-        let found = |name: &str| find(&obj, name, false);
+        let options = LoadOptions::default();
+        let found = |name: &str| find(&obj, name, &options);
         let inside = |name: &str| folder.join(name);
         assert_eq!(found("a b.png"), Ok(inside("a b.png")));
         assert_eq!(found("maps\\c.PNG"), Ok(inside("maps/C.png")));
@@ -82,7 +94,8 @@ mod tests {
         assert_eq!(found("back\\slash.png"), Ok(inside("back\\slash.png")));
         assert!(found("../secret.png").expect_err("outside").contains(&Choice::AllowExternal.to_string()));
         assert!(found("nothing.png").is_err() && found("").is_err());
-        let outside = find(&obj, "../secret.png", true).expect("permitted");
+        let options = LoadOptions { allow_external: true, ..LoadOptions::default() };
+        let outside = find(&obj, "../secret.png", &options).expect("permitted");
         assert!(outside.ends_with("../secret.png"));
     }
 }

@@ -92,7 +92,7 @@ impl<'a> Maps<'a> {
             let place = format!("line {}", map.line);
             loaded.warnings.push(Warning::new(library, place, format!("texture left out: {message}")));
         };
-        let path = match find(library, &map.file, self.options.allow_external) {
+        let path = match find(library, &map.file, self.options) {
             Ok(path) => path,
             Err(message) => {
                 complain(message);

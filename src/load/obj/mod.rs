@@ -36,6 +36,7 @@ use std::path::{Path, PathBuf};
 
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    options.files.note(path);
     let (mut objects, mut statements) = read(path, DVec3::ZERO)?;
     let origin = match objects.is_empty() {
         false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
@@ -219,12 +220,12 @@ fn read_libraries(
             warnings.push(Warning::new(path, &place, "'mtllib' without a file name is ignored"));
         }
         // A name may hold blanks, and a statement several names.
-        let names = match files::find(path, statement, options.allow_external) {
+        let names = match files::find(path, statement, options) {
             Ok(_) => vec![statement.as_str()],
             Err(_) => statement.split_whitespace().collect(),
         };
         for name in names {
-            let file = match files::find(path, name, options.allow_external) {
+            let file = match files::find(path, name, options) {
                 Ok(file) if seen.contains(&file) => continue,
                 Ok(file) => file,
                 Err(message) => {

@@ -30,6 +30,7 @@ use std::path::Path;
 
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
+    options.files.note(path);
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let mut origin = DVec3::ZERO;
     let (mut mesh, mut left_out) = parse(path, &bytes, origin)?;

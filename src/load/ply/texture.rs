@@ -30,7 +30,7 @@ fn try_add(path: &Path, name: &str, options: &LoadOptions, loaded: &mut Loaded) 
     if loaded.scene.meshes.first().is_none_or(|mesh| mesh.uv_sets.is_empty()) {
         return Err("since the vertices have no texture coordinates".into());
     }
-    let file = find_file(path, name, options.allow_external)?;
+    let file = find_file(path, name, options)?;
     let image = image::read(&file, Use::Color, &mut loaded.warnings).map_err(|error| {
         let messages: Vec<String> = error.problems.iter().map(|p| p.message.clone()).collect();
         format!("since it {}", messages.join("; "))

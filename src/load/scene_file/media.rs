@@ -51,6 +51,7 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     };
     let path = build.file.parent().unwrap_or(build.file).join(file.value);
     let [min, max] = corners.map(|c| c.map(|c| c.value));
+    build.options.files.note(&path);
     match grid::read(&path) {
         Ok(grid) => {
             let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };

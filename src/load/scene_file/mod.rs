@@ -53,7 +53,7 @@ use toml::de::DeTable;
 
 /// Reads a scene file and the files that it refers to.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
-    let text = read_text(path)?;
+    let text = read_text(path, options)?;
     let problems = Problems::new(&text);
     let loaded = build(path, &text, options, &problems);
     problems.into_result(path, &text)?;

@@ -7,13 +7,15 @@ use super::materials::Materials;
 use super::textures::Textures;
 use super::{environment, lights, objects, settings};
 use crate::error::{Error, Problem, Result};
+use crate::load::LoadOptions;
 use std::path::Path;
 
 /// The file's text.
 ///
 /// # Errors
 /// An input error if it can't be read or isn't UTF-8.
-pub(super) fn read_text(path: &Path) -> Result<String> {
+pub(super) fn read_text(path: &Path, options: &LoadOptions) -> Result<String> {
+    options.files.note(path);
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let text = String::from_utf8(bytes).map_err(|e| {
         let before = &e.as_bytes()[..e.utf8_error().valid_up_to()];

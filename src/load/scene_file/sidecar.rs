@@ -33,7 +33,7 @@ pub fn path_for(model: &Path) -> PathBuf {
 /// # Errors
 /// All problems of that file.
 pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<()> {
-    let text = read_text(path)?;
+    let text = read_text(path, options)?;
     let problems = Problems::new(&text);
     let message = add(path, &text, options, &problems, loaded);
     problems.into_result(path, &text)?;
@@ -43,11 +43,11 @@ pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Lo
 
 /// With what the file beside a model says about the shutter, which is to be known before the model is read. What is wrong with the
 /// file is found later.
-pub(in crate::load) fn with_shutter(model: &Path, options: ShutterOptions) -> ShutterOptions {
-    let Ok(text) = read_text(&path_for(model)) else { return options };
+pub(in crate::load) fn with_shutter(model: &Path, options: &LoadOptions) -> ShutterOptions {
+    let Ok(text) = read_text(&path_for(model), options) else { return options.shutter };
     let problems = Problems::new(&text);
     let (root, _) = DeTable::parse_recoverable(&text);
-    shutter::chosen(options, &Fields::new("the file", root.get_ref(), 0..0, &problems))
+    shutter::chosen(options.shutter, &Fields::new("the file", root.get_ref(), 0..0, &problems))
 }
 
 /// What was added, in words.

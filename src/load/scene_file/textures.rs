@@ -196,6 +196,7 @@ pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purp
     if let Some(i) = images.iter().position(|i| i.name == known) {
         return Some(ImageId(i as u32));
     }
+    build.options.files.note(&path);
     match image::read(&path, purpose, &mut build.loaded.warnings) {
         Ok(image) => {
             images.push(image);
