@@ -216,7 +216,7 @@ fn caustics_from_the_lamp_are_less_noisy() {
     quad(&mut scene, [-0.8, 2.5, -0.8], [1.6, 0.0, 0.0], [0.0, 0.0, 1.6], small);
     let options = plain(options(64, 16, 12));
     let [on, off] = [Caustics::On, Caustics::Off].map(|c| noise(&scene, &options.caustics(c)));
-    assert!(on < 0.5 * off, "{on} {off}");
+    assert!(on < 0.7 * off, "{on} {off}");
 }
 
 #[test]
