@@ -223,7 +223,7 @@ fn white_wax_in_a_white_furnace() {
     let white = material(&mut scene, wax([1.0; 3]));
     sphere(&mut scene, [0.0; 3], 1.0, white);
     scene.cameras.push(parallel([0.0, 0.0, 5.0], 1e-3));
-    assert_radiance("white wax", &scene, &options(8, 4, 4), 1.0, 1e-3);
+    assert_radiance("white wax", &scene, &options(8, 16, 4), 1.0, 4e-3);
 }
 
 #[test]

@@ -233,7 +233,7 @@ fn media_are_checked() {
     }
     // What is absorbed everywhere has no place in a grid.
     let with_attenuation = |medium: Medium| {
-        let pbr = crate::scene::PbrMaterial {
+        let pbr = PbrMaterial {
             has_volume: true,
             attenuation_color: [0.9, 0.5, 0.1],
             attenuation_distance: 2.0,
