@@ -78,7 +78,7 @@ mod tests {
         fs::write(file("smoke.vol"), grid()).unwrap();
         let scene = file("scenes/a.toml");
         let text = "[materials.smoke]\ntype = \"dielectric\"\nmedium = { density = 1.0, grid = \"../smoke.vol\" }\n\
-                    [[objects]]\nfile = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
+                    [[objects]]\nmesh = \"../part.obj\"\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\n\
                     material = \"smoke\"\n";
         fs::write(&scene, text).unwrap();
         let options = LoadOptions::default();

@@ -313,7 +313,7 @@ fn files_that_the_scene_is_not_made_of_start_nothing() {
 #[test]
 fn texture_coordinates_are_shown_of_meshes_without_textures() {
     let mesh = "v -1 -1 0\nv 1 -1 0\nv 1 1 0\nv -1 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nf 1/1 2/2 3/3 4/4\n";
-    let scene = SCENE.replace("sphere = { center = [0, 0, 0], radius = 0.5 }", "file = \"quad.obj\"");
+    let scene = SCENE.replace("sphere = { center = [0, 0, 0], radius = 0.5 }", "mesh = \"quad.obj\"");
     let files = [("scene.toml", scene.as_str()), ("quad.obj", mesh)];
     let view = View::of(&files, &["view", "scene.toml", "--no-open", "--spp", "4"]);
     view.finished();
