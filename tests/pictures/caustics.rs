@@ -8,7 +8,7 @@ use oscura::output::part::Region;
 use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     Aperture, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material, MaterialId, Mesh,
-    Model, PbrMaterial, Projection, Scene, ThinLens,
+    Model, PbrMaterial, Projection, RayKinds, Scene, ThinLens,
 };
 use std::f64::consts::PI;
 
@@ -28,7 +28,13 @@ fn pbr(metallic: f32, roughness: f32) -> Material {
 }
 
 fn lamp(scene: &mut Scene, kind: LightKind, intensity: f32) {
-    let light = Light { name: "lamp".into(), kind, intensity: [intensity; 3], group: String::new() };
+    let light = Light {
+        name: "lamp".into(),
+        kind,
+        intensity: [intensity; 3],
+        group: String::new(),
+        visible_to: RayKinds::ALL,
+    };
     scene.lights.push(light);
 }
 

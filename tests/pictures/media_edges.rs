@@ -6,7 +6,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
 use oscura::scene::{
     Camera, Clearcoat, ColorSlot, DiffuseTransmission, Environment, FloatSlot, Fog, Light, LightKind,
-    Material, MaterialId, Medium, Model, PbrMaterial, Projection, Scene,
+    Material, MaterialId, Medium, Model, PbrMaterial, Projection, RayKinds, Scene,
 };
 
 fn medium(extinction: [f32; 3], albedo: f32) -> Medium {
@@ -162,6 +162,7 @@ fn coloured_media_shine_in_each_channel() {
                 kind,
                 intensity: [1e-9; 3],
                 group: String::new(),
+                visible_to: RayKinds::ALL,
             });
         }
         scene.cameras.push(parallel([0.0; 3], 0.1));

@@ -6,7 +6,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command};
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 26] = [
+const UNUSED: [&str; 33] = [
     "output",
     "frames",
     "fps",
@@ -26,6 +26,13 @@ const UNUSED: [&str; 26] = [
     "denoise",
     "deep",
     "float",
+    "exr_layout",
+    "exr_compression",
+    "exr_tiles",
+    "exr_half",
+    "exr_float",
+    "crop",
+    "overscan",
     "aov",
     "light_groups",
     "crypto_levels",
