@@ -81,7 +81,7 @@ fn a_moving_bar_covers_a_ramp() {
                 scene.motion.meshes.insert(0, moving(keys));
             }
         }
-        let film = picture(&scene, &options(SIZE, 64, 0));
+        let film = picture(&scene, &options(SIZE, 256, 0));
         assert_near(kind, &columns(&film), &truth, 4e-3);
     }
 }
@@ -122,7 +122,7 @@ fn a_spinning_sector_is_an_even_disk() {
     let turn = |k: u32| DAffine3::from_rotation_z(f64::from(k) / 64.0 * std::f64::consts::TAU);
     scene.instances.push(Instance { motion: Motion::Keyed(0), ..Instance::new(mesh, turn(0)) });
     scene.motion.instances.push(moving((0..65).map(turn).collect()));
-    let film = picture(&scene, &options(SIZE, 256, 0));
+    let film = picture(&scene, &options(SIZE, 2048, 0));
     // Within the circle that the triangle's far edge leaves free: r < sqrt 2.
     assert!((mean(&film) - 0.25).abs() < 1e-3, "{}", mean(&film));
     let rgba = film.rgba();
