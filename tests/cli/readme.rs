@@ -1,4 +1,4 @@
-//! Every command and snippet of README.md, carried out in a folder like the one it speaks of.
+//! Every command and snippet of README.md and of the guide's pages, carried out in a folder like the one they speak of.
 //!
 //! Pictures are made small: of `render`, `--width`, `--height` and `--spp` are given again with small values in place of
 //! the README's. `cargo run --release --` becomes the program that is under test; other commands of cargo are not
@@ -30,8 +30,25 @@ struct Block {
     before: String,
 }
 
+/// README.md and the pages of the guide.
+const PAGES: [&str; 8] = [
+    "README.md",
+    "src/guide/scene_files.md",
+    "src/guide/rendering.md",
+    "src/guide/compositing.md",
+    "src/guide/formats.md",
+    "src/guide/speed.md",
+    "src/guide/exactness.md",
+    "src/guide/internals.md",
+];
+
+fn page(name: &str) -> String {
+    fs::read_to_string(Path::new(ROOT).join(name)).unwrap_or_else(|e| panic!("{name}: {e}"))
+}
+
+/// All pages, one after another.
 fn readme() -> String {
-    fs::read_to_string(Path::new(ROOT).join("README.md")).expect("README.md")
+    PAGES.map(page).join("\n\n")
 }
 
 fn blocks(markdown: &str) -> Vec<Block> {
@@ -284,27 +301,38 @@ fn options_are_those_of_the_program() {
 
 #[test]
 fn pictures_and_files_of_the_readme_exist() {
-    let readme = readme();
-    let links = readme.match_indices("](").filter_map(|(at, _)| readme[at + 2..].split(')').next());
-    let files = readme.split('`').skip(1).step_by(2).filter(|word| {
+    let count: u32 = PAGES.iter().map(|name| existing_files(name)).sum();
+    assert!(count >= 20, "only {count} files were found");
+    let guide = fs::read_dir(Path::new(ROOT).join("src/guide")).expect("the guide");
+    let pages =
+        guide.filter(|entry| entry.as_ref().is_ok_and(|e| e.path().extension().is_some_and(|e| e == "md")));
+    assert_eq!(pages.count() + 1, PAGES.len(), "a page is not tried");
+}
+
+/// How many files a page names, all of which exist: links from where it lies, and words in marks of code from the root.
+fn existing_files(name: &str) -> u32 {
+    let (root, text) = (Path::new(ROOT), page(name));
+    let links = text.match_indices("](").filter_map(|(at, _)| text[at + 2..].split(')').next());
+    let folder = root.join(name).parent().expect("a folder").to_path_buf();
+    let links = links.filter(|l| !l.contains("://")).map(|link| (link, folder.join(link)));
+    let files = text.split('`').skip(1).step_by(2).filter(|word| {
         let is_own = ["src/", "tests/", "tools/", "assets/", "scenes/"].iter().any(|f| word.starts_with(f));
         is_own && !word.contains([' ', '*'])
     });
     let mut count = 0;
-    for file in links.filter(|l| !l.contains("://")).chain(files) {
-        let path: PathBuf = Path::new(ROOT).join(file);
-        if file.starts_with("tools/") && !Path::new(ROOT).join("tools").exists() {
+    for (file, path) in links.chain(files.map(|file| (file, root.join(file)))) {
+        if file.contains("tools/") && !root.join("tools").exists() {
             println!("skipped: {file}; the package on crates.io is without tools");
             continue;
         }
-        assert!(path.exists(), "README.md names {file}, which doesn't exist");
+        assert!(path.exists(), "{name} names {file}, which doesn't exist");
         if path.extension().is_some_and(|e| e == "jpg" || e == "png") {
             let bytes = fs::metadata(&path).expect("a picture").len();
             assert!(bytes < 300_000, "{file} has {bytes} bytes");
         }
         count += 1;
     }
-    assert!(count >= 10, "only {count} files were found");
+    count
 }
 
 #[test]

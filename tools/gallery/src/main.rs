@@ -6,7 +6,7 @@
 //! `contact-sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of
 //! the samples: a try in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
 //!
-//! `--publish` also puts the hero and the contact sheet into `assets/` and the table into README.md.
+//! `--publish` also puts the hero and the contact sheet into `assets/` and the table into the guide's page on speed.
 //!
 //! It is run from anywhere: the scenes are those of the source tree it was built from.
 

@@ -1,4 +1,4 @@
-//! Puts what was rendered into the README: its pictures and the table of times.
+//! Puts what was rendered into the documentation: its pictures and the guide's table of times.
 
 use oscura::error::{Error, Result};
 use oscura::output::write_atomically;
@@ -8,10 +8,10 @@ const BEGIN: &str = "<!-- times: begin -->\n";
 const END: &str = "<!-- times: end -->";
 
 /// Copies `hero.jpg` (where there is one) and `contact-sheet.jpg` from a folder into `assets/`, and the table into
-/// README.md.
+/// the guide's page on speed.
 ///
 /// # Errors
-/// Where a file can't be read or written, or README.md has no place for the table.
+/// Where a file can't be read or written, or that page has no place for the table.
 pub fn publish(folder: &Path, table: &str) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
     for name in ["hero.jpg", "contact-sheet.jpg"] {
@@ -20,11 +20,11 @@ pub fn publish(folder: &Path, table: &str) -> Result<()> {
             write_atomically(root.join("assets").join(name), &read(&source)?)?;
         }
     }
-    let readme = root.join("README.md");
-    let text = String::from_utf8_lossy(&read(&readme)?).into_owned();
+    let page = root.join("src/guide/speed.md");
+    let text = String::from_utf8_lossy(&read(&page)?).into_owned();
     let replaced = replace(&text, table)
-        .ok_or_else(|| Error::output(&readme, format!("has no place for the table: {BEGIN}{END}")))?;
-    write_atomically(&readme, replaced.as_bytes())
+        .ok_or_else(|| Error::output(&page, format!("has no place for the table: {BEGIN}{END}")))?;
+    write_atomically(&page, replaced.as_bytes())
 }
 
 fn read(path: &Path) -> Result<Vec<u8>> {
