@@ -53,6 +53,7 @@ struct Readme;
 
 pub mod error;
 pub mod film;
+#[cfg(doc)]
 pub mod guide;
 pub mod image;
 pub mod load;
