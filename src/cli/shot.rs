@@ -119,15 +119,9 @@ pub(super) fn run_one(
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture));
     animation.iter_mut().for_each(|animation| animation.add_film(picture.film(), &png));
-    if !args.quiet {
-        said.warnings(&pictures.warnings);
-    }
-    // Who stops a run wants what is there.
-    if !picture.statistics().interrupted {
-        refuse_warnings(args, &pictures.warnings, ErrorKind::Output)?;
-    }
+    say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned());
-    warnings.extend(noise_warning(args, &picture.statistics(), said));
+    warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
     // The pictures come first: who runs out of space for the one may have some for the others.
     kept?;
@@ -150,6 +144,14 @@ pub(super) fn run_one(
     };
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Says what came up while pictures were encoded. Who stops a run wants what is there, `--strict` or not.
+fn say_pictures(args: &RenderArgs, said: &mut Said, pictures: &Pictures, is_interrupted: bool) -> Result<()> {
+    if !args.quiet {
+        said.warnings(&pictures.warnings);
+    }
+    if is_interrupted { Ok(()) } else { refuse_warnings(args, &pictures.warnings, ErrorKind::Output) }
 }
 
 /// Where the noise is not known to be as low as was asked for, that is said.

@@ -102,7 +102,19 @@ pub(super) fn bake(
     let shared = shared.into_iter().flatten().collect();
     let (placements, motions) = (Vec::new(), plan.motions.clone());
     let geometries = Geometries { world, shared, placements, motions, moves: false };
-    let mut baked = place(scene, plan, &numbering, geometries);
+    let baked = place(scene, plan, &numbering, geometries);
+    with_motion(baked, scene, materials, origin, plan)
+}
+
+/// With the shapes that move while the picture is taken.
+fn with_motion(
+    mut baked: Baked,
+    scene: &Scene,
+    materials: &[CompiledMaterial],
+    origin: DVec3,
+    plan: &Plan,
+) -> Baked {
+    let numbering = Numbering::of(scene);
     let shapes = moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
     shapes.into_iter().for_each(|shape| baked.add_shape(shape));
     baked.moving = moving(&baked.geometries);

@@ -17,7 +17,7 @@ use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::{Bounds3, DVec3};
-use crate::scene::{RayKinds, Scene};
+use crate::scene::{RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
 use std::time::Instant;
 
@@ -55,13 +55,8 @@ pub(super) fn compile_after(
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
-    let replaced = media::without_bodies(scene, &mut report.warnings);
-    let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
-    let compiled = |m| CompiledMaterial::new(m, &textures, options.shading);
-    let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
-    let media = media::number(scene, anchor, &mut materials, &mut report.warnings);
-    let classes = Classes::of(scene);
-    classes.extend(&mut materials);
+    let (materials, media, classes) =
+        materials(scene, (anchor, &textures), options.shading, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
@@ -107,6 +102,23 @@ pub(super) fn compile_after(
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
+}
+
+/// The materials, with the copies that objects have for themselves; the media of solids; and which objects have copies.
+fn materials(
+    scene: &Scene,
+    (anchor, textures): (DVec3, &CompiledTextures),
+    shading: ShadingModel,
+    warnings: &mut Vec<Warning>,
+) -> (Vec<CompiledMaterial>, Vec<Medium>, Classes) {
+    let replaced = media::without_bodies(scene, warnings);
+    let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
+    let compiled = |m| CompiledMaterial::new(m, textures, shading);
+    let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
+    let media = media::number(scene, anchor, &mut materials, warnings);
+    let classes = Classes::of(scene);
+    classes.extend(&mut materials);
+    (materials, media, classes)
 }
 
 fn features(

@@ -24,8 +24,8 @@ impl Film {
             }
             for list in self.splat_lists(is_of_first_half) {
                 let Some(sum) = list.get_mut(y as usize * width as usize + x as usize) else { continue };
-                for c in 0..3 {
-                    exact::add(&mut sum.rgb[c], &mut sum.low[c], exact::on_grid(f64::from(rgb[c])));
+                for ((sum, low), &value) in sum.rgb.iter_mut().zip(&mut sum.low).zip(rgb) {
+                    exact::add(sum, low, exact::on_grid(f64::from(value)));
                 }
             }
         }

@@ -21,19 +21,7 @@ const MAX_PASSES: u32 = 4096;
 impl Integrator<'_> {
     /// Moves hits on absent surfaces to the next present one, and finds the materials of all.
     pub(super) fn pass_absent_surfaces(&self, bounce: u32, w: &mut Workspace) {
-        let doubtful = self.doubtful(w.without);
-        w.pending.clear();
-        w.materials.clear();
-        for (i, hit) in w.hits.iter().enumerate() {
-            let mut material = 0;
-            if hit.is_hit() {
-                material = self.scene.geometries.material(hit);
-                if doubtful[material as usize] {
-                    w.pending.push(i as u32);
-                }
-            }
-            w.materials.push(material);
-        }
+        self.find_materials(w);
         for pass in 0..MAX_PASSES {
             let Workspace { pending, rays, hits, arriving, without, times, .. } = &mut *w;
             pending.retain(|&i| {
@@ -82,6 +70,23 @@ impl Integrator<'_> {
                 materials[i as usize] = if hit.is_hit() { self.scene.geometries.material(&hit) } else { 0 };
             }
             w.ray_counts.all += w.pending.len() as u64;
+        }
+    }
+
+    /// Finds the materials of all hits; those that may be absent are pending.
+    fn find_materials(&self, w: &mut Workspace) {
+        let doubtful = self.doubtful(w.without);
+        w.pending.clear();
+        w.materials.clear();
+        for (i, hit) in w.hits.iter().enumerate() {
+            let mut material = 0;
+            if hit.is_hit() {
+                material = self.scene.geometries.material(hit);
+                if doubtful[material as usize] {
+                    w.pending.push(i as u32);
+                }
+            }
+            w.materials.push(material);
         }
     }
 
@@ -238,9 +243,9 @@ impl Integrator<'_> {
             return Response::Stops;
         }
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let is_there = !material.is_boundary
-            && !(material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time))
-            && self.is_present(material, ray, hit, time, salt);
+        let is_absent = material.is_boundary
+            || material.is_absent_from_behind && self.scene.geometries.is_back(ray, hit, time);
+        let is_there = !is_absent && self.is_present(material, ray, hit, time, salt);
         match material.presence {
             _ if !is_there => Response::Passes,
             None => Response::Stops,

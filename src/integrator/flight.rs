@@ -174,9 +174,9 @@ impl Flight {
     fn glowing_point(&self, medium: &Scattering, shines: Rgb, way: f32, u: f32) -> (f32, f32) {
         let (extinction, shines) = (medium.extinction.to_array(), shines.to_array());
         let mut least = f32::INFINITY;
-        for c in 0..3 {
-            if self.shares[c] > 0.0 {
-                least = least.min(extinction[c]);
+        for (share, &extinction) in self.shares.iter().zip(&extinction) {
+            if *share > 0.0 {
+                least = least.min(extinction);
             }
         }
         if self.guide.is_some() {

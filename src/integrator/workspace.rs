@@ -111,6 +111,14 @@ impl Workspace {
         self.times.closest(accel, &self.rays, samples, &mut self.hits);
         self.ray_counts.all += self.rays.len() as u64;
     }
+
+    /// Finds the nearest hits of `rays`, of any number, that belong to no samples: nothing moves then.
+    pub(super) fn intersect_still(&mut self, accel: &Accel) {
+        self.hits.clear();
+        self.hits.resize(self.rays.len(), Hit::MISS);
+        accel.closest(&self.rays, &mut self.hits);
+        self.ray_counts.all += self.rays.len() as u64;
+    }
 }
 
 impl Default for Workspace {

@@ -135,14 +135,14 @@ impl Emission {
             }
             Source::Far(to_light) => {
                 let chosen = self.targets.place(to_light, u)?;
-                let (ray, radiance) = (self.from_afar(chosen.at, -to_light), light.intensity(-to_light));
+                let (ray, radiance) = (self.ray_from_afar(chosen.at, -to_light), light.intensity(-to_light));
                 Some(Emitted { ray, radiance, scale: 1.0 / chosen.pdf, light: 0, is_delta: true })
             }
             Source::Disk(sun) => {
                 let sample = sun.sample(of_point);
                 let chosen = self.targets.place(sample.wi, u)?;
                 Some(Emitted {
-                    ray: self.from_afar(chosen.at, -sample.wi),
+                    ray: self.ray_from_afar(chosen.at, -sample.wi),
                     radiance: sample.radiance,
                     scale: 1.0 / (chosen.pdf * sample.pdf_solid_angle),
                     light: 0,
@@ -153,7 +153,7 @@ impl Emission {
     }
 
     /// A ray through a point that starts beyond everything.
-    fn from_afar(&self, p: Vec3, direction: Vec3) -> Ray {
+    fn ray_from_afar(&self, p: Vec3, direction: Vec3) -> Ray {
         // The point nearest to the origin, and from there beyond the ball.
         let nearest = p - direction * p.dot(direction);
         Ray::new(nearest - direction * (self.reach * 1.01), direction)

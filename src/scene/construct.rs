@@ -1,10 +1,10 @@
 //! Building scenes in code: what most things are, in one call.
 
-use super::RayKinds;
 use super::{
     Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
     MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
 };
+use super::{ObjectTraits, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 
 /// Adds to a list; the id is the index.
@@ -150,5 +150,43 @@ impl Camera {
             lens: None,
             shift: [0.0; 2],
         }
+    }
+}
+
+impl Scene {
+    /// Gives all objects of a name traits, in place of those that they had.
+    pub fn set_object_traits(&mut self, name: &str, traits: ObjectTraits) {
+        self.object_traits.retain(|(other, _)| other != name);
+        if traits != ObjectTraits::default() {
+            self.object_traits.push((name.to_string(), traits));
+        }
+    }
+
+    /// Are there shadow catchers?
+    pub fn has_catchers(&self) -> bool {
+        self.object_traits.iter().any(|(_, traits)| traits.is_shadow_catcher)
+    }
+
+    /// The traits of the objects of a name.
+    pub fn traits_of(&self, name: &str) -> ObjectTraits {
+        let found = self.object_traits.iter().find(|(other, _)| other == name);
+        found.map_or_else(ObjectTraits::default, |(_, traits)| *traits)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::scene::RayKinds;
+
+    #[test]
+    fn the_last_traits_of_a_name_count() {
+        let mut scene = Scene::default();
+        let unseen = ObjectTraits { visible_to: RayKinds::SHADOW, ..ObjectTraits::default() };
+        scene.set_object_traits("a", ObjectTraits { is_holdout: true, ..unseen });
+        scene.set_object_traits("a", unseen);
+        assert_eq!((scene.traits_of("a"), scene.object_traits.len()), (unseen, 1));
+        scene.set_object_traits("a", ObjectTraits::default());
+        assert!(scene.object_traits.is_empty() && scene.traits_of("b") == ObjectTraits::default());
     }
 }

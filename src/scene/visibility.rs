@@ -1,7 +1,5 @@
 //! Which kinds of rays meet an object, and what objects are to pictures that are composited.
 
-use super::Scene;
-
 /// Kinds of rays, each by how the path was scattered before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RayKinds(u8);
@@ -97,27 +95,6 @@ pub struct ObjectTraits {
     pub is_shadow_catcher: bool,
 }
 
-impl Scene {
-    /// Gives all objects of a name traits, in place of those that they had.
-    pub fn set_object_traits(&mut self, name: &str, traits: ObjectTraits) {
-        self.object_traits.retain(|(other, _)| other != name);
-        if traits != ObjectTraits::default() {
-            self.object_traits.push((name.to_string(), traits));
-        }
-    }
-
-    /// Are there shadow catchers?
-    pub fn has_catchers(&self) -> bool {
-        self.object_traits.iter().any(|(_, traits)| traits.is_shadow_catcher)
-    }
-
-    /// The traits of the objects of a name.
-    pub fn traits_of(&self, name: &str) -> ObjectTraits {
-        let found = self.object_traits.iter().find(|(other, _)| other == name);
-        found.map_or_else(ObjectTraits::default, |(_, traits)| *traits)
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -132,16 +109,5 @@ mod tests {
             assert_eq!(RayKinds::from_bits(kind.bits()), kind, "{name}");
             assert_eq!(RayKinds::ALL.and(kind), kind, "{name}");
         }
-    }
-
-    #[test]
-    fn the_last_traits_of_a_name_count() {
-        let mut scene = Scene::default();
-        let unseen = ObjectTraits { visible_to: RayKinds::SHADOW, ..ObjectTraits::default() };
-        scene.set_object_traits("a", ObjectTraits { is_holdout: true, ..unseen });
-        scene.set_object_traits("a", unseen);
-        assert_eq!((scene.traits_of("a"), scene.object_traits.len()), (unseen, 1));
-        scene.set_object_traits("a", ObjectTraits::default());
-        assert!(scene.object_traits.is_empty() && scene.traits_of("b") == ObjectTraits::default());
     }
 }

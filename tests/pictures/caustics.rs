@@ -76,7 +76,7 @@ fn a_point_and_its_image_in_a_mirror() {
     lamp(&mut scene, LightKind::Point { position: DVec3::new(0.5, 1.0, 0.0) }, 5.0);
     let direct = mean_over_square(0.1, |x, z| from_point(x, z, [0.5, 1.0, 0.0]));
     let image = mean_over_square(0.1, |x, z| from_point(x, z, [2.5, 1.0, 0.0]));
-    let options = options(16, 256, 4);
+    let options = options(16, 256, 4).caustics(Caustics::Auto);
     let radiance = |irradiance: f64| 0.8 / PI * 5.0 * irradiance;
     assert_radiance("mirror", &scene, &options, radiance(direct + image), 5e-3);
     let off = mean(&picture(&scene, &options.caustics(Caustics::Off)));
@@ -124,7 +124,7 @@ fn a_point_seen_through_a_slab() {
         share * irradiance(height)
     });
     let truth = 0.8 / PI * 5.0 * orders.sum::<f64>();
-    assert_radiance("slab", &scene, &options(16, 256, 10), truth, 1e-2);
+    assert_radiance("slab", &scene, &options(16, 256, 10).caustics(Caustics::Auto), truth, 1e-2);
 }
 
 /// Balls on a floor under a lamp; `thing` adds what makes the caustics.
@@ -234,7 +234,7 @@ fn caustics_have_the_same_bits_whatever_the_machine() {
 #[test]
 fn nothing_happens_without_caustics() {
     let scene = stage(ball(Material::lambert("chalk", [0.8; 3])));
-    let mut without = rendering(&scene, &options(32, 8, 12));
+    let mut without = rendering(&scene, &options(32, 8, 12).caustics(Caustics::Auto));
     without.run();
     assert_eq!(without.statistics().lamp_paths, None);
     let mut with = rendering(&stage(ball(glass(1.5))), &options(32, 8, 12).caustics(Caustics::On));

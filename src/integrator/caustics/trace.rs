@@ -38,7 +38,7 @@ impl Integrator<'_> {
             }
             w.rays.clear();
             w.rays.extend(paths.iter().map(|path| path.ray));
-            w.intersect(&self.scene.accel);
+            w.intersect_still(&self.scene.accel);
             let hits = std::mem::take(&mut w.hits);
             let mut next = Vec::new();
             for (path, hit) in paths.iter().zip(&hits).filter(|(_, hit)| hit.is_hit()) {

@@ -6,7 +6,9 @@ use super::outline::{Outline, on_grid};
 use crate::error::{Choice, Warning};
 use crate::load::Loaded;
 use crate::math::DVec3;
-use crate::scene::{Backdrop, ColorSlot, FloatSlot, Material, ObjectTraits, PbrMaterial, Scene, Shape};
+use crate::scene::{
+    Backdrop, ColorSlot, FloatSlot, Material, ObjectTraits, PbrMaterial, RayKinds, Scene, Shape,
+};
 
 /// Radius of the ground in radii of the model: its edge lies a degree below the horizon.
 const REACH: f64 = 60.0;
@@ -26,7 +28,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let ground = options.ground_for(is_lit);
     let is_stage = options.light.is_stage() && !is_lit;
     if is_stage && options.background.is_none() {
-        super::hide_environment(&mut loaded.scene);
+        hide_environment(&mut loaded.scene);
         loaded.scene.backdrop = Some(Backdrop::Color(options.light.background()));
     }
     if ground == Ground::None {
@@ -82,4 +84,9 @@ fn melting(loaded: &mut Loaded, options: &StageOptions, is_stage: bool) -> [f32;
         loaded.notes.push(Warning::general(message));
     }
     color.map(|v| v.clamp(0.0, 0.95) as f32)
+}
+
+/// Lets cameras see nothing of the environment.
+pub(super) fn hide_environment(scene: &mut Scene) {
+    scene.environment_visible_to = scene.environment_visible_to.without(RayKinds::CAMERA);
 }

@@ -16,7 +16,7 @@ pub use orbit::Turntable;
 
 use super::Loaded;
 use crate::error::{Choice, Warning};
-use crate::scene::{Backdrop, Environment, RayKinds, Scene};
+use crate::scene::{Backdrop, Environment, Scene};
 use outline::Outline;
 
 /// Radiance of the soft sky straight down and straight up. The mean over the sphere of a blend linear in y is that
@@ -125,21 +125,16 @@ fn say_unused(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 fn background(loaded: &mut Loaded, options: &StageOptions) {
     match &options.background {
         None => {}
-        Some(Background::Transparent) => hide_environment(&mut loaded.scene),
+        Some(Background::Transparent) => ground::hide_environment(&mut loaded.scene),
         Some(Background::Color(color)) => {
-            hide_environment(&mut loaded.scene);
+            ground::hide_environment(&mut loaded.scene);
             loaded.scene.backdrop = Some(Backdrop::Color(*color));
         }
         Some(Background::Picture(picture)) => {
-            hide_environment(&mut loaded.scene);
+            ground::hide_environment(&mut loaded.scene);
             loaded.scene.backdrop = Some(Backdrop::Picture(picture.clone()));
         }
     }
-}
-
-/// Lets cameras see nothing of the environment.
-fn hide_environment(scene: &mut Scene) {
-    scene.environment_visible_to = scene.environment_visible_to.without(RayKinds::CAMERA);
 }
 
 /// Does any part of the scene shine? Materials count only where something uses them.
