@@ -55,9 +55,8 @@ pub(super) fn compile_after(
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
-    let (materials, media, classes) =
-        materials(scene, (anchor, &textures), options.shading, &mut report.warnings);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
+    let (materials, media, classes) = materials(scene, (anchor, &textures), options.shading, warnings);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
     check_size(scene, &plan)?;

