@@ -1,45 +1,32 @@
 //! Arguments about how EXRs lie on the disk, and which part of the frame they hold.
 
 use super::long_args::region;
-use clap::{Args, ValueEnum};
+use super::named::named;
+use super::numbers::number;
+use clap::Args;
+use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
 use oscura::film::{AovSet, PixelType};
 use oscura::output::part::Region;
 use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 use oscura::scene::{Backdrop, Camera, Projection};
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum LayoutArg {
-    /// One part: R, G, B, A and Z without a layer's name
-    Single,
-    /// A part for each layer
-    Multipart,
-    /// One part, all in one render layer as Blender names it: ViewLayer.Combined.R
-    Layers,
+fn layouts() -> impl TypedValueParser<Value = ExrLayout> {
+    named(&ExrLayout::ALL, ExrLayout::name, ExrLayout::about)
 }
 
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum CompressionArg {
-    None,
-    Rle,
-    Zip,
-    Zips,
-    Piz,
-    Pxr24,
-    B44,
-    B44a,
-    Dwaa,
-    Dwab,
+fn compressions() -> impl TypedValueParser<Value = ExrCompression> {
+    named(&ExrCompression::ALL, ExrCompression::name, |_| "")
 }
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct ExrArgs {
     /// How the channels of EXRs are arranged.
-    #[arg(long, value_name = "LAYOUT", default_value = "single")]
-    pub exr_layout: LayoutArg,
+    #[arg(long, value_name = "LAYOUT", default_value = "single", value_parser = layouts())]
+    pub exr_layout: ExrLayout,
     /// How EXRs are compressed; from pxr24 on with losses.
-    #[arg(long, value_name = "KIND", default_value = "zip")]
-    pub exr_compression: CompressionArg,
+    #[arg(long, value_name = "KIND", default_value = "zip", value_parser = compressions())]
+    pub exr_compression: ExrCompression,
     /// Write EXRs in tiles of N x N pixels.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
     pub exr_tiles: Option<u32>,
@@ -58,32 +45,16 @@ pub(crate) struct ExrArgs {
 }
 
 fn percent(text: &str) -> std::result::Result<f64, String> {
-    super::numbers::number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
+    number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
 }
 
 impl ExrArgs {
     /// How EXRs are written whose pixels stand so in the frame.
     pub fn options(&self, window: Option<ExrWindow>) -> ExrOptions {
-        let layout = match self.exr_layout {
-            LayoutArg::Single => ExrLayout::Single,
-            LayoutArg::Multipart => ExrLayout::Multipart,
-            LayoutArg::Layers => ExrLayout::Layers,
-        };
-        let compression = match self.exr_compression {
-            CompressionArg::None => ExrCompression::None,
-            CompressionArg::Rle => ExrCompression::Rle,
-            CompressionArg::Zip => ExrCompression::Zip,
-            CompressionArg::Zips => ExrCompression::Zips,
-            CompressionArg::Piz => ExrCompression::Piz,
-            CompressionArg::Pxr24 => ExrCompression::Pxr24,
-            CompressionArg::B44 => ExrCompression::B44,
-            CompressionArg::B44a => ExrCompression::B44a,
-            CompressionArg::Dwaa => ExrCompression::Dwaa,
-            CompressionArg::Dwab => ExrCompression::Dwab,
-        };
         let of = |names: &[String], kind| names.iter().map(|name| (name.clone(), kind)).collect::<Vec<_>>();
         let mut types = of(&self.exr_half, PixelType::Half);
         types.extend(of(&self.exr_float, PixelType::Float));
+        let (layout, compression) = (self.exr_layout, self.exr_compression);
         ExrOptions { layout, compression, tiles: self.exr_tiles, types, window }
     }
 
@@ -92,11 +63,7 @@ impl ExrArgs {
     /// # Errors
     /// A usage error for one that would change the ids of mattes.
     pub fn check(&self, aovs: AovSet) -> Result<()> {
-        let changes_ids = matches!(
-            self.exr_compression,
-            CompressionArg::Pxr24 | CompressionArg::Dwaa | CompressionArg::Dwab
-        );
-        if changes_ids && aovs.mattes().next().is_some() {
+        if !self.exr_compression.keeps_ids() && aovs.mattes().next().is_some() {
             let message = "this --exr-compression would change the ids of Cryptomattes";
             return Err(Error::usage(message).with_help("take zip, zips or piz"));
         }

@@ -35,6 +35,7 @@ mod limits;
 mod long_args;
 mod markdown;
 mod merge;
+mod named;
 mod new;
 mod numbers;
 mod orbit;

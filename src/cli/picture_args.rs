@@ -1,17 +1,16 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
+use super::named::named;
 use super::numbers::{number, stops};
 use clap::Args;
-use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use oscura::output::ViewTransform;
 use oscura::render::Caustics;
 use std::path::PathBuf;
 
 /// View transforms by name.
 pub(super) fn views() -> impl TypedValueParser<Value = ViewTransform> {
-    let value = |view: &ViewTransform| PossibleValue::new(view.name()).help(view.about());
-    let parser = PossibleValuesParser::new(ViewTransform::ALL.iter().map(value));
-    parser.try_map(|name| ViewTransform::from_name(&name).ok_or("is no view"))
+    named(&ViewTransform::ALL, ViewTransform::name, ViewTransform::about)
 }
 
 #[derive(Args, Clone, Debug)]

@@ -1,8 +1,9 @@
 //! Arguments about motion blur.
 
+use super::named::named;
 use super::numbers::number;
 use clap::Args;
-use clap::builder::{PossibleValuesParser, TypedValueParser};
+use clap::builder::TypedValueParser;
 use oscura::load::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 
 #[derive(Args, Clone, Debug)]
@@ -33,7 +34,5 @@ fn frames(text: &str) -> Result<f64, String> {
 }
 
 fn position() -> impl TypedValueParser<Value = ShutterPosition> {
-    let names = PossibleValuesParser::new(ShutterPosition::ALL.map(|(name, _)| name));
-    let of = |name: String| ShutterPosition::ALL.iter().find(|(known, _)| *known == name).map(|(_, p)| *p);
-    names.try_map(move |name| of(name).ok_or("is no time of a frame"))
+    named(&ShutterPosition::ALL, |(name, _)| name, |_| "").map(|(_, position)| position)
 }

@@ -103,7 +103,7 @@ pub(super) fn bake(
     let (placements, motions) = (Vec::new(), plan.motions.clone());
     let geometries = Geometries { world, shared, placements, motions, moves: false };
     let baked = place(scene, plan, &numbering, geometries);
-    with_motion(baked, scene, materials, origin, plan)
+    with_motion(baked, scene, materials, (origin, &numbering), plan)
 }
 
 /// With the shapes that move while the picture is taken.
@@ -111,11 +111,10 @@ fn with_motion(
     mut baked: Baked,
     scene: &Scene,
     materials: &[CompiledMaterial],
-    origin: DVec3,
+    (origin, numbering): (DVec3, &Numbering),
     plan: &Plan,
 ) -> Baked {
-    let numbering = Numbering::of(scene);
-    let shapes = moving_shapes(scene, materials, origin, &numbering, plan.keeps_uv);
+    let shapes = moving_shapes(scene, materials, origin, numbering, (&plan.classes, plan.keeps_uv));
     shapes.into_iter().for_each(|shape| baked.add_shape(shape));
     baked.moving = moving(&baked.geometries);
     baked.geometries.moves = baked.geometries.placements.iter().any(|p| p.moves);

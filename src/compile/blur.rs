@@ -1,5 +1,6 @@
 //! What of a scene moves while its picture is taken, in the spaces that it is compiled to.
 
+use super::classes::Classes;
 use super::geometry::Space;
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId};
@@ -77,7 +78,7 @@ pub(super) fn moving_shapes(
     materials: &[CompiledMaterial],
     origin: DVec3,
     numbering: &Numbering,
-    keeps_uv: bool,
+    (classes, keeps_uv): (&Classes, bool),
 ) -> Vec<MovingShape> {
     let is_seen = |id: MaterialId| !materials[id.index()].is_invisible();
     let mut all = Vec::new();
@@ -90,7 +91,8 @@ pub(super) fn moving_shapes(
         let place = |world_from_rest: &DAffine3| {
             from_origin(&(*world_from_rest * DAffine3::from_translation(quad.corner)), origin)
         };
-        all.push(MovingShape::new(space, quad.material, numbering.quad(i), moving, place));
+        let material = classes.of_object(&quad.name).material(quad.material);
+        all.push(MovingShape::new(space, material, numbering.quad(i), moving, place));
     }
     let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
     for (&i, moving) in shapes {
@@ -103,7 +105,8 @@ pub(super) fn moving_shapes(
         }
         let emits = materials[shape.material.index()].emission.is_some();
         let place = |world_from_rest: &DAffine3| from_origin(&placed(shape, world_from_rest, emits), origin);
-        all.push(MovingShape::new(space, shape.material, numbering.shape(i), moving, place));
+        let material = classes.of_object(&shape.name).material(shape.material);
+        all.push(MovingShape::new(space, material, numbering.shape(i), moving, place));
     }
     all
 }
@@ -121,12 +124,12 @@ fn placed(shape: &Shape, world_from_rest: &DAffine3, emits: bool) -> DAffine3 {
 impl MovingShape {
     fn new(
         mut space: Space,
-        material: MaterialId,
+        material: u32,
         object: ObjectId,
         moving: &Moving<DAffine3>,
         place: impl Fn(&DAffine3) -> DAffine3,
     ) -> MovingShape {
-        space.attributes.materials.push(material.0);
+        space.attributes.materials.push(material);
         space.measure();
         let world_from_object = place(&DAffine3::IDENTITY);
         MovingShape { space, object, world_from_object, keys: moving.keys.iter().map(place).collect() }

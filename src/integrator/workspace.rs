@@ -105,18 +105,21 @@ impl Workspace {
 
     /// Finds the nearest hits of `rays`.
     pub(super) fn intersect(&mut self, accel: &Accel) {
-        self.hits.clear();
-        self.hits.resize(self.rays.len(), Hit::MISS);
+        self.begin_hits();
         let samples = self.arriving.carried.sample[..self.rays.len()].iter().copied();
         self.times.closest(accel, &self.rays, samples, &mut self.hits);
-        self.ray_counts.all += self.rays.len() as u64;
     }
 
     /// Finds the nearest hits of `rays`, of any number, that belong to no samples: nothing moves then.
     pub(super) fn intersect_still(&mut self, accel: &Accel) {
+        self.begin_hits();
+        accel.closest(&self.rays, &mut self.hits);
+    }
+
+    /// Makes room for the hits of `rays`, and counts these.
+    fn begin_hits(&mut self) {
         self.hits.clear();
         self.hits.resize(self.rays.len(), Hit::MISS);
-        accel.closest(&self.rays, &mut self.hits);
         self.ray_counts.all += self.rays.len() as u64;
     }
 }

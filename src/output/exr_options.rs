@@ -41,6 +41,68 @@ pub enum ExrCompression {
     Dwab,
 }
 
+impl ExrLayout {
+    /// All of them.
+    pub const ALL: [ExrLayout; 3] = [ExrLayout::Single, ExrLayout::Multipart, ExrLayout::Layers];
+
+    /// What users call it.
+    pub fn name(self) -> &'static str {
+        self.words().0
+    }
+
+    /// What it is, for lists of them.
+    pub fn about(self) -> &'static str {
+        self.words().1
+    }
+
+    fn words(self) -> (&'static str, &'static str) {
+        match self {
+            ExrLayout::Single => ("single", "One part: R, G, B, A and Z without a layer's name"),
+            ExrLayout::Multipart => ("multipart", "A part for each layer"),
+            ExrLayout::Layers => {
+                ("layers", "One part, all in one render layer as Blender names it: ViewLayer.Combined.R")
+            }
+        }
+    }
+}
+
+impl ExrCompression {
+    /// All of them.
+    pub const ALL: [ExrCompression; 10] = [
+        ExrCompression::None,
+        ExrCompression::Rle,
+        ExrCompression::Zip,
+        ExrCompression::Zips,
+        ExrCompression::Piz,
+        ExrCompression::Pxr24,
+        ExrCompression::B44,
+        ExrCompression::B44a,
+        ExrCompression::Dwaa,
+        ExrCompression::Dwab,
+    ];
+
+    /// What users call it.
+    pub fn name(self) -> &'static str {
+        match self {
+            ExrCompression::None => "none",
+            ExrCompression::Rle => "rle",
+            ExrCompression::Zip => "zip",
+            ExrCompression::Zips => "zips",
+            ExrCompression::Piz => "piz",
+            ExrCompression::Pxr24 => "pxr24",
+            ExrCompression::B44 => "b44",
+            ExrCompression::B44a => "b44a",
+            ExrCompression::Dwaa => "dwaa",
+            ExrCompression::Dwab => "dwab",
+        }
+    }
+
+    /// Do 32-bit floats keep all their bits, such as the ids of mattes?
+    pub fn keeps_ids(self) -> bool {
+        !matches!(self, ExrCompression::Pxr24 | ExrCompression::Dwaa | ExrCompression::Dwab)
+    }
+}
+
 /// Where the pixels of a file stand in the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ExrWindow {

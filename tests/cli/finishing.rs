@@ -1,14 +1,7 @@
 //! What happens to pictures after rendering: denoising, views, conversion, and what `info` tells.
 
 use crate::program::*;
-use std::collections::BTreeMap;
 use std::path::Path;
-
-fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
-    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
-    let list = image.layer_data.channel_data.list;
-    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
-}
 
 /// relMSE of a picture.
 fn error(folder: &Path, picture: &str, reference: &str) -> f64 {

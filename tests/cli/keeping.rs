@@ -4,12 +4,6 @@ use crate::program::*;
 use std::fs;
 use std::path::Path;
 
-fn planes(path: &Path) -> std::collections::BTreeMap<String, Vec<f32>> {
-    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
-    let list = image.layer_data.channel_data.list;
-    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
-}
-
 fn mean(path: &Path, channel: &str) -> f64 {
     let plane = planes(path).remove(channel).expect("a channel");
     plane.iter().map(|v| f64::from(*v)).sum::<f64>() / plane.len() as f64

@@ -2,17 +2,10 @@
 
 use crate::program::*;
 use oscura::film::Aov;
-use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 
 /// The planes of an EXR.
-fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
-    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
-    let list = image.layer_data.channel_data.list;
-    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
-}
-
 const LIGHTS: &str = r#"
 [camera]
 look_from = [0, 1, 4]

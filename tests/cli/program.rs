@@ -1,5 +1,6 @@
 //! Running the program, and what it leaves behind.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::Path;
 use std::process::{Command, Output};
@@ -68,6 +69,13 @@ pub fn attribute(path: &Path, name: &str) -> Option<exr::prelude::AttributeValue
 /// The value of such an attribute.
 pub fn text(value: &str) -> Option<exr::prelude::AttributeValue> {
     Some(exr::prelude::AttributeValue::Text(exr::prelude::Text::from(value)))
+}
+
+/// All channels of an EXR by name.
+pub fn planes(path: &Path) -> BTreeMap<String, Vec<f32>> {
+    let image = exr::prelude::read_first_flat_layer_from_file(path).expect("an EXR");
+    let list = image.layer_data.channel_data.list;
+    list.iter().map(|c| (c.name.to_string(), c.sample_data.values_as_f32().collect())).collect()
 }
 
 /// A picture as a list.

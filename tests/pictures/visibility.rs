@@ -1,10 +1,11 @@
 //! Objects and lights that some kinds of rays don't see, and holdouts.
 
 use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
-use oscura::math::DVec3;
+use oscura::math::{DAffine3, DVec3};
 use oscura::render::RenderOptions;
 use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Light, Material, Model, ObjectTraits, PbrMaterial, RayKinds, Scene,
+    ColorSlot, Environment, FloatSlot, Light, Material, Model, Moving, ObjectTraits, PbrMaterial, RayKinds,
+    Scene,
 };
 
 const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
@@ -160,4 +161,27 @@ fn holdouts_cut_holes() {
     let eye = DVec3::new(0.0, 2.0, 0.1);
     scene.cameras = vec![camera(eye, DVec3::ZERO, DVec3::Z, 1e-3)];
     assert_radiance("a holdout in a mirror", &scene, &options(8, 4, 2), 2.0, 1e-3);
+}
+
+/// What moves has the traits of its object, too.
+#[test]
+fn traits_move_along() {
+    let moving = |shift: DVec3| Moving {
+        keys: vec![DAffine3::IDENTITY, DAffine3::from_translation(shift)],
+        neighbours: None,
+    };
+    for (traits, truth) in [(unseen_by(&[RayKinds::CAMERA]), 1.0), (ObjectTraits::default(), 0.0)] {
+        let mut scene = Scene::default();
+        scene.environment = Environment::Constant([1.0; 3]);
+        let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+        sphere(&mut scene, [0.0; 3], 1.0, black);
+        quad(&mut scene, [-2.0, -2.0, 0.5], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], black);
+        scene.shapes[0].name = "thing".into();
+        scene.quads[0].name = "thing".into();
+        scene.motion.shapes.insert(0, moving(DVec3::new(0.0, 0.0, -0.1)));
+        scene.motion.quads.insert(0, moving(DVec3::new(0.0, 0.0, 0.1)));
+        scene.set_object_traits("thing", traits);
+        scene.cameras.push(camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 1e-3));
+        assert_radiance("behind what moves", &scene, &options(4, 4, 2), truth, 1e-6);
+    }
 }

@@ -15,7 +15,7 @@ from pathlib import Path
 import bpy
 
 import blend
-import blend_scenes as scenes
+import blend_parts as scenes
 
 NAME = "motion"
 
