@@ -100,20 +100,15 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
 
 /// The heads of all files; those that can't be read are told together.
 fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
-    let (mut heads, mut problems) = (Vec::new(), Vec::new());
+    let (mut heads, mut failed) = (Vec::new(), None::<Error>);
     for file in files {
-        match read_header(file) {
-            Ok(header) => heads.push((file.clone(), header)),
-            Err(error) => problems.extend(error.problems.into_iter().map(|problem| {
-                let place = file.display().to_string();
-                Problem { place, ..problem }
-            })),
+        match (read_header(file), &mut failed) {
+            (Ok(header), _) => heads.push((file.clone(), header)),
+            (Err(error), Some(all)) => all.append(error),
+            (Err(error), none) => *none = Some(error),
         }
     }
-    match problems.is_empty() {
-        true => Ok(heads),
-        false => Err(Error::input_problems(&files[0], problems)),
-    }
+    failed.map_or(Ok(heads), Err)
 }
 
 /// The film of all parts, and what lies behind it.

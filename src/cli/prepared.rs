@@ -81,7 +81,6 @@ pub(super) fn prepare(
     let load_s = start.elapsed().as_secs_f64();
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
-    limits::before_building(args, loaded, &settled)?;
     let frame = (settled.options.width, settled.options.height);
     args.exr.check(settled.options.aovs)?;
     let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
@@ -90,6 +89,7 @@ pub(super) fn prepare(
         camera = framed.widened(camera);
         settled.options = settled.options.size(framed.size.0, framed.size.1);
     }
+    limits::before_building(args, loaded, &settled)?;
     let size = (settled.options.width, settled.options.height);
     compiler.set_tree(settled.tree(wants.pictures));
     compiler.keep_uv(wants.keeps_uv || settled.options.aovs.contains(Aov::Uv));

@@ -5,6 +5,7 @@ use crate::accel;
 use crate::math::{Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma};
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
+use crate::simd::map_each;
 use std::sync::Arc;
 
 /// Shapes of one space with what shading needs of them. Lists of attributes that no material uses are empty.
@@ -140,7 +141,7 @@ pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
 
 #[inline(always)]
 pub(super) fn vertices<T: Copy>(list: &[T], t: [u32; 3]) -> [T; 3] {
-    t.map(|i| list[i as usize])
+    [list[t[0] as usize], list[t[1] as usize], list[t[2] as usize]]
 }
 
 impl Geometries {
@@ -202,7 +203,7 @@ impl Geometries {
         }
         let quad = shapes.quads.get(prim - shapes.triangles.len())?;
         let positions = [quad.corner, quad.corner + quad.edge_u, quad.corner + quad.edge_v];
-        Some(Corners { positions: positions.map(|p| p.to_array()), normals: [[0.0; 3]; 3] })
+        Some(Corners { positions: map_each(positions, |p| p.to_array()), normals: [[0.0; 3]; 3] })
     }
 
     /// Is the hit on a triangle of the world's own geometry without a second set of texture coordinates?
@@ -243,7 +244,7 @@ impl Geometries {
             }
             Primitive::Quad(q) => {
                 let corners = [q.corner, q.corner + q.edge_u, q.corner + q.edge_v];
-                triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
+                triangle_surface(map_each(corners, |c| c.to_array()), hit.u, hit.v)
             }
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
         };
@@ -297,8 +298,8 @@ impl Geometries {
         match primitive(shapes, hit.prim) {
             Primitive::Triangle(t) => {
                 let linear = placement.map_or(Mat3::IDENTITY, |p| p.world_from_object.linear);
-                let corners = vertices(&shapes.positions, t).map(Vec3::from_array);
-                let corners = corners.map(|c| linear * c);
+                let corners = vertices(&shapes.positions, t);
+                let corners = map_each(corners, |c| linear * Vec3::from_array(c));
                 attributes.of_triangle(t, corners, hit, surface, &linear, footprints)
             }
             Primitive::Quad(q) => {
@@ -350,8 +351,9 @@ impl Attributes {
         footprints: bool,
     ) -> SurfaceCoordinates {
         let weights = [1.0 - hit.u - hit.v, hit.u, hit.v];
-        let corner_uv =
-            |set: usize| (!self.uv[set].is_empty()).then(|| vertices(&self.uv[set], t).map(Vec2::from_array));
+        let corner_uv = |set: usize| {
+            (!self.uv[set].is_empty()).then(|| map_each(vertices(&self.uv[set], t), Vec2::from_array))
+        };
         let mix = |uv: Option<[Vec2; 3]>| {
             uv.map_or(Vec2::ZERO, |c| c[0] * weights[0] + c[1] * weights[1] + c[2] * weights[2])
         };
@@ -375,7 +377,7 @@ impl Attributes {
             .then(|| vertices(&self.tangents, t))
             .filter(|c| c[0] != [0.0; 4])
             .and_then(|c| {
-                let tangent = interpolate(c.map(|[x, y, z, _]| [x, y, z]), hit.u, hit.v);
+                let tangent = interpolate(map_each(c, |[x, y, z, _]| [x, y, z]), hit.u, hit.v);
                 // Texture v grows downwards: glTF's bitangent is w (n x t).
                 frame_of(
                     *linear * tangent,

@@ -12,6 +12,7 @@ use crate::color::Rgb;
 use crate::compile::Scattering;
 use crate::math::{Vec3, poly};
 use crate::sampling::hash::hash32;
+use crate::simd::map_each;
 
 /// Angles in which a point sees a ray.
 #[derive(Clone, Copy, Debug)]
@@ -189,7 +190,7 @@ impl Flight {
             channel += 1;
         }
         let u = (rest / shines[channel].max(f32::MIN_POSITIVE)).clamp(0.0, 1.0f32.next_down());
-        let rates = extinction.map(|x| (x - least).max(0.0));
+        let rates = map_each(extinction, |x| (x - least).max(0.0));
         let x = Truncated::new(rates[channel], way).sample(u);
         let mut density = 0.0;
         for c in 0..3 {
@@ -280,7 +281,7 @@ fn shares(medium: &Scattering, throughput: Rgb) -> [f32; 3] {
         shares[c] = carried[c] * (albedo + LEAST_ALBEDO);
     }
     let sum = shares[0] + shares[1] + shares[2];
-    if sum > f32::MIN_POSITIVE { shares.map(|s| s / sum) } else { [1.0 / 3.0; 3] }
+    if sum > f32::MIN_POSITIVE { map_each(shares, |s| s / sum) } else { [1.0 / 3.0; 3] }
 }
 
 impl Guide {
@@ -295,7 +296,7 @@ impl Guide {
         let angle = |t: f32| {
             if t.is_finite() { poly::atan2(t - closest, distance) } else { 0.5 * std::f32::consts::PI }
         };
-        let angles = extent.map(angle);
+        let angles = map_each(extent, angle);
         let is_usable = distance > 0.0 && distance.is_finite() && angles[1] > angles[0];
         is_usable.then_some(Guide { closest, distance, angles })
     }

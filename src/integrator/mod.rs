@@ -291,6 +291,7 @@ impl<'a> Integrator<'a> {
             }
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
+            self.end_stretched_chains(bounce, &sorted, w);
             if bounce == 0 && self.parts.first_bounces {
                 self.keep_first_bounces(&sorted, w);
             }

@@ -72,6 +72,7 @@ impl Integrator<'_> {
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
+        self.end_bent_chains(bounce, &sorted, w);
         sorted
     }
 
@@ -235,7 +236,7 @@ impl Integrator<'_> {
             }
         }
         if self.parts.chains {
-            self.end_chain_if_bent(i, w.materials[i], &vertex.surface, wo, &mut w.arriving.chains);
+            self.end_chain_if_bent(bounce, i, &vertex.surface, wo, &mut w.arriving.chains);
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };

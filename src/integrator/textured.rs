@@ -13,7 +13,7 @@ use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3, select};
 use crate::shape::Surface;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, dispatch, map_each};
 use crate::texture::{PointReader, TexturePoint};
 use std::ops::Range;
 
@@ -113,7 +113,7 @@ impl Kernel for TextureFrames<'_> {
             let CornerLanes { positions, weights: [second, third], .. } = &v.corners;
             let weights = [1.0 - second[i] - third[i], second[i], third[i]];
             let n = get(&v.ns, i);
-            let corners = corners(positions, i).map(Vec3::from_array);
+            let corners = map_each(corners(positions, i), Vec3::from_array);
             let (e1, e2) = (corners[1] - corners[0], corners[2] - corners[0]);
             let t = &mut v.textured;
             let uv = |c: usize| Vec2::new(t.corner_uv[c][0][i], t.corner_uv[c][1][i]);

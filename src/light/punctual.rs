@@ -178,16 +178,7 @@ mod tests {
             outer_angle_rad: 0.6,
             fade,
         };
-        let light = PunctualLight::new(
-            &Light {
-                name: String::new(),
-                kind,
-                intensity: [1.0; 3],
-                group: String::new(),
-                visible_to: Default::default(),
-            },
-            DVec3::ZERO,
-        );
+        let light = PunctualLight::new(&Light::new(kind, [1.0; 3]), DVec3::ZERO);
         light.sample(DVec3::new(angle.sin(), 0.0, -angle.cos()).as_vec3(), [0.5; 2]).radiance.r
     }
 

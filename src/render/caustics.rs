@@ -70,15 +70,8 @@ pub(super) fn warning(scene: &CompiledScene, options: &RenderOptions) -> Option<
     if options.caustics != Caustics::On {
         return None;
     }
-    let message = match obstacle(scene, options) {
-        Some(reason) => format!("caustics are not found from the lamp: {reason}"),
-        None if scene.features.bent_normals => {
-            "caustics from the lamp may be off by some thousandths where glass or metal has smoothed normals"
-                .to_string()
-        }
-        None => return None,
-    };
-    Some(Warning::general(message))
+    let reason = obstacle(scene, options)?;
+    Some(Warning::general(format!("caustics are not found from the lamp: {reason}")))
 }
 
 /// Why they can't be.
@@ -90,10 +83,6 @@ fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static s
         (scene.is_moving(), "something moves in the scene"),
         (scene.features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
         (scene.features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
-        (
-            scene.features.bent_normals && options.caustics == Caustics::Auto,
-            "the scene has smoothed normals, with which their light is not exact",
-        ),
         (has_layers, "their light has no part in light passes and groups of lights"),
         (options.aovs.contains(Aov::Variance), "the variance of their light is not known"),
         (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),

@@ -51,8 +51,8 @@ impl Splitting {
 #[non_exhaustive]
 pub enum Caustics {
     /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
-    /// light. Not in scenes with smoothed normals, where it is not known to be exact. Not in scenes with media that scatter or with thin sheets of glass, beside light passes, groups of
-    /// lights and the variance, and with [adaptive sampling](Adaptive).
+    /// light. Not in scenes with media that scatter or with thin sheets of glass, beside light passes, groups of lights and
+    /// the variance, and with [adaptive sampling](Adaptive).
     Auto,
     /// Wherever that is possible.
     On,

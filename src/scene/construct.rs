@@ -93,15 +93,14 @@ impl Quad {
 }
 
 impl Light {
+    /// A light that all rays know, without a name and in no group; the unit of its intensity follows from its kind.
+    pub fn new(kind: LightKind, intensity: [f32; 3]) -> Light {
+        Light { name: String::new(), kind, intensity, group: String::new(), visible_to: RayKinds::ALL }
+    }
+
     /// A point light of the same radiant intensity, W/sr, in all directions.
     pub fn point(position: impl Into<DVec3>, intensity: [f32; 3]) -> Light {
-        Light {
-            name: String::new(),
-            kind: LightKind::Point { position: position.into() },
-            intensity,
-            group: String::new(),
-            visible_to: RayKinds::ALL,
-        }
+        Light::new(LightKind::Point { position: position.into() }, intensity)
     }
 
     /// A spot light with a radiant intensity, W/sr, within `inner_angle_rad` of its axis, that fades to nothing at
@@ -115,20 +114,14 @@ impl Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
         let (position, fade) = (position.into(), SpotFade::Square);
         let kind = LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade };
-        Light { name: String::new(), kind, intensity, group: String::new(), visible_to: RayKinds::ALL }
+        Light::new(kind, intensity)
     }
 
     /// Parallel light that travels along `direction`, of any length but 0, with an irradiance, W/m2, on surfaces that
     /// face it.
     pub fn directional(direction: impl Into<DVec3>, irradiance: [f32; 3]) -> Light {
         let direction = direction.into().normalize_or(DVec3::NEG_Z);
-        Light {
-            name: String::new(),
-            kind: LightKind::Directional { direction },
-            intensity: irradiance,
-            group: String::new(),
-            visible_to: RayKinds::ALL,
-        }
+        Light::new(LightKind::Directional { direction }, irradiance)
     }
 }
 

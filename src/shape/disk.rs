@@ -7,6 +7,7 @@ use super::traits::{Parametrization, Shape};
 use crate::math::{Bounds3, DVec3, Mat3, Vec2, Vec3, gamma, orthonormal_basis};
 use crate::sampling::warp;
 use crate::scene::{self, Mesh};
+use crate::simd::map_each;
 use std::f32::consts::PI;
 
 /// A flat disk.
@@ -79,8 +80,8 @@ impl Shape for Disk {
     #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-        let axis = self.axis.to_array().map(f64::from);
-        let d = ray.direction.map(f64::from);
+        let axis = map_each(self.axis.to_array(), f64::from);
+        let d = map_each(ray.direction, f64::from);
         let center = self.center.to_array();
         let f: [f64; 3] = std::array::from_fn(|k| f64::from(center[k]) - f64::from(ray.origin[k]));
         let t = dot(f, axis) / dot(d, axis);

@@ -3,6 +3,7 @@
 
 use super::point::{LightPoint, pdf_solid_angle_of_area};
 use crate::math::{Vec3, poly};
+use crate::simd::map_each;
 
 /// Below this solid angle (sr) rectangles are sampled by area: the direction hardly changes over them, and the
 /// differences of angles that the map needs lose their digits.
@@ -155,8 +156,8 @@ fn clamp(x: f32, high: f32) -> f32 {
 /// of the same sign. `complements` are 1 - p^2 and 1 - q^2 without cancellation.
 #[inline(always)]
 fn sum_of_arc_sines(values: [f32; 2], complements: [f32; 2]) -> (f32, f32) {
-    let magnitudes = values.map(f32::abs);
-    let roots = complements.map(f32::sqrt);
+    let magnitudes = map_each(values, f32::abs);
+    let roots = map_each(complements, f32::sqrt);
     let near_right_angle = magnitudes[0] > roots[0] && magnitudes[1] > roots[1];
     // The arc sine, or what it lacks to a right angle.
     let arc = |i: usize| {

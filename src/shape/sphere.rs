@@ -9,6 +9,7 @@ use super::traits::{Parametrization, Shape};
 use crate::math::{Bounds3, Frame, Mat3, Vec2, Vec3, gamma, poly};
 use crate::sampling::warp;
 use crate::scene::{self, Mesh};
+use crate::simd::map_each;
 use std::f32::consts::{FRAC_1_PI, PI, SQRT_2};
 
 /// A sphere.
@@ -65,7 +66,7 @@ impl Shape for Sphere {
     #[inline(always)]
     fn intersect(&self, ray: &PreparedRay, t_min: f32, t_max: f32) -> Option<f32> {
         let r = f64::from(self.radius);
-        let d = ray.direction.map(f64::from);
+        let d = map_each(ray.direction, f64::from);
         let center = self.center.to_array();
         let f: [f64; 3] = std::array::from_fn(|k| f64::from(ray.origin[k]) - f64::from(center[k]));
         let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];

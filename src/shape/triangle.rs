@@ -8,7 +8,7 @@
 use super::point::Surface;
 use super::ray::PreparedRay;
 use crate::math::{Bounds3, Vec3, gamma};
-use crate::simd::{BoxRay, ShearedLine, Wide};
+use crate::simd::{BoxRay, ShearedLine, Wide, map_each};
 
 /// Triangles that are tested at a time.
 pub const LANES: usize = 4;
@@ -101,7 +101,7 @@ pub fn is_collapsed([a, b, c]: [Vec3; 3]) -> bool {
 /// ray's own point (Pharr, Jakob, Humphreys 2023, section 6.8.5). Weights may add up to more than 1 (quads).
 #[inline(always)]
 pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
-    let [a, b, c] = v.map(Vec3::from_array);
+    let [a, b, c] = map_each(v, Vec3::from_array);
     let (pa, pb, pc) = (a * (1.0 - u - w), b * u, c * w);
     let ng = (b - a).cross(c - a).normalize();
     Surface { p: pa + pb + pc, p_error: (pa.abs() + pb.abs() + pc.abs()) * gamma(7), ng, ns: ng, material: 0 }
@@ -110,7 +110,7 @@ pub fn triangle_surface(v: [[f32; 3]; 3], u: f32, w: f32) -> Surface {
 /// A quantity of the corners at the point with weights `u` and `w` of the second and third.
 #[inline(always)]
 pub fn interpolate(v: [[f32; 3]; 3], u: f32, w: f32) -> Vec3 {
-    let [a, b, c] = v.map(Vec3::from_array);
+    let [a, b, c] = map_each(v, Vec3::from_array);
     a * (1.0 - u - w) + b * u + c * w
 }
 

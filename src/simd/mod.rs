@@ -10,6 +10,7 @@
 mod block;
 #[cfg(target_arch = "x86_64")]
 mod compress;
+mod each;
 mod line;
 mod slab;
 mod table;
@@ -18,6 +19,7 @@ mod wide;
 mod x86;
 
 pub use block::{BlockQuery, TriangleBlock};
+pub use each::map_each;
 pub use line::{Line, prefer_huge_pages, prefetch_lines, reserve_lines};
 pub use slab::{BoxRay, Entry, Planes, ShearedLine};
 pub use table::Table;

@@ -42,10 +42,16 @@ const AXES: [[u8; 4]; 3] = [[1, 2, 0, 0], [2, 0, 1, 0], [0, 1, 2, 0]];
 /// The axes in the order x, y, z of the sheared space: the last is the longest of the direction.
 #[inline(always)]
 fn axes(direction: [f32; 3]) -> [u8; 4] {
-    let [x, y, z] = direction.map(f32::abs);
+    let [x, y, z] = [direction[0].abs(), direction[1].abs(), direction[2].abs()];
     // In numbers, since a branch could not be predicted.
     let is_z = usize::from((z >= x) & (z >= y));
     AXES[2 * is_z + (usize::from(y >= x) & (1 - is_z))]
+}
+
+/// Axes as indices. Without `map`, as all here: it would be compiled for the lowest CPU level.
+#[inline(always)]
+fn indices(axes: [u8; 4]) -> [usize; 3] {
+    [usize::from(axes[0].min(2)), usize::from(axes[1].min(2)), usize::from(axes[2].min(2))]
 }
 
 /// The line of a ray in the space that is sheared along it.
@@ -72,10 +78,7 @@ impl ShearedLine {
     /// For a direction whose largest component lies in [1, 2).
     #[inline(always)]
     pub fn new(origin: [f32; 3], direction: [f32; 3]) -> ShearedLine {
-        let axes = axes(direction);
-        // Without `map`, which would be compiled for the lowest CPU level.
-        let axis = |k: usize| usize::from(axes[k].min(2));
-        let [kx, ky, kz] = [axis(0), axis(1), axis(2)];
+        let [kx, ky, kz] = indices(axes(direction));
         let inverse = 1.0 / direction[kz];
         ShearedLine {
             axes: [kx, ky, kz],
@@ -118,8 +121,8 @@ impl BoxRay {
         self.inverse = [inverse[0], inverse[1], inverse[2]];
         self.near_offset = [near[0], near[1], near[2]];
         self.far_offset = [far[0], far[1], far[2]];
-        let signs = [0, 1, 2].map(|k| (direction[k].to_bits() >> 31) as usize);
-        self.near = NEAR[signs[0] | (signs[1] << 1) | (signs[2] << 2)];
+        let sign = |k: usize| (direction[k].to_bits() >> 31) as usize;
+        self.near = NEAR[sign(0) | (sign(1) << 1) | (sign(2) << 2)];
         self.axes = axes(direction);
     }
 
@@ -132,7 +135,8 @@ impl BoxRay {
     /// The components of a vector in the order of the sheared space.
     #[inline(always)]
     pub fn permute(&self, v: [f32; 3]) -> [f32; 3] {
-        self.axes().map(|axis| v[axis])
+        let [x, y, z] = self.axes();
+        [v[x], v[y], v[z]]
     }
 
     /// The line of the ray, with its origin and shear.
@@ -144,7 +148,7 @@ impl BoxRay {
     /// The axes in the order of the sheared space.
     #[inline(always)]
     pub fn axes(&self) -> [usize; 3] {
-        [0, 1, 2].map(|k| usize::from(self.axes[k].min(2)))
+        indices(self.axes)
     }
 }
 

@@ -3,6 +3,7 @@
 //! on all levels.
 
 use super::block::{self, BlockQuery, TriangleBlock};
+use super::each::map_each;
 use super::slab::{BoxRay, Entry, Planes};
 
 /// Box tests accept this much more (Ize 2013, "Robust BVH Ray Traversal"): 32 roundings. At most four are the box
@@ -83,8 +84,8 @@ impl Wide for ScalarWide {
         let (mut near, mut far) = ([t_min; 8], [t_max; 8]);
         for axis in 0..3 {
             let at = usize::from(ray.near[axis] / 32).min(5);
-            let entry = planes[at].map(|p| p * ray.inverse[axis] + ray.near_offset[axis]);
-            let exit = planes[at ^ 1].map(|p| p * ray.inverse[axis] + ray.far_offset[axis]);
+            let entry = map_each(planes[at], |p| p * ray.inverse[axis] + ray.near_offset[axis]);
+            let exit = map_each(planes[at ^ 1], |p| p * ray.inverse[axis] + ray.far_offset[axis]);
             near = map(entry, near, |a, b| if a > b { a } else { b });
             far = map(exit, far, |a, b| if a < b { a } else { b });
         }
@@ -126,7 +127,7 @@ impl Wide for ScalarWide {
         let [shear_x, shear_y] = *shear;
         let o = ray.permute(*origin);
         let vertex = |k: usize| {
-            let z = rows[4 * kz + k].map(|z| z - o[2]);
+            let z = map_each(rows[4 * kz + k], |z| z - o[2]);
             let shear = |row: [f32; 4], o: f32, s: f32| map(row, z, |p, z| (p - o) - s * z);
             (shear(rows[4 * kx + k], o[0], shear_x), shear(rows[4 * ky + k], o[1], shear_y))
         };

@@ -142,13 +142,7 @@ fn many_lights_of_all_kinds() {
         // Its twin below the floor lights nothing.
         sphere(&mut scene, [center.x, -center.y, center.z], radius, lamp);
     }
-    let point = |position: DVec3| Light {
-        visible_to: Default::default(),
-        group: String::new(),
-        name: "point".into(),
-        intensity: [0.3; 3],
-        kind: LightKind::Point { position },
-    };
+    let point = |position: DVec3| Light::new(LightKind::Point { position }, [0.3; 3]);
     for i in 0..20 {
         let position = DVec3::new(f64::from(i) * 0.2 - 2.0, 1.0 + 0.1 * f64::from(i), 1.0);
         scene.lights.push(point(position));
@@ -156,13 +150,7 @@ fn many_lights_of_all_kinds() {
         truth += 0.8 / std::f64::consts::PI * 0.3 * position.y / position.length().powi(3);
     }
     let sun = LightKind::Directional { direction: DVec3::new(0.3, -1.0, 0.2) };
-    scene.lights.push(Light {
-        group: String::new(),
-        visible_to: Default::default(),
-        name: "sun".into(),
-        intensity: [0.2; 3],
-        kind: sun,
-    });
+    scene.lights.push(Light::new(sun, [0.2; 3]));
     truth += 0.8 / std::f64::consts::PI * 0.2 / DVec3::new(0.3, -1.0, 0.2).length();
     scene.environment = Environment::Constant([0.1; 3]);
     truth += 0.8 * 0.1;
@@ -273,13 +261,7 @@ fn punctual_lights_on_a_plane() {
         [("point", point, of_point), ("directional", sun, -direction.normalize().y)]
     {
         let mut scene = floor_scene();
-        scene.lights.push(Light {
-            group: String::new(),
-            visible_to: Default::default(),
-            name: what.into(),
-            kind,
-            intensity: [5.0; 3],
-        });
+        scene.lights.push(Light::new(kind, [5.0; 3]));
         let truth = albedo_over_pi * 5.0 * per_intensity;
         assert_radiance(what, &scene, &options(4, 4, 1), truth, 1e-4);
     }

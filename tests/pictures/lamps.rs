@@ -122,13 +122,7 @@ fn cones_of_a_ball() {
 fn suns_of_all_sizes() {
     let direction = DVec3::new(0.3, -1.0, 0.2).normalize();
     for angle_rad in [0.0092, 0.5, 1.5] {
-        let sun = Light {
-            group: String::new(),
-            visible_to: RayKinds::ALL,
-            name: "sun".into(),
-            intensity: [2.0; 3],
-            kind: LightKind::Sun { direction, angle_rad },
-        };
+        let sun = Light::new(LightKind::Sun { direction, angle_rad }, [2.0; 3]);
         for lights in [1, 2] {
             let mut scene = floor();
             scene.lights = vec![sun.clone(); lights];

@@ -108,13 +108,7 @@ fn grids_agree_with_homogeneous_media() {
     let mut lit = Scene::default();
     with_grid(&mut lit, &constant, 0.8);
     let kind = LightKind::Directional { direction: DVec3::NEG_Y };
-    lit.lights.push(Light {
-        name: "sun".into(),
-        kind,
-        intensity: [3.0; 3],
-        group: String::new(),
-        visible_to: Default::default(),
-    });
+    lit.lights.push(Light::new(kind, [3.0; 3]));
     lit.cameras.push(beam([0.0, 0.0, 5.0]));
     let truth = integral(0.0, 2.0, 20_000, |t| {
         let way = (1.0 - (1.0 - t) * (1.0 - t)).sqrt();
@@ -164,13 +158,7 @@ fn single_scattering_agrees_with_quadrature() {
     for g in [-0.4, 0.0, 0.7] {
         let mut scene = Scene { fog: fog(medium(SIGMA as f32, 0.8, g), NO_END), ..Scene::default() };
         let kind = LightKind::Point { position: lamp };
-        scene.lights.push(Light {
-            name: "lamp".into(),
-            kind,
-            intensity: [3.0; 3],
-            group: String::new(),
-            visible_to: Default::default(),
-        });
+        scene.lights.push(Light::new(kind, [3.0; 3]));
         scene.cameras.push(beam([0.0, 0.0, 3.0]));
         let truth = integral(0.0, 60.0, 400_000, |t| {
             let x = DVec3::new(0.0, 0.0, 3.0 - t);
@@ -314,13 +302,7 @@ pub fn everything() -> Scene {
     let lamp = material(&mut scene, Material::emitter("lamp", [20.0; 3], false));
     sphere(&mut scene, [0.0, 1.2, 0.3], 0.15, lamp);
     let kind = LightKind::Point { position: DVec3::new(-1.5, 1.0, 1.5) };
-    scene.lights.push(Light {
-        name: "point".into(),
-        kind,
-        intensity: [2.0; 3],
-        group: String::new(),
-        visible_to: Default::default(),
-    });
+    scene.lights.push(Light::new(kind, [2.0; 3]));
     scene.cameras.push(camera(DVec3::new(0.0, 0.5, 4.0), DVec3::ZERO, DVec3::Y, 45.0));
     scene
 }

@@ -157,13 +157,7 @@ fn coloured_media_shine_in_each_channel() {
         let mut scene = Scene { fog: fog(shining(red), f64::INFINITY), ..Scene::default() };
         if has_lamp {
             let kind = LightKind::Point { position: DVec3::new(0.0, 0.3, -2.0) };
-            scene.lights.push(Light {
-                name: "lamp".into(),
-                kind,
-                intensity: [1e-9; 3],
-                group: String::new(),
-                visible_to: RayKinds::ALL,
-            });
+            scene.lights.push(Light::new(kind, [1e-9; 3]));
         }
         scene.cameras.push(parallel([0.0; 3], 0.1));
         assert_radiance(&format!("glow {red} {has_lamp}"), &scene, &options(16, 64, 0), 0.4, 1e-2);

@@ -57,13 +57,7 @@ fn stage(light: &str, between: impl Fn(&mut Scene)) -> Scene {
     }
     if has("sun") {
         let kind = LightKind::Directional { direction: DVec3::new(0.2, -1.0, 0.1) };
-        scene.lights.push(Light {
-            group: String::new(),
-            visible_to: Default::default(),
-            name: "sun".into(),
-            kind,
-            intensity: [2.0; 3],
-        });
+        scene.lights.push(Light::new(kind, [2.0; 3]));
     }
     // Whatever lies between, the scene is of one size: lights are chosen by it.
     for far in [-40.0, 40.0] {

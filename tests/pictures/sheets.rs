@@ -48,13 +48,7 @@ fn lights_without_size_shine_through_panes() {
                 let height = 1.0 + f64::from(i);
                 quad(&mut scene, [-50.0, height, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], glass);
             }
-            scene.lights.push(Light {
-                group: String::new(),
-                visible_to: Default::default(),
-                name: what.into(),
-                kind,
-                intensity: [5.0; 3],
-            });
+            scene.lights.push(Light::new(kind, [5.0; 3]));
             scene.cameras.push(camera(DVec3::new(0.0, 0.5, 0.0), DVec3::ZERO, DVec3::X, 1e-3));
             let left = (0.7 * clear_share(0.8)).powi(panes);
             let truth = 0.8 / std::f64::consts::PI * 5.0 * 0.8 * per_intensity * left;

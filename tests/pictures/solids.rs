@@ -54,13 +54,7 @@ fn sampled_light_is_absorbed_on_the_way() {
     let mut scene = Scene::default();
     floor_in_a_solid(&mut scene);
     let kind = LightKind::Point { position };
-    scene.lights.push(Light {
-        group: String::new(),
-        visible_to: Default::default(),
-        name: "point".into(),
-        intensity: [5.0; 3],
-        kind,
-    });
+    scene.lights.push(Light::new(kind, [5.0; 3]));
     let of_point = 0.8 / std::f64::consts::PI * 5.0 * 0.8;
     assert_radiance("point light", &scene, &options(4, 4, 1), of_point * 0.4f64.powf(2.5), 1e-4);
 

@@ -1,8 +1,10 @@
 //! Paths from the camera leave to those from lamps what these take.
 
 use super::super::Integrator;
-use super::super::group::{Group, Sorted};
+use super::super::group::Sorted;
+use super::super::lanes::get;
 use super::super::normals::bent_normal;
+use super::super::wave::Vertices;
 use super::super::workspace::Workspace;
 use crate::compile::Role;
 use crate::math::Vec3;
@@ -35,21 +37,43 @@ impl Integrator<'_> {
         }
     }
 
-    /// Where the normal of a perfectly smooth surface was bent for the viewer, paths from lamps don't know it.
+    /// Where the normal of a surface was bent for the viewer, paths from lamps don't know it.
     pub(in super::super) fn end_chain_if_bent(
         &self,
+        bounce: u32,
         i: usize,
-        material: u32,
         surface: &Surface,
         wo: Vec3,
         chains: &mut [u32],
     ) {
-        if self.scene.features.bent_normals
+        if bounce >= 1
+            && self.scene.features.bent_normals
             && chains[i] & GOES != 0
-            && self.groups[material as usize] == Group::Specular
             && bent_normal(surface.ns, surface.ng, wo).1
         {
             chains[i] &= !GOES;
+        }
+    }
+
+    /// The same for sorted vertices whose normals are bent already.
+    pub(in super::super) fn end_bent_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
+            for i in sorted.metal_rough() {
+                if w.wave.vertices.is_bent[i] != 0.0 {
+                    w.wave.paths.chains[i] &= !GOES;
+                }
+            }
+        }
+    }
+
+    /// Where paths went on in ways that those from lamps don't take.
+    pub(in super::super) fn end_stretched_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
+            for i in sorted.all() {
+                if is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i)) {
+                    w.wave.paths.chains[i] &= !GOES;
+                }
+            }
         }
     }
 
@@ -69,11 +93,31 @@ impl Integrator<'_> {
     /// Takes back the light samples that are left to paths from lamps.
     pub(in super::super) fn leave_light_samples(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
-        let (chains, light) = (&w.wave.paths.chains, &mut w.wave.vertices.light);
+        let (chains, v) = (&w.wave.paths.chains, &mut w.wave.vertices);
         for i in sorted.lit() {
-            if chains[i] & GOES != 0 && plan.takes(self.only_light.unwrap_or(light.index[i])) {
-                light.pdf[i] = 0.0;
+            let is_left = chains[i] & GOES != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
+            if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
+                v.light.pdf[i] = 0.0;
             }
         }
     }
+}
+
+/// Largest [`stretch`] of the light that paths from lamps take.
+const MOST_STRETCH: f32 = 3.0;
+
+/// By how much more a path from a lamp counts, beside one from the camera, behind a surface that is shaded with `ns` and sends
+/// light from `wi` to `wo` (Veach 1997, section 5.3). 1 where the normals are the same. Few paths from lamps meet a surface
+/// at grazing angles, and each counts much where `ns` does not lie so: the variance of that has no bound.
+fn stretch(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> f32 {
+    ((wi.dot(ns) * wo.dot(ng)) / (wo.dot(ns) * wi.dot(ng))).abs()
+}
+
+/// Is light from `wi` to `wo` left to paths from the camera?
+pub(super) fn is_stretched(ns: Vec3, ng: Vec3, wo: Vec3, wi: Vec3) -> bool {
+    ns != ng && stretch(ns, ng, wo, wi) > MOST_STRETCH
+}
+
+fn is_stretched_at(v: &Vertices, i: usize, wi: Vec3) -> bool {
+    is_stretched(get(&v.ns, i), get(&v.ng, i), get(&v.wo, i), wi)
 }

@@ -2,9 +2,10 @@
 
 use super::super::Integrator;
 use super::super::lanes::{get_rgb, set_rgb};
-use super::super::normals::{bent_normal, scattering_normal, terminator};
+use super::super::normals::{bent_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
+use super::follow::is_stretched;
 use super::path::LampPath;
 use crate::bsdf::{Bsdf, BsdfSample};
 use crate::color::Rgb;
@@ -24,6 +25,8 @@ struct Sender {
     ns: Vec3,
     /// Towards where the light came from.
     wo: Vec3,
+    /// Paths from the camera never find this light by way of perfectly smooth surfaces.
+    is_only_way: bool,
 }
 
 /// How light goes on.
@@ -53,7 +56,8 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, 0, arriving);
         }
         let (bsdf, ns) = self.read_material(at, 0.0, wo);
-        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo };
+        let is_only_way = path.is_delta && path.is_specular;
+        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
         let mut beyond = arriving.interior[0];
         if is_solid {
             let boundary = self.boundary(bsdf, material, at.is_back, path.bounces, 0, arriving);
@@ -84,7 +88,7 @@ impl Integrator<'_> {
     }
 
     fn scatter_light(&self, at: &Sender, u: [f32; 3]) -> Option<Sent> {
-        let Sender { bsdf, ng, ns, wo } = at;
+        let Sender { bsdf, ng, ns, wo, .. } = at;
         // Both normals must agree on which side the light is.
         if wo.dot(*ng) * wo.dot(*ns) <= 0.0 {
             return None;
@@ -96,39 +100,42 @@ impl Integrator<'_> {
         if sample.pdf_solid_angle <= 0.0 || crosses != sample.is_transmission || direction.dot(*ng) == 0.0 {
             return None;
         }
+        let is_left = || {
+            let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
+            is_bent || is_stretched(*ns, *ng, direction, *wo)
+        };
+        if !(at.is_only_way && sample.is_specular) && is_left() {
+            return None;
+        }
         match sample.is_specular {
-            true => self.send_on(at, &sample, direction),
+            true => Some(Self::send_on(at, &sample, direction)),
             false => self.send_glossy(at, &sample, direction),
         }
     }
 
     /// By a perfectly smooth surface. What BSDFs scale radiance by at refractions is none of flux.
-    fn send_on(&self, at: &Sender, sample: &BsdfSample, direction: Vec3) -> Option<Sent> {
+    fn send_on(at: &Sender, sample: &BsdfSample, direction: Vec3) -> Sent {
         let Sender { ng, ns, wo, .. } = at;
-        if self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1 {
-            return None;
-        }
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
-        Some(Sent {
+        Sent {
             direction,
             weight: sample.weight * (sample.eta * sample.eta),
             scale: if ns == ng { 1.0 } else { scale.abs() },
             is_specular: true,
             is_transmission: sample.is_transmission,
-        })
+        }
     }
 
     /// By a polished one that is opaque: what it scatters to a viewer in the direction chosen.
     fn send_glossy(&self, at: &Sender, sample: &BsdfSample, direction: Vec3) -> Option<Sent> {
-        let Sender { bsdf, ng, ns, wo } = at;
+        let Sender { bsdf, ng, ns, wo, .. } = at;
         if sample.is_transmission {
             return None;
         }
-        let n = scattering_normal(*ns, *ng, direction);
-        let frame = Frame::from_normal(n);
+        let frame = Frame::from_normal(*ns);
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
-        let kept = if self.softens_terminator() { terminator(n * side, *ng * side, *wo) } else { 1.0 };
+        let kept = if self.softens_terminator() { terminator(*ns * side, *ng * side, *wo) } else { 1.0 };
         Some(Sent {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),

@@ -157,13 +157,7 @@ fn lights_cameras_shapes_and_settings() {
     let (inner_angle_rad, outer_angle_rad) = (0.5, 0.4);
     let kind =
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade: Default::default() };
-    scene.lights.push(Light {
-        name: "lamp".into(),
-        kind,
-        intensity: [f32::INFINITY, 0.0, 0.0],
-        group: String::new(),
-        visible_to: Default::default(),
-    });
+    scene.lights.push(Light::new(kind, [f32::INFINITY, 0.0, 0.0]));
     let (center, rotation, material) = (DVec3::ZERO, DQuat::IDENTITY, MaterialId(0));
     let (name, kind) = ("ball".into(), ShapeKind::Sphere);
     scene.shapes.push(Shape { name, kind, center, radius: -1.0, rotation, material });

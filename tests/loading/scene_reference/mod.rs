@@ -2,6 +2,7 @@
 //! tables explain is known.
 
 mod keys;
+mod tables;
 
 use oscura::load::load;
 use oscura::load::scene_file::reference::{CHAPTERS, Chapter};

@@ -193,15 +193,7 @@ fn add_lights(scene: &mut Scene) {
         LightKind::Directional { direction: DVec3::new(0.1, -1.0, -0.2).normalize() },
         LightKind::Sun { direction: DVec3::new(-0.1, -1.0, -0.2).normalize(), angle_rad: 0.02 },
     ];
-    scene.lights = kinds
-        .map(|kind| Light {
-            group: String::new(),
-            visible_to: Default::default(),
-            name: "light".into(),
-            kind,
-            intensity: [1.0, 0.9, 0.8],
-        })
-        .into();
+    scene.lights = kinds.map(|kind| Light::new(kind, [1.0, 0.9, 0.8])).into();
 }
 
 /// A row of spheres, disks and sheets, one for each material of the scene, with a floor.
