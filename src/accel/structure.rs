@@ -89,6 +89,16 @@ impl Accel {
         self.walk_in_time(&rays[..count], times, Closest(&mut hits[..count]));
     }
 
+    /// [`Accel::closest_one`] at a time, if things move.
+    pub fn closest_one_in_time(&self, ray: &Ray, time: f32) -> Hit {
+        if !self.is_moving() {
+            return self.closest_one(ray);
+        }
+        let mut hit = [Hit::MISS];
+        self.closest_in_time(std::slice::from_ref(ray), &[time], &mut hit);
+        hit[0]
+    }
+
     /// [`Accel::any`] where things move.
     pub fn any_in_time(&self, rays: &[Ray], times: &[f32], hits: &mut [Hit]) {
         let count = rays.len().min(hits.len()).min(times.len());

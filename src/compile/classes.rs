@@ -66,9 +66,8 @@ pub(super) fn light_kinds(
     (emitters, geometries, materials): (&Emitters, &Geometries, &[CompiledMaterial]),
 ) -> Vec<RayKinds> {
     let mut kinds = vec![RayKinds::ALL; lights.area().len()];
-    for &(prim, light) in &emitters.light_of_primitive {
-        let material = geometries.world.attributes.materials[prim as usize];
-        kinds[light as usize] = materials[material as usize].visible_to();
+    for (light, _, material) in emitters.owners(geometries) {
+        kinds[light] = materials[material as usize].visible_to();
     }
     kinds.extend(scene.lights.iter().map(|light| light.visible_to));
     if lights.environment().is_some() {
@@ -88,9 +87,8 @@ pub(super) fn caught_lights(
         return Vec::new();
     }
     let mut caught = vec![false; emitters.lights.len()];
-    for &(prim, light) in &emitters.light_of_primitive {
-        let material = geometries.world.attributes.materials[prim as usize];
-        caught[light as usize] = materials[material as usize].is_of_caught_object();
+    for (light, _, material) in emitters.owners(geometries) {
+        caught[light] = materials[material as usize].is_of_caught_object();
     }
     caught
 }

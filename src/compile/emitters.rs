@@ -2,10 +2,11 @@
 
 use super::geometry::{Attributes, Geometries, Space};
 use super::material::{CompiledEmission, CompiledMaterial};
+use super::objects::ObjectId;
 use crate::accel::{self, is_in_reach};
 use crate::color::Rgb;
 use crate::light::{AreaLight, AreaShape, Edges, MovingLight, Radiance};
-use crate::math::{Bounds3, Mat3, Vec2, Vec3};
+use crate::math::{Bounds3, Hit, Mat3, Vec2, Vec3};
 use crate::shape::{Analytic, Shape};
 use std::collections::BTreeMap;
 
@@ -122,6 +123,19 @@ impl Emitters {
         self.moving_primitives.insert(primitive, index as u32);
         self.lights.push(first);
         self.moving.insert(index, MovingLight(keys));
+    }
+
+    /// Each light with an object and a material of what it is the light of.
+    pub(super) fn owners(&self, geometries: &Geometries) -> impl Iterator<Item = (usize, ObjectId, u32)> {
+        let world = &geometries.world;
+        let still = self.light_of_primitive.iter().map(|&(prim, light)| {
+            (light as usize, world.owners.of(prim), world.attributes.materials[prim as usize])
+        });
+        let moving = self.moving_primitives.iter().map(|(&(instance, prim), &light)| {
+            let hit = Hit { instance, prim, ..Hit::MISS };
+            (light as usize, geometries.object(&hit), geometries.material(&hit))
+        });
+        still.chain(moving)
     }
 
     /// The light that a primitive of a placement is part of.

@@ -3,7 +3,6 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::objects::ObjectId;
-use crate::math::Hit;
 use crate::scene::{Scene, group_or_default};
 use std::collections::HashMap;
 
@@ -43,14 +42,8 @@ impl LightGroups {
         });
         let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
         let mut lights = vec![0; emitters.lights.len()];
-        for &(prim, light) in &emitters.light_of_primitive {
-            let material = geometries.world.attributes.materials[prim as usize];
-            let material = material % scene.materials.len() as u32;
-            lights[light as usize] = groups.of_surface(geometries.world.owners.of(prim), material);
-        }
-        for (&(instance, prim), &light) in &emitters.moving_primitives {
-            let hit = Hit { instance, prim, ..Hit::MISS };
-            lights[light as usize] = groups.of_surface(geometries.object(&hit), geometries.material(&hit));
+        for (light, object, material) in emitters.owners(geometries) {
+            lights[light] = groups.of_surface(object, material % scene.materials.len() as u32);
         }
         lights.extend(scene.lights.iter().map(|light| number(&light.group)));
         lights.push(number(&scene.environment_group));

@@ -58,6 +58,7 @@ impl Integrator<'_> {
         let samples = std::mem::take(&mut w.caught);
         let count = w.pixels.len();
         w.sink.extend(2 * count);
+        w.times.repeat();
         w.rays.clear();
         if let Some(starts) = &w.starts {
             for (k, &sample) in samples.iter().enumerate() {

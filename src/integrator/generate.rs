@@ -52,7 +52,8 @@ impl Integrator<'_> {
                 AroundCamera::Differs => {
                     for i in 0..count {
                         let origin = get(&vertices.next_origin, i);
-                        paths.interior[i] = Interior::around(self.scene, origin);
+                        paths.interior[i] =
+                            Interior::around(self.scene, origin, w.times.of(paths.carried.sample[i]));
                     }
                 }
             }

@@ -49,11 +49,11 @@ impl Interior {
     }
 
     /// The solids around a point of a scene: a ray that leaves it crosses their surfaces from behind once more often than
-    /// from the front. Three rays vote, as models have holes.
-    pub fn around(scene: &CompiledScene, p: Vec3) -> Interior {
+    /// from the front, at a time between the opening and the closing of the shutter. Three rays vote, as models have holes.
+    pub fn around(scene: &CompiledScene, p: Vec3, time: f32) -> Interior {
         let ways =
             [Vec3::new(0.31, 0.89, 0.34), Vec3::new(-0.83, -0.27, 0.49), Vec3::new(0.42, -0.37, -0.83)];
-        let around = ways.map(|way| solids_around(scene, p, way.normalize()));
+        let around = ways.map(|way| solids_around(scene, p, way.normalize(), time));
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
@@ -66,45 +66,52 @@ impl Interior {
 pub enum AroundCamera {
     /// They are the same everywhere.
     Same(Interior),
-    /// They differ over the plane of an orthographic camera.
+    /// They differ over the plane of an orthographic camera, or while something moves.
     Differs,
 }
 
 impl AroundCamera {
-    /// Rays of an orthographic camera start all over its plane: points of a lattice there are asked.
+    /// Rays of an orthographic camera start all over its plane: points of a lattice there are asked; where something moves,
+    /// also some times.
     pub fn of(scene: &CompiledScene, view: &View) -> AroundCamera {
-        /// Cells of the lattice along each side of the picture. What lies between its points is found only by the rays that
-        /// hit its surface from behind.
+        /// Cells of the lattice along each side of the picture and along time. What lies between its points is found only by
+        /// the rays that hit its surface from behind.
         const CELLS: u32 = 8;
-        let camera = &view.camera;
         if !scene.features.media {
             return AroundCamera::Same(Interior::AIR);
         }
-        if camera.is_perspective() {
-            return AroundCamera::Same(Interior::around(scene, camera.position()));
-        }
-        let at = |k: u32, size: u32| (k * size) as f32 / CELLS as f32;
-        let corner = |i, j| camera.ray(at(i, view.width), at(j, view.height), [0.5; 2]).origin;
-        let first = Interior::around(scene, corner(0, 0));
-        let differs =
-            (0..=CELLS).any(|j| (0..=CELLS).any(|i| Interior::around(scene, corner(i, j)) != first));
+        let is_moving = scene.is_moving() || view.moving.is_some();
+        let times = if is_moving { 0..=CELLS } else { 0..=0 };
+        let cells = if view.camera.is_perspective() { 0..=0 } else { 0..=CELLS };
+        let around = |time: f32, i: u32, j: u32| {
+            let camera = view.moving.as_ref().map_or(view.camera, |moving| moving.at(time));
+            let at = |k: u32, size: u32| (k * size) as f32 / CELLS as f32;
+            let of_ray = || camera.ray(at(i, view.width), at(j, view.height), [0.5; 2]).origin;
+            let p = if camera.is_perspective() { camera.position() } else { of_ray() };
+            Interior::around(scene, p, time)
+        };
+        let first = around(0.0, 0, 0);
+        let differs = times.into_iter().any(|k| {
+            let time = k as f32 / CELLS as f32;
+            cells.clone().any(|j| cells.clone().any(|i| around(time, i, j) != first))
+        });
         if differs { AroundCamera::Differs } else { AroundCamera::Same(first) }
     }
 }
 
 /// Media of the solids around a point, by their number, the one that a ray leaves first at the end.
-fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3) -> Vec<u16> {
+fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MOST_SURFACES: u32 = 256;
     let mut ray = Ray::new(p, direction);
     let (mut entered, mut left): (Vec<u16>, Vec<u16>) = (Vec::new(), Vec::new());
     for _ in 0..MOST_SURFACES {
-        let hit = scene.accel.closest_one(&ray);
+        let hit = scene.accel.closest_one_in_time(&ray, time);
         if !hit.is_hit() {
             break;
         }
         ray.t_min = hit.t;
         let medium = scene.materials[scene.geometries.material(&hit) as usize].medium_index;
-        let is_front = scene.geometries.surface(&ray, &hit, 0.5).ng.dot(direction) < 0.0;
+        let is_front = scene.geometries.surface(&ray, &hit, time).ng.dot(direction) < 0.0;
         if medium == 0 {
             continue;
         }

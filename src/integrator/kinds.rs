@@ -177,6 +177,10 @@ impl Integrator<'_> {
         for i in 0..w.hits.len() {
             let material = &self.scene.materials[w.materials[i] as usize];
             if w.hits[i].is_hit() && material.presence.is_some_and(|p| p.is_holdout) {
+                if self.scene.features.scattering {
+                    // What glows before it stays.
+                    self.passed(0, i, w.hits[i].t, w);
+                }
                 w.uncovered.push(w.arriving.carried.sample[i]);
                 w.hits[i] = crate::math::Hit::MISS;
                 w.materials[i] = 0;

@@ -23,6 +23,11 @@ impl Times {
         self.branches = branches;
     }
 
+    /// All samples are traced once more, under the indices behind those of all.
+    pub fn repeat(&mut self) {
+        self.by_sample.extend_from_within(..);
+    }
+
     /// The times of all samples.
     pub fn all(&self) -> &[f32] {
         &self.by_sample
@@ -36,11 +41,9 @@ impl Times {
 
     #[cold]
     fn known(&self, sample: u32) -> f32 {
-        let sample = match sample.checked_sub(WAVE as u32) {
-            Some(branch) => branch / self.branches,
-            None => sample,
-        };
-        self.by_sample.get(sample as usize).copied().unwrap_or(0.0)
+        let of = |sample: u32| self.by_sample.get(sample as usize).copied();
+        let of_branch = || sample.checked_sub(WAVE as u32).and_then(|branch| of(branch / self.branches));
+        of(sample).or_else(of_branch).unwrap_or(0.0)
     }
 
     /// The nearest hits of rays whose paths have these samples.

@@ -109,7 +109,7 @@ impl Integrator<'_> {
 
     /// The weight of path `i` where it arrives at a point of its flight without having scattered. Adds what the medium emits
     /// on the way.
-    fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
+    pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         let flight = w.flights[i];
         let medium = &self.scene.media[usize::from(flight.medium)];
         let Some(scattering) = &medium.scattering else {

@@ -57,7 +57,7 @@ impl CausticChoice {
     ) {
         if !std::mem::replace(&mut self.is_decided, true)
             && options.caustics != Caustics::Off
-            && obstacle(scene, options).is_none()
+            && obstacle(scene, view, options).is_none()
         {
             self.plan =
                 Trial { scene, view, options, filter, mattes: MatteIds::default() }.plan().map(Arc::new);
@@ -66,21 +66,21 @@ impl CausticChoice {
 }
 
 /// What is said where caustics were to be found from the lamp and are not.
-pub(super) fn warning(scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
+pub(super) fn warning(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Option<Warning> {
     if options.caustics != Caustics::On {
         return None;
     }
-    let reason = obstacle(scene, options)?;
+    let reason = obstacle(scene, view, options)?;
     Some(Warning::general(format!("caustics are not found from the lamp: {reason}")))
 }
 
 /// Why they can't be.
-fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static str> {
+fn obstacle(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Option<&'static str> {
     let has_layers = options.light_groups || options.aovs.of(Source::PartOfColor).any();
     let reasons = [
         (scene.features.scattering, "the scene has media that scatter or end where no surface is"),
         (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
-        (scene.is_moving(), "something moves in the scene"),
+        (scene.is_moving() || view.moving.is_some(), "something moves in the scene, or the camera does"),
         (scene.features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
         (scene.features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
         (has_layers, "their light has no part in light passes and groups of lights"),

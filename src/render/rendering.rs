@@ -235,7 +235,7 @@ impl Rendering {
         let has_stopped = self.outcome != PassOutcome::Progressed;
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
-        warnings.extend(caustics::warning(&self.scene, &self.options));
+        warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }

@@ -2,6 +2,7 @@
 
 mod adaptive;
 mod blur;
+mod blur_beside;
 mod catcher;
 mod caustics;
 mod closed_form;

@@ -6,6 +6,7 @@ use super::super::interior::{AroundCamera, Interior};
 use super::super::normals::{scattering_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
+use super::passage::STILL;
 use super::path::{CausticTally, LampPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::camera::Sight;
@@ -63,7 +64,7 @@ impl Integrator<'_> {
         // The way to the camera is in what surrounds that.
         let around = match self.camera_interior {
             AroundCamera::Same(interior) => interior,
-            AroundCamera::Differs => Interior::around(self.scene, sight.lens),
+            AroundCamera::Differs => Interior::around(self.scene, sight.lens, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let left =
