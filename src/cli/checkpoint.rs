@@ -152,6 +152,10 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     if args.exr.overscan.is_some() && args.output.iter().any(is_part) {
         return Err(Error::usage("--overscan goes into pictures, not into .part files"));
     }
+    if args.exr.format.is_given() && args.output.iter().all(is_part) {
+        let message = "--exr-layout and the like say how EXRs are written, and .part files are none";
+        return Err(Error::usage(message).with_help("'oscura merge', which writes the EXR, takes them"));
+    }
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),
         _ => Ok(()),

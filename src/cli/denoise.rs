@@ -31,7 +31,7 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let second = args.other_seed.as_deref().map(|path| other(path, &first, part)).transpose()?;
     let mut file = first.clone();
     if let Some(second) = &second {
-        average(&mut file, second, part);
+        average(&mut file, second);
     }
     let layers = Layers::of(&file, part);
     let deviations = second.as_ref().and_then(|second| half_difference(&first, second, part));
@@ -55,7 +55,9 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let prefixes = std::iter::once("").chain(layers.parts.iter().map(|(prefix, _)| prefix.as_str()));
     for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(&result.parts)) {
         for (letter, values) in RGB.iter().zip(values) {
-            file.set_values(part, &format!("{prefix}{letter}"), values);
+            let name = format!("{prefix}{letter}");
+            let Some(part) = file.part_with(part, &name) else { continue };
+            file.set_values(part, &name, values);
         }
     }
     let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
@@ -80,24 +82,31 @@ struct Layers {
 }
 
 impl Layers {
+    /// Those of a part with a picture, and of others of its size.
     fn of(file: &Layered, part: usize) -> Layers {
         let is_light = |prefix: &str| {
             !prefix.is_empty()
                 && !DATA.contains(&prefix)
                 && !prefix.to_ascii_lowercase().starts_with("crypto")
         };
-        let channels = file.channels(part);
-        let prefixes = channels.iter().filter_map(|channel| channel.name.strip_suffix('R'));
+        let triple = |names: [&str; 3]| file.triple(file.part_with(part, names[0])?, names);
+        let names_in = |part| {
+            let names = file.channels(part).into_iter().map(move |c| file.plain_name(part, &c.name));
+            names.collect::<Vec<String>>()
+        };
+        let all = (0..file.len()).filter(|&other| file.size(other) == file.size(part)).flat_map(names_in);
+        let prefixes = all.filter_map(|name| Some(name.strip_suffix('R')?.to_string()));
         let parts = prefixes.filter(|prefix| is_light(prefix)).filter_map(|prefix| {
             let names = RGB.map(|letter| format!("{prefix}{letter}"));
-            Some((prefix.to_string(), file.triple(part, names.each_ref().map(String::as_str))?))
+            let values = triple(names.each_ref().map(String::as_str))?;
+            Some((prefix, values))
         });
         Layers {
-            color: file.triple(part, RGB).unwrap_or_default(),
-            variance: file.triple(part, ["variance.R", "variance.G", "variance.B"]),
-            albedo: file.triple(part, ["albedo.R", "albedo.G", "albedo.B"]),
-            normal: file.triple(part, ["N.X", "N.Y", "N.Z"]),
-            depth: file.values(part, "Z"),
+            color: triple(RGB).unwrap_or_default(),
+            variance: triple(["variance.R", "variance.G", "variance.B"]),
+            albedo: triple(["albedo.R", "albedo.G", "albedo.B"]),
+            normal: triple(["N.X", "N.Y", "N.Z"]),
+            depth: file.part_with(part, "Z").and_then(|part| file.values(part, "Z")),
             parts: parts.collect(),
         }
     }
@@ -158,13 +167,20 @@ fn half_difference(first: &Layered, second: &Layered, part: usize) -> Option<[Ve
 }
 
 /// Averages all channels of floats that both have.
-fn average(file: &mut Layered, other: &Layered, part: usize) {
+fn average(file: &mut Layered, other: &Layered) {
+    let fits = |part: &usize| *part < other.len() && other.size(*part) == file.size(*part);
+    let parts: Vec<usize> = (0..file.len()).filter(fits).collect();
+    parts.into_iter().for_each(|part| average_part(file, other, part));
+}
+
+fn average_part(file: &mut Layered, other: &Layered, part: usize) {
     for channel in file.channels(part).iter().filter(|channel| channel.kind != "uint") {
-        let is_matte = channel.name.to_ascii_lowercase().starts_with("crypto");
+        let name = file.plain_name(part, &channel.name);
+        let is_matte = name.to_ascii_lowercase().starts_with("crypto");
         let both = file.values(part, &channel.name).zip(other.values(part, &channel.name));
         if let Some((a, b)) = both.filter(|_| !is_matte) {
             // The mean of two pictures has half the variance of one.
-            let scale = if channel.name.starts_with("variance.") { 0.25 } else { 0.5 };
+            let scale = if name.starts_with("variance.") { 0.25 } else { 0.5 };
             let mean: Vec<f32> = a.iter().zip(&b).map(|(a, b)| scale * (a + b)).collect();
             file.set_values(part, &channel.name, &mean);
         }

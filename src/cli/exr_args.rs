@@ -6,7 +6,7 @@ use super::numbers::number;
 use clap::Args;
 use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
-use oscura::film::{AovSet, PixelType};
+use oscura::film::PixelType;
 use oscura::output::part::Region;
 use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 use oscura::scene::{Backdrop, Camera, Projection};
@@ -19,8 +19,9 @@ fn compressions() -> impl TypedValueParser<Value = ExrCompression> {
     named(&ExrCompression::ALL, ExrCompression::name, |_| "")
 }
 
+/// How EXRs lie on the disk.
 #[derive(Args, Clone, Debug)]
-pub(crate) struct ExrArgs {
+pub(crate) struct ExrFormatArgs {
     /// How the channels of EXRs are arranged.
     #[arg(long, value_name = "LAYOUT", default_value = "single", value_parser = layouts())]
     pub exr_layout: ExrLayout,
@@ -36,6 +37,12 @@ pub(crate) struct ExrArgs {
     /// Those that are written as 32-bit floats.
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub exr_float: Vec<String>,
+}
+
+#[derive(Args, Clone, Debug)]
+pub(crate) struct ExrArgs {
+    #[command(flatten)]
+    pub format: ExrFormatArgs,
     /// Render only the pixels from column X0 and row Y0 to before column X1 and row Y1: in EXRs a data window within the frame.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with_all = ["region", "overscan"])]
     pub crop: Option<Region>,
@@ -48,7 +55,7 @@ fn percent(text: &str) -> std::result::Result<f64, String> {
     number(text, |v| (0.0..=100.0).contains(&v), "a number of percent from 0 to 100")
 }
 
-impl ExrArgs {
+impl ExrFormatArgs {
     /// How EXRs are written whose pixels stand so in the frame.
     pub fn options(&self, window: Option<ExrWindow>) -> ExrOptions {
         let of = |names: &[String], kind| names.iter().map(|name| (name.clone(), kind)).collect::<Vec<_>>();
@@ -58,18 +65,35 @@ impl ExrArgs {
         ExrOptions { layout, compression, tiles: self.exr_tiles, types, window }
     }
 
-    /// Does the compression keep these AOVs what they are?
+    /// Is anything chosen?
+    pub fn is_given(&self) -> bool {
+        let types = self.exr_half.len() + self.exr_float.len();
+        let (layout, compression) = (ExrLayout::default(), ExrCompression::default());
+        self.exr_layout != layout
+            || self.exr_compression != compression
+            || self.exr_tiles.is_some()
+            || types > 0
+    }
+
+    /// Do mattes, if there are any, stay what they are?
     ///
     /// # Errors
-    /// A usage error for one that would change the ids of mattes.
-    pub fn check(&self, aovs: AovSet) -> Result<()> {
-        if !self.exr_compression.keeps_ids() && aovs.mattes().next().is_some() {
+    /// A usage error for what would change their ids.
+    pub fn check(&self, has_mattes: bool) -> Result<()> {
+        if !self.exr_compression.keeps_ids() && has_mattes {
             let message = "this --exr-compression would change the ids of Cryptomattes";
             return Err(Error::usage(message).with_help("take zip, zips or piz"));
         }
+        if let Some(name) = self.exr_half.iter().find(|name| name.to_ascii_lowercase().starts_with("crypto"))
+        {
+            let message = format!("--exr-half {name} would change the ids of Cryptomattes");
+            return Err(Error::usage(message).with_help("they are 32-bit floats"));
+        }
         Ok(())
     }
+}
 
+impl ExrArgs {
     /// Where the pixels stand in a frame of so many, if they are not just those of the frame; and the size with overscan.
     ///
     /// # Errors

@@ -1,5 +1,6 @@
 //! Arguments about renders that take long: when they stop, how they survive, how they are divided.
 
+use super::exr_args::ExrFormatArgs;
 use super::progress::ProgressArg;
 use clap::Args;
 use oscura::output::part::Region;
@@ -59,6 +60,8 @@ pub(crate) struct MergeArgs {
     /// Write the EXR's colour as 32-bit floats, as when the parts were rendered so.
     #[arg(long)]
     pub float: bool,
+    #[command(flatten)]
+    pub exr: ExrFormatArgs,
     /// Leave times and dates out of the files, as when the parts were rendered so.
     #[arg(long)]
     pub reproducible: bool,

@@ -9,7 +9,7 @@ use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::Film;
 use oscura::math::{DMat4, DVec3};
 use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
-use oscura::output::{ExrOptions, Matte, Metadata, PngOptions, ViewTransform};
+use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
 use oscura::render::{film_warnings, in_pool};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -55,6 +55,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
     }
     let (mut film, behind) = sum(&parts)?;
+    args.exr.check(film.planes().any(|plane| plane.name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
     film.settle_catchers();
     behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
@@ -74,7 +75,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
         reproducible: args.reproducible || finish.reproducible,
         float: args.float || finish.float,
-        exr: ExrOptions::default(),
+        exr: args.exr.options(None),
     };
     let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier);
     earlier.extend(pictures.warnings.iter().cloned());

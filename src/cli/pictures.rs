@@ -90,7 +90,7 @@ pub(crate) struct How {
 impl How {
     /// As the arguments say, of pixels that stand so in the frame.
     pub fn of(args: &RenderArgs, window: Option<ExrWindow>) -> How {
-        let exr = args.exr.options(window);
+        let exr = args.exr.format.options(window);
         How { owner: args.owner.clone(), reproducible: args.reproducible, float: args.float, exr }
     }
 }

@@ -82,7 +82,7 @@ pub(super) fn prepare(
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
     let frame = (settled.options.width, settled.options.height);
-    args.exr.check(settled.options.aovs)?;
+    args.exr.format.check(settled.options.aovs.mattes().next().is_some())?;
     let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
     let mut camera = settled.camera(&loaded.scene)?.clone();
     if let Some(framed) = framed {

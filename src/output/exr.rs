@@ -57,7 +57,13 @@ pub fn encode_exr(
 ) -> Result<Encoded, String> {
     let mut clamped = 0u64;
     let parts = parts(film, float, options, &mut clamped);
-    let warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
+    let mut warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
+    let names: Vec<&str> = film.planes().map(|plane| plane.name).collect();
+    warnings.extend(options.unknown(&names).map(|name| {
+        Warning::general(format!(
+            "there is no channel or layer '{name}' in the picture, whose type was chosen"
+        ))
+    }));
     let mut metadata = metadata.clone();
     metadata.warnings.extend(warnings.iter().map(Warning::to_string));
     let size = Vec2(film.width() as usize, film.height() as usize);

@@ -161,6 +161,12 @@ impl ExrOptions {
         if own == PixelType::Uint { own } else { kind }
     }
 
+    /// Names for which types are chosen that are neither channels nor layers of these channels.
+    pub(super) fn unknown<'a>(&'a self, channels: &'a [&str]) -> impl Iterator<Item = &'a str> {
+        let is_known = |wanted: &str| channels.iter().any(|name| *name == wanted || layer_of(name) == wanted);
+        self.types.iter().map(|(name, _)| name.as_str()).filter(move |name| !is_known(name))
+    }
+
     /// What a channel is called in the file.
     pub(super) fn name_of(&self, name: &str) -> String {
         match (self.layout, name) {

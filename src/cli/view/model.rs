@@ -117,11 +117,18 @@ impl Model {
             sizes: [4, 2, 1].map(part).to_vec(),
             rotation: self.own_rotation,
             samples: self.samples,
-            passes: Aov::ALL.iter().map(|aov| (aov.info().option, aov.info().about)).collect(),
+            passes: self.passes(),
             notes: self.notes.clone(),
             is_live: true,
             command: own_command(),
         }
+    }
+
+    /// What can be shown. Where things go to is known only if that was asked for when they were loaded.
+    fn passes(&self) -> Vec<(&'static str, &'static str)> {
+        let knows_motion = self.settled.options.aovs.contains(Aov::Motion);
+        let shown = Aov::ALL.iter().filter(|aov| knows_motion || **aov != Aov::Motion);
+        shown.map(|aov| (aov.info().option, aov.info().about)).collect()
     }
 
     /// The scene's cameras.

@@ -102,9 +102,38 @@ impl Layered {
         list
     }
 
-    /// The values of a channel, row by row from the top, integers as floats. `None` if there is no such channel.
+    /// The name of a channel without the render layer that Blender, and files laid out as its are, write before it:
+    /// `albedo.R` for `ViewLayer.albedo.R`, `R` for `ViewLayer.Combined.R`. Others stay as they are.
+    pub fn plain_name(&self, part: usize, name: &str) -> String {
+        let list = &self.file.layer_data[part].channel_data.list;
+        let layer =
+            list.iter().find_map(|c| Some(c.name.to_string().strip_suffix(".Combined.R")?.to_string()));
+        let below = layer.and_then(|layer| name.strip_prefix(&layer)?.strip_prefix('.').map(str::to_string));
+        match below.as_deref() {
+            None => name.to_string(),
+            Some("Depth.Z") => "Z".to_string(),
+            Some("Samples.X") => "samples".to_string(),
+            Some(below) => below.strip_prefix("Combined.").unwrap_or(below).to_string(),
+        }
+    }
+
+    /// Where in its part's list a channel is: by its name, or by its [plain name](Layered::plain_name).
+    fn index_of(&self, part: usize, name: &str) -> Option<usize> {
+        let list = &self.file.layer_data[part].channel_data.list;
+        let as_it_is = list.iter().position(|c| c.name == *name);
+        as_it_is.or_else(|| list.iter().position(|c| self.plain_name(part, &c.name.to_string()) == name))
+    }
+
+    /// The first part with a channel, of those that are as large as part `like`; that one before others.
+    pub fn part_with(&self, like: usize, name: &str) -> Option<usize> {
+        let others = (0..self.len()).filter(|&part| part != like && self.size(part) == self.size(like));
+        std::iter::once(like).chain(others).find(|&part| self.index_of(part, name).is_some())
+    }
+
+    /// The values of a channel, by its name or its [plain name](Layered::plain_name), row by row from the top, integers as
+    /// floats. `None` if there is no such channel.
     pub fn values(&self, part: usize, name: &str) -> Option<Vec<f32>> {
-        let channel = self.file.layer_data[part].channel_data.list.iter().find(|c| c.name == *name)?;
+        let channel = &self.file.layer_data[part].channel_data.list[self.index_of(part, name)?];
         Some(channel.sample_data.values_as_f32().collect())
     }
 
@@ -114,8 +143,8 @@ impl Layered {
     /// # Panics
     /// If there are not as many as before.
     pub fn set_values(&mut self, part: usize, name: &str, values: &[f32]) {
-        let list = &mut self.file.layer_data[part].channel_data.list;
-        let Some(channel) = list.iter_mut().find(|c| c.name == *name) else { return };
+        let Some(index) = self.index_of(part, name) else { return };
+        let channel = &mut self.file.layer_data[part].channel_data.list[index];
         assert_eq!(channel.sample_data.len(), values.len(), "another number of pixels");
         let half = |v: &f32| f16::from_f32(v.clamp(f16::MIN.to_f32(), f16::MAX.to_f32()));
         match &mut channel.sample_data {
