@@ -11,6 +11,7 @@ mod finishing;
 mod inspect;
 mod keeping;
 mod layers;
+mod layouts;
 mod limits;
 mod long;
 mod options;
