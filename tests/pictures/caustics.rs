@@ -8,7 +8,7 @@ use oscura::output::part::Region;
 use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     Aperture, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material, MaterialId, Mesh,
-    Model, PbrMaterial, Projection, RayKinds, Scene, ThinLens,
+    Model, PbrMaterial, Projection, Scene, ThinLens,
 };
 use std::f64::consts::PI;
 

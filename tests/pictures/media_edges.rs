@@ -6,7 +6,7 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
 use oscura::scene::{
     Camera, Clearcoat, ColorSlot, DiffuseTransmission, Environment, FloatSlot, Fog, Light, LightKind,
-    Material, MaterialId, Medium, Model, PbrMaterial, Projection, RayKinds, Scene,
+    Material, MaterialId, Medium, Model, PbrMaterial, Projection, Scene,
 };
 
 fn medium(extinction: [f32; 3], albedo: f32) -> Medium {
