@@ -74,7 +74,7 @@ fn merging_chooses_how_exrs_lie() {
 fn types_that_mean_nothing_are_told() {
     let folder = tempfile::tempdir().unwrap();
     let scene = cornell();
-    let small = "--width 16 --spp 2 --quiet";
+    let small = "--width 16 --spp 2";
     let line = format!("render {scene} -o a.exr {small} --aov crypto_object --exr-half CryptoObject00");
     let refused = oscura(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
     assert_eq!(code(&refused), 2, "{}", stderr(&refused));
