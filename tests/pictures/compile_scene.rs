@@ -31,8 +31,7 @@ pub fn square(n: u32, material: MaterialId) -> Mesh {
 
 pub fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
     let name = format!("placement {}", scene.instances.len());
-    let motion = Motion::Still;
-    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None, motion });
+    scene.instances.push(Instance { name, ..Instance::new(MeshId(mesh), world_from_object) });
 }
 
 #[test]
