@@ -130,8 +130,8 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{DAffine3, DQuat};
-    use crate::scene::{MaterialId, MeshId, Motion, Shape, ShapeKind};
+    use crate::math::DAffine3;
+    use crate::scene::{MaterialId, MeshId, Shape};
 
     #[test]
     fn boxes_hold_what_is_placed_and_drawn() {

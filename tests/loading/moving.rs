@@ -113,7 +113,8 @@ fn spheres_that_shine_become_meshes_where_they_are_stretched() {
             [scene.shapes.len(), scene.instances.len()],
             [1 - usize::from(becomes_mesh), usize::from(becomes_mesh)]
         );
-        let is_said = loaded.warnings.iter().any(|w| w.message.contains("its motion bends the light"));
+        let is_said =
+            loaded.warnings.iter().any(|w| w.message.contains("its motion stretches the shining sphere"));
         assert_eq!(is_said, becomes_mesh, "{scale}: {:?}", loaded.warnings);
         if becomes_mesh {
             let keys = &scene.motion.instances[0].keys;

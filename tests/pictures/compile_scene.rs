@@ -5,7 +5,7 @@ use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3, Ray, Vec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Model, Motion, PbrMaterial, Scene,
+    Model, PbrMaterial, Scene,
 };
 
 fn report(scene: &Scene) -> CompileReport {

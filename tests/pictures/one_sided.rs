@@ -6,7 +6,7 @@ use oscura::math::{DAffine3, DVec3};
 use oscura::render::PathReuse;
 use oscura::scene::{
     ColorSlot, Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, MeshId, Model,
-    Motion, PbrMaterial, Scene, Texture,
+    PbrMaterial, Scene, Texture,
 };
 
 fn one_sided(mut material: Material) -> Material {

@@ -7,7 +7,7 @@ use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions};
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
-    Model, Motion, PbrMaterial, Scene,
+    Model, PbrMaterial, Scene,
 };
 use std::path::Path;
 

@@ -108,7 +108,7 @@ fn is_stretched_light(build: &Build, object: &Object, shape: &Shape) -> bool {
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
 fn add_shape(build: &mut Build, object: &Object, shape: Shape) {
     let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
-    let reason = if is_stretched { "motion bends the light" } else { "transform bends the" };
+    let reason = if is_stretched { "motion stretches the shining" } else { "transform bends the" };
     if let Some(placed) = placed(object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
         scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));

@@ -1,8 +1,6 @@
 use super::*;
-use crate::math::{DQuat, DVec2, DVec3};
-use crate::scene::{
-    Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape, ShapeKind,
-};
+use crate::math::{DVec2, DVec3};
+use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape};
 
 fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
     let mut loaded = Loaded::default();

@@ -1,11 +1,10 @@
 //! What is said about broken scenes, word for word.
 
 use crate::image::Image;
-use crate::math::{DAffine3, DQuat, DVec3};
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     Camera, ColorSlot, Environment, ImageId, Instance, Light, LightKind, Mapping, Material, MaterialId, Mesh,
-    MeshId, MeshPart, Model, Motion, PbrMaterial, Projection, Scene, Settings, Shape, ShapeKind, Texture,
-    TextureId,
+    MeshId, MeshPart, Model, PbrMaterial, Projection, Scene, Settings, Shape, Texture, TextureId,
 };
 
 fn told(scene: &Scene) -> Vec<String> {

@@ -287,7 +287,8 @@ fn morph_targets_move_while_the_shutter_is_open() {
         a["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
         let channel = |node: u32| json!({"sampler": node, "target": {"node": node, "path": "weights"}});
         let sampler = |node: u32| json!({"input": 2, "output": 4 + node});
-        a["animations"] = json!([{"channels": [0, 1, 2].map(channel), "samplers": [0, 1, 2].map(sampler)}]);
+        let (channels, samplers) = ([0, 1, 2].map(channel), [0, 1, 2].map(sampler));
+        a["animations"] = json!([{"channels": channels, "samplers": samplers}]);
     });
     let scene = open(&asset, &numbers, 10.0, true).scene;
     let heights = |node: usize| {
@@ -323,8 +324,9 @@ fn lights_and_cameras_have_their_own_motion() {
         a["nodes"] = json!([{"mesh": 0}, lamp(), lamp(), lamp(), {"camera": 0}, {"camera": 0}]);
         a["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4, 5]);
         let channel = |(node, sampler): (u32, u32)| json!({"sampler": sampler, "target": {"node": node, "path": "translation"}});
+        let channels = [(1, 0), (2, 1), (4, 1)].map(channel);
         a["animations"] = json!([{
-            "channels": [(1, 0), (2, 1), (4, 1)].map(channel),
+            "channels": channels,
             "samplers": [{"input": 2, "output": 3}, {"input": 2, "output": 4}]
         }]);
     });

@@ -5,7 +5,7 @@ use oscura::image::Image;
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::scene::{
     ColorSlot, Emission, Environment, FloatSlot, ImageId, Instance, Interpolation, Mapping, Material, Mesh,
-    MeshId, MeshPart, Model, Motion, NormalMap, PbrMaterial, Scene, Texture, TextureId,
+    MeshId, MeshPart, Model, NormalMap, PbrMaterial, Scene, Texture, TextureId,
 };
 
 const CELLS: u32 = 12;
