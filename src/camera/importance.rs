@@ -79,6 +79,7 @@ mod tests {
             aspect_ratio: None,
             lens,
             shift: [0.1, -0.05],
+            motion: None,
         };
         let all = projections.into_iter().flat_map(|p| [(p, None), (p, Some(lens))]);
         all.map(|camera| Camera::new(&of(camera), 60, 40, DVec3::ZERO)).collect()

@@ -125,6 +125,7 @@ mod tests {
             aspect_ratio: None,
             lens: None,
             shift: [0.0; 2],
+            motion: None,
         }
     }
 

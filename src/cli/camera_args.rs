@@ -41,6 +41,7 @@ impl CameraArgs {
                 return Err(Error::usage("--eye and --target are the same point"));
             }
             camera.world_from_camera = Camera::look_at(eye, target, 30.0).world_from_camera;
+            camera.motion = None;
         }
         match (&mut camera.projection, fov, self.view_height) {
             (_, None, None) => {}

@@ -83,7 +83,7 @@ pub(super) fn bake(
             needs.uv[0] |= plan.keeps_uv;
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
-            let class = plan.classes.of_object(&instance.name);
+            let class = plan.classes.of_object(&instance.traits);
             world.append(mesh, (instance.material, class), &step.world_from_object, needs, is_hidden);
         } else {
             let class = plan.mesh_classes[step.geometry];
@@ -297,14 +297,14 @@ impl Space {
                 edge_u: quad.edge_u.as_vec3(),
                 edge_v: quad.edge_v.as_vec3(),
             });
-            attributes.materials.push(plan.classes.of_object(&quad.name).material(quad.material));
+            attributes.materials.push(plan.classes.of_object(&quad.traits).material(quad.material));
         }
         let turns = plan.keeps_uv || scene.shapes.iter().any(|s| materials[s.material.index()].uses_uv);
         let shown = scene.shapes.iter().enumerate();
         for (i, shape) in shown.filter(|(i, s)| is_seen(s.material) && stays(&motion.shapes, *i)) {
             self.owners.begin(attributes.materials.len(), numbering.shape(i));
             shapes.analytic.push(Analytic::of_scene(shape, (shape.center - origin).as_vec3()));
-            attributes.materials.push(plan.classes.of_object(&shape.name).material(shape.material));
+            attributes.materials.push(plan.classes.of_object(&shape.traits).material(shape.material));
             if turns {
                 attributes.object_from_world.push(Mat3::from_quat(shape.rotation.inverse().as_quat()));
             }

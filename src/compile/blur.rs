@@ -37,9 +37,9 @@ pub(super) fn changes(scene: &Scene, mesh: MeshId) -> bool {
 /// The lights without a surface that move while the shutter is open, by their place in the scene's list.
 pub(super) fn lights(scene: &Scene, origin: DVec3) -> BTreeMap<usize, MovingLight<PunctualLight>> {
     let moving = |(i, light): (usize, &Light)| {
-        let found = scene.motion.lights.iter().find(|m| m.kind == light.kind && m.moving.blurs())?;
+        let found = light.motion.as_ref().filter(|m| m.blurs())?;
         let at = |kind: &LightKind| PunctualLight::new(&Light { kind: *kind, ..light.clone() }, origin);
-        Some((i, MovingLight(found.moving.keys.iter().map(at).collect())))
+        Some((i, MovingLight(found.keys.iter().map(at).collect())))
     };
     scene.lights.iter().enumerate().filter_map(moving).collect()
 }
@@ -91,7 +91,7 @@ pub(super) fn moving_shapes(
         let place = |world_from_rest: &DAffine3| {
             from_origin(&(*world_from_rest * DAffine3::from_translation(quad.corner)), origin)
         };
-        let material = classes.of_object(&quad.name).material(quad.material);
+        let material = classes.of_object(&quad.traits).material(quad.material);
         all.push(MovingShape::new(space, material, numbering.quad(i), moving, place));
     }
     let shapes = scene.motion.shapes.iter().filter(|(_, moving)| moving.blurs());
@@ -105,7 +105,7 @@ pub(super) fn moving_shapes(
         }
         let emits = materials[shape.material.index()].emission.is_some();
         let place = |world_from_rest: &DAffine3| from_origin(&placed(shape, world_from_rest, emits), origin);
-        let material = classes.of_object(&shape.name).material(shape.material);
+        let material = classes.of_object(&shape.traits).material(shape.material);
         all.push(MovingShape::new(space, material, numbering.shape(i), moving, place));
     }
     all

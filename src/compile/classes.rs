@@ -22,7 +22,8 @@ impl Class {
 /// Objects by their traits. Each class has its copy of all materials, behind those of the scene.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Classes {
-    of_names: HashMap<String, Class>,
+    of_traits: HashMap<ObjectTraits, Class>,
+    /// In the order of their copies.
     traits: Vec<ObjectTraits>,
 }
 
@@ -30,21 +31,21 @@ impl Classes {
     /// Those of a scene.
     pub fn of(scene: &Scene) -> Classes {
         let mut classes = Classes::default();
-        for (name, traits) in scene.object_traits.iter().filter(|(_, t)| *t != ObjectTraits::default()) {
-            let known = classes.traits.iter().position(|other| other == traits);
-            let index = known.unwrap_or_else(|| {
+        for traits in scene.object_traits().filter(|t| **t != ObjectTraits::default()) {
+            classes.of_traits.entry(*traits).or_insert_with(|| {
                 classes.traits.push(*traits);
-                classes.traits.len() - 1
+                Class((classes.traits.len() * scene.materials.len()) as u32)
             });
-            let class = Class(((index + 1) * scene.materials.len()) as u32);
-            classes.of_names.insert(name.clone(), class);
         }
         classes
     }
 
-    /// The class of the objects of a name.
-    pub fn of_object(&self, name: &str) -> Class {
-        self.of_names.get(name).copied().unwrap_or_default()
+    /// The class of the objects with such traits.
+    pub fn of_object(&self, traits: &ObjectTraits) -> Class {
+        match self.traits.is_empty() {
+            true => Class::default(),
+            false => self.of_traits.get(traits).copied().unwrap_or_default(),
+        }
     }
 
     /// Adds the copies to a scene's materials.
@@ -101,6 +102,7 @@ pub(super) fn lights_all(kinds: RayKinds) -> bool {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::scene::Shape;
 
     #[test]
     fn objects_with_the_same_traits_share_copies() {
@@ -110,11 +112,13 @@ mod tests {
         }
         let unseen =
             ObjectTraits { visible_to: RayKinds::ALL.without(RayKinds::CAMERA), ..ObjectTraits::default() };
-        scene.set_object_traits("x", unseen);
-        scene.set_object_traits("y", ObjectTraits { is_holdout: true, ..unseen });
-        scene.set_object_traits("z", unseen);
+        let cut = ObjectTraits { is_holdout: true, ..unseen };
+        let all = [unseen, cut, unseen, ObjectTraits::default()];
+        for traits in all {
+            let sphere = Shape::sphere([0.0; 3], 1.0, MaterialId(1));
+            scene.shapes.push(Shape { traits, ..sphere });
+        }
         let classes = Classes::of(&scene);
-        let of = |name| classes.of_object(name).material(MaterialId(1));
-        assert_eq!([of("x"), of("y"), of("z"), of("other")], [3, 5, 3, 1]);
+        assert_eq!(all.map(|traits| classes.of_object(&traits).material(MaterialId(1))), [3, 5, 3, 1]);
     }
 }

@@ -3,8 +3,7 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::objects::ObjectId;
-use crate::scene::{Scene, group_or_default};
-use std::collections::HashMap;
+use crate::scene::{Instance, Scene, group_or_default};
 
 /// The groups of lights by number: their order is that of [`Scene::light_groups`].
 #[derive(Clone, Debug, Default)]
@@ -13,7 +12,7 @@ pub struct LightGroups {
     lights: Vec<u16>,
     /// By material: that of what it emits.
     materials: Vec<u16>,
-    /// By object, [`NONE`] where its materials decide; empty where they always do.
+    /// By object, [`NONE`] where its materials decide; those of instances, or none where materials always do.
     objects: Vec<u16>,
 }
 
@@ -35,11 +34,9 @@ impl LightGroups {
             found.unwrap_or(0).min(MOST_GROUPS) as u16
         };
         let materials: Vec<u16> = scene.materials.iter().map(|m| number(&m.light_group)).collect();
-        let of_objects: HashMap<&str, &str> =
-            scene.object_light_groups.iter().map(|(name, group)| (name.as_str(), group.as_str())).collect();
-        let objects = ObjectId::all(scene).filter(|_| !of_objects.is_empty()).map(|object| {
-            object.name(scene).and_then(|name| of_objects.get(name)).map_or(NONE, |group| number(group))
-        });
+        let own = |instance: &Instance| instance.light_group.as_deref().map_or(NONE, number);
+        let has_own = scene.instances.iter().any(|instance| instance.light_group.is_some());
+        let objects = scene.instances.iter().filter(|_| has_own).map(own);
         let mut groups = LightGroups { lights: Vec::new(), materials, objects: objects.collect() };
         let mut lights = vec![0; emitters.lights.len()];
         for (light, object, material) in emitters.owners(geometries) {

@@ -141,7 +141,7 @@ impl Plan {
                 let changes = step.place == Place::Moving && deforms;
                 if changes == is_changing {
                     let next = self.meshes.len();
-                    let class = classes.of_object(&instance.name);
+                    let class = classes.of_object(&instance.traits);
                     step.geometry = *known.entry((instance.mesh.index(), class)).or_insert(next);
                     if step.geometry == next {
                         self.meshes.push(instance.mesh.index());
@@ -203,13 +203,13 @@ impl Plan {
                 .with(step.geometry as u64)
                 .with(u64::from(step.place == Place::World))
                 .with(material)
-                .with(u64::from(classes.of_object(&instance.name).0))
+                .with(u64::from(classes.of_object(&instance.traits).0))
                 .with_transform(&step.world_from_object)
                 .with_print(of_meshes[instance.mesh.index()]);
         }
-        let named =
-            scene.quads.iter().map(|quad| &quad.name).chain(scene.shapes.iter().map(|shape| &shape.name));
-        world = named.fold(world, |sum, name| sum.with(u64::from(classes.of_object(name).0)));
+        let traits =
+            scene.quads.iter().map(|quad| &quad.traits).chain(scene.shapes.iter().map(|shape| &shape.traits));
+        world = traits.fold(world, |sum, traits| sum.with(u64::from(classes.of_object(traits).0)));
         Keys { shared, world: with_shapes(world, scene) }
     }
 }

@@ -97,7 +97,6 @@ pub(super) fn compile_after(
         features,
         emitters,
         vectors: Vectors::of(scene, anchor),
-        camera_motions: scene.motion.cameras.clone(),
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))

@@ -14,7 +14,7 @@ use crate::bsdf::ShadingModel;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
-use crate::scene::{CameraMotion, RayKinds, Scene, ShapeTag};
+use crate::scene::{RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
 
 /// What to compile for.
@@ -87,8 +87,6 @@ pub struct CompiledScene {
     pub(super) emitters: Emitters,
     /// Where objects are at the neighbouring frames.
     pub vectors: Vectors,
-    /// Cameras that move.
-    pub(super) camera_motions: Vec<CameraMotion>,
     /// What it was made of, for what may be made of it.
     pub(super) sources: Option<Sources>,
 }

@@ -30,9 +30,7 @@ impl View {
             let camera = scene::Camera { world_from_camera, ..camera.clone() };
             Camera::new(&camera, width, height, compiled.anchor)
         };
-        let motion = compiled.camera_motions.iter();
-        let motion = motion.map(|m| (m.world_from_camera, &m.moving));
-        let motion = motion.filter(|(place, _)| *place == camera.world_from_camera).map(|m| m.1).next();
+        let motion = camera.motion.as_ref();
         let blurring = motion.filter(|m| m.blurs());
         let neighbours = motion.and_then(|m| m.neighbours).unwrap_or([camera.world_from_camera; 2]);
         View {

@@ -8,7 +8,8 @@ use super::stage::{StageOptions, Turntable};
 use super::upright::{Up, UpHint};
 use crate::error::Warning;
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{MaterialId, Scene};
+use crate::scene::{MaterialId, Moving, Scene};
+use std::collections::BTreeSet;
 
 /// What the user may choose about loading.
 #[derive(Clone, Debug, Default)]
@@ -30,6 +31,9 @@ pub struct LoadOptions {
     pub up: Up,
     /// How long the shutter is open, and when.
     pub shutter: ShutterOptions,
+    /// Names of empty nodes of the model where lights will be placed: the shutter needs as many keys as their ways. What a
+    /// file beside the model says is added.
+    pub lit_nodes: BTreeSet<String>,
     /// How a model without camera or light is shown.
     pub stage: StageOptions,
     /// Is told which files are read or looked for.
@@ -49,9 +53,8 @@ pub struct Loaded {
     pub notes: Vec<Warning>,
     /// What was not read because the picture doesn't need it, with what that saved; for `--explain`.
     pub left_out: Vec<String>,
-    /// Nodes of the model that hold nothing themselves, by name, with their placement: where a file beside the model may
-    /// put lights, as exporters leave such nodes in the place of what glTF can't carry.
-    pub empties: Vec<(String, DAffine3)>,
+    /// Nodes of the model that hold nothing themselves.
+    pub empties: Vec<EmptyNode>,
     /// What Blender's own exporter left out of the file, where it wrote it.
     pub blender: Option<BlenderExport>,
     /// Materials of faces for which the file has none.
@@ -63,6 +66,18 @@ pub struct Loaded {
     pub offset: DVec3,
     /// What a camera that loading added goes around.
     pub turntable: Option<Turntable>,
+}
+
+/// A node of a model that holds nothing itself: where a file beside the model may put a light, as exporters leave such nodes in the
+/// place of what glTF can't carry.
+#[derive(Clone, Debug, PartialEq)]
+pub struct EmptyNode {
+    /// Its name.
+    pub name: String,
+    /// Where it stands at the picture's moment.
+    pub world_from_node: DAffine3,
+    /// Where it stands at other times, if it moves while the shutter is open.
+    pub motion: Option<Moving<DAffine3>>,
 }
 
 /// What tells in a glTF file by Blender that its exporter left something out. All by name.

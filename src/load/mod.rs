@@ -25,7 +25,7 @@ mod uri;
 mod words;
 
 pub use formats::extensions;
-pub use loaded::{BlenderExport, LoadOptions, Loaded};
+pub use loaded::{BlenderExport, EmptyNode, LoadOptions, Loaded};
 pub use saved::SavedFiles;
 pub use shutter::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 pub use upright::{Up, UpHint};
@@ -132,14 +132,13 @@ pub fn load_frames(
     Ok(())
 }
 
-/// With what the file beside a model says about the shutter.
+/// With what is to be known of the file beside a model before the model is read: its shutter, and where its lights stand.
 fn with_shutter(path: &Path, options: &LoadOptions) -> LoadOptions {
     let asks_sidecar = matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar;
-    let shutter = match asks_sidecar {
+    match asks_sidecar {
         true => scene_file::sidecar::with_shutter(path, options),
-        false => options.shutter,
-    };
-    LoadOptions { shutter, ..options.clone() }
+        false => options.clone(),
+    }
 }
 
 /// Does its name say that a file is one of Blender?

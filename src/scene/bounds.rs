@@ -130,8 +130,8 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::math::{DAffine3, DQuat};
-    use crate::scene::{MaterialId, MeshId, Motion, Shape, ShapeKind};
+    use crate::math::DAffine3;
+    use crate::scene::{MaterialId, MeshId, Shape};
 
     #[test]
     fn boxes_hold_what_is_placed_and_drawn() {
@@ -143,25 +143,10 @@ mod tests {
             triangles: vec![[0, 1, 2]],
             ..Mesh::default()
         });
-        scene.instances.push(Instance {
-            name: "placed".into(),
-            mesh: MeshId(0),
-            world_from_object: DAffine3::from_translation(DVec3::Z),
-            material: None,
-            motion: Motion::Still,
-        });
+        scene.instances.push(Instance::new(MeshId(0), DAffine3::from_translation(DVec3::Z)));
         let boxes = instance_extents(&scene);
         assert_eq!(boxes, [Extent(Some((DVec3::Z, DVec3::new(1.0, 2.0, 1.0))))]);
-        let (center, rotation) = (DVec3::ZERO, DQuat::IDENTITY);
-        let material = MaterialId(0);
-        scene.shapes.push(Shape {
-            name: "ball".into(),
-            kind: ShapeKind::Sphere,
-            center,
-            radius: 3.0,
-            rotation,
-            material,
-        });
+        scene.shapes.push(Shape::sphere(DVec3::ZERO, 3.0, MaterialId(0)));
         assert_eq!(scene_extent(&scene, &boxes), Extent(Some((DVec3::splat(-3.0), DVec3::splat(3.0)))));
     }
 }

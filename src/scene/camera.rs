@@ -1,5 +1,6 @@
 //! Cameras.
 
+use super::motion::Moving;
 use crate::math::{DAffine3, DMat3, DVec3};
 
 /// How points in front of the camera map to the picture.
@@ -64,6 +65,8 @@ pub struct Camera {
     /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of
     /// that side, and upright lines stay parallel.
     pub shift: [f64; 2],
+    /// Its placement at other times, if it moves while the picture is taken.
+    pub motion: Option<Moving<DAffine3>>,
 }
 
 /// Placement of a camera at `eye` that looks at `target`; `None` where the two coincide or `up` points along the view.

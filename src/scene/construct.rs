@@ -55,15 +55,23 @@ impl Mesh {
 impl Instance {
     /// A mesh placed in the world, with its own materials.
     pub fn new(mesh: MeshId, world_from_object: DAffine3) -> Instance {
-        Instance { name: String::new(), mesh, world_from_object, material: None, motion: Motion::Still }
+        Instance {
+            name: String::new(),
+            mesh,
+            world_from_object,
+            material: None,
+            motion: Motion::Still,
+            traits: ObjectTraits::default(),
+            light_group: None,
+        }
     }
 }
 
 impl Shape {
     /// A sphere.
     pub fn sphere(center: impl Into<DVec3>, radius: f64, material: MaterialId) -> Shape {
-        let (name, kind) = (String::new(), ShapeKind::Sphere);
-        Shape { name, kind, center: center.into(), radius, rotation: DQuat::IDENTITY, material }
+        let (name, kind, traits) = (String::new(), ShapeKind::Sphere, ObjectTraits::default());
+        Shape { name, kind, center: center.into(), radius, rotation: DQuat::IDENTITY, material, traits }
     }
 
     /// A flat disk whose front faces `normal`, which may have any length but 0.
@@ -74,8 +82,8 @@ impl Shape {
         material: MaterialId,
     ) -> Shape {
         let rotation = DQuat::from_rotation_arc(DVec3::Z, normal.into().normalize_or(DVec3::Z));
-        let (name, kind) = (String::new(), ShapeKind::Disk);
-        Shape { name, kind, center: center.into(), radius, rotation, material }
+        let (name, kind, traits) = (String::new(), ShapeKind::Disk, ObjectTraits::default());
+        Shape { name, kind, center: center.into(), radius, rotation, material, traits }
     }
 }
 
@@ -87,15 +95,16 @@ impl Quad {
         edge_v: impl Into<DVec3>,
         material: MaterialId,
     ) -> Quad {
-        let name = String::new();
-        Quad { name, corner: corner.into(), edge_u: edge_u.into(), edge_v: edge_v.into(), material }
+        let (corner, edge_u, edge_v) = (corner.into(), edge_u.into(), edge_v.into());
+        Quad { name: String::new(), corner, edge_u, edge_v, material, traits: ObjectTraits::default() }
     }
 }
 
 impl Light {
     /// A light that all rays know, without a name and in no group; the unit of its intensity follows from its kind.
     pub fn new(kind: LightKind, intensity: [f32; 3]) -> Light {
-        Light { name: String::new(), kind, intensity, group: String::new(), visible_to: RayKinds::ALL }
+        let (name, group) = (String::new(), String::new());
+        Light { name, kind, intensity, group, visible_to: RayKinds::ALL, motion: None }
     }
 
     /// A point light of the same radiant intensity, W/sr, in all directions.
@@ -142,44 +151,55 @@ impl Camera {
             aspect_ratio: None,
             lens: None,
             shift: [0.0; 2],
+            motion: None,
         }
     }
 }
 
 impl Scene {
-    /// Gives all objects of a name traits, in place of those that they had.
+    /// Gives the objects of a name that are there traits, in place of those that they have.
     pub fn set_object_traits(&mut self, name: &str, traits: ObjectTraits) {
-        self.object_traits.retain(|(other, _)| other != name);
-        if traits != ObjectTraits::default() {
-            self.object_traits.push((name.to_string(), traits));
-        }
+        let instances = self.instances.iter_mut().map(|i| (&i.name, &mut i.traits));
+        let quads = self.quads.iter_mut().map(|q| (&q.name, &mut q.traits));
+        let shapes = self.shapes.iter_mut().map(|s| (&s.name, &mut s.traits));
+        let own = instances.chain(quads).chain(shapes).filter(|(other, _)| *other == name);
+        own.for_each(|(_, own)| *own = traits);
+    }
+
+    /// The traits of all objects: of instances, quads and shapes.
+    pub fn object_traits(&self) -> impl Iterator<Item = &ObjectTraits> {
+        let instances = self.instances.iter().map(|i| &i.traits);
+        let quads = self.quads.iter().map(|q| &q.traits);
+        instances.chain(quads).chain(self.shapes.iter().map(|s| &s.traits))
     }
 
     /// Are there shadow catchers?
     pub fn has_catchers(&self) -> bool {
-        self.object_traits.iter().any(|(_, traits)| traits.is_shadow_catcher)
-    }
-
-    /// The traits of the objects of a name.
-    pub fn traits_of(&self, name: &str) -> ObjectTraits {
-        let found = self.object_traits.iter().find(|(other, _)| other == name);
-        found.map_or_else(ObjectTraits::default, |(_, traits)| *traits)
+        self.object_traits().any(|traits| traits.is_shadow_catcher)
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::scene::RayKinds;
 
     #[test]
-    fn the_last_traits_of_a_name_count() {
+    fn traits_are_those_of_all_objects_of_a_name() {
         let mut scene = Scene::default();
-        let unseen = ObjectTraits { visible_to: RayKinds::SHADOW, ..ObjectTraits::default() };
-        scene.set_object_traits("a", ObjectTraits { is_holdout: true, ..unseen });
-        scene.set_object_traits("a", unseen);
-        assert_eq!((scene.traits_of("a"), scene.object_traits.len()), (unseen, 1));
-        scene.set_object_traits("a", ObjectTraits::default());
-        assert!(scene.object_traits.is_empty() && scene.traits_of("b") == ObjectTraits::default());
+        for name in ["a", "b", "a"] {
+            let sphere = Shape::sphere(DVec3::ZERO, 1.0, MaterialId(0));
+            scene.shapes.push(Shape { name: name.into(), ..sphere });
+        }
+        scene
+            .quads
+            .push(Quad { name: "a".into(), ..Quad::new(DVec3::ZERO, DVec3::X, DVec3::Y, MaterialId(0)) });
+        let traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
+        scene.set_object_traits("a", traits);
+        let usual = ObjectTraits::default();
+        assert!(scene.object_traits().copied().eq([traits, traits, usual, traits]) && scene.has_catchers());
+        scene.quads[0].traits = usual;
+        assert!(scene.object_traits().copied().eq([usual, traits, usual, traits]));
+        scene.set_object_traits("a", usual);
+        assert!(!scene.has_catchers());
     }
 }

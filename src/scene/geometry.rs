@@ -1,6 +1,6 @@
 //! Meshes, their placements, and parallelograms.
 
-use super::{MaterialId, MeshId};
+use super::{MaterialId, MeshId, ObjectTraits};
 use crate::math::{DAffine3, DVec3};
 
 /// Triangles with one set of vertices. Front faces are counter-clockwise.
@@ -48,6 +48,10 @@ pub struct Instance {
     pub material: Option<MaterialId>,
     /// What other moments of the same scene make of it.
     pub motion: Motion,
+    /// What it is to rays and pictures.
+    pub traits: ObjectTraits,
+    /// The group of lights of what it emits, in place of those of its materials; empty for the default one.
+    pub light_group: Option<String>,
 }
 
 /// How an instance differs between the moments of a scene.
@@ -78,4 +82,6 @@ pub struct Quad {
     pub edge_v: DVec3,
     /// Its material.
     pub material: MaterialId,
+    /// What it is to rays and pictures.
+    pub traits: ObjectTraits,
 }

@@ -19,7 +19,7 @@ impl Scene {
         let emitters = self.materials.iter().filter(|m| m.emission.is_some()).map(|m| &m.light_group);
         let environment = (self.environment != super::Environment::Black).then_some(&self.environment_group);
         let all = emitters
-            .chain(self.object_light_groups.iter().map(|(_, group)| group))
+            .chain(self.instances.iter().filter_map(|instance| instance.light_group.as_ref()))
             .chain(self.lights.iter().map(|l| &l.group))
             .chain(environment);
         let mut names: Vec<String> = all.map(|name| group_or_default(name).to_string()).collect();

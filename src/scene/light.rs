@@ -1,5 +1,6 @@
 //! Lights without a surface.
 
+use super::motion::Moving;
 use super::visibility::RayKinds;
 use crate::math::DVec3;
 
@@ -17,6 +18,8 @@ pub struct Light {
     pub group: String,
     /// What it lights, by the kind of ray that it stands for: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
     pub visible_to: RayKinds,
+    /// Its kind at other times, if it moves while the picture is taken.
+    pub motion: Option<Moving<LightKind>>,
 }
 
 /// Kinds of lights without a surface. Directions have unit length and point the way the light travels.

@@ -47,7 +47,7 @@ pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
 pub use medium::{Fog, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
-pub use motion::{CameraMotion, LightMotion, Moving, SceneMotion, Vertices};
+pub use motion::{Moving, SceneMotion, Vertices};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
@@ -90,16 +90,11 @@ pub struct Scene {
     pub environment_visible_to: RayKinds,
     /// What is laid behind the picture where it is transparent.
     pub backdrop: Option<Backdrop>,
-    /// Names of objects with the groups of lights of what they emit, in place of those of their materials. The last entry of a
-    /// name counts.
-    pub object_light_groups: Vec<(String, String)>,
-    /// Names of objects that are special to rays or to pictures, each once; see [`Scene::set_object_traits`].
-    pub object_traits: Vec<(String, ObjectTraits)>,
     /// The environment's group of lights; empty for the default one.
     pub environment_group: String,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
-    /// What moves while the picture is taken.
+    /// Which objects move while the picture is taken.
     pub motion: SceneMotion,
     /// What the scene says about rendering; the command line may override each.
     pub settings: Settings,

@@ -1,6 +1,5 @@
 //! What moves while a picture is taken.
 
-use super::LightKind;
 use crate::math::DAffine3;
 use std::collections::BTreeMap;
 
@@ -19,6 +18,19 @@ impl<T> Moving<T> {
     pub fn blurs(&self) -> bool {
         self.keys.len() > 1
     }
+
+    /// All that is known of other times.
+    pub fn all(&self) -> impl Iterator<Item = &T> {
+        self.keys.iter().chain(self.neighbours.iter().flatten())
+    }
+
+    /// What follows from it at each time.
+    pub fn map<U>(&self, of: impl Fn(&T) -> U) -> Moving<U> {
+        Moving {
+            keys: self.keys.iter().map(&of).collect(),
+            neighbours: self.neighbours.as_ref().map(|neighbours| neighbours.each_ref().map(of)),
+        }
+    }
 }
 
 /// The vertices of a mesh at a time.
@@ -30,25 +42,8 @@ pub struct Vertices {
     pub normals: Vec<[f32; 3]>,
 }
 
-/// A camera that moves.
-#[derive(Clone, Debug, PartialEq)]
-pub struct CameraMotion {
-    /// Where it stands at the picture's moment: what moves is the camera that stands there.
-    pub world_from_camera: DAffine3,
-    /// Where it stands at other times.
-    pub moving: Moving<DAffine3>,
-}
-
-/// A light without a surface that moves.
-#[derive(Clone, Debug, PartialEq)]
-pub struct LightMotion {
-    /// It at the picture's moment: what moves is the light that is like this.
-    pub kind: LightKind,
-    /// It at other times.
-    pub moving: Moving<LightKind>,
-}
-
-/// What moves while a picture is taken, and how.
+/// What objects do while a picture is taken. Of cameras and lights without a surface it is said where they are:
+/// [`Camera::motion`](super::Camera::motion), [`Light::motion`](super::Light::motion).
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneMotion {
     /// Of instances, by the number in [`Motion::Keyed`](super::Motion::Keyed): `world_from_object`.
@@ -57,26 +52,6 @@ pub struct SceneMotion {
     pub meshes: BTreeMap<usize, Moving<Vertices>>,
     /// Of quads, by index: from where they are in the scene's list to where they are then.
     pub quads: BTreeMap<usize, Moving<DAffine3>>,
-    /// Of shapes, likewise. (Spheres and disks keep their shape: they go along with their middle and grow with the volume.)
+    /// Of shapes, likewise. (Spheres that shine stay round: they go along with their middle and grow with the volume.)
     pub shapes: BTreeMap<usize, Moving<DAffine3>>,
-    /// Of cameras.
-    pub cameras: Vec<CameraMotion>,
-    /// Of lights without a surface.
-    pub lights: Vec<LightMotion>,
-}
-
-impl SceneMotion {
-    /// Does anything but cameras change while the shutter is open?
-    pub fn blurs(&self) -> bool {
-        self.instances.iter().any(Moving::blurs)
-            || self.meshes.values().any(Moving::blurs)
-            || self.lights.iter().any(|l| l.moving.blurs())
-            || [&self.quads, &self.shapes].into_iter().any(|all| all.values().any(Moving::blurs))
-    }
-
-    /// What a camera does that stands somewhere at the picture's moment.
-    pub fn camera_at(&self, world_from_camera: &DAffine3) -> Option<&Moving<DAffine3>> {
-        let found = self.cameras.iter().find(|c| c.world_from_camera == *world_from_camera);
-        found.map(|c| &c.moving)
-    }
 }

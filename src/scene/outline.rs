@@ -114,8 +114,7 @@ mod tests {
             [(DVec3::ZERO, y, x), (z, x, y), (DVec3::ZERO, x, z), (y, z, x), (DVec3::ZERO, z, y), (x, y, z)];
         let mut scene = Scene::default();
         for &(corner, edge_u, edge_v) in &all[..faces] {
-            let quad = Quad { name: String::new(), corner, edge_u, edge_v, material: MaterialId(3) };
-            scene.quads.push(quad);
+            scene.quads.push(Quad::new(corner, edge_u, edge_v, MaterialId(3)));
         }
         outline(&scene, MaterialId(3))
     }

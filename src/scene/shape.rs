@@ -1,6 +1,6 @@
 //! Shapes that are no meshes: spheres, disks and the like.
 
-use super::MaterialId;
+use super::{MaterialId, ObjectTraits};
 use crate::math::{DQuat, DVec3};
 
 /// A shape that is no mesh, in world space.
@@ -18,6 +18,8 @@ pub struct Shape {
     pub rotation: DQuat,
     /// Its material.
     pub material: MaterialId,
+    /// What it is to rays and pictures.
+    pub traits: ObjectTraits,
 }
 
 /// Makes [`ShapeKind`] and [`ShapeTag`] of a table: each kind with the numbers that it needs beside a radius, what one

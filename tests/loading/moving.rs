@@ -1,8 +1,8 @@
 //! `motion` of objects in scene files, and the shutter.
 
 use oscura::load::{LoadOptions, Loaded, ShutterOptions, load};
-use oscura::math::{DVec3, transform_at};
-use oscura::scene::Motion;
+use oscura::math::{DAffine3, DVec3, transform_at};
+use oscura::scene::{LightKind, Motion};
 
 const HEAD: &str = "[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\nshutter = 0.5\n\
     [materials]\na = { type = \"lambert\" }\n[[objects]]\nmaterial = \"a\"\n";
@@ -93,4 +93,81 @@ fn what_is_no_motion_says_so() {
     }
     let negative = HEAD.replace("shutter = 0.5", "shutter = -1");
     assert!(read_by(&format!("{negative}{BALL}"), &LoadOptions::default()).is_err());
+}
+
+/// What samples spheres that shine asks for round ones.
+#[test]
+fn spheres_that_shine_become_meshes_where_they_are_stretched() {
+    let glowing = HEAD.replace("\"lambert\"", "\"emissive\", radiance = [1, 1, 1]");
+    let stretch = |scale: &str| {
+        format!(
+            "motion = {{ keys = [{{ frame = -1 }}, {{ frame = 1, transform = [{{ scale = {scale} }}] }}] }}\n"
+        )
+    };
+    for (head, scale, becomes_mesh) in
+        [(HEAD, "[1, 3, 1]", false), (&glowing, "3", false), (&glowing, "[1, 3, 1]", true)]
+    {
+        let loaded = read(&format!("{head}{BALL}{}", stretch(scale)));
+        let scene = &loaded.scene;
+        assert_eq!(
+            [scene.shapes.len(), scene.instances.len()],
+            [1 - usize::from(becomes_mesh), usize::from(becomes_mesh)]
+        );
+        let is_said =
+            loaded.warnings.iter().any(|w| w.message.contains("its motion stretches the shining sphere"));
+        assert_eq!(is_said, becomes_mesh, "{scale}: {:?}", loaded.warnings);
+        if becomes_mesh {
+            let keys = &scene.motion.instances[0].keys;
+            let height = |key: &DAffine3| key.matrix3.y_axis.length() / key.matrix3.x_axis.length();
+            assert!(
+                (height(&keys[0]) - 1.5).abs() < 1e-9 && (height(&keys[keys.len() - 1]) - 2.5).abs() < 1e-9
+            );
+        }
+    }
+}
+
+/// A node that goes by (8, 0, 0) in a second, which is 24 frames.
+const LAMP: &str = r#"{
+    "asset": {"version": "2.0"}, "scene": 0, "scenes": [{"nodes": [0]}], "nodes": [{"name": "Lamp", "translation": [7, 7, 7]}],
+    "animations": [{
+        "channels": [{"sampler": 0, "target": {"node": 0, "path": "translation"}}],
+        "samplers": [{"input": 0, "output": 1}]
+    }],
+    "accessors": [
+        {"bufferView": 0, "componentType": 5126, "count": 2, "type": "SCALAR", "min": [0], "max": [1]},
+        {"bufferView": 1, "componentType": 5126, "count": 2, "type": "VEC3"}
+    ],
+    "bufferViews": [{"buffer": 0, "byteLength": 8}, {"buffer": 0, "byteOffset": 8, "byteLength": 24}],
+    "buffers": [{"byteLength": 32, "uri": "data:application/octet-stream;base64,AAAAAAAAgD8AAAAAAAAAAAAAAAAAAABBAAAAAAAAAAA="}]
+}"#;
+
+/// Lights of the file beside a model move along with the nodes where they stand.
+#[test]
+fn lights_move_with_their_nodes() {
+    let with = |light: &str, frames: f64| {
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("a.gltf");
+        std::fs::write(&path, LAMP).expect("written");
+        std::fs::write(folder.path().join("a.oscura.toml"), format!("[[lights]]\n{light}\n"))
+            .expect("written");
+        let mut options = LoadOptions::default();
+        options.gltf.time_s = Some(0.5);
+        options.shutter = ShutterOptions { frames: Some(frames), ..ShutterOptions::default() };
+        load(&path, &options).unwrap_or_else(|e| panic!("{light}: {e}")).scene
+    };
+    let ways = |keys: &[DAffine3]| keys.iter().map(|key| key.translation.x).collect::<Vec<_>>();
+    let scene = with("area = { node = \"Lamp\", size = [1, 2], power = 1 }", 12.0);
+    assert_eq!(ways(&scene.motion.quads[&0].keys), [-2.0, 2.0]);
+    let scene = with("area = { node = \"Lamp\", size = [1, 1], shape = \"ellipse\", power = 1 }", 12.0);
+    assert_eq!(ways(&scene.motion.instances[0].keys), [2.0, 6.0]);
+    let scene = with("point = { node = \"Lamp\", radius = 0.1, power = 1 }", 12.0);
+    assert_eq!(ways(&scene.motion.shapes[&0].keys), [-2.0, 2.0]);
+    let scene = with("spot = { node = \"Lamp\", power = 1 }", 12.0);
+    let keys = scene.lights[0].motion.as_ref().map(|moving| moving.keys.iter());
+    let place = |kind: &LightKind| match kind {
+        LightKind::Spot { position, .. } => position.x,
+        _ => f64::NAN,
+    };
+    assert!(keys.expect("it moves").map(place).eq([2.0, 6.0]));
+    assert!(with("spot = { node = \"Lamp\", power = 1 }", 0.0).lights[0].motion.is_none());
 }

@@ -280,10 +280,10 @@ fn objects_may_be_special_to_rays_and_pictures() {
     let of = |line: &str| {
         let toml = format!("[objects.\"node 0\"]\n{line}\n");
         let scene = with_sidecar(&toml).map(|loaded| loaded.scene);
-        scene.unwrap_or_else(|e| panic!("{e}")).object_traits
+        scene.unwrap_or_else(|e| panic!("{e}")).instances[0].traits
     };
     let plain = with_sidecar("").unwrap_or_else(|e| panic!("{e}")).scene;
-    assert!(plain.object_traits.is_empty());
+    assert_eq!(plain.instances[0].traits, ObjectTraits::default());
     for (line, visible_to, is_holdout, is_shadow_catcher) in [
         ("visible_to = [\"camera\", \"shadow\"]", RayKinds::CAMERA.with(RayKinds::SHADOW), false, false),
         ("visible_to_camera = false", RayKinds::ALL.without(RayKinds::CAMERA), false, false),
@@ -291,8 +291,7 @@ fn objects_may_be_special_to_rays_and_pictures() {
         ("shadow_catcher = true", RayKinds::ALL, false, true),
     ] {
         let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
-        let found: Vec<_> = of(line).into_iter().map(|(_, traits)| traits).collect();
-        assert_eq!(found, [expected], "{line}");
+        assert_eq!(of(line), expected, "{line}");
     }
     let wrong = with_sidecar("[objects.\"node 0\"]\nvisible_to = [\"camra\"]\n").expect_err("no kind");
     assert!(wrong.to_string().contains("kinds of rays"), "{wrong}");
@@ -315,10 +314,10 @@ fn extras_of_nodes_say_the_same() {
     ] {
         let loaded = of(extras);
         let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
-        assert_eq!(loaded.scene.traits_of("node 0"), expected, "{extras}: {:?}", loaded.warnings);
+        assert_eq!(loaded.scene.instances[0].traits, expected, "{extras}: {:?}", loaded.warnings);
     }
     let loaded = of("{\"visible_to\": \"camra\", \"visible_shadow\": \"no\"}");
-    assert!(loaded.scene.object_traits.is_empty());
+    assert_eq!(loaded.scene.instances[0].traits, ObjectTraits::default());
     let said = |what: &str| loaded.warnings.iter().any(|w| w.place.contains(what));
     assert!(said("extras/visible_to") && said("extras/visible_shadow"), "{:?}", loaded.warnings);
 }

@@ -5,8 +5,7 @@ use oscura::film::Film;
 use oscura::math::{DAffine3, DVec3};
 use oscura::output::part::Region;
 use oscura::scene::{
-    CameraMotion, Instance, Light, LightMotion, Material, MaterialId, Mesh, Motion, Moving, Projection,
-    Scene, Vertices,
+    Instance, Light, Material, MaterialId, Mesh, Motion, Moving, Projection, Scene, Vertices,
 };
 use oscura::simd::{Level, limit_level};
 
@@ -181,13 +180,28 @@ fn a_moving_lamp_lights_by_the_mean_of_its_places() {
 fn a_moving_point_light_is_the_mean_of_its_places() {
     let mut scene = floor();
     let place = |x: f64| Light::point([x, 1.0, 0.0], [2.0; 3]);
-    scene.lights.push(place(0.5));
     let keys = vec![place(-1.0).kind, place(2.0).kind];
-    scene.motion.lights.push(LightMotion { kind: scene.lights[0].kind, moving: moving(keys) });
+    scene.lights.push(Light { motion: Some(moving(keys)), ..place(0.5) });
     let at = |x: f64| 2.0 / (1.0 + x * x) / (1.0 + x * x).sqrt();
     let irradiance = (0..4000).map(|k| at(-1.0 + 3.0 * (f64::from(k) + 0.5) / 4000.0)).sum::<f64>() / 4000.0;
     let truth = 0.8 * irradiance / std::f64::consts::PI;
     assert_radiance("moving point", &scene, &options(8, 64, 1), truth, 2e-3);
+}
+
+/// Two point lights that part, and one that stays where they are at the picture's moment: each goes its own way.
+#[test]
+fn lights_that_meet_go_their_own_ways() {
+    let place = |x: f64| Light::point([x, 1.0, 0.0], [2.0; 3]);
+    let at = |x: f64| 2.0 / (1.0 + x * x) / (1.0 + x * x).sqrt();
+    let mean_to = |way: f64| (0..4000).map(|k| at(way * (f64::from(k) + 0.5) / 4000.0)).sum::<f64>() / 4000.0;
+    let mut scene = floor();
+    for way in [3.0, -1.0] {
+        let keys = vec![place(0.0).kind, place(way).kind];
+        scene.lights.push(Light { motion: Some(moving(keys)), ..place(0.0) });
+    }
+    scene.lights.push(place(0.0));
+    let truth = 0.8 * (mean_to(3.0) + mean_to(-1.0) + at(0.0)) / std::f64::consts::PI;
+    assert_radiance("three lights", &scene, &options(8, 64, 1), truth, 4e-3);
 }
 
 /// A camera that moves sees what one sees that stands still where the world moves the other way.
@@ -204,7 +218,7 @@ fn a_moving_camera_is_a_world_that_moves_back() {
     let (mut by_camera, mut by_world) = (world(), world());
     let place = by_camera.cameras[0].world_from_camera;
     let keys = vec![shift(-0.2) * place, shift(0.2) * place];
-    by_camera.motion.cameras.push(CameraMotion { world_from_camera: place, moving: moving(keys) });
+    by_camera.cameras[0].motion = Some(moving(keys));
     by_world.motion.quads.insert(0, moving(vec![shift(0.2), shift(-0.2)]));
     let [a, b] = [by_camera, by_world].map(|scene| columns(&picture(&scene, &options(SIZE, 64, 0))));
     assert_near("camera", &a, &b, 1e-3);

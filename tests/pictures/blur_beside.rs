@@ -3,9 +3,7 @@
 use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Renderer};
-use oscura::scene::{
-    CameraMotion, Environment, Fog, Material, Medium, Model, Moving, ObjectTraits, RayKinds, Scene,
-};
+use oscura::scene::{Environment, Fog, Material, Medium, Model, Moving, ObjectTraits, RayKinds, Scene};
 
 fn shift(by: [f64; 3]) -> DAffine3 {
     DAffine3::from_translation(by.into())
@@ -127,7 +125,7 @@ fn a_moving_camera_blurs_caustics() {
     quad(&mut scene, [-1.0, 0.1, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], mirror);
     let place = scene.cameras[0].world_from_camera;
     let keys = [place, shift([0.5, 0.0, 0.0]) * place];
-    scene.motion.cameras.push(CameraMotion { world_from_camera: place, moving: moving(keys) });
+    scene.cameras[0].motion = Some(moving(keys));
     let [off, on] =
         [Caustics::Off, Caustics::On].map(|caustics| picture(&scene, &options(8, 4, 3).caustics(caustics)));
     assert_eq!(off.rgba(), on.rgba());

@@ -196,10 +196,7 @@ fn triangle_and_parallelogram_lights_on_a_plane() {
     });
     scene.instances.push(oscura::scene::Instance {
         name: "triangle".into(),
-        mesh: oscura::scene::MeshId(0),
-        world_from_object: oscura::math::DAffine3::IDENTITY,
-        material: None,
-        motion: oscura::scene::Motion::Still,
+        ..oscura::scene::Instance::new(oscura::scene::MeshId(0), oscura::math::DAffine3::IDENTITY)
     });
     let truth = 0.8 / std::f64::consts::PI * 2.0 * polygon(&points);
     assert_radiance("triangle", &scene, &options(8, 64, 1), truth, 2e-3);

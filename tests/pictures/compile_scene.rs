@@ -5,7 +5,7 @@ use oscura::compile::{CompileOptions, CompileReport, compile};
 use oscura::math::{DAffine3, DVec3, Ray, Vec3};
 use oscura::scene::{
     AlphaMode, Emission, Environment, FloatSlot, Instance, Material, MaterialId, Mesh, MeshId, MeshPart,
-    Model, Motion, PbrMaterial, Scene,
+    Model, PbrMaterial, Scene,
 };
 
 fn report(scene: &Scene) -> CompileReport {
@@ -31,8 +31,7 @@ pub fn square(n: u32, material: MaterialId) -> Mesh {
 
 pub fn place(scene: &mut Scene, mesh: u32, world_from_object: DAffine3) {
     let name = format!("placement {}", scene.instances.len());
-    let motion = Motion::Still;
-    scene.instances.push(Instance { name, mesh: MeshId(mesh), world_from_object, material: None, motion });
+    scene.instances.push(Instance { name, ..Instance::new(MeshId(mesh), world_from_object) });
 }
 
 #[test]

@@ -6,7 +6,7 @@ use oscura::math::{DAffine3, DVec3};
 use oscura::render::PathReuse;
 use oscura::scene::{
     ColorSlot, Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, MeshId, Model,
-    Motion, PbrMaterial, Scene, Texture,
+    PbrMaterial, Scene, Texture,
 };
 
 fn one_sided(mut material: Material) -> Material {
@@ -78,10 +78,10 @@ fn sheet(scene: &mut Scene, cells: u32, material: MaterialId, height: f64) {
     for lift in [0.0, 0.05] {
         scene.instances.push(Instance {
             name: "sheet".into(),
-            mesh: MeshId(scene.meshes.len() as u32 - 1),
-            world_from_object: DAffine3::from_translation(DVec3::Y * lift) * place,
-            material: None,
-            motion: Motion::Still,
+            ..Instance::new(
+                MeshId(scene.meshes.len() as u32 - 1),
+                DAffine3::from_translation(DVec3::Y * lift) * place,
+            )
         });
     }
 }
@@ -124,9 +124,8 @@ fn fronts_stop_light() {
                 let world_from_object = DAffine3::from_translation(DVec3::Y * 2.5)
                     * turn
                     * DAffine3::from_scale(DVec3::splat(50.0));
-                let (name, mesh) = ("lid".into(), MeshId(0));
-                let (material, motion) = (None, Motion::Still);
-                scene.instances.push(Instance { name, mesh, world_from_object, material, motion });
+                let lid = Instance::new(MeshId(0), world_from_object);
+                scene.instances.push(Instance { name: "lid".into(), ..lid });
             });
             assert_eq!(mean(&picture(&scene, &options(16, 4, 3))), 0.0);
         }

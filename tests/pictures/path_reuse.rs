@@ -7,7 +7,7 @@ use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions};
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
-    Model, Motion, PbrMaterial, Scene,
+    Model, PbrMaterial, Scene,
 };
 use std::path::Path;
 
@@ -100,10 +100,7 @@ fn steep() -> Scene {
         });
         scene.instances.push(Instance {
             name: "sheet".into(),
-            mesh: MeshId(scene.meshes.len() as u32 - 1),
-            world_from_object: DAffine3::IDENTITY,
-            material: None,
-            motion: Motion::Still,
+            ..Instance::new(MeshId(scene.meshes.len() as u32 - 1), DAffine3::IDENTITY)
         });
     }
     scene.cameras.push(camera(DVec3::new(0.5, 1.0, 1.5), DVec3::new(0.0, 0.3, -0.6), DVec3::Y, 60.0));

@@ -185,3 +185,18 @@ fn traits_move_along() {
         assert_radiance("behind what moves", &scene, &options(4, 4, 2), truth, 1e-6);
     }
 }
+
+/// Two objects of one name are two objects.
+#[test]
+fn traits_are_not_those_of_namesakes() {
+    let mut scene = Scene::default();
+    let light = material(&mut scene, Material::emitter("light", [1.0; 3], true));
+    sphere(&mut scene, [-2.0, 0.0, 0.0], 1.0, light);
+    sphere(&mut scene, [2.0, 0.0, 0.0], 1.0, light);
+    scene.shapes[0].traits.is_holdout = true;
+    for (x, truth) in [(-2.0, 0.0), (2.0, 1.0)] {
+        scene.cameras = vec![camera(DVec3::new(x, 0.0, 5.0), DVec3::new(x, 0.0, 0.0), DVec3::Y, 1e-3)];
+        let film = picture(&scene, &options(4, 4, 1));
+        assert!(film.rgba().iter().all(|pixel| *pixel == [truth; 4]), "{x}: {:?}", film.rgba());
+    }
+}

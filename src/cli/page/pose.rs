@@ -101,6 +101,8 @@ impl Pose {
         let rotation = oscura::math::DMat3::from_cols(right, up, back);
         self.camera.world_from_camera =
             DAffine3::from_mat3_translation(rotation, self.target + distance * back);
+        // Its own way began elsewhere.
+        self.camera.motion = None;
         self.is_moved = true;
     }
 

@@ -41,7 +41,8 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         Some(_) => name_of(raw, "camera", index),
         None => name_of(node_raw, "camera of node", node.index),
     };
-    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens: None, shift: [0.0; 2] })
+    let (lens, shift, motion) = (None, [0.0; 2], None);
+    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, motion })
 }
 
 fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {
@@ -197,7 +198,8 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
     let of_node = light_group(node_raw, &node.pointer(), report);
     let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
     let ObjectTraits { visible_to, .. } = traits::of_node(node_raw, &node.pointer(), report);
-    Ok(Light { name: name_of(node_raw, "light of node", node.index), kind, intensity, group, visible_to })
+    let name = name_of(node_raw, "light of node", node.index);
+    Ok(Light { name, kind, intensity, group, visible_to, motion: None })
 }
 
 /// Inner and outer half angle of a spot light, in order.

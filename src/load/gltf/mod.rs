@@ -41,7 +41,7 @@ mod vertices;
 
 pub use options::{Glass, GltfOptions, LightUnits};
 
-use super::{LoadOptions, Loaded};
+use super::{EmptyNode, LoadOptions, Loaded};
 use crate::error::{Error, Result, Warning};
 use crate::scene::Scene;
 use crate::simd::prefer_huge_pages;
@@ -91,7 +91,7 @@ pub(super) fn load_moments(
     for time_s in moments {
         report.begin_moment();
         doc.begin_moment();
-        let moments = Moments::read(&doc, time_s, &options.shutter, &mut kept, &mut report);
+        let moments = Moments::read(&doc, time_s, options, &mut kept, &mut report);
         let (mut loaded, still) = at(&doc, time_s, moments.as_ref(), &mut kept, &mut report)?;
         if each(&mut loaded)?.is_break() {
             break;
@@ -127,9 +127,13 @@ fn at(
     let pose = time_s.map_or_else(Pose::default, |time_s| animation::pose(doc, time_s, report));
     let family = Family::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &family, report);
-    let mut builder = Builder::new(doc, &pose, &family, kept);
+    let mut builder = Builder::new(doc, &pose, &family, kept).one_of_many(moments.is_some());
     builder.add(&hierarchy, report);
-    let empties = hierarchy.empties(doc).into_iter().map(|(_, name, place)| (name, place)).collect();
+    let empty = |(index, name, world_from_node)| {
+        let motion = moments.and_then(|moments| moments.empty(index, &world_from_node));
+        EmptyNode { name, world_from_node, motion }
+    };
+    let empties = hierarchy.empties(doc).into_iter().map(empty).collect();
     let left_out = left_out(doc, &builder, &pose);
     let (mut scene, still) = builder.finish(report);
     moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));

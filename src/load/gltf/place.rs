@@ -12,7 +12,7 @@ use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
 use crate::math::DAffine3;
-use crate::scene::{Instance, MeshId, Motion, ObjectTraits, Scene};
+use crate::scene::{Instance, MeshId, Motion, Scene};
 use serde_json::Value;
 use std::collections::{HashMap, HashSet};
 
@@ -24,12 +24,14 @@ struct Shape {
     weights: Vec<u32>,
     /// The skin, and the node whose transform holds for what the skin doesn't move.
     skin: Option<(usize, usize)>,
+    /// The node with weights of its own at other moments.
+    changing: Option<usize>,
 }
 
 impl Shape {
     /// Does it look the same at all moments?
     fn is_still(&self) -> bool {
-        self.weights.is_empty() && self.skin.is_none()
+        self.weights.is_empty() && self.skin.is_none() && self.changing.is_none()
     }
 }
 
@@ -40,6 +42,8 @@ pub(super) struct Builder<'b, 'a> {
     family: &'b Family<'b, 'a>,
     scene: Scene,
     kept: &'b mut Kept,
+    /// Other moments of the scene are to be compared with this one.
+    is_one_of_many: bool,
     shapes: HashMap<Shape, Vec<MeshId>>,
 }
 
@@ -51,7 +55,13 @@ impl<'b, 'a> Builder<'b, 'a> {
         family: &'b Family<'b, 'a>,
         kept: &'b mut Kept,
     ) -> Builder<'b, 'a> {
-        Builder { doc, pose, family, scene: Scene::default(), kept, shapes: HashMap::new() }
+        let (scene, shapes) = (Scene::default(), HashMap::new());
+        Builder { doc, pose, family, scene, kept, is_one_of_many: false, shapes }
+    }
+
+    /// The same for one of the moments of a shutter, in all of which nodes whose morph targets are animated have meshes of their own.
+    pub fn one_of_many(self, is_one_of_many: bool) -> Builder<'b, 'a> {
+        Builder { is_one_of_many, ..self }
     }
 
     /// Adds what all nodes show. What is wrong with one doesn't concern the others.
@@ -114,13 +124,8 @@ impl<'b, 'a> Builder<'b, 'a> {
         for (i, &world_from_object) in placements.iter().enumerate() {
             for &mesh in &meshes {
                 let name = if node.instances.is_some() { format!("{name}/{i}") } else { name.clone() };
-                if let Some(group) = &group {
-                    self.scene.object_light_groups.push((name.clone(), group.clone()));
-                }
-                if traits != ObjectTraits::default() {
-                    self.scene.set_object_traits(&name, traits);
-                }
-                self.scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
+                let (light_group, placed) = (group.clone(), Instance::new(mesh, world_from_object));
+                self.scene.instances.push(Instance { name, motion, traits, light_group, ..placed });
             }
         }
         Ok(())
@@ -139,6 +144,7 @@ impl<'b, 'a> Builder<'b, 'a> {
             mesh,
             weights: weights.iter().map(|w| w.to_bits()).collect(),
             skin: node.skin.map(|skin| (skin, node.index)),
+            changing: (self.is_one_of_many && self.has_own_weights(node)).then_some(node.index),
         };
         if let Some(known) = self.shapes.get(&shape) {
             return known.clone();
@@ -162,14 +168,18 @@ impl<'b, 'a> Builder<'b, 'a> {
 
     /// What other moments make of a node's mesh.
     fn motion(&self, node: &Node) -> Motion {
-        let has_own_weights = self.pose.node(node.index).is_some_and(|p| p.weights.is_some());
-        if has_own_weights || node.skin.is_some() && self.pose.animations > 0 {
+        if self.has_own_weights(node) || node.skin.is_some() && self.pose.animations > 0 {
             Motion::Deforms
         } else if node.moves {
             Motion::Moves
         } else {
             Motion::Still
         }
+    }
+
+    /// Does an animation change the weights of a node's morph targets?
+    fn has_own_weights(&self, node: &Node) -> bool {
+        self.pose.node(node.index).is_some_and(|p| p.weights.is_some())
     }
 
     /// The weights of a node's morph targets: those of its animation, else its own, else its mesh's. None if all are 0.

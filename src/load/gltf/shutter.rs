@@ -9,12 +9,10 @@ use super::place::Builder;
 use super::report::Report;
 use super::skin;
 use super::transform::Family;
-use crate::load::ShutterOptions;
-use crate::math::DAffine3;
-use crate::scene::{
-    Camera, CameraMotion, Instance, Light, LightKind, LightMotion, Mesh, Motion, Moving, Scene, Vertices,
-};
-use std::collections::HashMap;
+use crate::load::LoadOptions;
+use crate::math::{DAffine3, DMat3, DVec3};
+use crate::scene::{Camera, Instance, Light, LightKind, Mesh, Motion, Moving, Scene, Vertices};
+use std::collections::{BTreeSet, HashMap};
 
 /// What is known of one moment.
 struct Moment {
@@ -24,6 +22,8 @@ struct Moment {
     meshes: HashMap<usize, Vertices>,
     cameras: Vec<Camera>,
     lights: Vec<Light>,
+    /// Where nodes stand that hold nothing, by their index.
+    empties: HashMap<usize, DAffine3>,
 }
 
 /// The moments of the shutter, then, if motion vectors are wanted, those a frame before and after.
@@ -37,7 +37,7 @@ impl Moments {
     pub fn read(
         doc: &Document,
         time_s: Option<f64>,
-        shutter: &ShutterOptions,
+        LoadOptions { shutter, lit_nodes: lit, .. }: &LoadOptions,
         kept: &mut Kept,
         report: &mut Report,
     ) -> Option<Moments> {
@@ -50,7 +50,7 @@ impl Moments {
         }
         let time_s = time_s?;
         let at = |frames: f64| time_s + frames / shutter.fps;
-        let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report));
+        let (keys, is_enough) = shutter.keys_for(&mut |frames| places(doc, at(frames), report, lit));
         let mut moment = |frames: f64| {
             report.begin_moment();
             doc.begin_moment();
@@ -63,7 +63,9 @@ impl Moments {
         report.begin_moment();
         doc.begin_moment();
         if !is_enough {
-            let message = format!("something turns too far while the shutter is open for {keys} keys");
+            let message = format!(
+                "something turns too far or changes too unevenly while the shutter is open for {keys} keys"
+            );
             report.warn("/animations", message);
         }
         Some(moments)
@@ -80,7 +82,7 @@ impl Moments {
 
     /// Says in a scene, that of the picture's moment, what moves.
     pub fn tell(&self, scene: &mut Scene, report: &mut Report) {
-        let mut absent = 0;
+        let (mut absent, mut unlike) = (0, 0);
         let names = numbered(&scene.instances);
         for (i, name) in names.iter().enumerate() {
             let Some(met) = self.all(|m| m.instances.get(name).copied()) else {
@@ -93,6 +95,7 @@ impl Moments {
                 neighbours: met.neighbours.map(|n| n.map(|m| m.0)),
             };
             let deformed = self.vertices(&met, &scene.meshes[mesh]);
+            unlike += usize::from(deformed.is_none() && self.is_deformed(&met));
             let deforms = deformed.as_ref().is_some_and(is_different);
             if differs(&moving, &place) || deforms {
                 scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
@@ -108,8 +111,25 @@ impl Moments {
             );
             report.warn("/animations", message);
         }
+        if unlike > 0 {
+            let message = format!(
+                "{unlike} meshes have other vertices at some moments that the shutter is open: how they change is not blurred"
+            );
+            report.warn("/animations", message);
+        }
         self.tell_cameras(scene);
         self.tell_lights(scene);
+    }
+
+    /// Is a placed mesh deformed at a moment?
+    fn is_deformed(&self, met: &Moving<(DAffine3, usize)>) -> bool {
+        let mut keys = self.keys.iter().zip(&met.keys);
+        keys.any(|(moment, met)| moment.meshes.contains_key(&met.1))
+    }
+
+    /// How a node that holds nothing moves; `None` if it stands still.
+    pub fn empty(&self, node: usize, now: &DAffine3) -> Option<Moving<DAffine3>> {
+        self.all(|m| m.empties.get(&node).copied()).filter(|moving| differs(moving, now))
     }
 
     /// The shapes of a placed mesh, if it is deformed.
@@ -127,35 +147,30 @@ impl Moments {
     }
 
     fn tell_cameras(&self, scene: &mut Scene) {
-        for (i, camera) in scene.cameras.iter().enumerate() {
+        for (i, camera) in scene.cameras.iter_mut().enumerate() {
             let place =
                 |m: &Moment| m.cameras.get(i).filter(|c| c.name == camera.name).map(|c| c.world_from_camera);
-            let world_from_camera = camera.world_from_camera;
-            if let Some(moving) = self.all(place).filter(|moving| differs(moving, &world_from_camera)) {
-                scene.motion.cameras.push(CameraMotion { world_from_camera, moving });
-            }
+            camera.motion = self.all(place).filter(|moving| differs(moving, &camera.world_from_camera));
         }
     }
 
     fn tell_lights(&self, scene: &mut Scene) {
-        for (i, light) in scene.lights.iter().enumerate() {
+        for (i, light) in scene.lights.iter_mut().enumerate() {
             let kind = |m: &Moment| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
             let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
-            if let Some(moving) = self.all(kind).filter(differs) {
-                scene.motion.lights.push(LightMotion { kind: light.kind, moving });
-            }
+            light.motion = self.all(kind).filter(differs);
         }
     }
 }
 
 /// Is anything of a list another than at the picture's moment?
 fn differs<T: PartialEq>(moving: &Moving<T>, now: &T) -> bool {
-    moving.keys.iter().chain(moving.neighbours.iter().flatten()).any(|then| then != now)
+    moving.all().any(|then| then != now)
 }
 
 /// Do shapes differ from each other?
 fn is_different(moving: &Moving<Vertices>) -> bool {
-    let mut all = moving.keys.iter().chain(moving.neighbours.iter().flatten());
+    let mut all = moving.all();
     let first = all.next();
     all.any(|other| Some(other) != first)
 }
@@ -172,8 +187,8 @@ fn numbered(instances: &[Instance]) -> Vec<(String, usize)> {
     names
 }
 
-/// Where everything stands at a moment that may move.
-fn places(doc: &Document, time_s: f64, report: &mut Report) -> Vec<DAffine3> {
+/// Where everything stands at a moment that may move: also empty nodes of some names, at which there are lights.
+fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<String>) -> Vec<DAffine3> {
     let pose = animation::pose(doc, time_s, report);
     let family = Family::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &family, report);
@@ -186,8 +201,17 @@ fn places(doc: &Document, time_s: f64, report: &mut Report) -> Vec<DAffine3> {
         if let Some(skin) = node.skin {
             places.extend(skin::places(doc, skin, &family, report));
         }
+        let weights = node.mesh.and(pose.node(node.index)).and_then(|pose| pose.weights.as_ref());
+        places.extend(weights.into_iter().flatten().map(|weight| as_place(*weight)));
     }
+    let empties = hierarchy.empties(doc).into_iter().filter(|(_, name, _)| lit.contains(name));
+    places.extend(empties.map(|(_, _, place)| place));
     places
+}
+
+/// A weight of a morph target as a shear, whose tolerance is a share of a weight of 1 where the weight is smaller.
+fn as_place(weight: f32) -> DAffine3 {
+    DAffine3::from_mat3(DMat3::from_cols(DVec3::new(1.0, f64::from(weight), 0.0), DVec3::Y, DVec3::Z))
 }
 
 /// The scene at a moment.
@@ -195,7 +219,7 @@ fn moment(doc: &Document, time_s: f64, kept: &mut Kept, report: &mut Report) -> 
     let pose = animation::pose(doc, time_s, report);
     let family = Family::new(doc, &pose);
     let hierarchy = nodes::walk(doc, &pose, &family, report);
-    let mut builder = Builder::new(doc, &pose, &family, kept);
+    let mut builder = Builder::new(doc, &pose, &family, kept).one_of_many(true);
     builder.add(&hierarchy, report);
     let (mut scene, still) = builder.finish(report);
     kept.take_back(&mut scene, still);
@@ -204,5 +228,12 @@ fn moment(doc: &Document, time_s: f64, kept: &mut Kept, report: &mut Report) -> 
     // What is left of others was taken back.
     let deformed = scene.meshes.into_iter().enumerate().filter(|(_, mesh)| !mesh.positions.is_empty());
     let vertices = deformed.map(|(i, m)| (i, Vertices { positions: m.positions, normals: m.normals }));
-    Moment { instances, meshes: vertices.collect(), cameras: scene.cameras, lights: scene.lights }
+    let empties = hierarchy.empties(doc).into_iter().map(|(index, _, place)| (index, place));
+    Moment {
+        instances,
+        meshes: vertices.collect(),
+        cameras: scene.cameras,
+        lights: scene.lights,
+        empties: empties.collect(),
+    }
 }

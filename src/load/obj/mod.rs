@@ -23,7 +23,7 @@ use super::shapes::Repairs;
 use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart, Motion};
+use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
 use build::Object;
 use lines::by_tobj;
 use maps::Maps;
@@ -157,10 +157,7 @@ fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut
     }
     scene.instances.push(Instance {
         name: mesh.name.clone(),
-        mesh: MeshId(scene.meshes.len() as u32),
-        world_from_object: DAffine3::IDENTITY,
-        material: None,
-        motion: Motion::Still,
+        ..Instance::new(MeshId(scene.meshes.len() as u32), DAffine3::IDENTITY)
     });
     scene.meshes.push(mesh);
 }

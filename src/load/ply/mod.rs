@@ -22,7 +22,7 @@ use super::shapes::Repairs;
 use super::{LoadOptions, Loaded, UpHint, far};
 use crate::error::{Error, Problem, Result, Warning};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart, Motion};
+use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
 use elements::{Face, Skipped, Vertex};
 use faces::{Faces, Kind};
 use header::{Source, Unread};
@@ -142,13 +142,10 @@ fn finish(path: &Path, mut mesh: Mesh, origin: DVec3, options: &LoadOptions) -> 
     loaded.scene.materials.push(material);
     loaded.stand_ins.push(MaterialId(0));
     loaded.scene.meshes.push(mesh);
-    loaded.scene.instances.push(Instance {
-        name: "mesh".to_string(),
-        mesh: MeshId(0),
-        world_from_object: DAffine3::IDENTITY,
-        material: None,
-        motion: Motion::Still,
-    });
+    loaded
+        .scene
+        .instances
+        .push(Instance { name: "mesh".to_string(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
     far::place(path, origin, &mut loaded);
     Ok(loaded)
 }

@@ -4,8 +4,8 @@ mod spacing;
 
 use super::{LoadOptions, Loaded};
 use crate::error::{Choice, Error, Result, Warning};
-use crate::math::{DQuat, DVec3};
-use crate::scene::{Material, MaterialId, Shape, ShapeKind};
+use crate::math::DVec3;
+use crate::scene::{Material, MaterialId, Shape};
 use std::collections::{HashMap, HashSet};
 use std::path::Path;
 
@@ -57,9 +57,7 @@ impl Cloud<'_> {
                 scene.materials.push(Material::lambert("point", albedo));
                 MaterialId(scene.materials.len() as u32 - 1)
             });
-            let rotation = DQuat::IDENTITY;
-            let kind = ShapeKind::Sphere;
-            scene.shapes.push(Shape { name: String::new(), kind, center, radius, rotation, material });
+            scene.shapes.push(Shape::sphere(center, radius, material));
         }
         if dropped > 0 {
             let message = format!("{dropped} points that are not finite numbers were dropped");

@@ -57,7 +57,6 @@ impl Assets {
             return known.as_ref().map(|a| a.cameras.clone());
         }
         let mut loaded = self.read(build, &path, name, &span, true)?;
-        build.loaded.scene.motion.cameras.append(&mut loaded.scene.motion.cameras);
         build.loaded.warnings.append(&mut loaded.warnings);
         build.loaded.notes.append(&mut loaded.notes);
         build.loaded.left_out.push(format!("meshes of '{name}': only its camera is used"));
@@ -141,7 +140,6 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
     scene.motion.instances.extend(motion.instances);
     let deformed = motion.meshes.into_iter().map(|(i, moving)| (i + shift.mesh as usize, moving));
     scene.motion.meshes.extend(deformed);
-    scene.motion.cameras.extend(motion.cameras);
     let instances = instances.into_iter().map(|i| Instance {
         motion: shift.motion(i.motion),
         mesh: MeshId(i.mesh.0 + shift.mesh),

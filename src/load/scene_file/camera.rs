@@ -221,5 +221,6 @@ fn placed(fields: &Fields) -> Option<Camera> {
         aspect_ratio,
         lens,
         shift: shift.unwrap_or_default(),
+        motion: None,
     })
 }

@@ -3,10 +3,12 @@
 use super::build::Build;
 use super::fields::Fields;
 use super::light_traits::{LightTraits, strength};
-use super::placement::{Placement, at_node, placed};
+use super::placement::{Placed, Placement, at_node, placed};
+use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::{
-    Beam, Instance, Lamp, Material, MaterialId, Mesh, MeshId, MeshPart, Motion, Quad, Shape, ShapeKind,
+    Beam, Instance, Lamp, Material, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, Shape,
+    ShapeKind,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -34,7 +36,8 @@ pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) 
     if size.value.iter().any(|s| *s <= 0.0) {
         return fields.problems.push(size.span, "'size' of an area light must be above 0");
     }
-    let Some(Placement { center, direction, right, scale }) = placement else { return };
+    let Some(Placed { now, motion }) = placement else { return };
+    let Placement { center, direction, right, scale } = now;
     let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
     let area = width * height * if is_ellipse { FRAC_PI_4 } else { 1.0 };
     let Some(radiance) = strength(fields, "radiance", 1.0 / (PI * area)) else { return };
@@ -47,11 +50,37 @@ pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) 
         true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
         false => Beam::Even,
     };
-    add(build, surface, traits, beam, radiance);
+    let unit_from_world = now.world_from_unit().inverse();
+    let motion = motion.map(|moving| moving.map(|then| then.world_from_unit() * unit_from_world));
+    add(build, (surface, motion), traits, beam, radiance);
 }
 
-/// Adds a light with a surface of a radiance.
-pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam: Beam, radiance: f64) {
+/// How a ball moves on from its place at the picture's moment. A cone that turns would be another beam at each time: it is warned
+/// about.
+pub(super) fn ball_motion(
+    build: &mut Build,
+    name: &str,
+    position: DVec3,
+    beam: &Beam,
+    moving: &Moving<Placement>,
+) -> Moving<DAffine3> {
+    if let Beam::Cone { direction, .. } = beam
+        && moving.all().any(|then| then.direction.distance(*direction) > 1e-6)
+    {
+        let message = "the cone of a spot with a radius doesn't turn while the shutter is open: with radius = 0 it does";
+        build.loaded.warnings.push(Warning::new(build.file, name, message));
+    }
+    moving.map(|then| DAffine3::from_translation(then.center - position))
+}
+
+/// Adds a light with a surface of a radiance, which may move on from where it is.
+pub(super) fn add(
+    build: &mut Build,
+    (surface, motion): (Surface, Option<Moving<DAffine3>>),
+    traits: LightTraits,
+    beam: Beam,
+    radiance: f64,
+) {
     let LightTraits { name, color, lamp, group } = traits;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
@@ -61,14 +90,17 @@ pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam
     scene.materials.push(emitter);
     match surface {
         Surface::Rectangle { corner, edge_u, edge_v } => {
-            scene.quads.push(Quad { name, corner, edge_u, edge_v, material });
+            scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
+            scene.quads.push(Quad { name, ..Quad::new(corner, edge_u, edge_v, material) });
         }
         Surface::Ball { position, radius } => {
+            scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
             scene.shapes.push(Shape { name, ..Shape::sphere(position, radius, material) });
         }
         Surface::Ellipse { center, axis_u, axis_v } => {
             let (u, v) = (axis_u.length(), axis_v.length());
-            if (u - v).abs() <= 1e-6 * u {
+            // Rays to lights find no disks that move.
+            if (u - v).abs() <= 1e-6 * u && motion.is_none() {
                 let normal = axis_u.cross(axis_v);
                 scene.shapes.push(Shape { name, ..Shape::disk(center, normal, u, material) });
                 return;
@@ -80,8 +112,12 @@ pub(super) fn add(build: &mut Build, surface: Surface, traits: LightTraits, beam
             let mesh = MeshId(scene.meshes.len() as u32 - 1);
             let axes = DMat3::from_cols(axis_u, axis_v, axis_u.cross(axis_v).normalize_or_zero());
             let world_from_object = DAffine3::from_mat3_translation(axes, center);
-            let motion = Motion::Still;
-            scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
+            let mut instance = Instance { name, ..Instance::new(mesh, world_from_object) };
+            if let Some(moving) = motion {
+                instance.motion = Motion::Keyed(scene.motion.instances.len() as u32);
+                scene.motion.instances.push(moving.map(|key| *key * world_from_object));
+            }
+            scene.instances.push(instance);
         }
     }
 }

@@ -10,7 +10,8 @@
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
 //!
 //! Beside a model, `node = "NAME"` stands for position, centre and direction: the light takes the place of an empty node of
-//! the model, and of area lights the scale, as Blender exports its lights; it shines along the node's -z.
+//! the model, and of area lights the scale, as Blender exports its lights; it shines along the node's -z, and moves along with
+//! the node while the shutter is open.
 //!
 //! Power is in watts of the visible spectrum: an area light of area A has the radiance P / (pi A), a point the intensity
 //! P / (4 pi), and so has a spot of the same power, as in Blender. Radiance is in W/sr/m2, intensity in W/sr,
@@ -22,10 +23,10 @@ use super::build::Build;
 use super::fields::Fields;
 use super::light_shapes::{self, Surface};
 use super::light_traits::{LightTraits, group, positive, strength};
-use super::placement::{at_node, direction};
+use super::placement::{Placement, at_node, direction};
 use super::visibility::visible_to;
 use crate::math::DVec3;
-use crate::scene::{Beam, Lamp, Light, LightKind, RayKinds, SpotFade};
+use crate::scene::{Beam, Lamp, Light, LightKind, Moving, RayKinds, SpotFade};
 use std::f64::consts::PI;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
@@ -77,7 +78,7 @@ fn add(build: &mut Build, shape: &str, fields: &Fields, traits: LightTraits) {
 fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTraits) {
     let node = fields.has("node").then(|| at_node(build, fields));
     let position = match &node {
-        Some(node) => node.as_ref().map(|n| n.center),
+        Some(node) => node.as_ref().map(|n| n.now.center),
         None => fields.require("position", fields.vector("position")).map(|p| p.value),
     };
     let cone = is_spot.then(|| {
@@ -87,7 +88,7 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
         // An edge of no width has no slope.
         let inner_angle_rad = outer_angle_rad * (1.0 - blend).min(0.9999);
         let direction = match &node {
-            Some(node) => node.as_ref().map(|n| n.direction),
+            Some(node) => node.as_ref().map(|n| n.now.direction),
             None => position.and_then(|p| direction(fields, Some(p))),
         };
         direction.map(|direction| (direction, inner_angle_rad, outer_angle_rad, SpotFade::Smooth))
@@ -95,6 +96,7 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
     let (Some(position), Some(intensity)) = (position, intensity) else { return };
+    let motion = node.flatten().and_then(|node| node.motion);
     let (kind, beam) = match cone {
         None => (LightKind::Point { position }, Beam::Even),
         Some(None) => return,
@@ -106,15 +108,25 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
     if radius > 0.0 {
         // A ball of a radiance has the intensity of the disk that it looks like.
         let radiance = intensity / (PI * radius * radius);
-        return light_shapes::add(build, Surface::Ball { position, radius }, traits, beam, radiance);
+        let motion =
+            motion.map(|moving| light_shapes::ball_motion(build, &traits.name, position, &beam, &moving));
+        return light_shapes::add(
+            build,
+            (Surface::Ball { position, radius }, motion),
+            traits,
+            beam,
+            radiance,
+        );
     }
-    push(build, traits, kind, intensity);
+    let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
+    push(build, traits, (kind, motion), intensity);
 }
 
 fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
-    let direction: Option<DVec3> = match fields.has("node") {
-        true => at_node(build, fields).map(|n| n.direction),
-        false => direction(fields, None),
+    let node = fields.has("node").then(|| at_node(build, fields));
+    let direction: Option<DVec3> = match &node {
+        Some(node) => node.as_ref().map(|n| n.now.direction),
+        None => direction(fields, None),
     };
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
     let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
@@ -124,12 +136,34 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
             true => LightKind::Sun { direction, angle_rad },
             false => LightKind::Directional { direction },
         };
-        push(build, traits, kind, irradiance);
+        let motion = node.flatten().and_then(|node| node.motion);
+        let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
+        push(build, traits, (kind, motion), irradiance);
     }
 }
 
-fn push(build: &mut Build, traits: LightTraits, kind: LightKind, strength: f64) {
+/// A kind of light at another place.
+fn at(mut kind: LightKind, place: &Placement) -> LightKind {
+    match &mut kind {
+        LightKind::Point { position } => *position = place.center,
+        LightKind::Spot { position, direction, .. } => {
+            (*position, *direction) = (place.center, place.direction);
+        }
+        LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
+            *direction = place.direction;
+        }
+    }
+    kind
+}
+
+fn push(
+    build: &mut Build,
+    traits: LightTraits,
+    (kind, motion): (LightKind, Option<Moving<LightKind>>),
+    strength: f64,
+) {
     let intensity = traits.color.map(|c| c * strength as f32);
     let LightTraits { name, group, lamp, .. } = traits;
-    build.loaded.scene.lights.push(Light { name, kind, intensity, group, visible_to: lamp.visible_to });
+    let visible_to = lamp.visible_to;
+    build.loaded.scene.lights.push(Light { name, kind, intensity, group, visible_to, motion });
 }

@@ -37,26 +37,14 @@ impl Object {
         };
         let moving = match (&self.motion, own) {
             (None, None) => return instance.motion,
-            (Some(moving), None) => on_top(moving, &|_| self.world_from_object * instance.world_from_object),
-            (None, Some(own)) => {
-                let of = |m: &DAffine3| self.world_from_object * *m;
-                Moving {
-                    keys: own.keys.iter().map(of).collect(),
-                    neighbours: own.neighbours.map(|n| n.map(|m| of(&m))),
-                }
+            (Some(moving), None) => {
+                moving.map(|key| *key * self.world_from_object * instance.world_from_object)
             }
+            (None, Some(own)) => own.map(|key| self.world_from_object * *key),
             (Some(moving), Some(own)) => both(moving, &own, &self.world_from_object),
         };
         motion.instances.push(moving);
         Motion::Keyed(motion.instances.len() as u32 - 1)
-    }
-}
-
-/// What moves from a place on.
-fn on_top(moving: &Moving<DAffine3>, place: &dyn Fn(usize) -> DAffine3) -> Moving<DAffine3> {
-    Moving {
-        keys: moving.keys.iter().enumerate().map(|(i, key)| *key * place(i)).collect(),
-        neighbours: moving.neighbours.map(|[before, after]| [before * place(0), after * place(0)]),
     }
 }
 
@@ -80,8 +68,8 @@ pub(super) fn add_placed(build: &mut Build, object: &Object, mesh: Mesh, world_f
     let mut motion = Motion::Still;
     if let Some(moving) = &object.motion {
         motion = Motion::Keyed(scene.motion.instances.len() as u32);
-        scene.motion.instances.push(on_top(moving, &|_| world_from_object));
+        scene.motion.instances.push(moving.map(|key| *key * world_from_object));
     }
     let name = object.name.clone();
-    scene.instances.push(Instance { name, mesh, world_from_object, material: None, motion });
+    scene.instances.push(Instance { name, motion, ..Instance::new(mesh, world_from_object) });
 }

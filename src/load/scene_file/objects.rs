@@ -27,7 +27,6 @@ use super::{overrides, round, visibility};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
-use std::collections::BTreeSet;
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
@@ -84,11 +83,9 @@ fn counts(build: &Build) -> [usize; 3] {
 fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
     let Some(traits) = visibility::traits(fields) else { return };
     let scene = &mut build.loaded.scene;
-    let names = scene.instances[instances..].iter().map(|instance| instance.name.clone());
-    let names = names.chain(scene.quads[quads..].iter().map(|quad| quad.name.clone()));
-    let names = names.chain(scene.shapes[shapes..].iter().map(|shape| shape.name.clone()));
-    let names: BTreeSet<String> = names.collect();
-    names.iter().for_each(|name| scene.set_object_traits(name, traits));
+    scene.instances[instances..].iter_mut().for_each(|instance| instance.traits = traits);
+    scene.quads[quads..].iter_mut().for_each(|quad| quad.traits = traits);
+    scene.shapes[shapes..].iter_mut().for_each(|shape| shape.traits = traits);
 }
 
 fn read_object<'a>(
@@ -164,7 +161,7 @@ fn add_mesh(
         let world_from_object = object.world_from_object * i.world_from_object;
         let motion = object.moved(&mut scene.motion, i);
         let (name, material) = (format!("{}/{}", object.name, i.name), material.or(i.material));
-        scene.instances.push(Instance { name, mesh: i.mesh, world_from_object, material, motion });
+        scene.instances.push(Instance { name, world_from_object, material, motion, ..i.clone() });
     }
     let Some(first) = asset.shapes.first() else { return };
     if object.motion.is_some() {
@@ -276,5 +273,5 @@ fn add_quad(build: &mut Build, object_fields: &Fields, object: &Object, material
     }
     let scene = &mut build.loaded.scene;
     scene.motion.quads.extend(object.motion.clone().map(|moving| (scene.quads.len(), moving)));
-    scene.quads.push(Quad { name: object.name.clone(), corner, edge_u, edge_v, material });
+    scene.quads.push(Quad { name: object.name.clone(), ..Quad::new(corner, edge_u, edge_v, material) });
 }

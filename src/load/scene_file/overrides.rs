@@ -6,7 +6,6 @@ use super::light_traits::group;
 use super::materials::Materials;
 use super::textures::Textures;
 use super::visibility;
-use std::collections::BTreeSet;
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -61,16 +60,14 @@ pub(super) fn object<'a>(
     if let Some(group) = light_group {
         let lights = scene.lights.iter_mut().filter(|l| l.name == name);
         lights.for_each(|light| light.group.clone_from(&group));
-        let own = scene.instances.iter().filter(|i| is_meant(&i.name));
-        let groups = own.map(|instance| (instance.name.clone(), group.clone()));
-        scene.object_light_groups.extend(groups);
+        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
+        own.for_each(|instance| instance.light_group = Some(group.clone()));
     }
     if let Some(traits) = traits {
         let lights = scene.lights.iter_mut().filter(|l| l.name == name);
         lights.for_each(|light| light.visible_to = traits.visible_to);
-        let own = scene.instances.iter().filter(|i| is_meant(&i.name));
-        let names: BTreeSet<String> = own.map(|instance| instance.name.clone()).collect();
-        names.iter().for_each(|name| scene.set_object_traits(name, traits));
+        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
+        own.for_each(|instance| instance.traits = traits);
     }
     if let Some(material) = material {
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));

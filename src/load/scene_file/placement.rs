@@ -2,9 +2,20 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
-use crate::math::DVec3;
+use crate::error::Warning;
+use crate::math::{DAffine3, DMat3, DVec3};
+use crate::scene::Moving;
+
+/// A light's place, and how it moves on from there.
+pub(super) struct Placed {
+    /// At the picture's moment.
+    pub now: Placement,
+    /// At other times, if it moves while the shutter is open.
+    pub motion: Option<Moving<Placement>>,
+}
 
 /// The place of a light.
+#[derive(Clone, Copy)]
 pub(super) struct Placement {
     /// Its middle.
     pub center: DVec3,
@@ -16,8 +27,27 @@ pub(super) struct Placement {
     pub scale: [f64; 2],
 }
 
+impl Placement {
+    /// That of a light at a node; `None` if the node is flattened. Sheared axes are made square, so that the light stays a
+    /// rectangle.
+    fn of_node(m: &DAffine3) -> Option<Placement> {
+        let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
+        let direction = (-z).try_normalize()?;
+        let right = -(x - direction * x.dot(direction)).try_normalize()?;
+        let scale = [x.length(), y.length()];
+        (scale[1] > 0.0).then_some(Placement { center: m.translation, direction, right, scale })
+    }
+
+    /// From a rectangle of width and height 1 around the origin, in the plane of x and y, that shines along z.
+    pub fn world_from_unit(&self) -> DAffine3 {
+        let [width, height] = self.scale;
+        let (u, v) = (self.right * width, self.direction.cross(self.right) * height);
+        DAffine3::from_mat3_translation(DMat3::from_cols(u, v, self.direction), self.center)
+    }
+}
+
 /// An area light that the table places.
-pub(super) fn placed(fields: &Fields) -> Option<Placement> {
+pub(super) fn placed(fields: &Fields) -> Option<Placed> {
     let center = fields.require("center", fields.vector("center"));
     let up = fields.vector("up").map_or(DVec3::Y, |u| u.value);
     let center = center?.value;
@@ -26,37 +56,46 @@ pub(super) fn placed(fields: &Fields) -> Option<Placement> {
     let sides = [up.normalize_or_zero(), DVec3::NEG_Z].map(|up| up.cross(direction));
     let right = sides.into_iter().find(|s| s.length() > 1e-6).map(DVec3::normalize);
     let right = right.unwrap_or_else(|| direction.any_orthonormal_vector());
-    Some(Placement { center, direction, right, scale: [1.0; 2] })
+    Some(Placed { now: Placement { center, direction, right, scale: [1.0; 2] }, motion: None })
 }
 
 /// A light where the model has an empty node: it shines along the node's -z, as glTF's own lights do. Seen that way, x
 /// goes to the right.
-pub(super) fn at_node(build: &Build, fields: &Fields) -> Option<Placement> {
+pub(super) fn at_node(build: &mut Build, fields: &Fields) -> Option<Placed> {
     let name = fields.string("node")?;
     let empties = &build.loaded.empties;
-    let Some((_, m)) = empties.iter().find(|(n, _)| n == name.value) else {
+    let Some(empty) = empties.iter().find(|empty| empty.name == name.value) else {
         let message = format!("the model has no empty node '{}'", name.value);
-        let help = match nearest(name.value, empties.iter().map(|e| e.0.as_str())) {
+        let help = match nearest(name.value, empties.iter().map(|empty| empty.name.as_str())) {
             Some(near) => format!("did you mean '{near}'?"),
             None => format!("it has {} nodes that hold nothing", empties.len()),
         };
         fields.problems.push_help(name.span, message, help);
         return None;
     };
-    let (x, y, z) = (m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis);
-    let direction = (-z).try_normalize();
-    // Sheared axes are made square, so that the light stays a rectangle.
-    let right = direction.and_then(|d| (x - d * x.dot(d)).try_normalize());
-    match (direction, right) {
-        (Some(direction), Some(r)) if y.length() > 0.0 => {
-            let scale = [x.length(), y.length()];
-            Some(Placement { center: m.translation, direction, right: -r, scale })
-        }
-        _ => {
-            fields.problems.push(name.span, format!("the node '{}' is flattened to nothing", name.value));
-            None
-        }
+    let Some(now) = Placement::of_node(&empty.world_from_node) else {
+        fields.problems.push(name.span, format!("the node '{}' is flattened to nothing", name.value));
+        return None;
+    };
+    let motion = empty.motion.as_ref().map(|moving| moving.map(Placement::of_node));
+    let is_flattened = motion.as_ref().is_some_and(|m| m.all().any(Option::is_none));
+    if is_flattened {
+        let message =
+            "the node of a light is flattened to nothing while the shutter is open: it stands still";
+        let place = format!("node '{}'", name.value);
+        build.loaded.warnings.push(Warning::new(build.file, place, message));
     }
+    let motion = motion.filter(|_| !is_flattened).map(|moving| moving.map(|then| then.unwrap_or(now)));
+    Some(Placed { now, motion })
+}
+
+/// The names of the nodes at which a file places lights.
+pub(super) fn nodes_of_lights(root: &Fields) -> Vec<String> {
+    let list = root.raw("lights").and_then(|lights| lights.get_ref().as_array());
+    let lights = list.into_iter().flat_map(|list| list.iter()).filter_map(|light| light.get_ref().as_table());
+    let shapes = lights.flat_map(|light| light.iter()).filter_map(|(_, shape)| shape.get_ref().as_table());
+    let nodes = shapes.filter_map(|shape| shape.get("node")?.get_ref().as_str());
+    nodes.map(str::to_string).collect()
 }
 
 /// The way the light travels: `direction`, or from `position` to `target`.

@@ -6,7 +6,7 @@
 //! | `disk` | `{ center, normal, radius }`; flat, its front where `normal` points (default y, up) |
 //!
 //! They stay what they are under rotation, translation and even scaling, and become meshes, with a warning, under any other
-//! transform (a sphere one of 81,920 triangles). A texture on a disk touches its edge; its top points up (of a level disk
+//! transform (a sphere one of 81,920 triangles), and so do spheres that shine where their motion bends them. A texture on a disk touches its edge; its top points up (of a level disk
 //! to -z) and turns with it.
 
 use super::Build;
@@ -15,7 +15,7 @@ use super::object::{Object, add_placed};
 use crate::error::Warning;
 use crate::load::shapes::uniform_scale;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
-use crate::scene::{MaterialId, Mesh, MeshPart, Shape, ShapeKind};
+use crate::scene::{MaterialId, Mesh, MeshPart, Moving, Shape, ShapeKind};
 use crate::shape::mesh_of;
 
 /// Reads the keys of a kind of shapes that not all have: the kind with its numbers, and how it is turned. `None` where
@@ -47,8 +47,9 @@ pub(super) fn add(
     let kind = read_kind(&fields);
     fields.finish();
     let (Some(center), Some(radius), Some((kind, rotation))) = (center, radius, kind) else { return };
-    let name = object.name.clone();
-    add_shape(build, object, Shape { name, kind, center, radius, rotation, material });
+    let shape =
+        Shape { name: object.name.clone(), kind, rotation, ..Shape::sphere(center, radius, material) };
+    add_shape(build, object, shape);
 }
 
 fn center_and_radius(fields: &Fields, shape: &str) -> (Option<DVec3>, Option<f64>) {
@@ -95,9 +96,20 @@ pub(super) fn placed(object: &Object, shape: Shape) -> Option<Shape> {
     })
 }
 
+/// Is it a sphere that shines, and that its motion stretches more along one axis than along another? What samples the light of
+/// spheres asks for round ones.
+fn is_stretched_light(build: &Build, object: &Object, shape: &Shape) -> bool {
+    let material = build.loaded.scene.materials.get(shape.material.index());
+    let shines = material.is_some_and(|material| material.emission.is_some());
+    let stretches = |moving: &Moving<DAffine3>| moving.all().any(|key| uniform_scale(key).is_none());
+    shines && shape.kind == ShapeKind::Sphere && object.motion.as_ref().is_some_and(stretches)
+}
+
 /// Adds a shape under the transform of its object; as a mesh, with a warning, where that bends it.
 fn add_shape(build: &mut Build, object: &Object, shape: Shape) {
-    if let Some(placed) = placed(object, shape.clone()) {
+    let (is_stretched, kind) = (is_stretched_light(build, object, &shape), shape.kind.tag().name());
+    let reason = if is_stretched { "motion stretches the shining" } else { "transform bends the" };
+    if let Some(placed) = placed(object, shape.clone()).filter(|_| !is_stretched) {
         let scene = &mut build.loaded.scene;
         scene.motion.shapes.extend(object.motion.clone().map(|moving| (scene.shapes.len(), moving)));
         return scene.shapes.push(placed);
@@ -105,11 +117,8 @@ fn add_shape(build: &mut Build, object: &Object, shape: Shape) {
     let mut mesh = Mesh { name: shape.name.clone(), ..mesh_of(shape.kind) };
     let triangle_count = mesh.triangles.len() as u32;
     mesh.parts.push(MeshPart { first_triangle: 0, triangle_count, material: shape.material });
-    let message = format!(
-        "{}: its transform bends the {}, which becomes a mesh of {triangle_count} triangles",
-        shape.name,
-        shape.kind.tag().name(),
-    );
+    let message =
+        format!("{}: its {reason} {kind}, which becomes a mesh of {triangle_count} triangles", shape.name);
     build.loaded.warnings.push(Warning::new(build.file, "", message));
     let scale = DVec3::splat(shape.radius);
     let unit = DAffine3::from_scale_rotation_translation(scale, shape.rotation, shape.center);

@@ -17,9 +17,9 @@ use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
 use super::parts::{read_parts, read_text};
-use super::shutter;
+use super::{placement, shutter};
 use crate::error::{Choice, Result, Warning};
-use crate::load::{LoadOptions, Loaded, ShutterOptions};
+use crate::load::{LoadOptions, Loaded};
 use std::path::{Path, PathBuf};
 use toml::de::DeTable;
 
@@ -41,13 +41,16 @@ pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Lo
     Ok(())
 }
 
-/// With what the file beside a model says about the shutter, which is to be known before the model is read. What is wrong with the
-/// file is found later.
-pub(in crate::load) fn with_shutter(model: &Path, options: &LoadOptions) -> ShutterOptions {
-    let Ok(text) = read_text(&path_for(model), options) else { return options.shutter };
+/// With what the file beside a model says about the shutter and the nodes where its lights stand, which is to be known before the
+/// model is read. What is wrong with the file is found later.
+pub(in crate::load) fn with_shutter(model: &Path, options: &LoadOptions) -> LoadOptions {
+    let Ok(text) = read_text(&path_for(model), options) else { return options.clone() };
     let problems = Problems::new(&text);
     let (root, _) = DeTable::parse_recoverable(&text);
-    shutter::chosen(options.shutter, &Fields::new("the file", root.get_ref(), 0..0, &problems))
+    let root = Fields::new("the file", root.get_ref(), 0..0, &problems);
+    let shutter = shutter::chosen(options.shutter, &root);
+    let lit_nodes = options.lit_nodes.iter().cloned().chain(placement::nodes_of_lights(&root)).collect();
+    LoadOptions { shutter, lit_nodes, ..options.clone() }
 }
 
 /// What was added, in words.

@@ -57,8 +57,7 @@ pub(super) fn add(loaded: &mut Loaded, options: &StageOptions, outline: &Outline
     let mut disk = Shape::disk(center, DVec3::Y, REACH * size, material);
     disk.name = own_name(&loaded.scene);
     if ground == Ground::Shadow && matches!(options.background, Some(Background::Transparent)) {
-        let traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
-        loaded.scene.set_object_traits(&disk.name, traits);
+        disk.traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
     }
     loaded.scene.shapes.push(disk);
 }

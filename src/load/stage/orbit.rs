@@ -23,12 +23,12 @@ impl Turntable {
         self.turns_light
     }
 
-    /// The camera after an angle, radians, counter-clockwise seen from above.
+    /// The camera after an angle, radians, counter-clockwise seen from above. It stands still there.
     pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
         let turn = DAffine3::from_translation(self.middle)
             * DAffine3::from_quat(DQuat::from_rotation_y(angle_rad))
             * DAffine3::from_translation(-self.middle);
-        Camera { world_from_camera: turn * camera.world_from_camera, ..camera.clone() }
+        Camera { world_from_camera: turn * camera.world_from_camera, motion: None, ..camera.clone() }
     }
 
     /// Sets the stage's light for the same angle.

@@ -1,21 +1,11 @@
 use super::*;
-use crate::math::{DQuat, DVec2, DVec3};
-use crate::scene::{
-    Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape, ShapeKind,
-};
+use crate::math::{DVec2, DVec3};
+use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, Motion, Projection, RayKinds, Shape};
 
 fn ball(center: DVec3, radius: f64, material: Material) -> Loaded {
     let mut loaded = Loaded::default();
     loaded.scene.materials.push(material);
-    let rotation = DQuat::IDENTITY;
-    loaded.scene.shapes.push(Shape {
-        name: "ball".into(),
-        kind: ShapeKind::Sphere,
-        center,
-        radius,
-        rotation,
-        material: MaterialId(0),
-    });
+    loaded.scene.shapes.push(Shape::sphere(center, radius, MaterialId(0)));
     loaded
 }
 

@@ -1,6 +1,7 @@
 //! Cameras.
 
 use super::findings::{Findings, Place};
+use crate::math::DAffine3;
 use crate::scene::{Aperture, Camera, Projection};
 use std::f64::consts::PI;
 
@@ -15,6 +16,10 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
     };
     let allowed = "finite, with three axes that lie in no plane";
     findings.require(is_met, place, "world_from_camera", m, allowed);
+    if let Some(moving) = &camera.motion {
+        let is_met = moving.all().all(DAffine3::is_finite);
+        findings.require(is_met, place, "motion", moving.keys.len(), "finite transforms");
+    }
     match camera.projection {
         Projection::Perspective { vfov_rad } => {
             let is_met = vfov_rad > 0.0 && vfov_rad < PI;

@@ -4,29 +4,38 @@ use super::findings::{Findings, Place};
 use crate::math::DVec3;
 use crate::scene::{LightKind, Scene};
 use std::f64::consts::PI;
+use std::mem::discriminant;
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     for (index, light) in scene.lights.iter().enumerate() {
         let place = Place { list: "lights", index, name: &light.name };
         findings.require_color(&light.intensity, place, "intensity");
-        match light.kind {
-            LightKind::Point { position } => check_position(position, place, findings),
-            LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
-                check_position(position, place, findings);
-                check_direction(direction, place, findings);
-                let (inner, outer) = (inner_angle_rad, outer_angle_rad);
-                let is_cone = outer > 0.0 && outer <= PI;
-                findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
-                // Said once where the outer angle is no angle.
-                let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
-                findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
-            }
-            LightKind::Directional { direction } => check_direction(direction, place, findings),
-            LightKind::Sun { direction, angle_rad } => {
-                check_direction(direction, place, findings);
-                let is_met = (LEAST_SUN_RAD..=PI).contains(&angle_rad);
-                findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
-            }
+        check_kind(&light.kind, place, findings);
+        let Some(moving) = &light.motion else { continue };
+        let is_same = moving.all().all(|key| discriminant(key) == discriminant(&light.kind));
+        findings.require(is_same, place, "motion", moving.keys.len(), "lights of the same kind");
+        moving.all().for_each(|kind| check_kind(kind, place, findings));
+    }
+}
+
+fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
+    match *kind {
+        LightKind::Point { position } => check_position(position, place, findings),
+        LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
+            check_position(position, place, findings);
+            check_direction(direction, place, findings);
+            let (inner, outer) = (inner_angle_rad, outer_angle_rad);
+            let is_cone = outer > 0.0 && outer <= PI;
+            findings.require(is_cone, place, "outer_angle_rad", outer, "above 0 and at most pi");
+            // Said once where the outer angle is no angle.
+            let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
+            findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
+        }
+        LightKind::Directional { direction } => check_direction(direction, place, findings),
+        LightKind::Sun { direction, angle_rad } => {
+            check_direction(direction, place, findings);
+            let is_met = (LEAST_SUN_RAD..=PI).contains(&angle_rad);
+            findings.require(is_met, place, "angle_rad", angle_rad, "from 1e-5 to pi");
         }
     }
 }

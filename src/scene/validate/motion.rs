@@ -1,9 +1,8 @@
-//! What moves while the picture is taken.
+//! What moves while the picture is taken: objects. (Cameras and lights are checked with their motion.)
 
 use super::findings::{Findings, Place};
 use crate::math::DAffine3;
-use crate::scene::{Motion, Moving, Scene};
-use std::mem::discriminant;
+use crate::scene::{Motion, Scene};
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let motion = &scene.motion;
@@ -17,11 +16,10 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     let lists = [("motion.quads", &motion.quads), ("motion.shapes", &motion.shapes)];
     let listed = lists.iter().flat_map(|(list, all)| all.iter().map(move |(i, moving)| (*list, *i, moving)));
     let instances = motion.instances.iter().enumerate().map(|(i, moving)| ("motion.instances", i, moving));
-    let cameras = motion.cameras.iter().enumerate().map(|(i, camera)| ("motion.cameras", i, &camera.moving));
-    for (list, index, moving) in listed.chain(instances).chain(cameras) {
+    for (list, index, moving) in listed.chain(instances) {
         let place = Place { list, index, name: "" };
         findings.require(
-            all(moving, DAffine3::is_finite),
+            moving.all().all(DAffine3::is_finite),
             place,
             "keys",
             moving.keys.len(),
@@ -34,7 +32,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         findings.require(mesh.is_some(), place, "mesh", index, "one of the scene's meshes");
         let Some(mesh) = mesh else { continue };
         let counts = (mesh.positions.len(), mesh.normals.len());
-        let fits = all(moving, |key| (key.positions.len(), key.normals.len()) == counts);
+        let fits = moving.all().all(|key| (key.positions.len(), key.normals.len()) == counts);
         findings.require(
             fits,
             place,
@@ -43,14 +41,4 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             "as many positions and normals as the mesh has",
         );
     }
-    for (index, light) in motion.lights.iter().enumerate() {
-        let place = Place { list: "motion.lights", index, name: "" };
-        let fits = all(&light.moving, |key| discriminant(key) == discriminant(&light.kind));
-        findings.require(fits, place, "keys", light.moving.keys.len(), "lights of the same kind");
-    }
-}
-
-/// Does something hold for all that is known of what moves?
-fn all<T>(moving: &Moving<T>, holds: impl Fn(&T) -> bool) -> bool {
-    moving.keys.iter().chain(moving.neighbours.iter().flatten()).all(holds)
 }

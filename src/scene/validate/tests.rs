@@ -1,11 +1,10 @@
 //! What is said about broken scenes, word for word.
 
 use crate::image::Image;
-use crate::math::{DAffine3, DQuat, DVec3};
+use crate::math::{DAffine3, DVec3};
 use crate::scene::{
     Camera, ColorSlot, Environment, ImageId, Instance, Light, LightKind, Mapping, Material, MaterialId, Mesh,
-    MeshId, MeshPart, Model, Motion, PbrMaterial, Projection, Scene, Settings, Shape, ShapeKind, Texture,
-    TextureId,
+    MeshId, MeshPart, Model, PbrMaterial, Projection, Scene, Settings, Shape, Texture, TextureId,
 };
 
 fn told(scene: &Scene) -> Vec<String> {
@@ -68,15 +67,7 @@ fn meshes() {
 #[test]
 fn problems_of_one_kind_are_counted() {
     let mut scene = triangle();
-    let world_from_object = DAffine3::IDENTITY;
-    let instance = Instance {
-        name: String::new(),
-        mesh: MeshId(9),
-        world_from_object,
-        material: None,
-        motion: Motion::Still,
-    };
-    scene.instances = vec![instance; 100_000];
+    scene.instances = vec![Instance::new(MeshId(9), DAffine3::IDENTITY); 100_000];
     let told = told(&scene);
     assert_eq!(told.len(), 9);
     assert_eq!(told[0], "instances[0], mesh: is MeshId(9), but must be one of the scene's meshes");
@@ -158,9 +149,7 @@ fn lights_cameras_shapes_and_settings() {
     let kind =
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade: Default::default() };
     scene.lights.push(Light::new(kind, [f32::INFINITY, 0.0, 0.0]));
-    let (center, rotation, material) = (DVec3::ZERO, DQuat::IDENTITY, MaterialId(0));
-    let (name, kind) = ("ball".into(), ShapeKind::Sphere);
-    scene.shapes.push(Shape { name, kind, center, radius: -1.0, rotation, material });
+    scene.shapes.push(Shape { name: "ball".into(), ..Shape::sphere(DVec3::ZERO, -1.0, MaterialId(0)) });
     scene.cameras.push(Camera {
         name: "eye".into(),
         world_from_camera: DAffine3::IDENTITY,
@@ -168,6 +157,7 @@ fn lights_cameras_shapes_and_settings() {
         aspect_ratio: None,
         lens: None,
         shift: [0.0; 2],
+        motion: None,
     });
     scene.settings = Settings { width: Some(0), ..Settings::default() };
     assert_eq!(

@@ -4,7 +4,7 @@ use super::asset::{floats, triangle_bytes, triangle_with};
 use oscura::load::gltf::GltfOptions;
 use oscura::load::{LoadOptions, Loaded, ShutterOptions};
 use oscura::math::{DQuat, DVec3};
-use oscura::scene::Motion;
+use oscura::scene::{LightKind, Motion};
 use serde_json::{Value, json};
 
 /// Loads an asset over the triangle's bytes and further floats, at a moment.
@@ -236,21 +236,23 @@ fn skins_move_corners_with_their_joints() {
     broken(|a| a["nodes"][0]["skin"] = json!(3), "/skins/3");
 }
 
+/// The asset with the shutter open for so many frames, a tenth of a second each, around half a second.
+fn open(asset: &Value, more: &[f32], frames: f64, vectors: bool) -> Loaded {
+    let mut asset = asset.clone();
+    let mut bytes = triangle_bytes();
+    bytes.extend(floats(more));
+    asset["buffers"][0]["byteLength"] = json!(bytes.len());
+    let gltf = GltfOptions { time_s: Some(0.5), ..GltfOptions::default() };
+    let shutter = ShutterOptions { frames: Some(frames), vectors, fps: 10.0, ..ShutterOptions::default() };
+    let options = LoadOptions { gltf, shutter, ..LoadOptions::default() };
+    super::asset::load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
+}
+
 /// What an open shutter sees of the moving node, with a frame before and after.
 #[test]
 fn nodes_move_while_the_shutter_is_open() {
     let (asset, numbers) = moving();
-    let with = |frames: f64, vectors: bool| {
-        let mut asset = asset.clone();
-        let mut bytes = triangle_bytes();
-        bytes.extend(floats(&numbers));
-        asset["buffers"][0]["byteLength"] = json!(bytes.len());
-        let gltf = GltfOptions { time_s: Some(0.5), ..GltfOptions::default() };
-        let shutter =
-            ShutterOptions { frames: Some(frames), vectors, fps: 10.0, ..ShutterOptions::default() };
-        let options = LoadOptions { gltf, shutter, ..LoadOptions::default() };
-        super::asset::load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
-    };
+    let with = |frames: f64, vectors: bool| open(&asset, &numbers, frames, vectors);
     let scene = with(2.0, true).scene;
     assert_eq!(scene.instances[0].motion, Motion::Keyed(0));
     let motion = &scene.motion.instances[0];
@@ -266,4 +268,94 @@ fn nodes_move_while_the_shutter_is_open() {
     let (closed, plain) =
         (with(0.0, false), at(&asset, &numbers, Some(0.5)).unwrap_or_else(|e| panic!("{e}")));
     assert_eq!(format!("{:?}", closed.scene), format!("{:?}", plain.scene));
+}
+
+/// Weights count as motion: where they are 0 at some moments, too, and for each node with its own although the mesh is the same.
+#[test]
+fn morph_targets_move_while_the_shutter_is_open() {
+    let numbers = [
+        0.0, 0.5, 1.0, // 2: times
+        0.0, 0.0, 1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 1.0, // 3: a target that moves all by 1 along z
+        0.0, 1.0, 0.0, // 4: weights
+        2.0, 1.0, 0.0, // 5: weights of another node, the same at half a second
+        0.0, 0.0, 0.0, // 6: no change
+    ];
+    let accessors = [("SCALAR", 3), ("VEC3", 3), ("SCALAR", 3), ("SCALAR", 3), ("SCALAR", 3)];
+    let asset = with_floats(&accessors, |a| {
+        a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 3}]);
+        a["nodes"] = json!([{"mesh": 0}, {"mesh": 0}, {"mesh": 0}, {"mesh": 0}]);
+        a["scenes"][0]["nodes"] = json!([0, 1, 2, 3]);
+        let channel = |node: u32| json!({"sampler": node, "target": {"node": node, "path": "weights"}});
+        let sampler = |node: u32| json!({"input": 2, "output": 4 + node});
+        let (channels, samplers) = ([0, 1, 2].map(channel), [0, 1, 2].map(sampler));
+        a["animations"] = json!([{"channels": channels, "samplers": samplers}]);
+    });
+    let scene = open(&asset, &numbers, 10.0, true).scene;
+    let heights = |node: usize| {
+        let moving = scene.motion.meshes.get(&scene.instances[node].mesh.index())?;
+        Some(moving.keys.iter().map(|key| key.positions[0][2]).collect::<Vec<_>>())
+    };
+    // Three keys are enough for the corner in the first way.
+    assert_eq!(heights(0), Some(vec![0.0, 1.0, 0.0]));
+    assert_eq!(heights(1), Some(vec![2.0, 1.0, 0.0]));
+    assert_eq!([heights(2), heights(3)], [None, None]);
+    let now = |node: usize| scene.meshes[scene.instances[node].mesh.index()].positions[0][2];
+    assert_eq!([0, 1, 2, 3].map(now), [1.0, 1.0, 0.0, 0.0]);
+    let vectors = open(&asset, &numbers, 0.0, true).scene.motion;
+    let neighbours = vectors.meshes[&0].neighbours.as_ref().expect("they were asked for");
+    for neighbour in neighbours {
+        assert!((neighbour.positions[0][2] - 0.8).abs() < 1e-6, "{neighbour:?}");
+    }
+}
+
+/// What stands or shines where a mover is at the picture's moment is no mover.
+#[test]
+fn lights_and_cameras_have_their_own_motion() {
+    let numbers = [
+        0.0, 1.0, // 2: times
+        -1.0, 0.0, 0.0, 1.0, 0.0, 0.0, // 3: to the right
+        1.0, 0.0, 0.0, -1.0, 0.0, 0.0, // 4: to the left
+    ];
+    let asset = with_floats(&[("SCALAR", 2), ("VEC3", 2), ("VEC3", 2)], |a| {
+        let lamp = || json!({"extensions": {"KHR_lights_punctual": {"light": 0}}});
+        a["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point"}]}});
+        a["extensionsUsed"] = json!(["KHR_lights_punctual"]);
+        a["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]);
+        a["nodes"] = json!([{"mesh": 0}, lamp(), lamp(), lamp(), {"camera": 0}, {"camera": 0}]);
+        a["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4, 5]);
+        let channel = |(node, sampler): (u32, u32)| json!({"sampler": sampler, "target": {"node": node, "path": "translation"}});
+        let channels = [(1, 0), (2, 1), (4, 1)].map(channel);
+        a["animations"] = json!([{
+            "channels": channels,
+            "samplers": [{"input": 2, "output": 3}, {"input": 2, "output": 4}]
+        }]);
+    });
+    let scene = open(&asset, &numbers, 2.0, false).scene;
+    let place = |kind: &LightKind| match kind {
+        LightKind::Point { position } => (position.x * 10.0).round(),
+        _ => f64::NAN,
+    };
+    let ways = scene.lights.iter().map(|light| {
+        let keys = light.motion.iter().flat_map(|moving| &moving.keys);
+        (place(&light.kind), keys.map(place).collect::<Vec<f64>>())
+    });
+    let truth = [(0.0, vec![-2.0, 2.0]), (0.0, vec![2.0, -2.0]), (0.0, vec![])];
+    assert!(ways.eq(truth), "{:?}", scene.lights);
+    let moves = |camera: usize| scene.cameras[camera].motion.is_some();
+    assert_eq!([moves(0), moves(1)], [true, false]);
+}
+
+/// Nodes of one name are two objects.
+#[test]
+fn traits_are_those_of_one_node() {
+    let asset = triangle_with(|a| {
+        let extras = json!({"is_holdout": true, "light_group": "key"});
+        a["nodes"] = json!([{"mesh": 0, "name": "Cube", "extras": extras}, {"mesh": 0, "name": "Cube"}]);
+        a["scenes"][0]["nodes"] = json!([0, 1]);
+    });
+    let scene = at(&asset, &[], None).unwrap_or_else(|e| panic!("{e}")).scene;
+    let is_holdout = |i: usize| scene.instances[i].traits.is_holdout;
+    assert_eq!([is_holdout(0), is_holdout(1)], [true, false]);
+    let group = |i: usize| scene.instances[i].light_group.as_deref();
+    assert_eq!([group(0), group(1)], [Some("key"), None]);
 }

@@ -5,7 +5,7 @@ use oscura::image::Image;
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::scene::{
     ColorSlot, Emission, Environment, FloatSlot, ImageId, Instance, Interpolation, Mapping, Material, Mesh,
-    MeshId, MeshPart, Model, Motion, NormalMap, PbrMaterial, Scene, Texture, TextureId,
+    MeshId, MeshPart, Model, NormalMap, PbrMaterial, Scene, Texture, TextureId,
 };
 
 const CELLS: u32 = 12;
@@ -105,13 +105,7 @@ pub fn scene(variant: &Variant) -> Scene {
     painted.emission = Some(Emission { radiance: ColorSlot::texture(glow), two_sided: false });
     material(&mut scene, painted);
     scene.meshes.push(sheet(variant));
-    scene.instances.push(Instance {
-        name: "sheet".into(),
-        mesh: MeshId(0),
-        world_from_object: DAffine3::IDENTITY,
-        material: None,
-        motion: Motion::Still,
-    });
+    scene.instances.push(Instance { name: "sheet".into(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
     let z = if variant.from_behind { -2.0 } else { 2.0 };
     scene.cameras.push(camera(DVec3::new(0.4, 0.7, z), DVec3::ZERO, DVec3::Y, 60.0));
     scene

@@ -57,10 +57,9 @@ fn place(scene: &mut Scene, mesh: u32, at: DVec3, material: Option<MaterialId>, 
     let world_from_object = DAffine3::from_translation(at) * DAffine3::from_rotation_y(0.3);
     scene.instances.push(Instance {
         name: "placed".into(),
-        mesh: MeshId(mesh),
-        world_from_object,
         material,
         motion,
+        ..Instance::new(MeshId(mesh), world_from_object)
     });
 }
 

@@ -2,14 +2,12 @@
 
 use super::dice::Dice;
 use super::mutate::{Mutate, fields, structs};
-use oscura::scene::{CameraMotion, LightMotion, Moving, SceneMotion, Vertices};
+use oscura::scene::{Moving, SceneMotion, Vertices};
 use std::collections::BTreeMap;
 
 structs! {
-    SceneMotion { instances, meshes, quads, shapes, cameras, lights }
+    SceneMotion { instances, meshes, quads, shapes }
     Vertices { positions, normals }
-    CameraMotion { world_from_camera, moving }
-    LightMotion { kind, moving }
 }
 
 impl<T: Mutate + Clone> Mutate for Moving<T> {

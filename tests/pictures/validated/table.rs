@@ -51,13 +51,13 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
-        backdrop, object_light_groups, object_traits, environment_group, cameras, motion, settings,
+        backdrop, environment_group, cameras, motion, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
-    Instance { name, mesh, world_from_object, material, motion }
-    Shape { name, kind, center, radius, rotation, material }
-    Quad { name, corner, edge_u, edge_v, material }
+    Instance { name, mesh, world_from_object, material, motion, traits, light_group }
+    Shape { name, kind, center, radius, rotation, material, traits }
+    Quad { name, corner, edge_u, edge_v, material, traits }
     Material {
         name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp,
         light_group,
@@ -79,9 +79,9 @@ structs! {
     DiffuseTransmission { factor, color }
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
-    Light { name, kind, intensity, group, visible_to }
+    Light { name, kind, intensity, group, visible_to, motion }
     ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
-    Camera { name, world_from_camera, projection, aspect_ratio, lens, shift }
+    Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, motion }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
