@@ -27,16 +27,13 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);
         let (path, branch_bits) = (&mut paths.carried, self.options.branches.trailing_zeros());
-        dispatch(StartPaths {
-            path,
-            vertices,
-            scratch,
-            count,
-            branch_bits,
-            dimensions: &dimensions,
-            camera,
-            filter,
-        });
+        let start =
+            StartPaths { path, vertices, scratch, count, branch_bits, dimensions: &dimensions, filter };
+        if camera.has_lens() {
+            dispatch(StartBehindLens { camera, start });
+        } else {
+            dispatch(StartBehindPinhole { camera, start });
+        }
         if self.is_moving() {
             self.start_times(w);
         }
@@ -90,35 +87,87 @@ struct StartPaths<'a> {
     count: usize,
     branch_bits: u32,
     dimensions: &'a Dimensions,
-    camera: &'a Camera,
     filter: &'a FilterSampler,
 }
 
-impl Kernel for StartPaths<'_> {
+impl StartPaths<'_> {
+    /// Starts path `i`, and returns its point.
+    #[inline(always)]
+    fn start(&mut self, i: usize) -> SobolPoint {
+        let path = &mut *self.path;
+        let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], self.branch_bits);
+        set_rgb(&mut path.throughput, i, Rgb::ONE);
+        path.pdf[i] = 0.0;
+        path.eta_squared[i] = 1.0;
+        (path.seed[i], path.shuffled[i]) = point.to_parts();
+        point
+    }
+
+    /// From pixels' corners and numbers in 0..1 to film points, in the first lanes of the scratch memory.
+    #[inline(always)]
+    fn spread(&mut self) {
+        let [film_x, film_y, filter_u, filter_v, ..] = &mut *self.scratch;
+        for i in 0..self.count.min(WAVE) {
+            film_x[i] = film_x[i] + 0.5 + self.filter.sample(filter_u[i]);
+            film_y[i] = film_y[i] + 0.5 + self.filter.sample(filter_v[i]);
+        }
+    }
+
+    #[inline(always)]
+    fn keep(&mut self, i: usize, ray: &Ray) {
+        set(&mut self.vertices.next_origin, i, ray.origin);
+        set(&mut self.vertices.next_direction, i, ray.direction);
+    }
+}
+
+/// For cameras with a lens.
+struct StartBehindLens<'a> {
+    camera: &'a Camera,
+    start: StartPaths<'a>,
+}
+
+impl Kernel for StartBehindLens<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let StartPaths { path, vertices: v, camera, filter, .. } = self;
-        let [film_x, film_y, filter_u, filter_v, lens_u, lens_v, ..] = self.scratch;
-        let count = self.count.min(WAVE);
+        let StartBehindLens { camera, mut start } = self;
         // Loops of one kind each vectorise; together they don't.
-        for i in 0..count {
-            let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], self.branch_bits);
-            [filter_u[i], filter_v[i], lens_u[i], lens_v[i]] = point.sample_4d(self.dimensions);
-            set_rgb(&mut path.throughput, i, Rgb::ONE);
-            path.pdf[i] = 0.0;
-            path.eta_squared[i] = 1.0;
-            (path.seed[i], path.shuffled[i]) = point.to_parts();
+        for i in 0..start.count.min(WAVE) {
+            let [a, b, c, d] = start.start(i).sample_4d(start.dimensions);
+            let [_, _, filter_u, filter_v, lens_u, lens_v, ..] = &mut *start.scratch;
+            (filter_u[i], filter_v[i], lens_u[i], lens_v[i]) = (a, b, c, d);
         }
-        for i in 0..count {
-            film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
-            film_y[i] = film_y[i] + 0.5 + filter.sample(filter_v[i]);
-        }
-        for i in 0..count {
+        start.spread();
+        for i in 0..start.count.min(WAVE) {
+            let [film_x, film_y, _, _, lens_u, lens_v, ..] = &*start.scratch;
             let ray = camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]]);
-            set(&mut v.next_origin, i, ray.origin);
-            set(&mut v.next_direction, i, ray.direction);
+            start.keep(i, &ray);
+        }
+    }
+}
+
+/// For cameras without: half of the numbers are enough.
+struct StartBehindPinhole<'a> {
+    camera: &'a Camera,
+    start: StartPaths<'a>,
+}
+
+impl Kernel for StartBehindPinhole<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let StartBehindPinhole { camera, mut start } = self;
+        for i in 0..start.count.min(WAVE) {
+            let [a, b, ..] = start.start(i).sample_4d(start.dimensions);
+            let [_, _, filter_u, filter_v, ..] = &mut *start.scratch;
+            (filter_u[i], filter_v[i]) = (a, b);
+        }
+        start.spread();
+        for i in 0..start.count.min(WAVE) {
+            let ray = camera.pinhole_ray(start.scratch[0][i], start.scratch[1][i]);
+            start.keep(i, &ray);
         }
     }
 }
