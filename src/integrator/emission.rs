@@ -145,26 +145,42 @@ impl Kernel for LookUp<'_> {
     #[inline(always)]
     fn run(self) {
         let LookUp { map, rays, escaped, scratch } = self;
-        let [x, y, z, s, t, r, g, b, pdf] = scratch;
-        let count = escaped.len().min(WAVE);
+        let [x, y, z, ..] = &mut *scratch;
         for (k, &i) in escaped.iter().enumerate() {
             [x[k], y[k], z[k]] = rays[i as usize].direction.to_array();
         }
-        for k in 0..count {
-            let at = map.locate(map.uv(Vec3::new(x[k], y[k], z[k])));
-            [s[k], t[k]] = at.shares;
-            // Only kept here until the next loop.
-            pdf[k] = f32::from_bits(at.first);
-        }
-        for k in 0..count {
-            map.prefetch(pdf[k + AHEAD].to_bits());
-            let at = TexelPosition { first: pdf[k].to_bits(), shares: [s[k], t[k]] };
-            let (radiance, density) = map.read(&at);
-            [r[k], g[k], b[k]] = radiance.to_array();
-            pdf[k] = density;
-        }
-        for k in 0..count {
-            pdf[k] *= solid_angle_density(Vec3::new(x[k], y[k], z[k]));
-        }
+        let count = escaped.len().min(WAVE);
+        locate(map, scratch, count);
+        read(map, scratch, count);
+    }
+}
+
+// What the loops read is taken by reference, so that the compiler knows that it stays as it is.
+
+/// From directions, in the first lanes of the scratch memory, to places between texels: shares behind them, and the texels'
+/// indices in the last lane.
+#[inline(always)]
+fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
+    let [x, y, z, s, t, _, _, _, first] = scratch;
+    for k in 0..count {
+        let at = map.locate(map.uv(Vec3::new(x[k], y[k], z[k])));
+        [s[k], t[k]] = at.shares;
+        first[k] = f32::from_bits(at.first);
+    }
+}
+
+/// From there to radiances and densities.
+#[inline(always)]
+fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
+    let [x, y, z, s, t, r, g, b, pdf] = scratch;
+    for k in 0..count {
+        map.prefetch(pdf[k + AHEAD].to_bits());
+        let at = TexelPosition { first: pdf[k].to_bits(), shares: [s[k], t[k]] };
+        let (radiance, density) = map.read(&at);
+        [r[k], g[k], b[k]] = radiance.to_array();
+        pdf[k] = density;
+    }
+    for k in 0..count {
+        pdf[k] *= solid_angle_density(Vec3::new(x[k], y[k], z[k]));
     }
 }

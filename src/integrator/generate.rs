@@ -90,36 +90,6 @@ struct StartPaths<'a> {
     filter: &'a FilterSampler,
 }
 
-impl StartPaths<'_> {
-    /// Starts path `i`, and returns its point.
-    #[inline(always)]
-    fn start(&mut self, i: usize) -> SobolPoint {
-        let path = &mut *self.path;
-        let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], self.branch_bits);
-        set_rgb(&mut path.throughput, i, Rgb::ONE);
-        path.pdf[i] = 0.0;
-        path.eta_squared[i] = 1.0;
-        (path.seed[i], path.shuffled[i]) = point.to_parts();
-        point
-    }
-
-    /// From pixels' corners and numbers in 0..1 to film points, in the first lanes of the scratch memory.
-    #[inline(always)]
-    fn spread(&mut self) {
-        let [film_x, film_y, filter_u, filter_v, ..] = &mut *self.scratch;
-        for i in 0..self.count.min(WAVE) {
-            film_x[i] = film_x[i] + 0.5 + self.filter.sample(filter_u[i]);
-            film_y[i] = film_y[i] + 0.5 + self.filter.sample(filter_v[i]);
-        }
-    }
-
-    #[inline(always)]
-    fn keep(&mut self, i: usize, ray: &Ray) {
-        set(&mut self.vertices.next_origin, i, ray.origin);
-        set(&mut self.vertices.next_direction, i, ray.direction);
-    }
-}
-
 /// For cameras with a lens.
 struct StartBehindLens<'a> {
     camera: &'a Camera,
@@ -131,19 +101,11 @@ impl Kernel for StartBehindLens<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let StartBehindLens { camera, mut start } = self;
-        // Loops of one kind each vectorise; together they don't.
-        for i in 0..start.count.min(WAVE) {
-            let [a, b, c, d] = start.start(i).sample_4d(start.dimensions);
-            let [_, _, filter_u, filter_v, lens_u, lens_v, ..] = &mut *start.scratch;
-            (filter_u[i], filter_v[i], lens_u[i], lens_v[i]) = (a, b, c, d);
-        }
-        start.spread();
-        for i in 0..start.count.min(WAVE) {
-            let [film_x, film_y, _, _, lens_u, lens_v, ..] = &*start.scratch;
-            let ray = camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]]);
-            start.keep(i, &ray);
-        }
+        let StartBehindLens { camera, start } = self;
+        let count = start.count.min(WAVE);
+        draw::<true>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
+        spread(start.scratch, start.filter, count);
+        shoot::<true>(start.vertices, start.scratch, camera, count);
     }
 }
 
@@ -158,16 +120,62 @@ impl Kernel for StartBehindPinhole<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let StartBehindPinhole { camera, mut start } = self;
-        for i in 0..start.count.min(WAVE) {
-            let [a, b, ..] = start.start(i).sample_4d(start.dimensions);
-            let [_, _, filter_u, filter_v, ..] = &mut *start.scratch;
-            (filter_u[i], filter_v[i]) = (a, b);
+        let StartBehindPinhole { camera, start } = self;
+        let count = start.count.min(WAVE);
+        draw::<false>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
+        spread(start.scratch, start.filter, count);
+        shoot::<false>(start.vertices, start.scratch, camera, count);
+    }
+}
+
+// Loops of one kind each vectorise; together they don't. Nor do they where the compiler can't tell that what they read
+// stays as it is, which it knows of what functions take by reference.
+
+/// Starts paths. Their numbers in 0..1 go to the lanes of the scratch memory behind the first two.
+#[inline(always)]
+fn draw<const LENS: bool>(
+    path: &mut Carried,
+    scratch: &mut Scratch,
+    dimensions: &Dimensions,
+    branch_bits: u32,
+    count: usize,
+) {
+    let [_, _, filter_u, filter_v, lens_u, lens_v, ..] = scratch;
+    for i in 0..count {
+        let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], branch_bits);
+        let [a, b, c, d] = point.sample_4d(dimensions);
+        (filter_u[i], filter_v[i]) = (a, b);
+        if LENS {
+            (lens_u[i], lens_v[i]) = (c, d);
         }
-        start.spread();
-        for i in 0..start.count.min(WAVE) {
-            let ray = camera.pinhole_ray(start.scratch[0][i], start.scratch[1][i]);
-            start.keep(i, &ray);
-        }
+        set_rgb(&mut path.throughput, i, Rgb::ONE);
+        path.pdf[i] = 0.0;
+        path.eta_squared[i] = 1.0;
+        (path.seed[i], path.shuffled[i]) = point.to_parts();
+    }
+}
+
+/// From pixels' corners and numbers in 0..1 to film points, in the first two lanes of the scratch memory.
+#[inline(always)]
+fn spread(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
+    let [film_x, film_y, filter_u, filter_v, ..] = scratch;
+    for i in 0..count {
+        film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
+        film_y[i] = film_y[i] + 0.5 + filter.sample(filter_v[i]);
+    }
+}
+
+/// The rays through film points.
+#[inline(always)]
+fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera, count: usize) {
+    let [film_x, film_y, _, _, lens_u, lens_v, ..] = scratch;
+    for i in 0..count {
+        let ray = if LENS {
+            camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]])
+        } else {
+            camera.pinhole_ray(film_x[i], film_y[i])
+        };
+        set(&mut v.next_origin, i, ray.origin);
+        set(&mut v.next_direction, i, ray.direction);
     }
 }
