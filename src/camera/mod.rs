@@ -64,10 +64,8 @@ impl Camera {
     /// Its direction has unit length.
     #[inline(always)]
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
-        let film = self.corner + self.step_x * x + self.step_y * y;
-        let (origin, direction) =
-            if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) };
-        if self.aperture.radius > 0.0 {
+        if self.has_lens() {
+            let (origin, direction) = self.line(x, y);
             // A point of the focus plane is `focus_distance` ahead along the axis, not along the ray.
             let focus = origin + direction * (self.focus_distance / direction.dot(self.forward));
             let (x, y) = self.aperture.point(lens);
@@ -76,7 +74,27 @@ impl Camera {
             let direction = (focus - origin).try_normalize().unwrap_or_else(|| direction.normalize());
             return Ray::new(origin, direction);
         }
+        self.pinhole_ray(x, y)
+    }
+
+    /// The ray through film point (x, y) and the middle of the lens: that of a camera without one.
+    #[inline(always)]
+    pub fn pinhole_ray(&self, x: f32, y: f32) -> Ray {
+        let (origin, direction) = self.line(x, y);
         Ray::new(origin, direction.normalize())
+    }
+
+    /// Origin and direction, of any length, through a film point.
+    #[inline(always)]
+    fn line(&self, x: f32, y: f32) -> (Vec3, Vec3) {
+        let film = self.corner + self.step_x * x + self.step_y * y;
+        if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) }
+    }
+
+    /// Do rays depend on the point on the lens?
+    #[inline(always)]
+    pub fn has_lens(&self) -> bool {
+        self.aperture.radius > 0.0
     }
 
     /// Where a point is seen: the film point whose rays through the middle of the lens meet it. Infinite or NaN for points beside a

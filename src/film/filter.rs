@@ -3,6 +3,7 @@
 //! belongs to one pixel, which needs no border around tiles.
 
 use crate::scene::Filter;
+use crate::simd::Table;
 
 /// Cells of one table.
 const CELLS: usize = 256;
@@ -42,14 +43,17 @@ impl FilterSampler {
     #[inline(always)]
     pub fn sample(&self, u: f32) -> f32 {
         let signed = 2.0 * u - 1.0;
-        let outside = (1.0 - signed.abs()).max(0.0);
-        let range = usize::from(outside < RANGES[0].1) + usize::from(outside < RANGES[1].1);
-        let (from, to) = RANGES[range];
-        let place = (from - outside) * (CELLS as f32 / (from - to));
-        let cell = (place as usize).min(CELLS - 1);
+        let outside = 1.0 - signed.abs();
+        // Free of branches and of checks, so that loops over samples vectorise.
+        let (in_first, in_second) = (outside >= RANGES[0].1, outside >= RANGES[1].1);
+        let (from, scale) = if in_second { (RANGES[1].0, scale_of(1)) } else { (RANGES[2].0, scale_of(2)) };
+        let (from, scale) = if in_first { (RANGES[0].0, scale_of(0)) } else { (from, scale) };
+        let range = u32::from(!in_first) + u32::from(!in_second);
+        let place = (from - outside) * scale;
+        let cell = (place as u32).min(CELLS as u32 - 1);
         let part = place - cell as f32;
-        let table = &self.tables[range];
-        let offset = table[cell] + part * (table[cell + 1] - table[cell]);
+        let (table, at) = (Table::new(self.tables.as_flattened()), range * (CELLS as u32 + 1) + cell);
+        let offset = table.at(at) + part * (table.at(at + 1) - table.at(at));
         if signed < 0.0 { -offset } else { offset }
     }
 
@@ -97,6 +101,12 @@ impl FilterSampler {
             0.0
         }
     }
+}
+
+/// Cells a unit of probability in a range.
+const fn scale_of(range: usize) -> f32 {
+    let (from, to) = RANGES[range];
+    CELLS as f32 / (from - to)
 }
 
 /// The 4-term Blackman-Harris window (Harris 1978, "On the Use of Windows", table I, -92 dB) at `x` in -1..1.

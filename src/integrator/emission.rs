@@ -1,14 +1,14 @@
 //! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
 
 use super::Integrator;
-use super::lanes::{WAVE, get, get_rgb};
+use super::lanes::{LENGTH, WAVE, get, get_rgb};
 use super::layers::{Origin, Way, way_of_path};
 use super::surface::HitPoint;
 use super::wave::Scratch;
 use super::workspace::Workspace;
 use crate::bsdf::Slots;
 use crate::color::Rgb;
-use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun};
+use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun, TexelPosition, solid_angle_density};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
 use crate::scene::RayKinds;
@@ -93,7 +93,7 @@ impl Integrator<'_> {
             self.keep_visible_escapes(bounce, w);
         }
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
-        look_up(environment, &w.rays, &w.escaped, &path.pdf, scratch);
+        look_up(environment, &w.rays, &w.escaped, scratch);
         let [_, _, _, _, _, r, g, b, pdf] = scratch;
         let pdf_discrete = lights.environment_pdf_discrete();
         let light = lights.len() as u32 - 1;
@@ -115,17 +115,10 @@ impl Integrator<'_> {
     }
 }
 
-/// Radiance and, for rays with a density of their own, density of the directions in which rays left: to the last four
-/// lanes of the scratch memory.
-fn look_up(
-    environment: &EnvironmentLight,
-    rays: &[Ray],
-    escaped: &[u32],
-    pdfs: &[f32],
-    scratch: &mut Scratch,
-) {
+/// Radiance and density of the directions in which rays left: to the last four lanes of the scratch memory.
+fn look_up(environment: &EnvironmentLight, rays: &[Ray], escaped: &[u32], scratch: &mut Scratch) {
     if let Some(map) = environment.image_map() {
-        return dispatch(LookUp { map, rays, escaped, pdfs, scratch });
+        return dispatch(LookUp { map, rays, escaped, scratch });
     }
     let [_, _, _, _, _, r, g, b, pdf] = scratch;
     for (k, &i) in escaped.iter().enumerate() {
@@ -139,29 +132,55 @@ struct LookUp<'a> {
     map: &'a ImageMap,
     rays: &'a [Ray],
     escaped: &'a [u32],
-    pdfs: &'a [f32],
     scratch: &'a mut Scratch,
 }
+
+/// So many lookups ahead texels are asked for.
+const AHEAD: usize = 16;
+const _: () = assert!(WAVE + AHEAD <= LENGTH);
 
 impl Kernel for LookUp<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let LookUp { map, rays, escaped, pdfs, scratch } = self;
-        let [x, y, z, u, v, r, g, b, pdf] = scratch;
-        let count = escaped.len().min(WAVE);
+        let LookUp { map, rays, escaped, scratch } = self;
+        let [x, y, z, ..] = &mut *scratch;
         for (k, &i) in escaped.iter().enumerate() {
             [x[k], y[k], z[k]] = rays[i as usize].direction.to_array();
         }
-        for k in 0..count {
-            [u[k], v[k]] = map.uv(Vec3::new(x[k], y[k], z[k]));
-        }
-        for (k, &i) in escaped.iter().enumerate() {
-            [r[k], g[k], b[k]] = map.lookup([u[k], v[k]]).to_array();
-            if pdfs[i as usize] > 0.0 {
-                pdf[k] = map.pdf_solid_angle([u[k], v[k]], Vec3::new(x[k], y[k], z[k]));
-            }
-        }
+        let count = escaped.len().min(WAVE);
+        locate(map, scratch, count);
+        read(map, scratch, count);
+    }
+}
+
+// What the loops read is taken by reference, so that the compiler knows that it stays as it is.
+
+/// From directions, in the first lanes of the scratch memory, to places between texels: shares behind them, and the texels'
+/// indices in the last lane.
+#[inline(always)]
+fn locate(map: &ImageMap, scratch: &mut Scratch, count: usize) {
+    let [x, y, z, s, t, _, _, _, first] = scratch;
+    for k in 0..count {
+        let at = map.locate(map.uv(Vec3::new(x[k], y[k], z[k])));
+        [s[k], t[k]] = at.shares;
+        first[k] = f32::from_bits(at.first);
+    }
+}
+
+/// From there to radiances and densities.
+#[inline(always)]
+fn read(map: &ImageMap, scratch: &mut Scratch, count: usize) {
+    let [x, y, z, s, t, r, g, b, pdf] = scratch;
+    for k in 0..count {
+        map.prefetch(pdf[k + AHEAD].to_bits());
+        let at = TexelPosition { first: pdf[k].to_bits(), shares: [s[k], t[k]] };
+        let (radiance, density) = map.read(&at);
+        [r[k], g[k], b[k]] = radiance.to_array();
+        pdf[k] = density;
+    }
+    for k in 0..count {
+        pdf[k] *= solid_angle_density(Vec3::new(x[k], y[k], z[k]));
     }
 }

@@ -27,16 +27,13 @@ impl Integrator<'_> {
         let dimensions = self.dimensions(0, Purpose::Camera);
         let (camera, filter) = (&self.view.camera, self.options.filter);
         let (path, branch_bits) = (&mut paths.carried, self.options.branches.trailing_zeros());
-        dispatch(StartPaths {
-            path,
-            vertices,
-            scratch,
-            count,
-            branch_bits,
-            dimensions: &dimensions,
-            camera,
-            filter,
-        });
+        let start =
+            StartPaths { path, vertices, scratch, count, branch_bits, dimensions: &dimensions, filter };
+        if camera.has_lens() {
+            dispatch(StartBehindLens { camera, start });
+        } else {
+            dispatch(StartBehindPinhole { camera, start });
+        }
         if self.is_moving() {
             self.start_times(w);
         }
@@ -91,35 +88,95 @@ struct StartPaths<'a> {
     count: usize,
     branch_bits: u32,
     dimensions: &'a Dimensions,
-    camera: &'a Camera,
     filter: &'a FilterSampler,
 }
 
-impl Kernel for StartPaths<'_> {
+/// For cameras with a lens.
+struct StartBehindLens<'a> {
+    camera: &'a Camera,
+    start: StartPaths<'a>,
+}
+
+impl Kernel for StartBehindLens<'_> {
     type Output = ();
 
     #[inline(always)]
     fn run(self) {
-        let StartPaths { path, vertices: v, camera, filter, .. } = self;
-        let [film_x, film_y, filter_u, filter_v, lens_u, lens_v, ..] = self.scratch;
-        let count = self.count.min(WAVE);
-        // Loops of one kind each vectorise; together they don't.
-        for i in 0..count {
-            let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], self.branch_bits);
-            [filter_u[i], filter_v[i], lens_u[i], lens_v[i]] = point.sample_4d(self.dimensions);
-            set_rgb(&mut path.throughput, i, Rgb::ONE);
-            path.pdf[i] = 0.0;
-            path.eta_squared[i] = 1.0;
-            (path.seed[i], path.shuffled[i]) = point.to_parts();
+        let StartBehindLens { camera, start } = self;
+        let count = start.count.min(WAVE);
+        draw::<true>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
+        spread(start.scratch, start.filter, count);
+        shoot::<true>(start.vertices, start.scratch, camera, count);
+    }
+}
+
+/// For cameras without: half of the numbers are enough.
+struct StartBehindPinhole<'a> {
+    camera: &'a Camera,
+    start: StartPaths<'a>,
+}
+
+impl Kernel for StartBehindPinhole<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let StartBehindPinhole { camera, start } = self;
+        let count = start.count.min(WAVE);
+        draw::<false>(start.path, start.scratch, start.dimensions, start.branch_bits, count);
+        spread(start.scratch, start.filter, count);
+        shoot::<false>(start.vertices, start.scratch, camera, count);
+    }
+}
+
+// Loops of one kind each vectorise; together they don't. Nor do they where the compiler can't tell that what they read
+// stays as it is, which it knows of what functions take by reference.
+
+/// Starts paths. Their numbers in 0..1 go to the lanes of the scratch memory behind the first two.
+#[inline(always)]
+fn draw<const LENS: bool>(
+    path: &mut Carried,
+    scratch: &mut Scratch,
+    dimensions: &Dimensions,
+    branch_bits: u32,
+    count: usize,
+) {
+    let [_, _, filter_u, filter_v, lens_u, lens_v, ..] = scratch;
+    for i in 0..count {
+        let point = SobolPoint::of_branches(path.seed[i], path.shuffled[i], branch_bits);
+        let [a, b, c, d] = point.sample_4d(dimensions);
+        (filter_u[i], filter_v[i]) = (a, b);
+        if LENS {
+            (lens_u[i], lens_v[i]) = (c, d);
         }
-        for i in 0..count {
-            film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
-            film_y[i] = film_y[i] + 0.5 + filter.sample(filter_v[i]);
-        }
-        for i in 0..count {
-            let ray = camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]]);
-            set(&mut v.next_origin, i, ray.origin);
-            set(&mut v.next_direction, i, ray.direction);
-        }
+        set_rgb(&mut path.throughput, i, Rgb::ONE);
+        path.pdf[i] = 0.0;
+        path.eta_squared[i] = 1.0;
+        (path.seed[i], path.shuffled[i]) = point.to_parts();
+    }
+}
+
+/// From pixels' corners and numbers in 0..1 to film points, in the first two lanes of the scratch memory.
+#[inline(always)]
+fn spread(scratch: &mut Scratch, filter: &FilterSampler, count: usize) {
+    let [film_x, film_y, filter_u, filter_v, ..] = scratch;
+    for i in 0..count {
+        film_x[i] = film_x[i] + 0.5 + filter.sample(filter_u[i]);
+        film_y[i] = film_y[i] + 0.5 + filter.sample(filter_v[i]);
+    }
+}
+
+/// The rays through film points.
+#[inline(always)]
+fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera, count: usize) {
+    let [film_x, film_y, _, _, lens_u, lens_v, ..] = scratch;
+    for i in 0..count {
+        let ray = if LENS {
+            camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]])
+        } else {
+            camera.pinhole_ray(film_x[i], film_y[i])
+        };
+        set(&mut v.next_origin, i, ray.origin);
+        set(&mut v.next_direction, i, ray.direction);
     }
 }

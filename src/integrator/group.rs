@@ -12,6 +12,8 @@ pub enum Group {
     Plain,
     /// Other Lambertian ones.
     Lambert,
+    /// Opaque glTF materials, the same everywhere, on a triangle or quad: a vectorised loop makes the vertex.
+    PlainMetalRough,
     /// Opaque glTF materials with textures on triangles: vectorised loops make the vertices.
     Textured,
     /// Other opaque glTF materials.
@@ -26,7 +28,18 @@ pub enum Group {
     None,
 }
 
-const GROUPS: usize = 8;
+const GROUPS: usize = 9;
+
+impl Group {
+    /// The group of the same materials on shapes of other kinds.
+    pub fn of_any_shape(self) -> Group {
+        match self {
+            Group::Plain => Group::Lambert,
+            Group::PlainMetalRough => Group::MetalRough,
+            group => group,
+        }
+    }
+}
 
 /// How many hits there are of each group.
 pub struct GroupCounts([usize; GROUPS]);
@@ -85,7 +98,12 @@ impl Sorted {
 
     /// Those and the other Lambertian ones.
     pub fn lambert(&self) -> Range<usize> {
-        self.from(Group::Plain, Group::Textured)
+        self.from(Group::Plain, Group::PlainMetalRough)
+    }
+
+    /// The next: loops make them of their corners alone, too.
+    pub fn plain_metal_rough(&self) -> Range<usize> {
+        self.from(Group::PlainMetalRough, Group::Textured)
     }
 
     /// The next.
@@ -93,9 +111,9 @@ impl Sorted {
         self.from(Group::Textured, Group::MetalRough)
     }
 
-    /// Those and the other ones of opaque glTF materials.
+    /// Those two and the other ones of opaque glTF materials.
     pub fn metal_rough(&self) -> Range<usize> {
-        self.from(Group::Textured, Group::Medium)
+        self.from(Group::PlainMetalRough, Group::Medium)
     }
 
     /// The points of media.
@@ -126,11 +144,15 @@ impl Sorted {
 
 /// The group of a material's vertices, on shapes that don't demand another.
 pub fn group_of(material: &CompiledMaterial) -> Group {
+    let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => Group::None,
         BsdfClass::Lambert => {
-            let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
-            if is_plain { Group::Plain } else { Group::Lambert }
+            if is_plain {
+                Group::Plain
+            } else {
+                Group::Lambert
+            }
         }
         BsdfClass::Dielectric | BsdfClass::ThinDielectric => Group::Specular,
         _ => {
@@ -140,6 +162,7 @@ pub fn group_of(material: &CompiledMaterial) -> Group {
             match material.class {
                 _ if is_specular => Group::Specular,
                 BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
+                BsdfClass::MetalRough if is_plain && material.medium_index == 0 => Group::PlainMetalRough,
                 BsdfClass::MetalRough => Group::MetalRough,
                 _ => Group::Rough,
             }

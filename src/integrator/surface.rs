@@ -70,6 +70,7 @@ impl Integrator<'_> {
         }
         self.escape(bounce, w);
         self.make_plain(sorted.plain(), &mut w.wave.vertices);
+        self.make_plain(sorted.plain_metal_rough(), &mut w.wave.vertices);
         self.make_textured(bounce, sorted.textured(), w);
         closure_metal_rough::prepare(&mut w.wave, sorted.metal_rough(), self.scene.shading);
         self.end_bent_chains(bounce, &sorted, w);
@@ -97,7 +98,10 @@ impl Integrator<'_> {
                 group = match self.groups[material as usize] {
                     _ if is_last => Group::None,
                     Group::Textured if !self.scene.geometries.is_plainly_textured(hit) => Group::MetalRough,
-                    Group::Plain if needs_details || !self.scene.geometries.is_flat(hit) => Group::Lambert,
+                    group @ (Group::Plain | Group::PlainMetalRough) => {
+                        let is_plain = !needs_details && self.scene.geometries.is_flat(hit);
+                        if is_plain { group } else { group.of_any_shape() }
+                    }
                     group => group,
                 };
             } else if scattering && !is_last && w.flights[i].scatters {
@@ -137,6 +141,7 @@ impl Integrator<'_> {
                     continue;
                 }
                 Group::Plain => self.gather_plain(i, k, w),
+                Group::PlainMetalRough => self.gather_plain_metal_rough(i, k, w),
                 Group::Textured => self.gather_textured(i, k, w),
                 Group::Lambert => {
                     let vertex = self.vertex(bounce, i, w);
@@ -173,6 +178,17 @@ impl Integrator<'_> {
         self.gather_corners(i, k, w);
         let material = &self.scene.materials[w.materials[i] as usize];
         set_rgb(&mut w.wave.vertices.albedo, k, material.albedo);
+    }
+
+    /// The same for an opaque glTF material.
+    #[inline(always)]
+    fn gather_plain_metal_rough(&self, i: usize, k: usize, w: &mut Workspace) {
+        self.gather_corners(i, k, w);
+        let material = match &self.scene.materials[w.materials[i] as usize].constant {
+            Some(Bsdf::MetalRough(material)) => material,
+            _ => &MetalRough::BLACK,
+        };
+        store_material(&mut w.wave.vertices.metal_rough, k, material);
     }
 
     /// The path ends at a surface: adds its emission.

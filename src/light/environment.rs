@@ -5,7 +5,7 @@ use crate::image::Image;
 use crate::math::{Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
 use crate::scene::Environment;
-use crate::simd::Table;
+use crate::simd::{Table, prefer_huge_pages};
 use std::f32::consts::{FRAC_1_PI, PI};
 
 /// Directions nearer to a pole than this (sine) count as being this far, which keeps densities finite.
@@ -44,13 +44,24 @@ enum Kind {
 pub struct ImageMap {
     width: usize,
     height: usize,
-    /// Linear RGB times the strength, row by row from the top; the fourth number fills up to what is loaded at once.
+    /// Linear RGB times the strength and the sampling density per area of the unit square, row by row from the top. The
+    /// first texel of each row comes again at its end, and the last row once more, so that the neighbours of all are where
+    /// those of others are.
     texels: Vec<Vec4>,
     mean_luminance: f32,
     map: BilinearMap,
     /// Sine and cosine of the rotation.
     sine: f32,
     cosine: f32,
+}
+
+/// The place of map coordinates between texels.
+#[derive(Clone, Copy, Debug)]
+pub struct TexelPosition {
+    /// The upper left one of four.
+    pub first: u32,
+    /// How far it is to the right ones and to the lower ones, from 0 to 1.
+    pub shares: [f32; 2],
 }
 
 impl EnvironmentLight {
@@ -114,7 +125,7 @@ impl EnvironmentLight {
     #[inline]
     pub fn pdf_solid_angle(&self, direction: Vec3) -> f32 {
         match &self.kind {
-            Kind::Image(map) => map.pdf_solid_angle(map.uv(direction), direction),
+            Kind::Image(map) => map.read(&map.locate(map.uv(direction))).1 * solid_angle_density(direction),
             _ => warp::UNIFORM_SPHERE_PDF_SOLID_ANGLE,
         }
     }
@@ -176,7 +187,7 @@ impl ImageMap {
         Some(ImageMap {
             width,
             height,
-            texels: texels.iter().map(|t| Vec3::from_array(*t).extend(0.0)).collect(),
+            texels: with_density(&texels, &map),
             mean_luminance: mean,
             map,
             sine: rotation_rad.sin() as f32,
@@ -206,12 +217,6 @@ impl ImageMap {
         Vec3::new(x * self.cosine + z * self.sine, y, z * self.cosine - x * self.sine)
     }
 
-    /// Density per solid angle of choosing a direction whose map coordinates are `uv`.
-    #[inline(always)]
-    pub fn pdf_solid_angle(&self, uv: [f32; 2], direction: Vec3) -> f32 {
-        self.map.pdf_area(uv) * solid_angle_density(direction)
-    }
-
     /// Chooses map coordinates by luminance.
     #[inline(always)]
     pub fn sample_uv(&self, u: [f32; 2]) -> MapSample {
@@ -226,21 +231,42 @@ impl ImageMap {
 
     /// Radiance at map coordinates: bilinear; wraps along u, clamps along v.
     #[inline(always)]
-    pub fn lookup(&self, [u, v]: [f32; 2]) -> Rgb {
+    pub fn lookup(&self, uv: [f32; 2]) -> Rgb {
+        self.read(&self.locate(uv)).0
+    }
+
+    /// The texels around map coordinates.
+    #[inline(always)]
+    pub fn locate(&self, [u, v]: [f32; 2]) -> TexelPosition {
         let (width, height) = (self.width as u32, self.height as u32);
         let x = u * width as f32 - 0.5;
         let x = if x < 0.0 { x + width as f32 } else { x };
         let y = v * height as f32 - 0.5;
         let y = if y > 0.0 { y } else { 0.0 };
         let (i, j) = ((x as u32).min(width - 1), (y as u32).min(height - 1));
-        let (s, t) = (x - i as f32, y - j as f32);
-        let (next_i, next_j) = (if i + 1 == width { 0 } else { i + 1 }, (j + 1).min(height - 1));
+        TexelPosition { first: j * (width + 1) + i, shares: [x - i as f32, y - j as f32] }
+    }
+
+    /// Asks for what [`ImageMap::read`] will read from some texel on.
+    #[inline(always)]
+    pub fn prefetch(&self, first: u32) {
         let texels = Table::new(&self.texels);
-        let texel = |i: u32, j: u32| texels.at(j * width + i);
-        let top = texel(i, j) + (texel(next_i, j) - texel(i, j)) * s;
-        let bottom = texel(i, next_j) + (texel(next_i, next_j) - texel(i, next_j)) * s;
+        texels.prefetch(first);
+        texels.prefetch(first.wrapping_add(self.width as u32 + 1));
+    }
+
+    /// Radiance, and the density per area of the unit square of choosing the position by luminance: both from the same
+    /// texels, which are far apart in memory for directions that are far apart.
+    #[inline(always)]
+    pub fn read(&self, at: &TexelPosition) -> (Rgb, f32) {
+        let texels = Table::new(&self.texels);
+        let (first, below, [s, t]) = (at.first, at.first + self.width as u32 + 1, at.shares);
+        let (a, b, c, d) = (texels.at(first), texels.at(first + 1), texels.at(below), texels.at(below + 1));
+        let (top, bottom) = (a + (b - a) * s, c + (d - c) * s);
         let rgb = (top + (bottom - top) * t).truncate();
-        Rgb::from_array(rgb.to_array())
+        // In the order in which `BilinearMap::pdf_area` rounds.
+        let (left, right) = (a + (c - a) * t, b + (d - b) * t);
+        (Rgb::from_array(rgb.to_array()), (left + (right - left) * s).w)
     }
 
     fn sample(&self, u: [f32; 2]) -> EnvironmentSample {
@@ -252,6 +278,19 @@ impl ImageMap {
             pdf_solid_angle: chosen.pdf_area * solid_angle_density(direction),
         }
     }
+}
+
+/// Texels with the density that a map has there, arranged as [`ImageMap::texels`] says.
+fn with_density(texels: &[[f32; 3]], map: &BilinearMap) -> Vec<Vec4> {
+    let [width, height] = map.size();
+    let mut all = Vec::with_capacity((width + 1) * (height + 1));
+    prefer_huge_pages(&mut all);
+    for y in (0..height).chain([height - 1]) {
+        let (colors, densities) = (&texels[y * width..(y + 1) * width], map.row(y));
+        let around = colors.iter().chain(&colors[..1]);
+        all.extend(around.zip(densities).map(|(&c, &density)| Vec3::from_array(c).extend(density)));
+    }
+    all
 }
 
 /// Mean luminance over solid angle of an equirectangular image.
@@ -378,6 +417,21 @@ mod tests {
             let phi = phi - turn as f32;
             let d = Vec3::new(theta.sin() * phi.cos(), theta.cos(), theta.sin() * phi.sin());
             assert!((light.radiance(d).r - 3.0).abs() < 1e-5, "{turn}");
+        }
+    }
+
+    #[test]
+    fn one_reading_gives_what_the_map_says() {
+        let EnvironmentLight { kind: Kind::Image(image) } = sunny(64, 32, 0.3, true) else {
+            panic!("an image");
+        };
+        let mut random = Random::new(21);
+        for k in 0..10_000 {
+            // The edges as well.
+            let edge = |u: f32, k: u32| if k % 8 == 0 { (u * 4.0).floor() / 3.0 } else { u };
+            let uv = [edge(random.next(), k), edge(random.next(), k / 8)];
+            let (_, density) = image.read(&image.locate(uv));
+            assert_eq!(density.to_bits(), image.map.pdf_area(uv).to_bits(), "{uv:?}");
         }
     }
 

@@ -16,7 +16,7 @@ pub use area::{AreaLight, AreaShape, Edges, Radiance};
 pub use beam::Beam;
 pub use bounds::LightBounds;
 pub use emission::{Emission, Emitted};
-pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, solid_angle_density};
+pub use environment::{EnvironmentLight, EnvironmentSample, ImageMap, TexelPosition, solid_angle_density};
 pub use moving::{LightMotions, MovingLight};
 pub use punctual::{PunctualLight, Source};
 pub use select::{Lights, Selected, SelectedSun};

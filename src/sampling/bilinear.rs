@@ -87,6 +87,17 @@ impl BilinearMap {
         BilinearMap { width, height, values, coarse, rows, row_cumulative, first_step, first_row_step }
     }
 
+    /// Columns and rows.
+    pub fn size(&self) -> [usize; 2] {
+        [self.width as usize, self.height as usize]
+    }
+
+    /// The densities at the texel centres of a row; the first one comes again at the end.
+    pub fn row(&self, y: usize) -> &[f32] {
+        let stride = self.width as usize + 1;
+        &self.values[y * stride..(y + 1) * stride]
+    }
+
     /// Bytes that it takes.
     pub fn bytes(&self) -> usize {
         4 * (self.values.len() + self.coarse.len() + self.rows.len() + self.row_cumulative.len())

@@ -34,6 +34,21 @@ impl<'a, T: Copy> Table<'a, T> {
         // SAFETY: `last` is at most the index of the list's last element, and there is one.
         unsafe { *self.values.get_unchecked(index as usize) }
     }
+
+    /// Asks the CPU to bring the element at an index into its caches. Any index is allowed: it is only a hint.
+    #[inline(always)]
+    pub fn prefetch(self, index: u32) {
+        #[cfg(target_arch = "x86_64")]
+        {
+            let element = self.values.as_ptr().wrapping_add(index as usize);
+            // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
+            unsafe {
+                core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(element.cast())
+            };
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = index;
+    }
 }
 
 #[cfg(test)]

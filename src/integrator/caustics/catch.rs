@@ -87,7 +87,8 @@ impl Integrator<'_> {
     fn catcher(&self, path: &LampPath, at: &HitPoint<'_>, material: u32, sight: &Sight) -> Catcher {
         let group = self.groups[material as usize];
         let is_lambert = matches!(group, Group::Plain | Group::Lambert);
-        let is_opaque = is_lambert || matches!(group, Group::Textured | Group::MetalRough);
+        let is_opaque =
+            is_lambert || matches!(group, Group::PlainMetalRough | Group::Textured | Group::MetalRough);
         // As wide as what the camera sees there.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
