@@ -3,6 +3,7 @@
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
+use super::guiding;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
 use super::phase::MediumClass;
@@ -25,9 +26,9 @@ impl Integrator<'_> {
         let branches = self.branches(bounce) as f32;
         let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
         if self.softens_terminator() {
-            scatter::<true>(how, sorted, w);
+            self.scatter_all::<true>(bounce, how, sorted, w);
         } else {
-            scatter::<false>(how, sorted, w);
+            self.scatter_all::<false>(bounce, how, sorted, w);
         }
         if self.parts.receiver_normals {
             // No light was chosen at specular vertices.
@@ -35,6 +36,23 @@ impl Integrator<'_> {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
+    }
+
+    /// Scatters at all classes of vertices; with softened shadow terminators or without.
+    fn scatter_all<const SOFT: bool>(&self, bounce: u32, how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        if let Some(guide) = self.options.guide {
+            guiding::scatter::<SOFT>(how, bounce, guide, sorted.lambert(), wave);
+        } else {
+            dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
+        }
+        dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
+        if !sorted.medium().is_empty() {
+            dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
+        }
+        let range = sorted.general();
+        // Its loop has no use for a higher CPU level.
+        Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
     }
 
     /// Makes the paths that go on the arriving ones of the next bounce, with their rays.
@@ -47,6 +65,8 @@ impl Integrator<'_> {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k, self.parts);
                 if self.parts.footprints {
+                    let is_guided = sorted.lambert().contains(&i);
+                    let pdf = if is_guided { self.unguided(pdf, &w.wave, i) } else { pdf };
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }
                 let ray = Ray::new(get(&v.next_origin, i), get(&v.next_direction, i));
@@ -76,19 +96,6 @@ pub(super) struct How<'a> {
     pub roulette: bool,
     /// How many paths the density of a direction counts for.
     pub branches: f32,
-}
-
-/// Scatters at all classes of vertices; with softened shadow terminators or without.
-fn scatter<const SOFT: bool>(how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
-    let Workspace { wave, bsdfs, .. } = w;
-    dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
-    dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
-    if !sorted.medium().is_empty() {
-        dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
-    }
-    let range = sorted.general();
-    // Its loop has no use for a higher CPU level.
-    Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
 }
 
 /// Scatters at the vertices of a class.
@@ -148,7 +155,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
 /// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
 /// don't.
 #[inline(always)]
-fn survival(throughput: Rgb, eta_squared: f32, u: f32, roulette: bool) -> (bool, f32) {
+pub(super) fn survival(throughput: Rgb, eta_squared: f32, u: f32, roulette: bool) -> (bool, f32) {
     let [r, g, b] = throughput.to_array();
     let brightest = r.max(g).max(b);
     let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };

@@ -4,6 +4,7 @@ use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
+use super::guiding::{self, GuidingChoice, School};
 use super::labels::Labels;
 use super::noise::Noise;
 use super::options::RenderOptions;
@@ -68,6 +69,8 @@ pub struct Rendering {
     pub(super) choice: Choice,
     /// Whether caustics are found from the lamp.
     caustics: CausticChoice,
+    /// What guides paths.
+    guiding: GuidingChoice,
     allotment: Option<Allotment>,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
@@ -114,6 +117,7 @@ impl Rendering {
         Ok(Rendering {
             choice: Choice::new(&scene, &options),
             caustics: CausticChoice::default(),
+            guiding: GuidingChoice::default(),
             allotment: None,
             scene,
             view,
@@ -236,6 +240,7 @@ impl Rendering {
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
         warnings.extend(caustics::warning(&self.scene, &self.options));
+        warnings.extend(guiding::warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }
@@ -295,6 +300,7 @@ impl Rendering {
             branches: self.choice.now.branches(),
             is_adaptive: self.allotment.is_some(),
             lamp_paths: self.caustics.plan().map(CausticPlan::paths),
+            guide_cells: self.guiding.guide().map(|guide| guide.cells() as u32),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
@@ -307,7 +313,7 @@ impl Rendering {
             return PassOutcome::Converged;
         }
         self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter);
-        if !self.choose_technique(stopwatch) {
+        if !self.learn(stopwatch) || !self.choose_technique(stopwatch) {
             return PassOutcome::Cancelled;
         }
         let Some(pass) = self.schedule.next(stopwatch.wall()) else {
@@ -333,6 +339,22 @@ impl Rendering {
     fn has_converged(&self) -> bool {
         let error = self.noise.as_ref().and_then(Noise::error);
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+    }
+
+    /// Lets some paths teach a guide, if that is asked for. False if it was stopped.
+    fn learn(&mut self, stopwatch: &Stopwatch) -> bool {
+        let school = School {
+            scene: &self.scene,
+            view: &self.view,
+            options: &self.options,
+            filter: &self.filter,
+            caustics: self.caustics.plan(),
+            progress: &self.progress,
+            listener: self.listener.as_deref(),
+            stopwatch,
+            stop: &|| !self.finishes_passes && self.cancel.is_cancelled(),
+        };
+        self.guiding.decide(&school)
     }
 
     /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
@@ -364,6 +386,7 @@ impl Rendering {
             layout: &layout,
             film: Mutex::new(film),
             caustics: self.caustics.plan(),
+            guide: self.guiding.guide(),
             allotment: self.allotment.as_ref(),
             errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,

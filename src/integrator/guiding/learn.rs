@@ -1,0 +1,111 @@
+//! Paths that teach: what they find is taken down where they scattered.
+
+use super::super::Integrator;
+use super::super::block::Block;
+use super::super::group::Sorted;
+use super::super::lanes::{Lanes, WAVE, get};
+use super::super::wave::{Vertices, Wave};
+use super::super::workspace::Workspace;
+use super::histogram;
+use super::lesson::Lesson;
+use crate::color::luminance;
+use crate::math::Frame;
+use crate::sampling::warp;
+use crate::simd::{Kernel, dispatch};
+use std::ops::Range;
+
+/// A vertex of a path of which it is not yet known what it will find.
+#[derive(Clone, Copy, Debug)]
+pub(in super::super) struct Pending {
+    /// All but the value.
+    lesson: Lesson,
+    sample: u32,
+    /// Luminance that its sample had so far.
+    before: f32,
+    /// Luminance that a value of 1 brings to the sample.
+    carried: f32,
+    ends: bool,
+}
+
+/// What the paths of a block found.
+#[derive(Clone, Debug, Default)]
+pub struct Learnt {
+    /// In the order of the paths.
+    pub lessons: Vec<Lesson>,
+    /// Sum of the luminances of the samples, and how many there are.
+    pub luminance: f64,
+    pub samples: u64,
+}
+
+/// Least part of what a sample has that is told from rounding.
+const LEAST_SHARE: f32 = 1e-6;
+
+impl Integrator<'_> {
+    /// Traces the samples of a block to learn from them; `None` if `stop` said so.
+    pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<Learnt> {
+        w.lessons.clear();
+        w.noted.clear();
+        let (mut light, mut samples) = (0.0, 0);
+        let is_done = self.trace(block, w, stop, |sample| {
+            let value = f64::from(luminance(sample.rgb));
+            light += if value.is_finite() { value } else { 0.0 };
+            samples += 1;
+        });
+        let lessons = std::mem::take(&mut w.lessons);
+        is_done.then_some(Learnt { lessons, luminance: light, samples })
+    }
+
+    /// Takes down the Lambertian vertices of a bounce, once they are scattered.
+    pub(in super::super) fn note_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
+        let range = sorted.lambert();
+        let Wave { vertices, scratch: [bins, ..], paths } = &mut *w.wave;
+        dispatch(FindBins { vertices, range: range.clone(), bins });
+        for i in range {
+            let sample = paths.carried.sample[i];
+            let lesson = Lesson {
+                p: get(&vertices.p, i).to_array(),
+                n: get(&vertices.ns, i).to_array(),
+                bin: bins[i] as u32,
+                value: 0.0,
+            };
+            w.noted.push(Pending {
+                lesson,
+                sample,
+                before: w.sink.radiance(sample).luminance(),
+                carried: vertices.guided.carried[i],
+                ends: paths.carried.pdf[i] < 0.0,
+            });
+        }
+    }
+
+    /// Makes lessons of the vertices of a wave whose paths have ended.
+    pub(in super::super) fn take_lessons(&self, w: &mut Workspace) {
+        for pending in w.noted.drain(..) {
+            let Pending { lesson, sample, before, carried, ends } = pending;
+            let after = w.sink.radiance(sample).luminance();
+            let value = (after - before) / carried;
+            let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
+            w.lessons.push(Lesson { value: if counts { value } else { 0.0 }, ..lesson });
+        }
+    }
+}
+
+/// Finds the bins of the directions in which paths go on.
+struct FindBins<'a> {
+    vertices: &'a Vertices,
+    range: Range<usize>,
+    bins: &'a mut Lanes,
+}
+
+impl Kernel for FindBins<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let (v, bins) = (self.vertices, self.bins);
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let local = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.next_direction, i));
+            bins[i] = histogram::bin(warp::square_of_cosine_hemisphere(local)) as i32 as f32;
+        }
+    }
+}
