@@ -15,6 +15,7 @@ use crate::integrator::{
 };
 use crate::sampling::hash::hash32;
 use crate::sampling::{Allotment, MOST_ARRANGED};
+use crate::integrator::kn;
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -86,7 +87,7 @@ fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static s
 fn part(options: &RenderOptions) -> u64 {
     let planned = options.samples.max(options.planned).min(MOST_ARRANGED).next_power_of_two();
     let pixels = f64::from(options.width) * f64::from(options.height);
-    let paths = SHARE * f64::from(planned) * pixels;
+    let paths = f64::from(kn("SHARE", SHARE as f32)) * f64::from(planned) * pixels;
     ((paths / PARTS as f64) as u64).min(MOST_PART)
 }
 
@@ -131,7 +132,10 @@ impl School<'_> {
             if lessons.is_none() {
                 let all: Vec<Lesson> = learnt.iter().flat_map(|l| &l.lessons).copied().collect();
                 let total = all.len() as f64 * PARTS as f64;
-                let Some(grid) = Grid::suited_to(&all, total, LESSONS_OF_CELL) else { return Ok(None) };
+                let Some(grid) = Grid::suited_to(&all, total, kn("CELL", LESSONS_OF_CELL as f32) as f64)
+                else {
+                    return Ok(None);
+                };
                 lessons = Some(Lessons::new(grid));
             }
             if let Some(lessons) = &mut lessons {

@@ -1,8 +1,9 @@
 //! What was learned, fixed: histograms to choose directions by, and how much light to expect.
 
 use super::grid::{CELLS_OF_PARENT, Grid, Numbers, key_of, parent};
-use super::histogram::{BINS, Bins, EDGE, Histogram, Steps};
+use super::histogram::{BINS, Bins, Histogram};
 use super::lesson::{CellSums, Lessons};
+use crate::simd::Table;
 
 /// The even part of all histograms.
 const EVEN: f32 = 0.25;
@@ -19,17 +20,20 @@ pub const NO_MEAN: f32 = -1.0;
 /// Least share of a picture's mean luminance that roulette judges paths against: darker places need no better.
 const LEAST_SHARE: f64 = 0.2;
 
+pub fn kn(name: &str, d: f32) -> f32 {
+    std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(d)
+}
+
 /// Guides paths: by cells of space and normals, a density of directions over the cosine lobe, and the light that comes on average.
 #[derive(Clone, Debug)]
 pub struct Guide {
     pub(super) grid: Grid,
     numbers: Numbers,
-    pub(super) rows: Vec<Steps>,
-    pub(super) columns: Vec<[Steps; EDGE]>,
+    /// By cell. Their means are of the luminance that comes to a vertex by scattering, times the cosine over pi; [`NO_MEAN`] where
+    /// that is not known.
+    pub(super) histograms: Vec<Histogram>,
     /// Of all bins of all cells.
     pub(super) densities: Vec<f32>,
-    /// Luminance that comes to a vertex by scattering, times the cosine over pi; [`NO_MEAN`] where that is not known.
-    pub(super) means: Vec<f32>,
     /// Luminance against which paths are judged at least.
     pub(super) floor: f32,
 }
@@ -40,20 +44,21 @@ impl Guide {
         let mut guide = Guide {
             grid: Grid::new(1.0),
             numbers: Numbers::default(),
-            rows: Vec::new(),
-            columns: Vec::new(),
+            histograms: Vec::new(),
             densities: Vec::new(),
-            means: Vec::new(),
             floor: 0.0,
         };
-        guide.push(&Histogram::even(), NO_MEAN);
+        guide.push(Histogram::new(&[1.0; BINS], NO_MEAN));
         guide
     }
 
     /// What lessons taught, for a picture of this mean luminance.
     pub fn new(lessons: &Lessons, luminance: f64) -> Guide {
-        let mut guide =
-            Guide { grid: lessons.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
+        let mut guide = Guide {
+            grid: lessons.grid,
+            floor: (kn("FLOOR", LEAST_SHARE as f32) as f64 * luminance) as f32,
+            ..Guide::blank()
+        };
         let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
         for cell in lessons.cells() {
             let key = parent(cell.key);
@@ -79,19 +84,18 @@ impl Guide {
     fn add(&mut self, key: u64, learned: &Learned) {
         // Those of which nothing is known come first.
         let number = self.numbers.insert(key) + 1;
-        debug_assert_eq!(number as usize, self.means.len());
+        debug_assert_eq!(number as usize, self.histograms.len());
         let mut weights = learned.weights;
+        let e = kn("EVEN", EVEN);
         for weight in &mut weights {
-            *weight = EVEN + (1.0 - EVEN) * *weight;
+            *weight = e + (1.0 - e) * *weight;
         }
-        self.push(&Histogram::new(&weights), learned.mean);
+        self.push(Histogram::new(&weights, learned.mean));
     }
 
-    fn push(&mut self, histogram: &Histogram, mean: f32) {
-        self.rows.push(histogram.rows);
-        self.columns.push(histogram.columns);
-        self.densities.extend(histogram.densities);
-        self.means.push(mean);
+    fn push(&mut self, histogram: Histogram) {
+        self.densities.extend(histogram.densities());
+        self.histograms.push(histogram);
     }
 
     /// The number of the cell of a key by its halves, or of a larger one around it.
@@ -102,9 +106,14 @@ impl Guide {
         number.map_or(UNKNOWN, |number| number + 1)
     }
 
+    /// The densities of all bins of all cells.
+    pub(in super::super) fn densities(&self) -> Table<'_, f32> {
+        Table::new(&self.densities)
+    }
+
     /// How many cells it knows something of.
     pub fn cells(&self) -> usize {
-        self.means.len() - 1
+        self.histograms.len() - 1
     }
 }
 
@@ -118,7 +127,7 @@ struct Learned {
 impl Learned {
     /// Of a cell in a larger one; what that says counts `trust` times as much as usual.
     fn new(cell: &CellSums, above: &Learned, trust: f32) -> Learned {
-        let prior = PRIOR * trust;
+        let prior = kn("PRIOR", PRIOR) * trust;
         // Lessons of equal value that would be as good.
         let effective = if cell.squares > 0.0 { cell.sum * cell.sum / cell.squares } else { 0.0 };
         let own = effective / (effective + prior);

@@ -15,43 +15,56 @@ pub type Steps = [f32; EDGE];
 /// Below 1 by more than rounding up to [`EDGE`] takes.
 const BELOW_ONE: f32 = 0.999_999;
 
-/// A histogram, ready to be sampled.
+/// A histogram, ready to be sampled: what is needed together lies together.
 #[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
 pub struct Histogram {
     /// Cumulated shares of the rows.
     pub rows: Steps,
+    /// A number that is kept here for the cell.
+    pub mean: f32,
     /// In each row, cumulated shares of its bins.
     pub columns: [Steps; EDGE],
-    /// Density of each bin: 1 on average.
-    pub densities: Bins,
 }
 
 impl Histogram {
-    /// The even one.
-    pub fn even() -> Histogram {
-        Histogram::new(&[1.0; BINS])
-    }
-
     /// With densities in proportion to positive weights, as far as steps are rounded.
-    pub fn new(weights: &Bins) -> Histogram {
-        let mut histogram =
-            Histogram { rows: [0.0; EDGE], columns: [[0.0; EDGE]; EDGE], densities: [0.0; BINS] };
+    pub fn new(weights: &Bins, mean: f32) -> Histogram {
         let (rows, _) = weights.as_chunks::<EDGE>();
+        let mut histogram = Histogram { rows: [0.0; EDGE], mean, columns: [[0.0; EDGE]; EDGE] };
         let mut sums = [0.0; EDGE];
         for (row, weights) in rows.iter().enumerate() {
             sums[row] = weights.iter().sum();
             histogram.columns[row] = cumulated(weights);
         }
         histogram.rows = cumulated(&sums);
-        // Of what is sampled, to the last bit.
-        for row in 0..EDGE {
-            for column in 0..EDGE {
-                let share = share(&histogram.rows, row) * share(&histogram.columns[row], column);
-                histogram.densities[row * EDGE + column] = share * BINS as f32;
-            }
-        }
         histogram
     }
+
+    /// The point of the square that two uniform numbers choose, and the density there: 1 on average.
+    #[inline(always)]
+    pub fn sample(&self, u: [f32; 2]) -> ([f32; 2], f32) {
+        let (row, x, height) = choose(&self.rows, u[0]);
+        let (_, y, width) = choose(&self.columns[row], u[1]);
+        ([x, y], density(height, width))
+    }
+
+    /// The densities of all bins, as [`Histogram::sample`] says.
+    pub fn densities(&self) -> Bins {
+        let mut bins = [0.0; BINS];
+        for row in 0..EDGE {
+            for column in 0..EDGE {
+                let (height, width) = (share(&self.rows, row), share(&self.columns[row], column));
+                bins[row * EDGE + column] = density(height, width);
+            }
+        }
+        bins
+    }
+}
+
+#[inline(always)]
+fn density(height: f32, width: f32) -> f32 {
+    height * width * BINS as f32
 }
 
 /// Cumulated shares of positive weights.
@@ -72,20 +85,21 @@ fn share(steps: &Steps, k: usize) -> f32 {
     steps[k] - if k > 0 { steps[k - 1] } else { 0.0 }
 }
 
-/// Chooses a step by a number in 0..1: which, and a coordinate in it, in 0..1 over all steps.
+/// Chooses a step by a number in 0..1: which, a coordinate in it, in 0..1 over all steps, and its share.
 #[inline(always)]
-pub fn choose(steps: &Steps, u: f32) -> (usize, f32) {
+fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
     let mut below = 0;
     for k in 0..EDGE - 1 {
         below += usize::from(u >= steps[k]);
     }
     let k = below.min(EDGE - 1);
     let start = if k > 0 { steps[k - 1] } else { 0.0 };
-    let within = (u - start) / (steps[k] - start);
+    let share = steps[k] - start;
+    let within = (u - start) / share;
     // Not so for steps of no length, which are not chosen but by rounding.
     let within = if within < BELOW_ONE { within } else { BELOW_ONE };
     let within = if within > 0.0 { within } else { 0.0 };
-    (k, (k as f32 + within) * (1.0 / EDGE as f32))
+    (k, (k as f32 + within) * (1.0 / EDGE as f32), share)
 }
 
 /// The bin of a point of the square.

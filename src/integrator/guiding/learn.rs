@@ -6,6 +6,7 @@ use super::super::group::Sorted;
 use super::super::lanes::{Lanes, WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
+use super::guide::NO_MEAN;
 use super::histogram;
 use super::lesson::Lesson;
 use crate::color::luminance;
@@ -24,6 +25,8 @@ pub(in super::super) struct Pending {
     before: f32,
     /// Luminance that a value of 1 brings to the sample.
     carried: f32,
+    /// What is expected to come there.
+    expected: f32,
     ends: bool,
 }
 
@@ -73,6 +76,10 @@ impl Integrator<'_> {
                 sample,
                 before: w.sink.radiance(sample).luminance(),
                 carried: vertices.guided.carried[i],
+                expected: self
+                    .options
+                    .guide
+                    .map_or(NO_MEAN, |g| g.histograms[vertices.guided.cell[i] as usize].mean),
                 ends: paths.carried.pdf[i] < 0.0,
             });
         }
@@ -80,13 +87,21 @@ impl Integrator<'_> {
 
     /// Makes lessons of the vertices of a wave whose paths have ended.
     pub(in super::super) fn take_lessons(&self, w: &mut Workspace) {
-        for pending in w.noted.drain(..) {
-            let Pending { lesson, sample, before, carried, ends } = pending;
-            let after = w.sink.radiance(sample).luminance();
+        let q = super::guide::kn("BOOT", 0.0) > 0.0;
+        let mut next = vec![u32::MAX; if w.noted.is_empty() { 0 } else { WAVE }];
+        for k in (0..w.noted.len()).rev() {
+            let Pending { lesson, sample, before, carried, ends, .. } = w.noted[k];
+            let mut after = w.sink.radiance(sample).luminance();
+            let n = std::mem::replace(&mut next[sample as usize], k as u32);
+            if q && n != u32::MAX && w.noted[n as usize].expected >= 0.0 {
+                let x = w.noted[n as usize];
+                after = x.before + x.carried * x.expected;
+            }
             let value = (after - before) / carried;
             let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
             w.lessons.push(Lesson { value: if counts { value } else { 0.0 }, ..lesson });
         }
+        w.noted.clear();
     }
 }
 

@@ -16,7 +16,7 @@
 //! same at the path's first guided vertex.
 
 mod grid;
-mod guide;
+pub mod guide;
 mod histogram;
 mod learn;
 mod lesson;
@@ -71,7 +71,7 @@ impl Integrator<'_> {
     /// Finds how densely the Lambertian vertices would have chosen the directions of their light samples.
     pub(super) fn weigh_light_samples(&self, sorted: &Sorted, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
-            let densities = Table::new(&guide.densities);
+            let densities = guide.densities();
             dispatch(LightDensities { vertices: &mut w.wave.vertices, range: sorted.lambert(), densities });
         }
     }
@@ -87,9 +87,9 @@ impl Integrator<'_> {
     }
 }
 
-/// Where in the densities of all cells is that of a direction at a vertex with this normal?
+/// Where in the densities of all cells ([`Guide::densities`]) is that of a direction at a vertex with this normal?
 #[inline(always)]
-fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
+pub(super) fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
     let local = Frame::from_normal(ns).to_local(wi);
     cell * histogram::BINS as u32 + histogram::bin(warp::square_of_cosine_hemisphere(local))
 }
