@@ -55,7 +55,6 @@ mod workspace;
 
 pub use block::Block;
 pub use caustics::{CausticPlan, CausticTally};
-pub use guiding::guide::kn;
 pub use guiding::{Grid, Guide, Learnt, Lesson, Lessons, Notes};
 pub use lanes::WAVE;
 pub use ray_counts::RayCounts;

@@ -15,12 +15,11 @@ use crate::integrator::{
 };
 use crate::sampling::hash::hash32;
 use crate::sampling::{Allotment, MOST_ARRANGED};
-use crate::integrator::kn;
 use rayon::prelude::*;
 use std::sync::Arc;
 
 /// Share of the planned samples that are taken to learn from.
-const SHARE: f64 = 0.125;
+const SHARE: f64 = 0.2;
 
 /// Sizes of the passes that learn, in parts of all: each is guided by what the earlier ones learned.
 const PASSES: [u64; 5] = [1, 1, 2, 4, 8];
@@ -87,7 +86,7 @@ fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static s
 fn part(options: &RenderOptions) -> u64 {
     let planned = options.samples.max(options.planned).min(MOST_ARRANGED).next_power_of_two();
     let pixels = f64::from(options.width) * f64::from(options.height);
-    let paths = f64::from(kn("SHARE", SHARE as f32)) * f64::from(planned) * pixels;
+    let paths = SHARE * f64::from(planned) * pixels;
     ((paths / PARTS as f64) as u64).min(MOST_PART)
 }
 
@@ -132,8 +131,7 @@ impl School<'_> {
             if lessons.is_none() {
                 let all: Vec<Lesson> = learnt.iter().flat_map(|l| &l.lessons).copied().collect();
                 let total = all.len() as f64 * PARTS as f64;
-                let Some(grid) = Grid::suited_to(&all, total, kn("CELL", LESSONS_OF_CELL as f32) as f64)
-                else {
+                let Some(grid) = Grid::suited_to(&all, total, LESSONS_OF_CELL) else {
                     return Ok(None);
                 };
                 lessons = Some(Lessons::new(grid));

@@ -343,6 +343,9 @@ impl Rendering {
 
     /// Lets some paths teach a guide, if that is asked for. False if it was stopped.
     fn learn(&mut self, stopwatch: &Stopwatch) -> bool {
+        if self.schedule.is_complete() {
+            return true;
+        }
         let school = School {
             scene: &self.scene,
             view: &self.view,
@@ -352,7 +355,8 @@ impl Rendering {
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
-            stop: &|| !self.finishes_passes && self.cancel.is_cancelled(),
+            // Nothing of a picture is lost by that.
+            stop: &|| self.cancel.is_cancelled(),
         };
         self.guiding.decide(&school)
     }

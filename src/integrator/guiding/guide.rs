@@ -9,7 +9,7 @@ use crate::simd::Table;
 const EVEN: f32 = 0.25;
 
 /// So many lessons of equal value count as much as what is expected without.
-const PRIOR: f32 = 64.0;
+const PRIOR: f32 = 256.0;
 
 /// The number of the cell for all places of which nothing is known: with an even histogram.
 pub const UNKNOWN: u32 = 0;
@@ -19,10 +19,6 @@ pub const NO_MEAN: f32 = -1.0;
 
 /// Least share of a picture's mean luminance that roulette judges paths against: darker places need no better.
 const LEAST_SHARE: f64 = 0.2;
-
-pub fn kn(name: &str, d: f32) -> f32 {
-    std::env::var(name).ok().and_then(|s| s.parse().ok()).unwrap_or(d)
-}
 
 /// Guides paths: by cells of space and normals, a density of directions over the cosine lobe, and the light that comes on average.
 #[derive(Clone, Debug)]
@@ -54,11 +50,8 @@ impl Guide {
 
     /// What lessons taught, for a picture of this mean luminance.
     pub fn new(lessons: &Lessons, luminance: f64) -> Guide {
-        let mut guide = Guide {
-            grid: lessons.grid,
-            floor: (kn("FLOOR", LEAST_SHARE as f32) as f64 * luminance) as f32,
-            ..Guide::blank()
-        };
+        let mut guide =
+            Guide { grid: lessons.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
         let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
         for cell in lessons.cells() {
             let key = parent(cell.key);
@@ -86,9 +79,8 @@ impl Guide {
         let number = self.numbers.insert(key) + 1;
         debug_assert_eq!(number as usize, self.histograms.len());
         let mut weights = learned.weights;
-        let e = kn("EVEN", EVEN);
         for weight in &mut weights {
-            *weight = e + (1.0 - e) * *weight;
+            *weight = EVEN + (1.0 - EVEN) * *weight;
         }
         self.push(Histogram::new(&weights, learned.mean));
     }
@@ -127,7 +119,7 @@ struct Learned {
 impl Learned {
     /// Of a cell in a larger one; what that says counts `trust` times as much as usual.
     fn new(cell: &CellSums, above: &Learned, trust: f32) -> Learned {
-        let prior = kn("PRIOR", PRIOR) * trust;
+        let prior = PRIOR * trust;
         // Lessons of equal value that would be as good.
         let effective = if cell.squares > 0.0 { cell.sum * cell.sum / cell.squares } else { 0.0 };
         let own = effective / (effective + prior);

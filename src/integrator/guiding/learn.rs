@@ -6,7 +6,7 @@ use super::super::group::Sorted;
 use super::super::lanes::{Lanes, WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
-use super::guide::NO_MEAN;
+
 use super::histogram;
 use super::lesson::Lesson;
 use crate::color::luminance;
@@ -25,7 +25,7 @@ pub(in super::super) struct Pending {
     before: f32,
     /// Luminance that a value of 1 brings to the sample.
     carried: f32,
-    /// What is expected to come there.
+    /// Mean of such values that is expected there; negative where that is not known.
     expected: f32,
     ends: bool,
 }
@@ -33,7 +33,7 @@ pub(in super::super) struct Pending {
 /// What the paths of a block found.
 #[derive(Clone, Debug, Default)]
 pub struct Learnt {
-    /// In the order of the paths.
+    /// In an order that depends on the block alone.
     pub lessons: Vec<Lesson>,
     /// Sum of the luminances of the samples, and how many there are.
     pub luminance: f64,
@@ -60,7 +60,7 @@ impl Integrator<'_> {
 
     /// Takes down the Lambertian vertices of a bounce, once they are scattered.
     pub(in super::super) fn note_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
-        let range = sorted.lambert();
+        let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
         let Wave { vertices, scratch: [bins, ..], paths } = &mut *w.wave;
         dispatch(FindBins { vertices, range: range.clone(), bins });
         for i in range {
@@ -76,27 +76,29 @@ impl Integrator<'_> {
                 sample,
                 before: w.sink.radiance(sample).luminance(),
                 carried: vertices.guided.carried[i],
-                expected: self
-                    .options
-                    .guide
-                    .map_or(NO_MEAN, |g| g.histograms[vertices.guided.cell[i] as usize].mean),
+                expected: guide.histograms[vertices.guided.cell[i] as usize].mean,
                 ends: paths.carried.pdf[i] < 0.0,
             });
         }
     }
 
     /// Makes lessons of the vertices of a wave whose paths have ended.
+    ///
+    /// Of a path that came to another such vertex, of which the guide knows something already, what it found up to there counts
+    /// and then what is expected from there on: that is less noisy than what it really found (Dahm, Keller 2017, "Learning Light
+    /// Transport the Reinforced Way").
     pub(in super::super) fn take_lessons(&self, w: &mut Workspace) {
-        let q = super::guide::kn("BOOT", 0.0) > 0.0;
-        let mut next = vec![u32::MAX; if w.noted.is_empty() { 0 } else { WAVE }];
-        for k in (0..w.noted.len()).rev() {
-            let Pending { lesson, sample, before, carried, ends, .. } = w.noted[k];
-            let mut after = w.sink.radiance(sample).luminance();
-            let n = std::mem::replace(&mut next[sample as usize], k as u32);
-            if q && n != u32::MAX && w.noted[n as usize].expected >= 0.0 {
-                let x = w.noted[n as usize];
-                after = x.before + x.carried * x.expected;
-            }
+        if !self.options.teaches {
+            return;
+        }
+        // From the end, so that the next vertex of each path is known.
+        let mut next: Vec<Option<Pending>> = vec![None; w.pixels.len()];
+        for &pending in w.noted.iter().rev() {
+            let Pending { lesson, sample, before, carried, ends, .. } = pending;
+            let after = match next[sample as usize].replace(pending) {
+                Some(next) if next.expected >= 0.0 => next.before + next.carried * next.expected,
+                _ => w.sink.radiance(sample).luminance(),
+            };
             let value = (after - before) / carried;
             let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
             w.lessons.push(Lesson { value: if counts { value } else { 0.0 }, ..lesson });

@@ -16,11 +16,13 @@
 //! same at the path's first guided vertex.
 
 mod grid;
-pub mod guide;
+mod guide;
 mod histogram;
 mod learn;
 mod lesson;
 mod scatter;
+#[cfg(test)]
+mod tests;
 
 pub use grid::Grid;
 pub use guide::Guide;

@@ -6,7 +6,7 @@ use super::super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::super::normals::terminator;
 use super::super::scatter::{FIRST_ROULETTE, How, survival};
 use super::super::wave::{Vertices, Wave};
-use super::guide::{Guide, kn};
+use super::guide::Guide;
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use crate::sampling::warp;
@@ -15,7 +15,7 @@ use std::f32::consts::FRAC_1_PI;
 use std::ops::Range;
 
 /// The first bounce after which a path may be ended by what is expected of it.
-const FIRST_JUDGED: u32 = 2;
+const FIRST_JUDGED: u32 = 1;
 
 /// Least probability with which a path goes on.
 const LEAST: f32 = 0.05;
@@ -44,11 +44,7 @@ impl VertexClass for GuidedLambert {
 impl Integrator<'_> {
     /// May paths end at a bounce by what is expected of them? Where they are shared, not before their prefixes end.
     pub(in super::super) fn judges(&self, bounce: u32) -> bool {
-        let first = if self.options.reuse.is_some() {
-            FIRST_ROULETTE
-        } else {
-            kn("FIRST", FIRST_JUDGED as f32) as u32
-        };
+        let first = if self.options.reuse.is_some() { FIRST_ROULETTE } else { FIRST_JUDGED };
         bounce >= first
     }
 }
@@ -62,14 +58,7 @@ pub(in super::super) fn scatter<const SOFT: bool>(
     wave: &mut Wave,
 ) {
     dispatch(Choose { how, guide, range: range.clone(), wave });
-    dispatch(GoOn::<SOFT> {
-        how,
-        floor: guide.floor,
-        judges,
-        knob: [kn("WHOLE", WHOLE_SHARE), kn("LEAST", LEAST)],
-        range,
-        wave,
-    });
+    dispatch(GoOn::<SOFT> { how, floor: guide.floor, judges, range, wave });
 }
 
 /// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
@@ -106,7 +95,6 @@ struct GoOn<'a, const SOFT: bool> {
     floor: f32,
     /// May paths end by what is expected of them?
     judges: bool,
-    knob: [f32; 2],
     range: Range<usize>,
     wave: &'a mut Wave,
 }
@@ -140,9 +128,9 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
             let reference = if is_first & is_known { expected + self.floor } else { reference };
             paths.reference[i] = reference;
             let judged = is_known & (reference > 0.0);
-            let share = expected / if judged { reference * self.knob[0] } else { 1.0 };
+            let share = expected / if judged { reference * WHOLE_SHARE } else { 1.0 };
             let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
-            let q = if q > self.knob[1] { q } else { self.knob[1] };
+            let q = if q > LEAST { q } else { LEAST };
             let q = if self.judges { q } else { 1.0 };
             let survives = if judged { (chances[i] < q) & (carried > 0.0) } else { survives };
             let scale = if judged { 1.0 / q } else { scale };
