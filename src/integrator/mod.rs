@@ -289,10 +289,10 @@ impl<'a> Integrator<'a> {
             if sorted.all().is_empty() {
                 return true;
             }
+            self.find_cells(bounce, &sorted, w);
             if shares {
                 self.cut_paths(bounce, &sorted, w);
             }
-            self.find_cells(bounce, &sorted, w);
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
                 self.leave_light_samples(bounce, &sorted, w);

@@ -13,6 +13,7 @@ mod caustics;
 mod clock;
 mod denoising;
 mod guiding;
+mod guiding_gain;
 mod halves;
 mod halving;
 mod identity;

@@ -17,7 +17,7 @@ use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Channel, Film, FilterSampler, Layout};
+use crate::film::{Channel, Film, FilterSampler, Layout, MatteIds};
 use crate::integrator::CausticPlan;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
@@ -352,6 +352,7 @@ impl Rendering {
             options: &self.options,
             filter: &self.filter,
             caustics: self.caustics.plan(),
+            mattes: MatteIds::default(),
             progress: &self.progress,
             listener: self.listener.as_deref(),
             stopwatch,
