@@ -33,15 +33,15 @@ const MOST_PART: u64 = 1 << 18;
 /// Lessons that cells are to have in the end.
 const LESSONS_OF_CELL: f64 = 2000.0;
 
-/// Before this pass it is tried whether the picture gains: an eighth of the work is done by then.
-const TRIED_AFTER: usize = 2;
+/// Before this pass it is tried whether the picture gains: a quarter of the work is done by then.
+const TRIED_AFTER: usize = 3;
 
 /// Squares of so many pixels, with this edge and two samples a pixel, are tried.
 const SQUARES: u32 = 256;
 const EDGE: u32 = 4;
 
 /// Paths must become more efficient by this factor with what was learned by then.
-const LEAST_GAIN: f64 = 1.25;
+const LEAST_GAIN: f64 = 1.1;
 
 /// Share of a time limit after which no further pass begins.
 const SHARE_OF_TIME: f64 = 0.1;

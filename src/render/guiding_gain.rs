@@ -3,8 +3,8 @@
 use crate::color::luminance;
 use crate::integrator::{Block, Integrator, PathSample, Workspace};
 
-/// The share of their pixels, the noisiest, that don't count.
-const LEFT_OUT: f64 = 0.01;
+/// The share of their pixels, the noisiest, that don't count. (Not more: what guiding finds often, others find seldom.)
+const LEFT_OUT: f64 = 0.001;
 
 /// Part of the mean luminance, squared, against which errors of dark pixels count.
 const DARK: f64 = 0.1;

@@ -66,7 +66,7 @@ pub enum Caustics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Guiding {
-    /// Where the picture gains by it, as some squares tell after an eighth of the learning.
+    /// Where the picture gains by it, as some squares tell after a quarter of the learning.
     Auto,
     /// Where there are diffuse surfaces and samples enough to learn.
     On,

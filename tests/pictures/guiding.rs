@@ -72,18 +72,20 @@ fn assert_alike(what: &str, scene: &Scene, options: &RenderOptions) {
     println!("{what}: z rms {rms:.2}; whole {mean:.1e} +- {error:.1e}");
     // The three channels of some 25 blocks are nearly the same.
     assert!(rms < 1.6, "{what}: z rms {rms}");
-    assert!(mean.abs() < 4.5 * error && error < 4e-3, "{what}: {mean} +- {error}");
+    assert!(mean.abs() < 4.5 * error && error < 5e-3, "{what}: {mean} +- {error}");
 }
 
 #[test]
 fn guiding_changes_no_mean() {
     for (what, scene, samples) in
-        [("room", room(false), 128), ("things", room(true), 128), ("box", cornell(), 64)]
+        [("room", room(false), 64), ("things", room(true), 64), ("box", cornell(), 32)]
     {
         let options = plain(options(40, samples, 100));
         assert!(finished(&scene, &guided(options)).statistics().guide_cells > Some(10), "{what}");
         assert_alike(what, &scene, &options);
-        assert_alike(&format!("{what}, depth 3"), &scene, &options.max_depth(3));
+        if what == "room" {
+            assert_alike("depth 3", &scene, &options.max_depth(3));
+        }
     }
 }
 
@@ -180,7 +182,7 @@ fn going_on_gives_the_picture_of_a_single_run() {
 #[test]
 fn a_trial_decides() {
     let auto = |scene: &Scene, options: RenderOptions| finished(scene, &options.guiding(Guiding::Auto));
-    let options = plain(options(96, 64, 100));
+    let options = plain(options(128, 32, 100));
     let of_room = auto(&room(false), options);
     assert!(of_room.statistics().guide_cells.is_some());
     assert!(bits(of_room.film()) == bits(&picture(&room(false), &guided(options))));
