@@ -89,8 +89,8 @@ fn share(steps: &Steps, k: usize) -> f32 {
 #[inline(always)]
 fn choose(steps: &Steps, u: f32) -> (usize, f32, f32) {
     let mut below = 0;
-    for k in 0..EDGE - 1 {
-        below += usize::from(u >= steps[k]);
+    for step in &steps[..EDGE - 1] {
+        below += usize::from(u >= *step);
     }
     let k = below.min(EDGE - 1);
     let start = if k > 0 { steps[k - 1] } else { 0.0 };

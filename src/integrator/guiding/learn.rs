@@ -3,10 +3,9 @@
 use super::super::Integrator;
 use super::super::block::Block;
 use super::super::group::Sorted;
-use super::super::lanes::{Lanes, WAVE, get};
+use super::super::lanes::{WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
-
 use super::histogram;
 use super::lesson::Lesson;
 use crate::color::luminance;
@@ -61,14 +60,14 @@ impl Integrator<'_> {
     /// Takes down the Lambertian vertices of a bounce, once they are scattered.
     pub(in super::super) fn note_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
-        let Wave { vertices, scratch: [bins, ..], paths } = &mut *w.wave;
-        dispatch(FindBins { vertices, range: range.clone(), bins });
+        let Wave { vertices, paths, .. } = &mut *w.wave;
+        dispatch(FindBins { vertices, range: range.clone() });
         for i in range {
             let sample = paths.carried.sample[i];
             let lesson = Lesson {
                 p: get(&vertices.p, i).to_array(),
                 n: get(&vertices.ns, i).to_array(),
-                bin: bins[i] as u32,
+                bin: vertices.guided.bin[i],
                 value: 0.0,
             };
             w.noted.push(Pending {
@@ -109,9 +108,8 @@ impl Integrator<'_> {
 
 /// Finds the bins of the directions in which paths go on.
 struct FindBins<'a> {
-    vertices: &'a Vertices,
+    vertices: &'a mut Vertices,
     range: Range<usize>,
-    bins: &'a mut Lanes,
 }
 
 impl Kernel for FindBins<'_> {
@@ -119,10 +117,10 @@ impl Kernel for FindBins<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let (v, bins) = (self.vertices, self.bins);
+        let v = self.vertices;
         for i in self.range.start..self.range.end.min(WAVE) {
             let local = Frame::from_normal(get(&v.ns, i)).to_local(get(&v.next_direction, i));
-            bins[i] = histogram::bin(warp::square_of_cosine_hemisphere(local)) as i32 as f32;
+            v.guided.bin[i] = histogram::bin(warp::square_of_cosine_hemisphere(local));
         }
     }
 }

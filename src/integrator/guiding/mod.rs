@@ -54,6 +54,8 @@ pub(super) struct GuidedLanes {
     /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
     pub density: Lanes,
     pub light_density: Lanes,
+    /// Bins of the directions in which paths go on; where they teach.
+    pub bin: Words,
     /// Luminance of the throughput with the albedo, before directions are chosen.
     pub carried: Lanes,
 }
