@@ -38,6 +38,7 @@ mod passes;
 mod phase;
 mod ray_counts;
 pub mod reuse;
+mod roulette;
 mod samples;
 mod scatter;
 mod sheets;

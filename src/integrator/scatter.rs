@@ -7,17 +7,14 @@ use super::guiding;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
 use super::phase::MediumClass;
+use super::roulette::{FIRST_ROULETTE, How, survival};
 use super::wave::Wave;
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
-use crate::color::Rgb;
 use crate::math::{Ray, Vec3, offset_along};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::SobolPoint;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
-
-/// The first bounce after which a path may be ended by roulette.
-pub(super) const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.
@@ -88,16 +85,6 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
     }
 }
 
-/// How a bounce scatters at all its vertices.
-#[derive(Clone, Copy)]
-pub(super) struct How<'a> {
-    pub dimensions: &'a Dimensions,
-    /// May paths end?
-    pub roulette: bool,
-    /// How many paths the density of a direction counts for.
-    pub branches: f32,
-}
-
 /// Scatters at the vertices of a class.
 pub(super) struct Scatter<'a, C, const SOFT: bool> {
     pub wave: &'a mut Wave,
@@ -149,16 +136,4 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             path.pdf[i] = if goes_on { pdf } else { -1.0 };
         }
     }
-}
-
-/// Russian roulette by the square root of the throughput (between the two extremes of never ending a path and of making
-/// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
-/// don't.
-#[inline(always)]
-pub(super) fn survival(throughput: Rgb, eta_squared: f32, u: f32, roulette: bool) -> (bool, f32) {
-    let [r, g, b] = throughput.to_array();
-    let brightest = r.max(g).max(b);
-    let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
-    let q = if q < 1.0 { q } else { 1.0 };
-    ((u < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }

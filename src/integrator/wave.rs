@@ -1,7 +1,6 @@
 //! The memory of a wave: some thousand paths side by side, one array a quantity. Each array means one thing; what a stage
 //! needs for itself is in [`Scratch`].
 
-use super::guiding::GuidedLanes;
 use super::interior::Interior;
 use super::lanes::{LENGTH, Lanes, Lanes3, PerPath, RgbLanes, Words, per_path};
 use super::layers::FirstBounces;
@@ -299,6 +298,23 @@ pub struct LightLanes {
     /// The shadow ray.
     pub origin: Lanes3,
     pub direction: Lanes3,
+}
+
+/// What guiding knows of Lambertian vertices.
+#[derive(Zeroable)]
+pub struct GuidedLanes {
+    /// Halves of the keys of their cells.
+    pub key_low: Words,
+    pub key_high: Words,
+    /// Numbers of their cells.
+    pub cell: Words,
+    /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
+    pub density: Lanes,
+    pub light_density: Lanes,
+    /// Bins of the directions in which paths go on; where they teach.
+    pub bin: Words,
+    /// Luminance of the throughput with the albedo, before directions are chosen.
+    pub carried: Lanes,
 }
 
 /// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`Group`].

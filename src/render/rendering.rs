@@ -6,6 +6,7 @@ use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
 use super::guiding::{self, GuidingChoice, School};
 use super::labels::Labels;
+use super::layout::layout;
 use super::noise::Noise;
 use super::options::RenderOptions;
 use super::picture::{self, Picture};
@@ -17,7 +18,7 @@ use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Channel, Film, FilterSampler, Layout, MatteIds};
+use crate::film::{Film, FilterSampler, MatteIds};
 use crate::integrator::CausticPlan;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
@@ -420,14 +421,6 @@ impl Rendering {
     }
 }
 
-/// What the film of a picture holds.
-fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
-    let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
-    let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
-    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
-    Layout::new(further).with_halves(options.halves)
-}
-
 /// What has to be said about the samples of a film.
 pub fn film_warnings(film: &Film) -> Vec<Warning> {
     of_film(film, true)
@@ -442,12 +435,6 @@ fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
         (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
     ];
     messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
-}
-
-/// Bytes that the film of a picture takes.
-pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
-    let region = options.pixels();
-    u64::from(region.width()) * u64::from(region.height()) * layout(options, labels).bytes_per_pixel()
 }
 
 /// What is taken of a pass.

@@ -1,12 +1,7 @@
 //! Cells of space and of normals, and their numbers.
 
-use super::super::lanes::{WAVE, get};
-use super::super::wave::Wave;
-use super::lesson::Lesson;
-use crate::math::{Frame, Vec3};
-use crate::sampling::hash::{hash32, mix64};
-use crate::simd::Kernel;
-use std::ops::Range;
+use crate::math::Vec3;
+use crate::sampling::hash::mix64;
 
 /// What is added to coordinates in cells, so that they are positive, and that no plane through the origin, where walls often
 /// are, divides cells.
@@ -24,44 +19,17 @@ const PARENT_BITS: u32 = 2;
 /// Cells of a larger one's surface, about.
 pub const CELLS_OF_PARENT: f32 = (1 << (2 * PARENT_BITS)) as f32;
 
-/// Lessons by which the size of cells is chosen, at most.
-const TRIED: usize = 1 << 15;
-
 /// Space in cubes, each divided by the direction of normals. Cubes far beyond the others (32,768 edges away) share their cells.
 #[derive(Clone, Copy, Debug)]
 pub struct Grid {
     /// Cells along a metre.
-    scale: f32,
+    pub scale: f32,
 }
 
 impl Grid {
     /// Of cubes with edges of this many metres.
     pub fn new(edge: f32) -> Grid {
         Grid { scale: 1.0 / edge }
-    }
-
-    /// Cells so large that at least half of the lessons are in cells with `wanted` of them once there are `total`, and as
-    /// small as that allows; `None` without lessons.
-    pub fn suited_to(lessons: &[Lesson], total: f64, wanted: f64) -> Option<Grid> {
-        let step = lessons.len().div_ceil(TRIED).max(1);
-        let tried: Vec<&Lesson> = lessons.iter().step_by(step).collect();
-        let farthest = tried.iter().flat_map(|l| l.p).fold(0.0f32, |most, x| most.max(x.abs()));
-        if tried.is_empty() || farthest <= 0.0 || !farthest.is_finite() {
-            return None;
-        }
-        // Of those tried, a cell must have so many; a few at least, or chance decides.
-        let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
-        let mut edge = farthest / 8192.0;
-        loop {
-            let grid = Grid::new(edge);
-            let mut keys: Vec<u64> = tried.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
-            keys.sort_unstable();
-            let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
-            if 2 * full >= tried.len() || edge > farthest {
-                return Some(grid);
-            }
-            edge *= std::f32::consts::SQRT_2;
-        }
     }
 
     /// The key of the cell at a point with a normal.
@@ -72,7 +40,7 @@ impl Grid {
 
     /// The halves of the key at a point, in cells.
     #[inline(always)]
-    fn halves(self, p: Vec3, n: Vec3) -> [u32; 2] {
+    pub fn halves(self, p: Vec3, n: Vec3) -> [u32; 2] {
         // Positive numbers, cut off.
         let place = |x: f32| (x + SHIFT) as i32 as u32 & 0xffff;
         let side = |x: f32| (x * 2.0 + 2.5) as i32 as u32;
@@ -91,35 +59,6 @@ pub fn key_of(low: u32, high: u32) -> u64 {
 pub fn parent(key: u64) -> u64 {
     let place = |shift: u32| (((key >> shift) & 0xffff) >> PARENT_BITS) << shift;
     (key & !0xffff_ffff_ffff) | IS_PARENT | place(0) | place(16) | place(32)
-}
-
-/// Finds the halves of the keys of vertices. Points are moved along the surface, by at most half a cell either way, so that the
-/// borders between cells are blurred.
-pub struct FindKeys<'a> {
-    pub grid: Grid,
-    pub wave: &'a mut Wave,
-    pub range: Range<usize>,
-    pub bounce: u32,
-}
-
-impl Kernel for FindKeys<'_> {
-    type Output = ();
-
-    #[inline(always)]
-    fn run(self) {
-        let Wave { paths, vertices: v, .. } = self.wave;
-        let salt = hash32(self.bounce ^ 0x3c6e_f372);
-        for i in self.range.start..self.range.end.min(WAVE) {
-            let n = get(&v.ns, i);
-            let frame = Frame::from_normal(n);
-            let hash = hash32(hash32(paths.carried.seed[i] ^ salt) ^ paths.carried.shuffled[i]);
-            let (s, t) = ((hash & 0xffff) as i32 as f32, (hash >> 16) as i32 as f32);
-            let (s, t) = (s * (1.0 / 65_536.0) - 0.5, t * (1.0 / 65_536.0) - 0.5);
-            let p = get(&v.p, i) * self.grid.scale + frame.s * s + frame.t * t;
-            let [low, high] = self.grid.halves(p, n);
-            (v.guided.key_low[i], v.guided.key_high[i]) = (low, high);
-        }
-    }
 }
 
 /// Numbers of keys, in the order in which they came.

@@ -7,27 +7,12 @@ use super::super::lanes::{WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
 use super::histogram;
-use super::lesson::Lesson;
+use super::lesson::{Lesson, Pending};
 use crate::color::luminance;
 use crate::math::Frame;
 use crate::sampling::warp;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
-
-/// A vertex of a path of which it is not yet known what it will find.
-#[derive(Clone, Copy, Debug)]
-pub(in super::super) struct Pending {
-    /// All but the value.
-    lesson: Lesson,
-    sample: u32,
-    /// Luminance that its sample had so far.
-    before: f32,
-    /// Luminance that a value of 1 brings to the sample.
-    carried: f32,
-    /// Mean of such values that is expected there; negative where that is not known.
-    expected: f32,
-    ends: bool,
-}
 
 /// What the paths of a block found.
 #[derive(Clone, Debug, Default)]

@@ -18,6 +18,21 @@ pub struct Lesson {
     pub value: f32,
 }
 
+/// A vertex of a path of which it is not yet known what it will find.
+#[derive(Clone, Copy, Debug)]
+pub struct Pending {
+    /// All but the value.
+    pub lesson: Lesson,
+    pub sample: u32,
+    /// Luminance that its sample had so far.
+    pub before: f32,
+    /// Luminance that a value of 1 brings to the sample.
+    pub carried: f32,
+    /// Mean of such values that is expected there; negative where that is not known.
+    pub expected: f32,
+    pub ends: bool,
+}
+
 /// A lesson for a cell.
 #[derive(Clone, Copy, Debug)]
 pub struct Note {
@@ -26,6 +41,9 @@ pub struct Note {
     value: f32,
 }
 
+/// Lessons by which the size of cells is chosen, at most.
+const TRIED: usize = 1 << 15;
+
 /// Parts of the cells, which may learn at the same time.
 const SHARES: usize = 16;
 
@@ -33,6 +51,30 @@ const SHARES: usize = 16;
 pub type Notes = [Vec<Note>; SHARES];
 
 impl Grid {
+    /// Cells so large that at least half of the lessons are in cells with `wanted` of them once there are `total`, and as
+    /// small as that allows; `None` without lessons.
+    pub fn suited_to(lessons: &[Lesson], total: f64, wanted: f64) -> Option<Grid> {
+        let step = lessons.len().div_ceil(TRIED).max(1);
+        let tried: Vec<&Lesson> = lessons.iter().step_by(step).collect();
+        let farthest = tried.iter().flat_map(|l| l.p).fold(0.0f32, |most, x| most.max(x.abs()));
+        if tried.is_empty() || farthest <= 0.0 || !farthest.is_finite() {
+            return None;
+        }
+        // Of those tried, a cell must have so many; a few at least, or chance decides.
+        let least = (wanted * tried.len() as f64 / total).max(4.0) as usize;
+        let mut edge = farthest / 8192.0;
+        loop {
+            let grid = Grid::new(edge);
+            let mut keys: Vec<u64> = tried.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+            keys.sort_unstable();
+            let full: usize = keys.chunk_by(|a, b| a == b).map(<[u64]>::len).filter(|n| *n >= least).sum();
+            if 2 * full >= tried.len() || edge > farthest {
+                return Some(grid);
+            }
+            edge *= std::f32::consts::SQRT_2;
+        }
+    }
+
     /// Sorts lessons.
     pub fn notes(self, lessons: &[Lesson]) -> Notes {
         let mut notes: Notes = Default::default();

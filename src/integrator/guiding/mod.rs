@@ -18,6 +18,7 @@
 mod grid;
 mod guide;
 mod histogram;
+mod keys;
 mod learn;
 mod lesson;
 mod scatter;
@@ -27,38 +28,20 @@ mod tests;
 pub use grid::Grid;
 pub use guide::Guide;
 pub use learn::Learnt;
-pub(super) use learn::Pending;
+pub(super) use lesson::Pending;
 pub use lesson::{Lesson, Lessons, Notes};
 pub(super) use scatter::{GuidedLambert, scatter};
 
 use super::Integrator;
 use super::group::Sorted;
-use super::lanes::{Lanes, WAVE, Words, get};
+use super::lanes::{WAVE, get};
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::math::{Frame, Vec3};
 use crate::sampling::warp;
 use crate::simd::{Kernel, Table, dispatch};
-use bytemuck::Zeroable;
-use grid::FindKeys;
+use keys::FindKeys;
 use std::ops::Range;
-
-/// What guiding knows of Lambertian vertices.
-#[derive(Zeroable)]
-pub(super) struct GuidedLanes {
-    /// Halves of the keys of their cells.
-    pub key_low: Words,
-    pub key_high: Words,
-    /// Numbers of their cells.
-    pub cell: Words,
-    /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
-    pub density: Lanes,
-    pub light_density: Lanes,
-    /// Bins of the directions in which paths go on; where they teach.
-    pub bin: Words,
-    /// Luminance of the throughput with the albedo, before directions are chosen.
-    pub carried: Lanes,
-}
 
 impl Integrator<'_> {
     /// Finds the cells of the Lambertian vertices, and how densely these would have chosen the directions of their light samples.

@@ -4,7 +4,7 @@ use super::super::Integrator;
 use super::super::closure::{LambertClass, LambertClosure, VertexClass};
 use super::super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::super::normals::terminator;
-use super::super::scatter::{FIRST_ROULETTE, How, survival};
+use super::super::roulette::{FIRST_ROULETTE, How, survival};
 use super::super::wave::{Vertices, Wave};
 use super::guide::Guide;
 use crate::math::{Frame, offset_along};

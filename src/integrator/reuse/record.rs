@@ -7,7 +7,7 @@ use super::super::group::Sorted;
 use super::super::interior::Interior;
 use super::super::lanes::{PerPath, get, get_rgb, set, set_rgb};
 use super::super::layers::FirstBounce;
-use super::super::scatter::FIRST_ROULETTE;
+use super::super::roulette::FIRST_ROULETTE;
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
 use super::layer::{LEAST_REST, layer_rest};
