@@ -6,6 +6,7 @@ use super::blender_args::BlenderArgs;
 use super::camera_args::CameraArgs;
 use super::exr_args::ExrArgs;
 use super::frames::Frames;
+use super::guiding_args::GuidingArgs;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
@@ -285,6 +286,8 @@ pub(crate) struct RenderArgs {
     pub place: CameraArgs,
     #[command(flatten)]
     pub long: LongArgs,
+    #[command(flatten)]
+    pub guiding: GuidingArgs,
     #[command(flatten)]
     pub picture: PictureArgs,
     #[command(flatten)]

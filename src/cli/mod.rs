@@ -27,6 +27,7 @@ mod excerpt;
 mod export;
 mod exr_args;
 mod frames;
+mod guiding_args;
 mod help;
 mod info;
 mod inspect;

@@ -168,9 +168,10 @@ impl Run {
             s.path_reuse.map(|shape| format!(", shared by {} pixels", shape.pixels())).unwrap_or_default();
         let branches = if s.branches > 1 { format!(" of {} branches", s.branches) } else { String::new() };
         let mean = if s.is_adaptive { " on average" } else { "" };
+        let guided = if s.guide_cells.is_some() { ", guided" } else { "" };
         let lamps = if s.lamp_paths.is_some() { ", caustics from the lamp" } else { "" };
         say!(
-            "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}{lamps}, {}",
+            "picture  {} x {}, {} samples a pixel{mean}, {}{branches}{shared}{guided}{lamps}, {}",
             self.width,
             self.height,
             // Fractions only come from stopping early.

@@ -56,6 +56,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         path_reuse: args.path_reuse,
         splitting: args.splitting,
         caustics: args.picture.caustics,
+        guiding: args.guiding.guiding,
         adaptive: args.adaptive,
         tree,
         noise: args.long.noise.map(|percent| percent / 100.0),

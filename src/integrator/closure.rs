@@ -47,6 +47,12 @@ pub trait VertexClass {
 
     /// The closure of vertex `i`.
     fn closure(&self, v: &Vertices, i: usize) -> Self::Closure;
+
+    /// The density with which vertex `i` might choose the direction of its light sample, over the closure's.
+    #[inline(always)]
+    fn light_density(&self, _v: &Vertices, _i: usize) -> f32 {
+        1.0
+    }
 }
 
 /// Lambertian vertices.

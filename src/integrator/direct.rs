@@ -4,6 +4,7 @@ use super::Integrator;
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
+use super::guiding::GuidedLambert;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::layers::Origin;
 use super::normals::terminator;
@@ -20,10 +21,12 @@ use std::ops::Range;
 impl Integrator<'_> {
     /// Adds the light that reaches the vertices from their light samples.
     pub(super) fn direct_light(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        let guided = self.options.guide.is_some();
+        self.weigh_light_samples(sorted, w);
         if self.softens_terminator() {
-            direct::<true>(self.branches(bounce) as f32, sorted, w);
+            direct::<true>(self.branches(bounce) as f32, guided, sorted, w);
         } else {
-            direct::<false>(self.branches(bounce) as f32, sorted, w);
+            direct::<false>(self.branches(bounce) as f32, guided, sorted, w);
         }
         let features = &self.scene.features;
         if (features.absorption || features.scattering) && !features.boundaries {
@@ -95,9 +98,13 @@ impl Integrator<'_> {
 }
 
 /// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
-fn direct<const SOFT: bool>(branches: f32, sorted: &Sorted, w: &mut Workspace) {
+fn direct<const SOFT: bool>(branches: f32, guided: bool, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
-    dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
+    if guided {
+        dispatch(Direct::<_, SOFT> { wave, class: GuidedLambert, range: sorted.lambert(), branches });
+    } else {
+        dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
+    }
     dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
     if !sorted.medium().is_empty() {
         dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), branches });
@@ -133,7 +140,8 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Direct<'_, C, SOFT> {
             let eval = closure.eval(wi);
             let height = wi.dot(ng);
             let side = if !C::Closure::OPAQUE && height < 0.0 { -1.0 } else { 1.0 };
-            let mut weight = light_weight(light_pdf, eval.pdf_solid_angle * self.branches);
+            let pdf = eval.pdf_solid_angle * self.branches * self.class.light_density(v, i);
+            let mut weight = light_weight(light_pdf, pdf);
             if SOFT && !C::Closure::IN_MEDIUM && !closure.crosses(wi) {
                 weight *= terminator(ns * side, ng * side, wi);
             }

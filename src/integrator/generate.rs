@@ -61,6 +61,9 @@ impl Integrator<'_> {
         if self.parts.chains {
             paths.chains[..count].fill(0);
         }
+        if self.parts.references {
+            paths.reference[..count].fill(0.0);
+        }
         let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
     }

@@ -139,7 +139,7 @@ impl Integrator<'_> {
             return 1.0;
         }
         let pdf = if sorted.lambert().contains(&i) {
-            LambertClass.closure(v, i).eval(wi).pdf_solid_angle
+            LambertClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
         } else if sorted.metal_rough().contains(&i) {
             MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle
         } else if sorted.medium().contains(&i) {

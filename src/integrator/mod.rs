@@ -25,6 +25,7 @@ mod flat;
 mod flight;
 mod generate;
 mod group;
+mod guiding;
 mod interior;
 mod kinds;
 mod lanes;
@@ -37,6 +38,7 @@ mod passes;
 mod phase;
 mod ray_counts;
 pub mod reuse;
+mod roulette;
 mod samples;
 mod scatter;
 mod sheets;
@@ -54,6 +56,7 @@ mod workspace;
 
 pub use block::Block;
 pub use caustics::{CausticPlan, CausticTally};
+pub use guiding::{Grid, Guide, Learnt, Lesson, Lessons, Notes};
 pub use lanes::WAVE;
 pub use ray_counts::RayCounts;
 pub use samples::SamplePlan;
@@ -97,6 +100,10 @@ pub struct PathOptions<'a> {
     pub keeps_plain: bool,
     /// Which light is left to paths from lamps, if any.
     pub caustics: Option<&'a CausticPlan>,
+    /// Guides the paths, if any.
+    pub guide: Option<&'a Guide>,
+    /// Take down what paths find, to teach a guide: with one, blank or not. Paths are neither shared nor split then.
+    pub teaches: bool,
 }
 
 /// One finished path.
@@ -198,6 +205,7 @@ impl<'a> Integrator<'a> {
                 scene.lights.use_tree(),
                 layers.has_passes(),
                 options.caustics.is_some(),
+                options.guide.is_some(),
             ),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             options,
@@ -241,6 +249,7 @@ impl<'a> Integrator<'a> {
     fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(w, stop);
+            self.take_lessons(w);
             if is_done && self.options.branches > 1 && self.options.keeps_plain {
                 self.join_branches(w);
             }
@@ -281,6 +290,7 @@ impl<'a> Integrator<'a> {
             if sorted.all().is_empty() {
                 return true;
             }
+            self.find_cells(bounce, &sorted, w);
             if shares {
                 self.cut_paths(bounce, &sorted, w);
             }
@@ -292,6 +302,9 @@ impl<'a> Integrator<'a> {
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
             self.end_stretched_chains(bounce, &sorted, w);
+            if self.options.teaches {
+                self.note_vertices(&sorted, w);
+            }
             if bounce == 0 && self.parts.first_bounces {
                 self.keep_first_bounces(&sorted, w);
             }

@@ -3,20 +3,18 @@
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
+use super::guiding;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::normals::terminator;
 use super::phase::MediumClass;
+use super::roulette::{FIRST_ROULETTE, How, survival};
 use super::wave::Wave;
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
-use crate::color::Rgb;
 use crate::math::{Ray, Vec3, offset_along};
-use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::sampling::sampler::SobolPoint;
 use crate::simd::{Kernel, dispatch};
 use std::ops::Range;
-
-/// The first bounce after which a path may be ended by roulette.
-pub(super) const FIRST_ROULETTE: u32 = 3;
 
 impl Integrator<'_> {
     /// Scatters each path at its vertex and ends some by roulette.
@@ -25,9 +23,9 @@ impl Integrator<'_> {
         let branches = self.branches(bounce) as f32;
         let how = How { dimensions, roulette: bounce >= FIRST_ROULETTE, branches };
         if self.softens_terminator() {
-            scatter::<true>(how, sorted, w);
+            self.scatter_all::<true>(bounce, how, sorted, w);
         } else {
-            scatter::<false>(how, sorted, w);
+            self.scatter_all::<false>(bounce, how, sorted, w);
         }
         if self.parts.receiver_normals {
             // No light was chosen at specular vertices.
@@ -35,6 +33,23 @@ impl Integrator<'_> {
                 set(&mut w.wave.paths.receiver_normal, i, Vec3::ZERO);
             }
         }
+    }
+
+    /// Scatters at all classes of vertices; with softened shadow terminators or without.
+    fn scatter_all<const SOFT: bool>(&self, bounce: u32, how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
+        let Workspace { wave, bsdfs, .. } = w;
+        if let Some(guide) = self.options.guide {
+            guiding::scatter::<SOFT>(how, self.judges(bounce), guide, sorted.lambert(), wave);
+        } else {
+            dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
+        }
+        dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
+        if !sorted.medium().is_empty() {
+            dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
+        }
+        let range = sorted.general();
+        // Its loop has no use for a higher CPU level.
+        Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
     }
 
     /// Makes the paths that go on the arriving ones of the next bounce, with their rays.
@@ -47,6 +62,8 @@ impl Integrator<'_> {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k, self.parts);
                 if self.parts.footprints {
+                    let is_guided = sorted.lambert().contains(&i);
+                    let pdf = if is_guided { self.unguided(pdf, &w.wave, i) } else { pdf };
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }
                 let ray = Ray::new(get(&v.next_origin, i), get(&v.next_direction, i));
@@ -66,29 +83,6 @@ fn widen(spread: &mut f32, pdf_solid_angle: f32) {
         let own = 1.0 / (RAYS_OF_A_LOBE * pdf_solid_angle).sqrt();
         *spread = if own > *spread { own } else { *spread };
     }
-}
-
-/// How a bounce scatters at all its vertices.
-#[derive(Clone, Copy)]
-pub(super) struct How<'a> {
-    pub dimensions: &'a Dimensions,
-    /// May paths end?
-    pub roulette: bool,
-    /// How many paths the density of a direction counts for.
-    pub branches: f32,
-}
-
-/// Scatters at all classes of vertices; with softened shadow terminators or without.
-fn scatter<const SOFT: bool>(how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
-    let Workspace { wave, bsdfs, .. } = w;
-    dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
-    dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
-    if !sorted.medium().is_empty() {
-        dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
-    }
-    let range = sorted.general();
-    // Its loop has no use for a higher CPU level.
-    Scatter::<_, SOFT> { wave, class: GeneralClass { bsdfs, first: range.start }, range, how }.run();
 }
 
 /// Scatters at the vertices of a class.
@@ -142,16 +136,4 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Scatter<'_, C, SOFT> {
             path.pdf[i] = if goes_on { pdf } else { -1.0 };
         }
     }
-}
-
-/// Russian roulette by the square root of the throughput (between the two extremes of never ending a path and of making
-/// all survivors equally bright, and better than both): does the path go on, and the factor that makes up for those that
-/// don't.
-#[inline(always)]
-fn survival(throughput: Rgb, eta_squared: f32, u: f32, roulette: bool) -> (bool, f32) {
-    let [r, g, b] = throughput.to_array();
-    let brightest = r.max(g).max(b);
-    let q = if roulette { (brightest * eta_squared).sqrt() } else { 1.0 };
-    let q = if q < 1.0 { q } else { 1.0 };
-    ((u < q) & (brightest > 0.0), 1.0 / if q > 0.0 { q } else { 1.0 })
 }

@@ -35,7 +35,7 @@ impl Integrator<'_> {
         if self.parts.interiors {
             vertices.beyond.repeat(count, branches);
         }
-        repeat_vertices(vertices, sorted, branches);
+        repeat_vertices(vertices, sorted, branches, self.options.guide.is_some());
         if self.options.keeps_plain {
             number_branches(&mut paths.carried, count, self.options.branches);
             w.sink.extend_with_passes(WAVE + WAVE);
@@ -89,7 +89,7 @@ fn divide(path: &mut Carried, count: usize, branches: u32) {
 }
 
 /// What scattering needs of vertices.
-fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize) {
+fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize, is_guided: bool) {
     let count = sorted.all().end;
     v.p.repeat(count, times);
     v.ng.repeat(count, times);
@@ -99,6 +99,9 @@ fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize) {
     v.origin_primitives.repeat(count, times);
     v.anisotropy.repeat(sorted.medium().end, times);
     v.albedo.repeat(sorted.lambert().end, times);
+    if is_guided {
+        v.guided.cell.repeat(sorted.lambert().end, times);
+    }
     if !sorted.metal_rough().is_empty() {
         let count = sorted.metal_rough().end;
         v.metal_rough.alpha.repeat(count, times);

@@ -60,6 +60,8 @@ pub struct Paths {
     pub kinds: Words,
     /// Whether it is on a way of light that is left to paths from lamps; where there are some.
     pub chains: Words,
+    /// Luminance that roulette judges it against; 0 until its first guided vertex. Where paths are guided.
+    pub reference: Lanes,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -72,6 +74,7 @@ pub struct PathParts {
     pub first_bounces: bool,
     pub kinds: bool,
     pub chains: bool,
+    pub references: bool,
     /// One of them at least.
     any: bool,
 }
@@ -86,23 +89,50 @@ impl PathParts {
         first_bounces: true,
         kinds: true,
         chains: true,
+        references: true,
         any: true,
     };
 
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
-    /// passes, `chains` where paths start at lamps, too.
-    pub fn of(features: &Features, receiver_normals: bool, first_bounces: bool, chains: bool) -> PathParts {
+    /// passes, `chains` where paths start at lamps, too, `references` where they are guided.
+    pub fn of(
+        features: &Features,
+        receiver_normals: bool,
+        first_bounces: bool,
+        chains: bool,
+        references: bool,
+    ) -> PathParts {
         let Features { footprints, media: interiors, walks: depths, ray_kinds: kinds, .. } = *features;
-        let any = footprints || receiver_normals || interiors || first_bounces || kinds || chains;
-        PathParts { footprints, receiver_normals, interiors, depths, first_bounces, kinds, chains, any }
+        let any =
+            footprints || receiver_normals || interiors || first_bounces || kinds || chains || references;
+        PathParts {
+            footprints,
+            receiver_normals,
+            interiors,
+            depths,
+            first_bounces,
+            kinds,
+            chains,
+            references,
+            any,
+        }
     }
 }
 
 impl Paths {
     /// Makes each of the first `count` paths several, one after the other.
     pub fn repeat(&mut self, count: usize, times: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds, chains } =
-            self;
+        let Paths {
+            carried,
+            footprints,
+            receiver_normal,
+            interior,
+            depth,
+            first_bounces,
+            kinds,
+            chains,
+            reference,
+        } = self;
         carried.repeat(count, times);
         if parts.footprints {
             footprints.repeat(count, times);
@@ -125,13 +155,25 @@ impl Paths {
         if parts.chains {
             chains.repeat(count, times);
         }
+        if parts.references {
+            reference.repeat(count, times);
+        }
     }
 
     /// Copies path `i` to place `k` of others.
     #[inline(always)]
     pub fn copy_to(&self, i: usize, other: &mut Paths, k: usize, parts: PathParts) {
-        let Paths { carried, footprints, receiver_normal, interior, depth, first_bounces, kinds, chains } =
-            self;
+        let Paths {
+            carried,
+            footprints,
+            receiver_normal,
+            interior,
+            depth,
+            first_bounces,
+            kinds,
+            chains,
+            reference,
+        } = self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
             return;
@@ -156,6 +198,9 @@ impl Paths {
         }
         if parts.chains {
             chains.copy_to(i, &mut other.chains, k);
+        }
+        if parts.references {
+            reference.copy_to(i, &mut other.reference, k);
         }
     }
 }
@@ -255,6 +300,23 @@ pub struct LightLanes {
     pub direction: Lanes3,
 }
 
+/// What guiding knows of Lambertian vertices.
+#[derive(Zeroable)]
+pub struct GuidedLanes {
+    /// Halves of the keys of their cells.
+    pub key_low: Words,
+    pub key_high: Words,
+    /// Numbers of their cells.
+    pub cell: Words,
+    /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
+    pub density: Lanes,
+    pub light_density: Lanes,
+    /// Bins of the directions in which paths go on; where they teach.
+    pub bin: Words,
+    /// Luminance of the throughput with the albedo, before directions are chosen.
+    pub carried: Lanes,
+}
+
 /// Where paths hit surfaces, and what is computed there. Vertices are sorted by [`Group`].
 #[derive(Zeroable)]
 pub struct Vertices {
@@ -281,6 +343,8 @@ pub struct Vertices {
     pub metal_rough_closures: MetalRoughClosures,
     pub textured: TexturedLanes,
     pub light: LightLanes,
+    /// At Lambertian ones, where paths are guided.
+    pub guided: GuidedLanes,
     /// Mean cosine of the scattering angle, at points of media.
     pub anisotropy: Lanes,
     /// The scattered ray.

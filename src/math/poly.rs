@@ -61,19 +61,25 @@ pub fn asin(x: f32) -> f32 {
     positive.copysign(x)
 }
 
+/// Arc tangent for arguments in -1..1. Absolute error below 5e-7.
+#[inline(always)]
+pub fn atan_small(x: f32) -> f32 {
+    let a = x.abs();
+    // tan(pi/8): above it, reduce by pi/4.
+    let far = a > 0.414_213_57;
+    let r = if far { (a - 1.0) / (a + 1.0) } else { a };
+    let z = r * r;
+    let p = ((8.053_744_5e-2 * z - 1.387_768_6e-1) * z + 1.997_771_1e-1) * z - 3.333_295e-1;
+    (p * z * r + r + if far { FRAC_PI_4 } else { 0.0 }).copysign(x)
+}
+
 /// The angle of the point (x, y), -pi..pi; 0 for (0, 0). Absolute error below 5e-7.
 #[inline(always)]
 pub fn atan2(y: f32, x: f32) -> f32 {
     let (ay, ax) = (y.abs(), x.abs());
     let (small, large) = if ay > ax { (ax, ay) } else { (ay, ax) };
     let safe = if large > 0.0 { large } else { 1.0 };
-    let q = small / safe;
-    // tan(pi/8): above it, reduce by pi/4.
-    let far = q > 0.414_213_57;
-    let r = if far { (q - 1.0) / (q + 1.0) } else { q };
-    let z = r * r;
-    let p = ((8.053_744_5e-2 * z - 1.387_768_6e-1) * z + 1.997_771_1e-1) * z - 3.333_295e-1;
-    let octant = p * z * r + r + if far { FRAC_PI_4 } else { 0.0 };
+    let octant = atan_small(small / safe);
     let quadrant = if ay > ax { FRAC_PI_2 - octant } else { octant };
     let half = if x < 0.0 { PI - quadrant } else { quadrant };
     half.copysign(y)

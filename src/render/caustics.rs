@@ -144,6 +144,8 @@ impl Trial<'_> {
             branches: 1,
             keeps_plain: false,
             caustics: Some(plan),
+            guide: None,
+            teaches: false,
         };
         Integrator::new(self.scene, self.view, paths)
     }

@@ -78,6 +78,7 @@ fn options(settled: &Settled) -> impl Iterator<Item = (String, String)> {
         ("depth", options.max_depth.to_string()),
         ("path reuse", format!("{:?}", options.path_reuse)),
         ("splitting", format!("{:?}", options.splitting)),
+        ("guiding", format!("{:?}", options.guiding)),
         ("the filter", format!("{:?}", options.filter)),
         ("the AOVs", aovs.join(",")),
         ("the terminator", if options.soft_terminator { "soft" } else { "off" }.to_string()),

@@ -61,6 +61,20 @@ pub enum Caustics {
     Off,
 }
 
+/// Whether paths are guided to where light came from, at diffuse surfaces, and ended where little is expected of them. Some paths
+/// learn that before the first pass, for a fifth of the work that is planned. Pictures have the same mean either way.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[non_exhaustive]
+pub enum Guiding {
+    /// Where the picture gains by it, as some squares tell after a quarter of the learning.
+    Auto,
+    /// Where there are diffuse surfaces and samples enough to learn.
+    On,
+    /// Never.
+    #[default]
+    Off,
+}
+
 /// Which pixels get how many samples.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
@@ -141,6 +155,8 @@ pub struct RenderOptions {
     pub splitting: Splitting,
     /// Whether caustics are found from the lamp. Default [`Caustics::Off`].
     pub caustics: Caustics,
+    /// Whether paths are guided. Default [`Guiding::Off`].
+    pub guiding: Guiding,
     /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,
     /// Stop when the estimated relative error of the whole picture is this or less: the root of the mean over pixels and
@@ -218,6 +234,23 @@ impl FromStr for Caustics {
     }
 }
 
+impl FromStr for Guiding {
+    type Err = Error;
+
+    /// Reads `auto`, `on` or `off`.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<Guiding> {
+        match text {
+            "auto" => Ok(Guiding::Auto),
+            "on" => Ok(Guiding::On),
+            "off" => Ok(Guiding::Off),
+            _ => Err(Error::usage(format!("'{text}' is neither auto nor on nor off"))),
+        }
+    }
+}
+
 impl Default for RenderOptions {
     fn default() -> RenderOptions {
         RenderOptions {
@@ -239,6 +272,7 @@ impl Default for RenderOptions {
             path_reuse: PathReuse::default(),
             splitting: Splitting::default(),
             caustics: Caustics::default(),
+            guiding: Guiding::default(),
             adaptive: Adaptive::default(),
             noise: None,
             time_limit: None,
@@ -346,6 +380,12 @@ impl RenderOptions {
     #[must_use]
     pub fn caustics(self, caustics: Caustics) -> RenderOptions {
         RenderOptions { caustics, ..self }
+    }
+
+    /// Sets whether paths are guided.
+    #[must_use]
+    pub fn guiding(self, guiding: Guiding) -> RenderOptions {
+        RenderOptions { guiding, ..self }
     }
 
     /// Sets whether noisy pixels get more samples.

@@ -2,7 +2,7 @@
 
 use super::cancel::CancelHandle;
 use super::labels::Labels;
-use super::options::{Adaptive, Caustics, PathReuse, Splitting, TreeChoice};
+use super::options::{Adaptive, Caustics, Guiding, PathReuse, Splitting, TreeChoice};
 use super::picture::Picture;
 use super::progress::{Event, Listener};
 use super::rendering::Rendering;
@@ -164,6 +164,12 @@ impl Renderer {
     /// Sets whether caustics are found from the lamp. Default [`Caustics::Auto`].
     pub fn caustics(mut self, caustics: Caustics) -> Renderer {
         self.choices.caustics = caustics;
+        self
+    }
+
+    /// Sets whether paths are guided. Default [`Guiding::Off`].
+    pub fn guiding(mut self, guiding: Guiding) -> Renderer {
+        self.choices.guiding = guiding;
         self
     }
 

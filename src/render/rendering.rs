@@ -4,7 +4,9 @@ use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
+use super::guiding::{self, GuidingChoice, School};
 use super::labels::Labels;
+use super::layout::layout;
 use super::noise::Noise;
 use super::options::RenderOptions;
 use super::picture::{self, Picture};
@@ -16,7 +18,7 @@ use super::technique::{Choice, Technique};
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
-use crate::film::{Channel, Film, FilterSampler, Layout};
+use crate::film::{Film, FilterSampler, MatteIds};
 use crate::integrator::CausticPlan;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
@@ -68,6 +70,8 @@ pub struct Rendering {
     pub(super) choice: Choice,
     /// Whether caustics are found from the lamp.
     caustics: CausticChoice,
+    /// What guides paths.
+    guiding: GuidingChoice,
     allotment: Option<Allotment>,
     /// Passes are finished even when it is cancelled or late.
     pub(super) finishes_passes: bool,
@@ -114,6 +118,7 @@ impl Rendering {
         Ok(Rendering {
             choice: Choice::new(&scene, &options),
             caustics: CausticChoice::default(),
+            guiding: GuidingChoice::default(),
             allotment: None,
             scene,
             view,
@@ -236,6 +241,7 @@ impl Rendering {
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
         warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
+        warnings.extend(guiding::warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }
@@ -295,6 +301,7 @@ impl Rendering {
             branches: self.choice.now.branches(),
             is_adaptive: self.allotment.is_some(),
             lamp_paths: self.caustics.plan().map(CausticPlan::paths),
+            guide_cells: self.guiding.guide().map(|guide| guide.cells() as u32),
             invalid_samples: self.film.invalid_samples(),
             interrupted: self.outcome == PassOutcome::Cancelled,
             timed_out: self.outcome == PassOutcome::TimedOut,
@@ -307,7 +314,7 @@ impl Rendering {
             return PassOutcome::Converged;
         }
         self.caustics.decide(&self.scene, &self.view, &self.options, &self.filter);
-        if !self.choose_technique(stopwatch) {
+        if !self.learn(stopwatch) || !self.choose_technique(stopwatch) {
             return PassOutcome::Cancelled;
         }
         let Some(pass) = self.schedule.next(stopwatch.wall()) else {
@@ -333,6 +340,27 @@ impl Rendering {
     fn has_converged(&self) -> bool {
         let error = self.noise.as_ref().and_then(Noise::error);
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
+    }
+
+    /// Lets some paths teach a guide, if that is asked for. False if it was stopped.
+    fn learn(&mut self, stopwatch: &Stopwatch) -> bool {
+        if self.schedule.is_complete() {
+            return true;
+        }
+        let school = School {
+            scene: &self.scene,
+            view: &self.view,
+            options: &self.options,
+            filter: &self.filter,
+            caustics: self.caustics.plan(),
+            mattes: MatteIds::default(),
+            progress: &self.progress,
+            listener: self.listener.as_deref(),
+            stopwatch,
+            // Nothing of a picture is lost by that.
+            stop: &|| self.cancel.is_cancelled(),
+        };
+        self.guiding.decide(&school)
     }
 
     /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been
@@ -364,6 +392,7 @@ impl Rendering {
             layout: &layout,
             film: Mutex::new(film),
             caustics: self.caustics.plan(),
+            guide: self.guiding.guide(),
             allotment: self.allotment.as_ref(),
             errors: ErrorMap::wanted(&self.options, self.choice, pass).map(Mutex::new),
             progress: &self.progress,
@@ -392,14 +421,6 @@ impl Rendering {
     }
 }
 
-/// What the film of a picture holds.
-fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
-    let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
-    let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
-    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
-    Layout::new(further).with_halves(options.halves)
-}
-
 /// What has to be said about the samples of a film.
 pub fn film_warnings(film: &Film) -> Vec<Warning> {
     of_film(film, true)
@@ -414,12 +435,6 @@ fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
         (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
     ];
     messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
-}
-
-/// Bytes that the film of a picture takes.
-pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
-    let region = options.pixels();
-    u64::from(region.width()) * u64::from(region.height()) * layout(options, labels).bytes_per_pixel()
 }
 
 /// What is taken of a pass.

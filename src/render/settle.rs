@@ -1,6 +1,6 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
-use super::options::{Adaptive, Caustics, PathReuse, RenderOptions, Splitting, TreeChoice};
+use super::options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet};
@@ -42,6 +42,8 @@ pub struct Choices {
     pub splitting: Splitting,
     /// See [`RenderOptions::caustics`].
     pub caustics: Caustics,
+    /// See [`RenderOptions::guiding`].
+    pub guiding: Guiding,
     /// See [`RenderOptions::adaptive`].
     pub adaptive: Adaptive,
     /// How good trees are.
@@ -85,6 +87,7 @@ impl Default for Choices {
             path_reuse: options.path_reuse,
             splitting: options.splitting,
             caustics: options.caustics,
+            guiding: options.guiding,
             adaptive: options.adaptive,
             tree: TreeChoice::default(),
             noise: options.noise,
@@ -121,6 +124,7 @@ impl Choices {
             .path_reuse(self.path_reuse)
             .splitting(self.splitting)
             .caustics(self.caustics)
+            .guiding(self.guiding)
             .adaptive(self.adaptive)
             .noise(self.noise)
             .time_limit(self.time_limit);

@@ -40,6 +40,8 @@ pub struct Statistics {
     pub is_adaptive: bool,
     /// How many paths from lamps stood for one sample of each pixel, if caustics were found so.
     pub lamp_paths: Option<u32>,
+    /// How many places a guide of the paths knew something of, if they were guided.
+    pub guide_cells: Option<u32>,
     /// Samples that were NaN or infinite and left out.
     pub invalid_samples: u64,
     /// Stopped by a [`CancelHandle`](super::CancelHandle) before all samples were done.

@@ -14,7 +14,7 @@ use crate::compile::{CompiledScene, View};
 use crate::film::{Film, FilmTile, FilterSampler, Layout, Splat};
 use crate::integrator::reuse::Tiling;
 use crate::integrator::{
-    Block, CausticPlan, Integrator, PathOptions, PathSample, SamplePlan, WAVE, Workspace,
+    Block, CausticPlan, Guide, Integrator, PathOptions, PathSample, SamplePlan, WAVE, Workspace,
 };
 use crate::sampling::{Allotment, Arrangement};
 use rayon::prelude::*;
@@ -22,7 +22,7 @@ use std::cell::RefCell;
 use std::sync::{Arc, Mutex, MutexGuard};
 
 thread_local! {
-    static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
+    pub(super) static WORKSPACE: RefCell<Workspace> = RefCell::new(Workspace::new());
 }
 
 /// What all threads share in a pass.
@@ -37,6 +37,8 @@ pub(super) struct PassWork<'a> {
     pub film: Mutex<&'a mut Film>,
     /// Which light is left to paths from lamps, if any.
     pub caustics: Option<&'a CausticPlan>,
+    /// Guides the paths, if any.
+    pub guide: Option<&'a Guide>,
     /// Where samples go that are left after the first pass, if that is decided.
     pub allotment: Option<&'a Allotment>,
     /// Takes down the errors of the pass, if that is asked for.
@@ -162,6 +164,8 @@ impl PassWork<'_> {
             branches,
             keeps_plain,
             caustics: self.caustics,
+            guide: self.guide,
+            teaches: false,
         };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }

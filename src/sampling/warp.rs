@@ -27,6 +27,24 @@ pub fn cosine_hemisphere(u: [f32; 2]) -> Vec3 {
     Vec3::new(d.x, d.y, if z_squared > 1e-12 { z_squared } else { 1e-12 }.sqrt())
 }
 
+/// The point of the unit square that [`cosine_hemisphere`] makes a direction of; of directions below the horizon, some point.
+#[inline(always)]
+pub fn square_of_cosine_hemisphere(w: Vec3) -> [f32; 2] {
+    let steep = w.x * w.x <= w.y * w.y;
+    let (major, minor) = if steep { (w.y, w.x) } else { (w.x, w.y) };
+    let radius = (w.x * w.x + w.y * w.y).sqrt();
+    let radius = if major < 0.0 { -radius } else { radius };
+    let ratio = minor / if major == 0.0 { 1.0 } else { major };
+    let other = radius * poly::atan_small(ratio) * (4.0 * FRAC_1_PI);
+    let (a, b) = if steep { (other, radius) } else { (radius, other) };
+    let inside = |a: f32| {
+        let u = 0.5 * a + 0.5;
+        let u = if u > 0.0 { u } else { 0.0 };
+        if u < 1.0 { u } else { 1.0f32.next_down() }
+    };
+    [inside(a), inside(b)]
+}
+
 /// Density of [`cosine_hemisphere`] per solid angle for a direction with this z; 0 below the horizon.
 #[inline(always)]
 pub fn cosine_hemisphere_pdf_solid_angle(z: f32) -> f32 {
@@ -112,6 +130,16 @@ mod tests {
                 |u| Some(uniform_cone([u[0], u[1]], omc)),
                 |_| uniform_cone_pdf_solid_angle(omc),
             );
+        }
+    }
+
+    #[test]
+    fn the_square_is_found_again() {
+        let steps = (0..=64).map(|k| (k as f32 / 64.0).min(1.0f32.next_down()));
+        for u in steps.clone().flat_map(|u| steps.clone().map(move |v| [u, v])) {
+            let found = square_of_cosine_hemisphere(cosine_hemisphere(u));
+            let distance = (found[0] - u[0]).abs().max((found[1] - u[1]).abs());
+            assert!(distance < 2e-6 && found.iter().all(|x| (0.0..1.0).contains(x)), "{u:?} {found:?}");
         }
     }
 

@@ -9,6 +9,7 @@ mod closed_form;
 mod compile_scene;
 mod converged;
 mod determinism;
+mod guiding;
 mod lamps;
 mod media;
 mod media_edges;

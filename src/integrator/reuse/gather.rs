@@ -8,7 +8,7 @@ use super::super::normals::bent_normal;
 use super::super::workspace::Workspace;
 use super::Tiling;
 use super::layer::{LEAST_REST, layer_rest};
-use super::pairs::{Connect, Exchange, RUN, group_of};
+use super::pairs::{Connect, Exchange, GuidePairs, RUN, group_of};
 use super::state::{DIRECT, LAMBERT, METAL_ROUGH, NONE, Reuse, SCATTERED};
 use crate::accel::{Bits, Fan, FanHits};
 use crate::math::{Hit, Ray};
@@ -42,6 +42,7 @@ impl Integrator<'_> {
             } else {
                 connect::<false>(classes, &round.runs, &mut reuse);
             }
+            self.guide_pairs(&round, &mut reuse);
             self.test_visibility(&round, &mut reuse, w);
             let Reuse { prefixes, suffixes, pairs, gained, layers, .. } = &mut *reuse;
             let exchange =
@@ -80,6 +81,15 @@ impl Integrator<'_> {
                 s.class[k] = NONE;
             }
             set_rgb(&mut s.radiance, k, radiance);
+        }
+    }
+
+    /// Makes the densities those of prefixes that are guided.
+    fn guide_pairs(&self, round: &Round, reuse: &mut Reuse) {
+        if let Some(guide) = self.options.guide {
+            let Reuse { prefixes, pairs, .. } = reuse;
+            let densities = guide.densities();
+            dispatch(GuidePairs { runs: &round.runs, densities, prefixes, pairs });
         }
     }
 

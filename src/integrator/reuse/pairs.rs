@@ -1,12 +1,13 @@
 //! Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
 
 use super::super::closure::{Closure, VertexClass};
+use super::super::guiding;
 use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::super::normals::terminator;
-use super::state::{METAL_ROUGH, Pairs, Prefixes, Suffixes};
+use super::state::{LAMBERT, METAL_ROUGH, Pairs, Prefixes, Suffixes};
 use super::tiling::GroupShape;
 use crate::color::Rgb;
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, Table, dispatch};
 use std::ops::Range;
 
 /// Places that loops take together: of one group or of several.
@@ -58,6 +59,34 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 let other = get_rgb(&pairs.value, i);
                 let chosen = Rgb::select(is_own_class, value, other);
                 set_rgb(&mut pairs.value, i, chosen);
+            }
+        }
+    }
+}
+
+/// Makes the densities of Lambertian prefixes at runs of places those of guided ones.
+pub struct GuidePairs<'a> {
+    pub runs: &'a [u16],
+    pub densities: Table<'a, f32>,
+    pub prefixes: &'a Prefixes,
+    pub pairs: &'a mut Pairs,
+}
+
+impl Kernel for GuidePairs<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let GuidePairs { runs, densities, prefixes, pairs } = self;
+        let v = &prefixes.vertices;
+        for &run in runs {
+            let first = (usize::from(run) * RUN).min(WAVE - RUN);
+            for i in first..first + RUN {
+                let way = get(&pairs.y, i) - get(&v.next_origin, i);
+                let wi = way / way.dot(way).sqrt();
+                let density = densities.at(guiding::place(v.guided.cell[i], get(&v.ns, i), wi));
+                let is_guided = prefixes.class[i] == LAMBERT;
+                pairs.density[i] *= if is_guided { density } else { 1.0 };
             }
         }
     }

@@ -7,7 +7,7 @@ use super::super::group::Sorted;
 use super::super::interior::Interior;
 use super::super::lanes::{PerPath, get, get_rgb, set, set_rgb};
 use super::super::layers::FirstBounce;
-use super::super::scatter::FIRST_ROULETTE;
+use super::super::roulette::FIRST_ROULETTE;
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
 use super::layer::{LEAST_REST, layer_rest};
@@ -130,7 +130,10 @@ impl Prefixes {
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
         match class {
-            LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
+            LAMBERT => {
+                from.albedo.copy_to(i, &mut to.albedo, k);
+                from.guided.cell.copy_to(i, &mut to.guided.cell, k);
+            }
             _ => {
                 from.wo.copy_to(i, &mut to.wo, k);
                 copy_metal_rough(from, i, to, k);

@@ -1,0 +1,101 @@
+//! Paths are guided to where light came from (Müller, Gross, Novák 2017, "Practical Path Guiding for Efficient Light-Transport
+//! Simulation"), and ended where little is expected of them (Vorba, Křivánek 2016, "Adjoint-Driven Russian Roulette and
+//! Splitting in Light Transport Simulation").
+//!
+//! Before the first pass, some paths find out how much light comes to the places of a scene from which directions; they
+//! bring nothing to the picture. A [`Guide`] keeps that by cells of space and of normals: for each a histogram over the unit
+//! square from which directions are made by the map to the cosine lobe, and the mean of what comes. So a direction's density
+//! is that of the cosine lobe times the histogram's, the product with the cosine comes for free, and part of each
+//! histogram is even, so that no direction is left out.
+//!
+//! Only Lambertian vertices are guided. Which cell a vertex uses depends on its place, its normal and the path's random
+//! numbers for that alone; all weights against other ways to find the same light (light samples, shared paths) have the
+//! guided density. So pictures have the same mean with any guide.
+//!
+//! What a path may still bring is its throughput times the albedo times the mean of the cell. Roulette compares that with the
+//! same at the path's first guided vertex.
+
+mod grid;
+mod guide;
+mod histogram;
+mod keys;
+mod learn;
+mod lesson;
+mod scatter;
+#[cfg(test)]
+mod tests;
+
+pub use grid::Grid;
+pub use guide::Guide;
+pub use learn::Learnt;
+pub(super) use lesson::Pending;
+pub use lesson::{Lesson, Lessons, Notes};
+pub(super) use scatter::{GuidedLambert, scatter};
+
+use super::Integrator;
+use super::group::Sorted;
+use super::lanes::{WAVE, get};
+use super::wave::{Vertices, Wave};
+use super::workspace::Workspace;
+use crate::math::{Frame, Vec3};
+use crate::sampling::warp;
+use crate::simd::{Kernel, Table, dispatch};
+use keys::FindKeys;
+use std::ops::Range;
+
+impl Integrator<'_> {
+    /// Finds the cells of the Lambertian vertices, and how densely these would have chosen the directions of their light samples.
+    pub(super) fn find_cells(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
+        let wave = &mut *w.wave;
+        dispatch(FindKeys { grid: guide.grid, wave, range: range.clone(), bounce });
+        let v = &mut wave.vertices.guided;
+        for i in range {
+            v.cell[i] = guide.find(v.key_low[i], v.key_high[i]);
+        }
+    }
+
+    /// Finds how densely the Lambertian vertices would have chosen the directions of their light samples.
+    pub(super) fn weigh_light_samples(&self, sorted: &Sorted, w: &mut Workspace) {
+        if let Some(guide) = self.options.guide {
+            let densities = guide.densities();
+            dispatch(LightDensities { vertices: &mut w.wave.vertices, range: sorted.lambert(), densities });
+        }
+    }
+
+    /// The density, over that of the cosine lobe, with which Lambertian vertex `i` might choose the direction of its light sample.
+    pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
+        if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }
+    }
+
+    /// The density with which Lambertian vertex `i` would have chosen its path's direction unguided, instead of `pdf`.
+    pub(super) fn unguided(&self, pdf: f32, wave: &Wave, i: usize) -> f32 {
+        if self.options.guide.is_some() { pdf / wave.vertices.guided.density[i] } else { pdf }
+    }
+}
+
+/// Where in the densities of all cells ([`Guide::densities`]) is that of a direction at a vertex with this normal?
+#[inline(always)]
+pub(super) fn place(cell: u32, ns: Vec3, wi: Vec3) -> u32 {
+    let local = Frame::from_normal(ns).to_local(wi);
+    cell * histogram::BINS as u32 + histogram::bin(warp::square_of_cosine_hemisphere(local))
+}
+
+struct LightDensities<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+    densities: Table<'a, f32>,
+}
+
+impl Kernel for LightDensities<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let place = place(v.guided.cell[i], get(&v.ns, i), get(&v.light.wi, i));
+            v.guided.light_density[i] = self.densities.at(place);
+        }
+    }
+}

@@ -1,0 +1,19 @@
+//! What the film of a picture holds.
+
+use super::labels::Labels;
+use super::options::RenderOptions;
+use crate::film::{Channel, Layout};
+
+/// The channels of the film of a picture.
+pub(super) fn layout(options: &RenderOptions, labels: &Labels) -> Layout {
+    let groups = labels.light_groups.iter().map(|name| Channel::light_group(name));
+    let caught = options.catchers.then(Channel::of_catchers).into_iter().flatten();
+    let further = options.aovs.channels_with(options.matte_levels).chain(groups).chain(caught);
+    Layout::new(further).with_halves(options.halves)
+}
+
+/// Bytes that the film of a picture takes.
+pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
+    let region = options.pixels();
+    u64::from(region.width()) * u64::from(region.height()) * layout(options, labels).bytes_per_pixel()
+}

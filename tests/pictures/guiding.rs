@@ -1,0 +1,213 @@
+//! Guided paths: the same expected picture, less noise where light comes from few directions, and the same bits whatever the machine.
+
+use crate::support::differences::{assert_same_bits, bits, differences, noise};
+use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
+use oscura::math::DVec3;
+use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
+use oscura::render::{Guiding, PassOutcome, PathReuse, RenderOptions, Rendering, Splitting};
+use oscura::scene::{
+    AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Material, Model, PbrMaterial, Scene,
+};
+use std::path::Path;
+
+/// Nothing but guiding differs.
+fn plain(options: RenderOptions) -> RenderOptions {
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+}
+
+fn guided(options: RenderOptions) -> RenderOptions {
+    options.guiding(Guiding::On)
+}
+
+fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant(color),
+        metallic: FloatSlot::constant(metallic),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material::new(name, Model::Pbr(Box::new(pbr)))
+}
+
+/// A room that gets its light through a slit, from a lamp behind a wall.
+fn room(things: bool) -> Scene {
+    let mut scene = Scene::default();
+    let colors = [[0.8, 0.5, 0.4], [0.7; 3], [0.6, 0.6, 0.7], [0.8; 3], [0.4, 0.6, 0.7], [0.75; 3]];
+    walls(&mut scene, [1.0; 3], |scene, i| material(scene, Material::lambert("wall", colors[i])));
+    let grey = material(&mut scene, Material::lambert("grey", [0.6; 3]));
+    quad(&mut scene, [0.3, -1.0, -1.0], [0.0, 2.0, 0.0], [0.0, 0.0, 1.4], grey);
+    let lamp = material(&mut scene, Material::emitter("lamp", [6.0, 5.0, 4.0], true));
+    quad(&mut scene, [0.4, 0.2, -0.9], [0.5, 0.0, 0.0], [0.0, 0.0, 0.8], lamp);
+    if things {
+        let plastic = material(&mut scene, pbr("plastic", [0.3, 0.7, 0.4], 0.0, 0.4));
+        sphere(&mut scene, [-0.5, -0.7, -0.4], 0.3, plastic);
+        let metal = material(&mut scene, pbr("metal", [0.9, 0.7, 0.4], 1.0, 0.3));
+        sphere(&mut scene, [-0.1, -0.75, 0.2], 0.25, metal);
+        let tint = ColorSlot::constant([1.0; 3]);
+        let glass = Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact };
+        let glass = material(&mut scene, Material::new("glass", glass));
+        sphere(&mut scene, [-0.6, -0.8, 0.3], 0.2, glass);
+        let mut paper = Material::lambert("paper", [0.7, 0.3, 0.3]);
+        (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.5));
+        let paper = material(&mut scene, paper);
+        quad(&mut scene, [-0.9, -0.5, -0.9], [0.8, 0.0, 0.2], [0.0, 0.9, 0.0], paper);
+        scene.environment = Environment::Constant([0.3, 0.4, 0.5]);
+        scene.quads.remove(3);
+    }
+    scene.cameras.push(camera(DVec3::new(-0.6, 0.2, 0.95), DVec3::new(-0.2, -0.3, -0.5), DVec3::Y, 75.0));
+    scene
+}
+
+fn cornell() -> Scene {
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-quads.toml");
+    oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
+}
+
+/// As `assert_same_means`, for pictures with more noise.
+fn assert_alike(what: &str, scene: &Scene, options: &RenderOptions) {
+    let found = differences(scene, [options, &guided(*options)], 16);
+    let z: Vec<f64> = found.blocks.iter().map(|(d, error)| d / error.max(1e-9)).collect();
+    let rms = (z.iter().map(|z| z * z).sum::<f64>() / z.len() as f64).sqrt();
+    let (mean, error) = found.whole;
+    println!("{what}: z rms {rms:.2}; whole {mean:.1e} +- {error:.1e}");
+    // The three channels of some 25 blocks are nearly the same.
+    assert!(rms < 1.6, "{what}: z rms {rms}");
+    assert!(mean.abs() < 4.5 * error && error < 5e-3, "{what}: {mean} +- {error}");
+}
+
+#[test]
+fn guiding_changes_no_mean() {
+    for (what, scene, samples) in
+        [("room", room(false), 64), ("things", room(true), 64), ("box", cornell(), 32)]
+    {
+        let options = plain(options(40, samples, 100));
+        assert!(finished(&scene, &guided(options)).statistics().guide_cells > Some(10), "{what}");
+        assert_alike(what, &scene, &options);
+        if what == "room" {
+            assert_alike("depth 3", &scene, &options.max_depth(3));
+        }
+    }
+}
+
+#[test]
+fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
+    let (scene, options) = (room(false), plain(options(40, 64, 100)));
+    let split = options.splitting(Splitting::Into(4));
+    assert_alike("split", &scene, &split);
+    for shape in ["4x4/2", "2x2/1"] {
+        let shared = options.path_reuse(shape.parse().expect("a shape"));
+        let rendering = finished(&scene, &guided(shared));
+        assert!(rendering.statistics().path_reuse.is_some() && rendering.statistics().guide_cells.is_some());
+        assert_alike(shape, &scene, &shared);
+    }
+}
+
+/// In a closed box that emits e and reflects p everywhere, L = e + p L, however dense directions are.
+#[test]
+fn a_closed_box_has_its_closed_form() {
+    let (emitted, albedo) = (0.3f32, 0.6f32);
+    let mut scene = Scene::default();
+    walls(&mut scene, [1.0; 3], |scene, _| {
+        let mut wall = Material::emitter("wall", [emitted; 3], false);
+        wall.model = Model::Lambert { albedo: ColorSlot::constant([albedo; 3]) };
+        material(scene, wall)
+    });
+    scene.cameras.push(camera(DVec3::new(0.2, 0.1, 0.9), DVec3::ZERO, DVec3::Y, 80.0));
+    let truth = f64::from(emitted) / (1.0 - f64::from(albedo));
+    assert_radiance("closed box", &scene, &guided(plain(options(24, 128, 2000))), truth, 1e-3);
+}
+
+#[test]
+fn a_room_lit_through_a_slit_is_less_noisy() {
+    let (scene, options) = (room(false), plain(options(96, 64, 100)));
+    let [off, on] = [options, guided(options)].map(|options| noise(&scene, &options));
+    println!("noise {off:.2e}, guided {on:.2e}");
+    assert!(on < 0.4 * off, "{on} {off}");
+}
+
+#[test]
+fn threads_and_cpu_levels_agree() {
+    for reuse in ["off", "4x4/2"] {
+        let options =
+            options(40, 64, 100).splitting(Splitting::OFF).path_reuse(reuse.parse().expect("a way"));
+        assert_same_bits(reuse, &room(true), &guided(options));
+        assert_same_bits(reuse, &room(false), &guided(options));
+    }
+}
+
+fn finished(scene: &Scene, options: &RenderOptions) -> Rendering {
+    let mut rendering = rendering(scene, options).with_whole_passes();
+    assert_eq!(rendering.run(), PassOutcome::Done);
+    rendering
+}
+
+#[test]
+fn parts_are_guided_as_the_whole_is() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let (scene, options) = (room(false), guided(plain(options(48, 64, 100))));
+    let whole = bits(&picture(&scene, &options));
+    let left = Region { x0: 0, y0: 0, x1: 19, y1: 48 };
+    let right = Region { x0: 19, y0: 0, x1: 48, y1: 48 };
+    let parts = [(left, (0, 24)), (left, (24, 64)), (right, (0, 40)), (right, (40, 64))];
+    let files: Vec<_> = (0..4).map(|i| folder.path().join(format!("{i}.part"))).collect();
+    for (&(region, samples), file) in parts.iter().zip(&files) {
+        let mut part = finished(&scene, &options.region(region).sample_range(samples));
+        part.write_part(file, &Identity::new(), &Finish::default(), None).expect("a file");
+    }
+    let header = read_header(&files[0]).expect("a head");
+    let layout = header.channels.layout().expect("known channels");
+    let mut film = oscura::film::Film::of_layout(48, 48, layout).expect("the film fits");
+    files.iter().for_each(|file| film.merge_film(&read_part(file).expect("a part").film));
+    assert!(bits(&film) == whole);
+}
+
+#[test]
+fn going_on_gives_the_picture_of_a_single_run() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let file = folder.path().join("a.part");
+    let (scene, options) = (room(false), guided(plain(options(32, 32, 100))));
+    let mut first = rendering(&scene, &options).with_whole_passes();
+    first.next_pass();
+    first.write_part(&file, &Identity::new(), &Finish::default(), None).expect("a file");
+    // To as many samples, and to more that are arranged alike.
+    for samples in [32, 30] {
+        let options = options.samples(samples);
+        let mut second = rendering(&scene, &options).with_whole_passes();
+        second.go_on(&file, read_part(&file).expect("a file"), &Identity::new()).expect("it goes on");
+        second.run();
+        assert!(bits(second.film()) == bits(&picture(&scene, &options)), "{samples}");
+    }
+}
+
+#[test]
+fn a_trial_decides() {
+    let auto = |scene: &Scene, options: RenderOptions| finished(scene, &options.guiding(Guiding::Auto));
+    let options = plain(options(128, 32, 100));
+    let of_room = auto(&room(false), options);
+    assert!(of_room.statistics().guide_cells.is_some());
+    assert!(bits(of_room.film()) == bits(&picture(&room(false), &guided(options))));
+    // A convex body in even light: its paths never meet a second surface.
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    sphere(&mut scene, [0.0; 3], 1.0, grey);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 60.0));
+    let of_sphere = auto(&scene, options);
+    assert_eq!(of_sphere.statistics().guide_cells, None);
+    assert!(bits(of_sphere.film()) == bits(&picture(&scene, &options)));
+}
+
+#[test]
+fn what_can_not_be_guided_says_so() {
+    let said = |scene: &Scene, options: RenderOptions| {
+        let rendering = finished(scene, &guided(plain(options)));
+        assert_eq!(rendering.statistics().guide_cells, None);
+        rendering.warnings().iter().map(ToString::to_string).collect::<String>()
+    };
+    assert!(said(&room(false), options(8, 4, 100)).contains("too few samples"));
+    assert!(said(&room(false), options(40, 64, 1)).contains("few bounces"));
+    let mut gold = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let metal = material(&mut gold, pbr("gold", [0.9, 0.7, 0.3], 1.0, 0.4));
+    sphere(&mut gold, [0.0; 3], 1.0, metal);
+    gold.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 50.0));
+    assert!(said(&gold, options(40, 64, 100)).contains("ideally diffuse"));
+}
