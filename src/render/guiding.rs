@@ -2,7 +2,6 @@
 //! the scene, the view and the options alone, and parts of a picture are guided alike.
 
 use super::clock::Stopwatch;
-use super::guiding_gain::{Tried, gain_of};
 use super::options::{Guiding, RenderOptions};
 use super::progress::{Listener, Progress};
 use super::work::WORKSPACE;
@@ -14,8 +13,8 @@ use crate::integrator::{
     Block, CausticPlan, Grid, Guide, Integrator, Learnt, Lesson, Lessons, Notes, PathOptions, SamplePlan,
     WAVE, Workspace,
 };
-use crate::sampling::hash::{hash32, r2_sequence};
-use crate::sampling::{Allotment, Arrangement, MOST_ARRANGED};
+use crate::sampling::hash::hash32;
+use crate::sampling::{Allotment, MOST_ARRANGED};
 use rayon::prelude::*;
 use std::sync::Arc;
 
@@ -32,16 +31,6 @@ const MOST_PART: u64 = 1 << 18;
 
 /// Lessons that cells are to have in the end.
 const LESSONS_OF_CELL: f64 = 2000.0;
-
-/// Before this pass it is tried whether the picture gains: a quarter of the work is done by then.
-const TRIED_AFTER: usize = 3;
-
-/// Squares of so many pixels, with this edge and two samples a pixel, are tried.
-const SQUARES: u32 = 256;
-const EDGE: u32 = 4;
-
-/// Paths must become more efficient by this factor with what was learned by then.
-const LEAST_GAIN: f64 = 1.1;
 
 /// Share of a time limit after which no further pass begins.
 const SHARE_OF_TIME: f64 = 0.1;
@@ -119,16 +108,12 @@ pub(super) struct School<'a> {
 }
 
 impl School<'_> {
-    /// A guide; none if paths found no diffuse surface, or gain nothing by it where that is asked.
+    /// A guide; none if paths found no diffuse surface.
     fn teach(&self) -> Result<Option<Guide>, Stopped> {
         let part = part(self.options);
         let (mut known, mut number) = (Known::default(), 0);
-        for (pass, parts) in PASSES.into_iter().enumerate() {
+        for parts in PASSES {
             let guide = known.guide().unwrap_or_else(Guide::blank);
-            let is_trial = pass == TRIED_AFTER && self.options.guiding == Guiding::Auto;
-            if is_trial && self.gain(&guide)? < LEAST_GAIN {
-                return Ok(None);
-            }
             for _ in 0..parts {
                 if self.is_late() {
                     return Ok(known.guide());
@@ -152,17 +137,12 @@ impl School<'_> {
         let per_pixel = part as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
         let allotment = Allotment::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
-        let integrator = self.integrator(SamplePlan::Allotted(&allotment), Some(guide), true);
+        let integrator = self.integrator(SamplePlan::Allotted(&allotment), Some(guide));
         let one = |block: &Block| self.in_workspace(|w| integrator.learn(block, w, &self.stop));
         blocks(width, height, per_pixel).par_iter().map(one).collect()
     }
 
-    fn integrator<'a>(
-        &'a self,
-        plan: SamplePlan<'a>,
-        guide: Option<&'a Guide>,
-        teaches: bool,
-    ) -> Integrator<'a> {
+    fn integrator<'a>(&'a self, plan: SamplePlan<'a>, guide: Option<&'a Guide>) -> Integrator<'a> {
         let paths = PathOptions {
             max_depth: self.options.max_depth,
             plan,
@@ -177,7 +157,7 @@ impl School<'_> {
             keeps_plain: false,
             caustics: self.caustics,
             guide,
-            teaches,
+            teaches: true,
         };
         Integrator::new(self.scene, self.view, paths)
     }
@@ -191,26 +171,6 @@ impl School<'_> {
             self.progress.add(0, w.ray_counts.since(before).all, self.stopwatch.wall(), self.listener);
             done.filter(|_| !(self.stop)()).ok_or(Stopped)
         })
-    }
-
-    /// How many times more efficient a guide makes paths, as some squares of the picture tell with and without.
-    fn gain(&self, guide: &Guide) -> Result<f64, Stopped> {
-        let RenderOptions { width, height, seed, .. } = *self.options;
-        let plan = SamplePlan::Even(Arrangement::new(hash32(seed ^ SEED), 2, 1));
-        let ways = [None, Some(guide)].map(|guide| self.integrator(plan, guide, false));
-        let (columns, rows) = (EDGE.min(width), EDGE.min(height));
-        let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
-        let squares: Vec<[u32; 2]> = (0..SQUARES).map(r2_sequence).collect();
-        let one = |&[x, y]: &[u32; 2]| {
-            let (x0, y0) = (place(x, width - columns), place(y, height - rows));
-            let block = Block { x0, y0, width: columns, height: rows, first_sample: 0, samples: 2 };
-            self.in_workspace(|w| {
-                let [plain, guided] = &ways;
-                Some([Tried::by(plain, &block, w, self.stop)?, Tried::by(guided, &block, w, self.stop)?])
-            })
-        };
-        let tried: Vec<[Tried; 2]> = squares.par_iter().map(one).collect::<Result<_, _>>()?;
-        Ok(gain_of(&tried))
     }
 }
 

@@ -13,7 +13,6 @@ mod caustics;
 mod clock;
 mod denoising;
 mod guiding;
-mod guiding_gain;
 mod halves;
 mod halving;
 mod identity;

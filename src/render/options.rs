@@ -66,8 +66,6 @@ pub enum Caustics {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[non_exhaustive]
 pub enum Guiding {
-    /// Where the picture gains by it, as some squares tell after a quarter of the learning.
-    Auto,
     /// Where there are diffuse surfaces and samples enough to learn.
     On,
     /// Never.
@@ -237,16 +235,15 @@ impl FromStr for Caustics {
 impl FromStr for Guiding {
     type Err = Error;
 
-    /// Reads `auto`, `on` or `off`.
+    /// Reads `on` or `off`.
     ///
     /// # Errors
     /// A usage error.
     fn from_str(text: &str) -> Result<Guiding> {
         match text {
-            "auto" => Ok(Guiding::Auto),
             "on" => Ok(Guiding::On),
             "off" => Ok(Guiding::Off),
-            _ => Err(Error::usage(format!("'{text}' is neither auto nor on nor off"))),
+            _ => Err(Error::usage(format!("'{text}' is neither on nor off"))),
         }
     }
 }

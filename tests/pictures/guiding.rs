@@ -180,23 +180,6 @@ fn going_on_gives_the_picture_of_a_single_run() {
 }
 
 #[test]
-fn a_trial_decides() {
-    let auto = |scene: &Scene, options: RenderOptions| finished(scene, &options.guiding(Guiding::Auto));
-    let options = plain(options(128, 32, 100));
-    let of_room = auto(&room(false), options);
-    assert!(of_room.statistics().guide_cells.is_some());
-    assert!(bits(of_room.film()) == bits(&picture(&room(false), &guided(options))));
-    // A convex body in even light: its paths never meet a second surface.
-    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
-    sphere(&mut scene, [0.0; 3], 1.0, grey);
-    scene.cameras.push(camera(DVec3::new(0.0, 0.0, 3.0), DVec3::ZERO, DVec3::Y, 60.0));
-    let of_sphere = auto(&scene, options);
-    assert_eq!(of_sphere.statistics().guide_cells, None);
-    assert!(bits(of_sphere.film()) == bits(&picture(&scene, &options)));
-}
-
-#[test]
 fn what_can_not_be_guided_says_so() {
     let said = |scene: &Scene, options: RenderOptions| {
         let rendering = finished(scene, &guided(plain(options)));
