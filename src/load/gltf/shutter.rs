@@ -96,7 +96,7 @@ impl Moments {
             };
             let deformed = self.vertices(&met, &scene.meshes[mesh]);
             unlike += usize::from(deformed.is_none() && self.is_deformed(&met));
-            let deforms = deformed.as_ref().is_some_and(is_different);
+            let deforms = deformed.as_ref().is_some_and(|moving| is_other(moving, &scene.meshes[mesh]));
             if differs(&moving, &place) || deforms {
                 scene.instances[i].motion = Motion::Keyed(scene.motion.instances.len() as u32);
                 scene.motion.instances.push(moving);
@@ -168,11 +168,9 @@ fn differs<T: PartialEq>(moving: &Moving<T>, now: &T) -> bool {
     moving.all().any(|then| then != now)
 }
 
-/// Do shapes differ from each other?
-fn is_different(moving: &Moving<Vertices>) -> bool {
-    let mut all = moving.all();
-    let first = all.next();
-    all.any(|other| Some(other) != first)
+/// Is a mesh at any time another than at the picture's moment?
+fn is_other(moving: &Moving<Vertices>, now: &Mesh) -> bool {
+    moving.all().any(|then| then.positions != now.positions || then.normals != now.normals)
 }
 
 /// Names of instances, with numbers that tell those of one name apart.
