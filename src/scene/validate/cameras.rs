@@ -5,20 +5,24 @@ use crate::math::DAffine3;
 use crate::scene::{Aperture, Camera, Projection};
 use std::f64::consts::PI;
 
-pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
-    let place = Place { list: "cameras", index, name: &camera.name };
-    let m = &camera.world_from_camera;
+/// May a camera stand so?
+fn is_placed(m: &DAffine3) -> bool {
     let axes = [m.matrix3.x_axis, m.matrix3.y_axis, m.matrix3.z_axis].map(|axis| axis.try_normalize());
-    let is_met = match axes {
+    match axes {
         // Compared by angles: cameras may have any scale.
         [Some(x), Some(y), Some(z)] => m.translation.is_finite() && x.cross(y).dot(z).abs() > 1e-9,
         _ => false,
-    };
+    }
+}
+
+pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
+    let place = Place { list: "cameras", index, name: &camera.name };
+    let m = &camera.world_from_camera;
     let allowed = "finite, with three axes that lie in no plane";
-    findings.require(is_met, place, "world_from_camera", m, allowed);
+    findings.require(is_placed(m), place, "world_from_camera", m, allowed);
     if let Some(moving) = &camera.motion {
-        let is_met = moving.all().all(DAffine3::is_finite);
-        findings.require(is_met, place, "motion", moving.keys.len(), "finite transforms");
+        let is_met = moving.all().all(is_placed);
+        findings.require(is_met, place, "motion", moving.keys.len(), allowed);
     }
     match camera.projection {
         Projection::Perspective { vfov_rad } => {
