@@ -148,7 +148,7 @@ fn lights_cameras_shapes_and_settings() {
     let (inner_angle_rad, outer_angle_rad) = (0.5, 0.4);
     let kind =
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade: Default::default() };
-    scene.lights.push(Light::new(kind, [f32::INFINITY, 0.0, 0.0]));
+    scene.lights.push(Light { name: "lamp".into(), ..Light::new(kind, [f32::INFINITY, 0.0, 0.0]) });
     scene.shapes.push(Shape { name: "ball".into(), ..Shape::sphere(DVec3::ZERO, -1.0, MaterialId(0)) });
     scene.cameras.push(Camera {
         name: "eye".into(),
