@@ -428,7 +428,7 @@ mod tests {
         let mut random = Random::new(21);
         for k in 0..10_000 {
             // The edges as well.
-            let edge = |u: f32, k: u32| if k % 8 == 0 { (u * 4.0).floor() / 3.0 } else { u };
+            let edge = |u: f32, k: u32| if k.is_multiple_of(8) { (u * 4.0).floor() / 3.0 } else { u };
             let uv = [edge(random.next(), k), edge(random.next(), k / 8)];
             let (_, density) = image.read(&image.locate(uv));
             assert_eq!(density.to_bits(), image.map.pdf_area(uv).to_bits(), "{uv:?}");

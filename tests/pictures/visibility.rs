@@ -171,8 +171,7 @@ fn traits_move_along() {
         neighbours: None,
     };
     for (traits, truth) in [(unseen_by(&[RayKinds::CAMERA]), 1.0), (ObjectTraits::default(), 0.0)] {
-        let mut scene = Scene::default();
-        scene.environment = Environment::Constant([1.0; 3]);
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
         let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
         sphere(&mut scene, [0.0; 3], 1.0, black);
         quad(&mut scene, [-2.0, -2.0, 0.5], [4.0, 0.0, 0.0], [0.0, 4.0, 0.0], black);
