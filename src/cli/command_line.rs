@@ -4,7 +4,7 @@ use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
     ThumbArgs,
 };
-use super::long_args::MergeArgs;
+use super::merge_args::MergeArgs;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
 use super::view::{self, ViewArgs};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};

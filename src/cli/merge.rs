@@ -1,6 +1,6 @@
 //! `oscura merge`: a picture from its parts.
 
-use super::long_args::MergeArgs;
+use super::merge_args::MergeArgs;
 use super::outcome::Outcome;
 use super::pictures::{How, Pictures, Shot, Targets};
 use super::report::{self, counted};

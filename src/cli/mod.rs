@@ -36,6 +36,7 @@ mod limits;
 mod long_args;
 mod markdown;
 mod merge;
+mod merge_args;
 mod named;
 mod new;
 mod numbers;
