@@ -3,7 +3,7 @@
 use super::first_hit::FirstHits;
 use super::flight::{Flight, ShadowWay};
 use super::group::Group;
-use super::guiding::{Lesson, Pending};
+use super::guiding::lesson::{Lesson, Pending};
 use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;

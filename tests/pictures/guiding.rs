@@ -1,13 +1,13 @@
 //! Guided paths: the same expected picture, less noise where light comes from few directions, and the same bits whatever the machine.
 
 use crate::support::differences::{assert_same_bits, bits, differences, noise};
-use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
+use crate::support::{
+    assert_radiance, camera, material, options, pbr, picture, quad, rendering, sphere, walls,
+};
 use oscura::math::DVec3;
 use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
 use oscura::render::{Guiding, PassOutcome, PathReuse, RenderOptions, Rendering, Splitting};
-use oscura::scene::{
-    AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Material, Model, PbrMaterial, Scene,
-};
+use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, FresnelModel, Material, Model, Scene};
 use std::path::Path;
 
 /// Nothing but guiding differs.
@@ -17,16 +17,6 @@ fn plain(options: RenderOptions) -> RenderOptions {
 
 fn guided(options: RenderOptions) -> RenderOptions {
     options.guiding(Guiding::On)
-}
-
-fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
-    let pbr = PbrMaterial {
-        base_color: ColorSlot::constant(color),
-        metallic: FloatSlot::constant(metallic),
-        roughness: FloatSlot::constant(roughness),
-        ..PbrMaterial::default()
-    };
-    Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
 /// A room that gets its light through a slit, from a lamp behind a wall.

@@ -2,27 +2,19 @@
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, differences, noise};
 use crate::support::sheet::{self, Variant};
-use crate::support::{assert_radiance, camera, material, options, picture, quad, rendering, sphere, walls};
+use crate::support::{
+    assert_radiance, camera, material, options, pbr, picture, quad, rendering, sphere, walls,
+};
 use oscura::math::{DAffine3, DVec3, Vec3};
 use oscura::render::{GroupShape, PassOutcome, PathReuse, RenderOptions};
 use oscura::scene::{
     AlphaMode, ColorSlot, Environment, FloatSlot, Instance, Interpolation, Material, Mesh, MeshId, MeshPart,
-    Model, PbrMaterial, Scene,
+    Model, Scene,
 };
 use std::path::Path;
 
 fn groups(shape: &str) -> PathReuse {
     shape.parse().expect("a shape of groups")
-}
-
-fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
-    let pbr = PbrMaterial {
-        base_color: ColorSlot::constant(color),
-        metallic: FloatSlot::constant(metallic),
-        roughness: FloatSlot::constant(roughness),
-        ..PbrMaterial::default()
-    };
-    Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
 fn room_camera(scene: &mut Scene) {

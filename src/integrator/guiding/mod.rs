@@ -20,7 +20,7 @@ mod guide;
 mod histogram;
 mod keys;
 mod learn;
-mod lesson;
+pub(super) mod lesson;
 mod scatter;
 #[cfg(test)]
 mod tests;
@@ -28,7 +28,6 @@ mod tests;
 pub use grid::Grid;
 pub use guide::Guide;
 pub use learn::Learnt;
-pub(super) use lesson::Pending;
 pub use lesson::{Lesson, Lessons, Notes};
 pub(super) use scatter::{GuidedLambert, scatter};
 

@@ -105,23 +105,25 @@ impl Layered {
     /// The name of a channel without the render layer that Blender, and files laid out as its are, write before it:
     /// `albedo.R` for `ViewLayer.albedo.R`, `R` for `ViewLayer.Combined.R`. Others stay as they are.
     pub fn plain_name(&self, part: usize, name: &str) -> String {
+        plain_name(self.render_layer(part).as_deref(), name).to_string()
+    }
+
+    /// What stands before the names of a part's channels, with its dot, if that is a render layer.
+    fn render_layer(&self, part: usize) -> Option<String> {
         let list = &self.file.layer_data[part].channel_data.list;
         let layer =
-            list.iter().find_map(|c| Some(c.name.to_string().strip_suffix(".Combined.R")?.to_string()));
-        let below = layer.and_then(|layer| name.strip_prefix(&layer)?.strip_prefix('.').map(str::to_string));
-        match below.as_deref() {
-            None => name.to_string(),
-            Some("Depth.Z") => "Z".to_string(),
-            Some("Samples.X") => "samples".to_string(),
-            Some(below) => below.strip_prefix("Combined.").unwrap_or(below).to_string(),
-        }
+            |name: String| name.strip_suffix("Combined.R").filter(|l| l.ends_with('.')).map(str::to_string);
+        list.iter().find_map(|c| layer(c.name.to_string()))
     }
 
     /// Where in its part's list a channel is: by its name, or by its [plain name](Layered::plain_name).
     fn index_of(&self, part: usize, name: &str) -> Option<usize> {
         let list = &self.file.layer_data[part].channel_data.list;
         let as_it_is = list.iter().position(|c| c.name == *name);
-        as_it_is.or_else(|| list.iter().position(|c| self.plain_name(part, &c.name.to_string()) == name))
+        as_it_is.or_else(|| {
+            let layer = self.render_layer(part)?;
+            list.iter().position(|c| plain_name(Some(&layer), &c.name.to_string()) == name)
+        })
     }
 
     /// The first part with a channel, of those that are as large as part `like`; that one before others.
@@ -163,6 +165,16 @@ impl Layered {
     /// The file in the types of the crate that writes it.
     pub(crate) fn file(&self) -> &exr::image::Image<Layers<AnyChannels<FlatSamples>>> {
         &self.file
+    }
+}
+
+/// The name of a channel without that of the render layer before it.
+fn plain_name<'a>(layer: Option<&str>, name: &'a str) -> &'a str {
+    match layer.and_then(|layer| name.strip_prefix(layer)) {
+        None => name,
+        Some("Depth.Z") => "Z",
+        Some("Samples.X") => "samples",
+        Some(below) => below.strip_prefix("Combined.").unwrap_or(below),
     }
 }
 

@@ -8,7 +8,10 @@ use oscura::compile::{CompileOptions, CompiledScene, compile};
 use oscura::film::Film;
 use oscura::math::{DAffine3, DMat3, DVec3};
 use oscura::render::{PassOutcome, RenderOptions, Rendering};
-use oscura::scene::{Camera, Filter, Material, MaterialId, Projection, Quad, Scene, Shape};
+use oscura::scene::{
+    Camera, ColorSlot, Filter, FloatSlot, Material, MaterialId, Model, PbrMaterial, Projection, Quad, Scene,
+    Shape,
+};
 use std::sync::Arc;
 
 /// A pinhole camera.
@@ -98,6 +101,17 @@ pub fn material(scene: &mut Scene, material: Material) -> MaterialId {
 /// Adds a quad.
 pub fn quad(scene: &mut Scene, corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64; 3], material: MaterialId) {
     scene.quads.push(Quad { name: "quad".into(), ..Quad::new(corner, edge_u, edge_v, material) });
+}
+
+/// An opaque glTF material.
+pub fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant(color),
+        metallic: FloatSlot::constant(metallic),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
 /// Adds a sphere.
