@@ -207,6 +207,9 @@ pub(crate) struct RenderArgs {
     /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
     #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
+    /// Make smooth glass transparent, too, where nothing is behind it (with --transparent); its reflections stay.
+    #[arg(long)]
+    pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,

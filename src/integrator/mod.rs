@@ -16,6 +16,7 @@ mod alpha;
 mod block;
 mod catcher;
 mod caustics;
+mod clear;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -90,6 +91,8 @@ pub struct PathOptions<'a> {
     pub light_groups: usize,
     /// Tell what shadow catchers catch. Paths are neither shared nor split then.
     pub catchers: bool,
+    /// Make samples transparent that see where nothing is through clear glass.
+    pub transparent_glass: bool,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
@@ -113,7 +116,7 @@ pub struct PathSample<'a> {
     pub pixel: u32,
     /// Radiance, linear.
     pub rgb: [f32; 3],
-    /// 1 where something was seen.
+    /// 1 where something was seen, less where that was glass before nothing.
     pub alpha: f32,
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
@@ -206,6 +209,7 @@ impl<'a> Integrator<'a> {
                 layers.has_passes(),
                 options.caustics.is_some(),
                 options.guide.is_some(),
+                options.transparent_glass,
             ),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             options,
@@ -287,6 +291,9 @@ impl<'a> Integrator<'a> {
             if bounce == 0 && !w.uncovered.is_empty() {
                 self.uncover(w);
             }
+            if bounce == 0 && self.parts.clear {
+                self.start_clear(&sorted, w);
+            }
             if sorted.all().is_empty() {
                 return true;
             }
@@ -301,6 +308,9 @@ impl<'a> Integrator<'a> {
             }
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
+            if self.parts.clear {
+                self.keep_clear(&sorted, w);
+            }
             self.end_stretched_chains(bounce, &sorted, w);
             if self.options.teaches {
                 self.note_vertices(&sorted, w);

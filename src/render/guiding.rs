@@ -151,6 +151,7 @@ impl School<'_> {
             mattes: &self.mattes,
             light_groups: 0,
             catchers: false,
+            transparent_glass: false,
             soft_terminator: self.options.soft_terminator,
             reuse: None,
             branches: 1,

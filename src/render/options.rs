@@ -141,6 +141,10 @@ pub struct RenderOptions {
     pub light_groups: bool,
     /// Tell what shadow catchers catch: see [`Film::settle_catchers`](crate::film::Film::settle_catchers). Default false.
     pub catchers: bool,
+    /// Make the picture transparent where smooth glass is before nothing: a sample whose path passes from the camera through
+    /// smooth surfaces only, by transmission, and leaves the scene there doesn't show the environment, and its alpha is 1 less
+    /// the mean of the path's throughput over the three channels. Reflections stay opaque. Default false.
+    pub transparent_glass: bool,
     /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
     /// Default false.
     pub halves: bool,
@@ -264,6 +268,7 @@ impl Default for RenderOptions {
             matte_levels: MATTE_LEVELS,
             light_groups: false,
             catchers: false,
+            transparent_glass: false,
             halves: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
@@ -347,6 +352,12 @@ impl RenderOptions {
     /// Sets [`catchers`](RenderOptions::catchers).
     pub fn catchers(self, catchers: bool) -> RenderOptions {
         RenderOptions { catchers, ..self }
+    }
+
+    /// Sets whether smooth glass before nothing is transparent.
+    #[must_use]
+    pub fn transparent_glass(self, transparent_glass: bool) -> RenderOptions {
+        RenderOptions { transparent_glass, ..self }
     }
 
     /// Sets whether the halves of the samples are kept apart.

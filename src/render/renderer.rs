@@ -137,6 +137,13 @@ impl Renderer {
         self
     }
 
+    /// Whether smooth glass is transparent where nothing is behind it: see
+    /// [`RenderOptions::transparent_glass`](super::RenderOptions::transparent_glass).
+    pub fn transparent_glass(mut self, transparent_glass: bool) -> Renderer {
+        self.choices.transparent_glass = transparent_glass;
+        self
+    }
+
     /// Whether to keep the halves of each pixel's samples apart, for [`Film::halves`](crate::film::Film::halves).
     pub fn halves(mut self, halves: bool) -> Renderer {
         self.choices.halves = halves;

@@ -32,6 +32,8 @@ pub struct Choices {
     pub sample_range: Option<(u32, u32)>,
     /// See [`RenderOptions::region`].
     pub region: Option<Region>,
+    /// See [`RenderOptions::transparent_glass`].
+    pub transparent_glass: bool,
     /// See [`RenderOptions::halves`].
     pub halves: bool,
     /// See [`RenderOptions::soft_terminator`].
@@ -82,6 +84,7 @@ impl Default for Choices {
             planned: options.planned,
             sample_range: options.sample_range,
             region: options.region,
+            transparent_glass: options.transparent_glass,
             halves: options.halves,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
@@ -116,6 +119,7 @@ impl Choices {
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
             .catchers(scene.has_catchers())
+            .transparent_glass(self.transparent_glass)
             .planned(self.planned)
             .sample_range(self.sample_range)
             .region(self.region)

@@ -159,6 +159,7 @@ impl PassWork<'_> {
             mattes: &self.labels.ids,
             light_groups: self.labels.light_groups.len(),
             catchers: self.options.catchers,
+            transparent_glass: self.options.transparent_glass,
             soft_terminator: self.options.soft_terminator,
             reuse,
             branches,

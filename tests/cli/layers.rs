@@ -202,3 +202,29 @@ fn models_name_groups_in_extras() {
         assert!(planes[&format!("RGBA_{group}.G")].iter().any(|v| *v > 0.0), "{group}");
     }
 }
+
+/// Glass is transparent on demand, where the picture is at all.
+#[test]
+fn glass_is_transparent_where_the_world_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let glass = "[materials.glass]\ntype = \"glass\"\n\n[[objects]]\nname = \"ball\"\nmaterial = \"glass\"\nsphere = { center = [0, 1.2, 1], radius = 0.6 }\n";
+    fs::write(folder.path().join("a.toml"), format!("{LIGHTS}\n{glass}")).unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet", "--depth", "8"];
+        oscura(folder.path(), &[&fixed[..], more].concat())
+    };
+    let alphas = |more: &[&str]| {
+        let output = shoot(more);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        planes(&folder.path().join("a.exr"))["A"].clone()
+    };
+    let opaque = alphas(&["--transparent"]);
+    let clear = alphas(&["--transparent", "--transparent-glass"]);
+    let cleared =
+        opaque.iter().zip(&clear).filter(|(opaque, clear)| **opaque == 1.0 && **clear < 0.6).count();
+    assert!(cleared > 5, "{cleared}");
+    assert!(opaque.iter().zip(&clear).all(|(opaque, clear)| clear <= opaque && *clear >= 0.0));
+    let output = shoot(&["--transparent-glass"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("add --transparent"), "{}", stderr(&output));
+}

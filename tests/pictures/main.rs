@@ -25,6 +25,7 @@ mod splitting;
 mod stepping;
 mod support;
 mod textured;
+mod transparent_glass;
 mod trees;
 mod validated;
 mod visibility;
