@@ -14,7 +14,7 @@ use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use oscura::film::AovSet;
+use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
@@ -231,6 +231,9 @@ pub(crate) struct RenderArgs {
     /// Further channels of the EXR.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
     pub aov: Vec<AovSet>,
+    /// The space of position, normal and geometric_normal: world or camera.
+    #[arg(long, value_name = "SPACE", default_value = "world")]
+    pub aov_space: AovSpace,
     /// Further channels RGBA_key of the EXR for the light of each group of lights.
     #[arg(long)]
     pub light_groups: bool,

@@ -2,9 +2,10 @@
 
 use super::Outcome;
 use super::picture_args::ConvertArgs;
+use oscura::color::Primaries;
 use oscura::error::{Error, Result};
 use oscura::load::image::{Layered, load_layered};
-use oscura::output::{Format, Linear, PngOptions, check_target, encode_shown, write_atomically};
+use oscura::output::{Format, Linear, PngOptions, check_target, encode_shown, is_color, write_atomically};
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     let format = Format::of(&args.output)?;
@@ -28,9 +29,38 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         encode_shown(&picture, format, &options).map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
+        say_invalid(&rgba);
         say!("wrote    {}", args.output.display());
     }
     Ok(Outcome::Done)
+}
+
+/// Colours of another space, which the file names, become linear Rec. 709, which views are for.
+fn to_rec709(file: &Layered, rgb: &mut [Vec<f32>; 3]) {
+    let matrix = file.primaries().and_then(|primaries| primaries.to(&Primaries::REC709));
+    // Headers hold single floats: what is nearly the identity is.
+    let is_identity = |m: &[[f64; 3]; 3]| {
+        (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
+    };
+    let Some(matrix) = matrix.filter(|m| !is_identity(m)) else { return };
+    for i in 0..rgb[0].len() {
+        let from = [0, 1, 2].map(|c| f64::from(rgb[c][i]));
+        for (plane, row) in rgb.iter_mut().zip(&matrix) {
+            plane[i] = (row[0] * from[0] + row[1] * from[1] + row[2] * from[2]) as f32;
+        }
+    }
+}
+
+/// Says how many values are no numbers that a picture could show.
+fn say_invalid(rgba: &[[f32; 4]]) {
+    let of = |is: fn(f32) -> bool| rgba.as_flattened().iter().filter(|v| is(**v)).count();
+    let (nan, infinite) = (of(f32::is_nan), of(f32::is_infinite));
+    let values = rgba.as_flattened().len();
+    if nan + infinite > 0 {
+        say!(
+            "note: of {values} values {nan} are NaN, shown as 0, and {infinite} infinite, shown as the least or the most"
+        );
+    }
 }
 
 /// The pixels of a layer, and which part has it. A layer is what channels' names have before the last dot, a part's name, or
@@ -52,7 +82,10 @@ fn colors(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
         let names = letters.map(|letter| format!("{prefix}{letter}"));
         file.triple(part, names.each_ref().map(String::as_str))
     };
-    let [r, g, b] = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]))?;
+    let is_color = is_color(prefix.trim_end_matches(|c: char| c == '.' || c.is_ascii_digit()));
+    let mut rgb = triple(["R", "G", "B"]);
+    rgb.iter_mut().filter(|_| is_color).for_each(|rgb| to_rec709(file, rgb));
+    let [r, g, b] = rgb.or_else(|| triple(["X", "Y", "Z"]))?;
     let alpha = file.values(part, &format!("{prefix}A")).unwrap_or_else(|| vec![1.0; r.len()]);
     Some((0..r.len()).map(|i| [r[i], g[i], b[i], alpha[i]]).collect())
 }

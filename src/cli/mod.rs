@@ -22,6 +22,8 @@ mod command_line;
 mod compare;
 mod convert;
 mod denoise;
+mod denoiser_args;
+mod denoising;
 mod environment;
 mod excerpt;
 mod export;

@@ -46,6 +46,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         },
         camera: args.camera.clone(),
         aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
+        aov_space: args.aov_space,
         matte_levels: args.crypto_levels,
         light_groups: args.light_groups,
         planned: args.long.plan.unwrap_or(0),

@@ -67,7 +67,7 @@ impl Accumulator {
         let numbers = pixels.checked_mul(width)?;
         let sums = || SumList::try_new(numbers, is_of_film);
         let kept = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => Kept::Sums(sums()?),
+            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => Kept::Sums(sums()?),
             Reduction::VarianceOfMean => Kept::Moments { sums: sums()?, squares: sums()? },
             Reduction::Minimum { .. } => Kept::Minimum(zeros(numbers)?),
             Reduction::First => Kept::First(zeros(numbers)?),
@@ -81,7 +81,7 @@ impl Accumulator {
     pub fn bytes_per_pixel(channel: &Channel) -> usize {
         const SUM: usize = size_of::<f64>() + size_of::<f32>();
         let number = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => SUM,
+            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => SUM,
             Reduction::VarianceOfMean => 2 * SUM,
             Reduction::Minimum { .. } | Reduction::First | Reduction::Coverage => size_of::<f32>(),
             Reduction::Count => 0,
@@ -171,6 +171,9 @@ impl Accumulator {
                 let pixels = component_of(&sums.high, self.width, component).zip(brought);
                 pixels.map(|(sum, &hits)| if hits == 0 { empty } else { mean(sum, hits) }).collect()
             }
+            (Kept::Sums(sums), Reduction::Share) => {
+                sums.high.chunks_exact(2).map(|pair| share(pair[0], pair[1])).collect()
+            }
             (Kept::Sums(sums), _) => component_of(&sums.high, self.width, component)
                 .zip(samples)
                 .map(|(sum, &n)| mean(sum, n))
@@ -217,6 +220,12 @@ fn component_of<T: Copy>(list: &[T], width: usize, component: usize) -> impl Ite
 /// One over a count, or zero.
 pub(super) fn reciprocal(count: u32) -> f64 {
     if count == 0 { 0.0 } else { 1.0 / f64::from(count) }
+}
+
+/// Which share of both the first of two sums is; 0 of nothing.
+fn share(first: f64, second: f64) -> f32 {
+    let both = first + second;
+    if both > 0.0 { (first / both).clamp(0.0, 1.0) as f32 } else { 0.0 }
 }
 
 /// The variance of a mean of `count` values with these sums: `(squares - sums^2 / n) / (n - 1) / n`.

@@ -22,7 +22,7 @@ mod sums;
 mod tile;
 
 pub use accumulator::Values;
-pub use aov::{Aov, AovInfo, BACKGROUND_DEPTH, MATTE_LEVELS};
+pub use aov::{Aov, AovInfo, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
 pub use aov_set::AovSet;
 pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};

@@ -42,6 +42,7 @@ pub mod reuse;
 mod roulette;
 mod samples;
 mod scatter;
+mod shadow;
 mod sheets;
 mod shutter;
 mod sink;
@@ -64,7 +65,7 @@ pub use samples::SamplePlan;
 pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
-use crate::film::{AovSet, FilterSampler, MatteIds, Source};
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::AroundCamera;
@@ -85,6 +86,8 @@ pub struct PathOptions<'a> {
     pub filter: &'a FilterSampler,
     /// AOVs of first hits and light passes that are asked for.
     pub aovs: AovSet,
+    /// Which space those of places and directions are in.
+    pub aov_space: AovSpace,
     /// The ids that mattes show.
     pub mattes: &'a MatteIds,
     /// How many of the scene's groups of lights are kept apart: all or none.

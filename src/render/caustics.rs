@@ -3,7 +3,7 @@
 use super::options::{Adaptive, Caustics, RenderOptions};
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::film::{Aov, AovSet, FilterSampler, MatteIds, Source};
+use crate::film::{Aov, AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::integrator::{
     Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan, Workspace,
 };
@@ -136,6 +136,7 @@ impl Trial<'_> {
             plan: SamplePlan::Even(Arrangement::new(self.options.seed, 2, 1)),
             filter: self.filter,
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             mattes: &self.mattes,
             light_groups: 0,
             catchers: false,

@@ -8,7 +8,7 @@ use super::work::WORKSPACE;
 use crate::bsdf::BsdfClass;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::film::{AovSet, FilterSampler, MatteIds};
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
 use crate::integrator::{
     Block, CausticPlan, Grid, Guide, Integrator, Learnt, Lesson, Lessons, Notes, PathOptions, SamplePlan,
     WAVE, Workspace,
@@ -148,6 +148,7 @@ impl School<'_> {
             plan,
             filter: self.filter,
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             mattes: &self.mattes,
             light_groups: 0,
             catchers: false,

@@ -1,7 +1,7 @@
 //! Everything about a picture that is settled before it is rendered.
 
 use crate::error::{Error, Result};
-use crate::film::{AovSet, MATTE_LEVELS};
+use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
 use crate::scene::Filter;
@@ -135,6 +135,8 @@ pub struct RenderOptions {
     pub filter: Filter,
     /// Which AOVs to record besides colour. Default none.
     pub aovs: AovSet,
+    /// Which space those of places and directions are in. Default [`AovSpace::World`].
+    pub aov_space: AovSpace,
     /// Ranks of ids of the mattes among the AOVs. Default [`MATTE_LEVELS`].
     pub matte_levels: u32,
     /// Record the light of each of the scene's groups of lights besides colour. Default false.
@@ -265,6 +267,7 @@ impl Default for RenderOptions {
             max_depth: 100,
             filter: Filter::default(),
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             matte_levels: MATTE_LEVELS,
             light_groups: false,
             catchers: false,
@@ -335,6 +338,12 @@ impl RenderOptions {
     #[must_use]
     pub fn aovs(self, aovs: impl Into<AovSet>) -> RenderOptions {
         RenderOptions { aovs: aovs.into(), ..self }
+    }
+
+    /// Sets which space AOVs of places and directions are in.
+    #[must_use]
+    pub fn aov_space(self, aov_space: AovSpace) -> RenderOptions {
+        RenderOptions { aov_space, ..self }
     }
 
     /// Sets how many ranks of ids mattes have.

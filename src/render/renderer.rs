@@ -9,7 +9,7 @@ use super::rendering::Rendering;
 use super::settle::Choices;
 use crate::compile::Compiler;
 use crate::error::Result;
-use crate::film::{Aov, AovSet};
+use crate::film::{Aov, AovSet, AovSpace};
 use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
 use std::time::Duration;
@@ -122,6 +122,12 @@ impl Renderer {
     /// Which AOVs to record besides colour.
     pub fn aovs(mut self, aovs: impl Into<AovSet>) -> Renderer {
         self.choices.aovs = aovs.into();
+        self
+    }
+
+    /// Which space AOVs of places and directions are in.
+    pub fn aov_space(mut self, aov_space: AovSpace) -> Renderer {
+        self.choices.aov_space = aov_space;
         self
     }
 

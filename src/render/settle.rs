@@ -3,7 +3,7 @@
 use super::options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
-use crate::film::{Aov, AovSet};
+use crate::film::{Aov, AovSet, AovSpace};
 use crate::output::part::Region;
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
 use std::time::Duration;
@@ -22,6 +22,8 @@ pub struct Choices {
     pub camera: Option<String>,
     /// What to record besides colour and what the scene asks for.
     pub aovs: AovSet,
+    /// See [`RenderOptions::aov_space`].
+    pub aov_space: AovSpace,
     /// See [`RenderOptions::matte_levels`].
     pub matte_levels: u32,
     /// See [`RenderOptions::light_groups`].
@@ -79,6 +81,7 @@ impl Default for Choices {
             settings: Settings::default(),
             camera: None,
             aovs: options.aovs,
+            aov_space: options.aov_space,
             matte_levels: options.matte_levels,
             light_groups: options.light_groups,
             planned: options.planned,
@@ -116,6 +119,7 @@ impl Choices {
             .max_depth(settings.depth.unwrap_or(default.max_depth))
             .filter(settings.filter.unwrap_or(default.filter))
             .aovs(self.aovs.union(aovs_of(&settings)?))
+            .aov_space(self.aov_space)
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
             .catchers(scene.has_catchers())

@@ -156,6 +156,7 @@ impl PassWork<'_> {
             plan: self.allotment.map_or_else(|| SamplePlan::Even(even()), SamplePlan::Allotted),
             filter: self.filter,
             aovs: self.options.aovs,
+            aov_space: self.options.aov_space,
             mattes: &self.labels.ids,
             light_groups: self.labels.light_groups.len(),
             catchers: self.options.catchers,

@@ -131,3 +131,25 @@ fn info_tells_ranges_and_headers_and_layers_become_pictures() {
         assert_eq!(code(&output), 0, "{layer}: {}", stderr(&output));
     }
 }
+
+#[test]
+fn what_is_no_number_is_counted_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let pixel = |x: usize, y: usize| match (x, y) {
+        (0, 0) => (f32::NAN, 1.0f32, f32::NAN),
+        (1, 2) => (f32::INFINITY, f32::NEG_INFINITY, 0.0),
+        (2, 2) => (0.0, 0.0, f32::INFINITY),
+        _ => (0.5, 0.5, 0.5),
+    };
+    exr::prelude::write_rgb_file(folder.path().join("a.exr"), 4, 4, pixel).unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("b.exr"), 4, 4, |_, _| (0.5f32, 0.5f32, 0.5f32)).unwrap();
+    let said = |file: &str, more: &[&str]| {
+        let output = oscura(folder.path(), &[&["convert", file, "-o", "a.png"], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    let notes = said("a.exr", &[]);
+    assert_eq!(notes.matches("note:").count(), 1, "{notes}");
+    assert!(notes.contains("2 are NaN") && notes.contains("3 infinite"), "{notes}");
+    assert!(!said("b.exr", &[]).contains("note:") && !said("a.exr", &["--quiet"]).contains("note:"));
+}

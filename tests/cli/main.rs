@@ -4,6 +4,7 @@ mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;
+mod denoisers;
 mod errors;
 mod examples;
 mod farms;

@@ -19,6 +19,7 @@ mod passes;
 mod path_reuse;
 mod references;
 mod reuse;
+mod shadow;
 mod sheets;
 mod solids;
 mod splitting;

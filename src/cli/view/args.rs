@@ -6,7 +6,7 @@ use clap::parser::ValueSource;
 use clap::{ArgMatches, Args, Command};
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 33] = [
+const UNUSED: [&str; 37] = [
     "output",
     "frames",
     "fps",
@@ -24,16 +24,20 @@ const UNUSED: [&str; 33] = [
     "progress",
     "memory_limit",
     "denoise",
+    "denoiser",
+    "oidn_library",
     "deep",
     "float",
     "exr_layout",
     "exr_compression",
     "exr_tiles",
+    "working_space",
     "exr_half",
     "exr_float",
     "crop",
     "overscan",
     "aov",
+    "aov_space",
     "light_groups",
     "crypto_levels",
     "strict",
