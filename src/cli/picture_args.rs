@@ -79,6 +79,9 @@ pub(crate) struct ConvertArgs {
     /// A layer, a part or a channel instead of the picture itself: N, DiffDir, Z, ...
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
+    /// All layers beside each other, small, with their names: colours as they look, other values by their ranges.
+    #[arg(long, conflicts_with_all = ["layer", "dither", "deep"])]
+    pub sheet: bool,
     /// How it looks.
     #[arg(long, value_name = "VIEW", default_value = "srgb", value_parser = views())]
     pub view: ViewTransform,

@@ -6,7 +6,7 @@ use crate::color::Rgb;
 
 /// Alphas are multiples of one over this: coarse enough that single floats hold all that occur, and sums in doubles of 2^31
 /// of them are exact.
-const ALPHA_GRID: f32 = 4_194_304.0;
+const ALPHA_GRID: f32 = 1_048_576.0;
 
 /// Radiance and alpha of the samples of a wave, and the layers of the radiance that are asked for.
 pub struct Sink {

@@ -6,15 +6,18 @@ use super::encoded::Encoded;
 use super::exr_colors::{is_color, planes};
 use super::exr_header::sort_attributes;
 use super::exr_options::ExrOptions;
+use super::exr_zip::{self, AnyImage};
 use super::matte::Matte;
 use crate::error::{Choice, Warning};
-use crate::film::{AovSpace, Film, PixelType, Values};
+use crate::film::{AovSpace, Film, PixelType, Plane, Values};
 use crate::load::image::Layered;
 use crate::math::{DAffine3, DMat4, DVec3};
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes,
     Text, Vec2, WritableImage, f16,
 };
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
 use std::fmt::Write;
 use std::io::Cursor;
 use std::time::SystemTime;
@@ -92,13 +95,7 @@ pub fn encode_exr(
     let mut shared = ImageAttributes::with_size(Vec2(width as usize, height as usize));
     shared.chromaticities = Some(options.space.chromaticities());
     let image = Image::from_layers(shared, layers);
-    let mut bytes = Cursor::new(Vec::new());
-    let write = image.write();
-    // The encoder brings a pool of its own with all cores.
-    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
-    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    let mut bytes = bytes.into_inner();
-    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
+    let bytes = encode_image(&image)?;
     Ok(Encoded { bytes, warnings })
 }
 
@@ -107,11 +104,22 @@ pub fn encode_exr(
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
-    let mut bytes = Cursor::new(Vec::new());
-    let write = layered.file().write();
-    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
-    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    let mut bytes = bytes.into_inner();
+    encode_image(layered.file())
+}
+
+/// Encodes all that a file holds.
+fn encode_image(image: &AnyImage) -> Result<Vec<u8>, String> {
+    let mut bytes = match exr_zip::suits(image) {
+        true => exr_zip::encode(image).map_err(|e| e.to_string())?,
+        false => {
+            let mut bytes = Cursor::new(Vec::new());
+            let write = image.write();
+            // The encoder brings a pool of its own with all cores.
+            let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
+            write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+            bytes.into_inner()
+        }
+    };
     sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
     Ok(bytes)
 }
@@ -124,19 +132,22 @@ fn parts(
     options: &ExrOptions,
     clamped: &mut u64,
 ) -> Vec<(String, Vec<AnyChannel<FlatSamples>>)> {
-    let mut parts: Vec<(String, Vec<_>)> = Vec::new();
-    for plane in planes(film, options) {
+    let samples = |plane: Plane<'_>| {
         let own =
             if float && plane.pixel_type == PixelType::Half { PixelType::Float } else { plane.pixel_type };
-        let samples = match plane.values {
-            Values::Uint(values) => FlatSamples::U32(values),
-            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => {
-                to_half(&values, clamped)
-            }
-            Values::Float(values) => FlatSamples::F32(values),
-        };
-        let channel = AnyChannel::new(text(&options.name_of(plane.name)), samples);
-        let part = options.part_of(plane.name);
+        match plane.values {
+            Values::Uint(values) => (FlatSamples::U32(values), 0),
+            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => to_half(values),
+            Values::Float(values) => (FlatSamples::F32(values), 0),
+        }
+    };
+    let planes: Vec<_> =
+        planes(film, options).into_par_iter().map(|plane| (plane.name, samples(plane))).collect();
+    let mut parts: Vec<(String, Vec<_>)> = Vec::new();
+    for (name, (samples, count)) in planes {
+        *clamped += count;
+        let channel = AnyChannel::new(text(&options.name_of(name)), samples);
+        let part = options.part_of(name);
         match parts.iter_mut().find(|(name, _)| *name == part) {
             Some((_, channels)) => channels.push(channel),
             None => parts.push((part, vec![channel])),
@@ -145,13 +156,17 @@ fn parts(
     parts
 }
 
-fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {
+/// Half floats, and how many values were beyond their range.
+fn to_half(mut values: Vec<f32>) -> (FlatSamples, u64) {
     let limit = f16::MAX.to_f32();
-    let convert = |&v: &f32| {
-        *clamped += u64::from(v.abs() > limit);
-        f16::from_f32(v.clamp(-limit, limit))
-    };
-    FlatSamples::F16(values.iter().map(convert).collect())
+    let mut clamped = 0u64;
+    for v in &mut values {
+        clamped += u64::from(v.abs() > limit);
+        *v = v.clamp(-limit, limit);
+    }
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(&values);
+    (FlatSamples::F16(halves), clamped)
 }
 
 fn overflow(clamped: u64) -> Warning {

@@ -89,13 +89,13 @@ pub fn is_color(part: &str) -> bool {
 }
 
 /// The planes of a film, colours in the space that is chosen.
-pub(super) fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Box<dyn Iterator<Item = Plane<'a>> + 'a> {
+pub(super) fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Vec<Plane<'a>> {
+    let mut planes = film.all_planes();
     let space = options.space;
     if space == WorkingSpace::Rec709 {
-        return Box::new(film.planes());
+        return planes;
     }
     let matrix = Primaries::REC709.to(&space.primaries()).expect("both are spaces of colours");
-    let mut planes: Vec<Plane> = film.planes().collect();
     for at in 0..planes.len().saturating_sub(2) {
         let layer = layer_of(planes[at].name).trim_end_matches(|c: char| c.is_ascii_digit());
         let is_red = planes[at].name.rsplit('.').next() == Some("R");
@@ -103,7 +103,7 @@ pub(super) fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Box<dyn Iterat
             convert(&mut planes[at..at + 3], &matrix);
         }
     }
-    Box::new(planes.into_iter())
+    planes
 }
 
 /// Applies a matrix to red, green and blue.

@@ -9,6 +9,7 @@ mod exr;
 mod exr_colors;
 mod exr_header;
 mod exr_options;
+mod exr_zip;
 mod format;
 mod matte;
 pub mod part;
@@ -24,7 +25,7 @@ pub use exr_colors::{WorkingSpace, is_color};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 pub use format::Format;
 pub use matte::Matte;
-pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_shown, rgba8};
+pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, rgba8, shown8};
 pub use tone::ViewTransform;
 
 use crate::error::{Error, Result};
