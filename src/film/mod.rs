@@ -28,7 +28,7 @@ pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
 pub use matte::{MatteIds, matte_id, matte_key};
-pub use splats::Splat;
+pub use splats::{Splat, SplatPart};
 pub use sums::Layout;
 pub use tile::FilmTile;
 
@@ -306,7 +306,9 @@ impl Film {
     /// The values of a channel, one list a name.
     fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
         if index > 0 {
-            return self.sums.planes(index, channel);
+            let mut planes = self.sums.planes(index, channel);
+            self.add_splats_to(index, &mut planes);
+            return planes;
         }
         let mut planes = [(); 4].map(|()| Vec::with_capacity(self.sums.count.len()));
         for pixel in 0..self.sums.count.len() {
