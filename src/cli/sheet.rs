@@ -74,7 +74,7 @@ fn layers(file: &Layered) -> Vec<Layer> {
         }
     }
     // Further ranks of mattes say nothing by themselves.
-    list.retain(|layer| !(layer.name.starts_with("Crypto") && !layer.name.ends_with("00")));
+    list.retain(|layer| !layer.name.starts_with("Crypto") || layer.name.ends_with("00"));
     list.iter_mut().for_each(Layer::arrange);
     list
 }

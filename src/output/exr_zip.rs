@@ -17,8 +17,9 @@ use std::io::{Cursor, Write};
 pub(super) type AnyImage = Image<Layers<AnyChannels<FlatSamples>>>;
 type AnyLayer = Layer<AnyChannels<FlatSamples>>;
 
-/// Of zlib's levels: files are 0.5 % larger than at 6, in three quarters of the time; below 2 they are 12 % larger.
-const LEVEL: Level = Level::new(4);
+/// Of zlib's levels: passes of the Cornell box are 0.5 % larger than at 4, in less than half of the time; below 2 they are 13 %
+/// larger.
+const LEVEL: Level = Level::new(2);
 
 /// Is it written here?
 pub(super) fn suits(image: &AnyImage) -> bool {
@@ -102,8 +103,12 @@ fn apart(plain: &[u8]) -> Vec<u8> {
 
 /// What each byte has more than the one before, and 128.
 fn differences(bytes: &[u8]) -> Vec<u8> {
-    let further = bytes.windows(2).map(|pair| pair[1].wrapping_sub(pair[0]).wrapping_add(128));
-    bytes.iter().copied().take(1).chain(further).collect()
+    let mut list = bytes.to_vec();
+    let pairs = bytes.iter().zip(&bytes[bytes.len().min(1)..]);
+    for (difference, (before, own)) in list.iter_mut().skip(1).zip(pairs) {
+        *difference = own.wrapping_sub(*before).wrapping_add(128);
+    }
+    list
 }
 
 #[cfg(test)]
