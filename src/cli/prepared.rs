@@ -103,13 +103,12 @@ pub(super) fn prepare(
     let labels = Labels::of(&loaded.scene, &settled.options);
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let png = png(args, settled.exposure, is_stage_lit);
-    let how = How::of(args, framed.map(Framed::window));
     Ok(Prepared {
         scene,
         labels,
         camera,
         settled,
-        how,
+        how: How::of(args, framed.map(Framed::window)),
         kept_aovs,
         png,
         build,

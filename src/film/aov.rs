@@ -104,9 +104,9 @@ table! {
     DepthMin "depth_min" &["nearest.Z"], Float FirstHit Minimum { empty: BACKGROUND_DEPTH };
         "The least depth of any sample, metres: edges keep that of what is in front"
     Position "position" xyz!("P"), Float FirstHit MeanOfHits { empty: 0.0 };
-        "Where the first surface is, metres, in world space or as --aov-space says; 0 where there is none"
+        "Where the first surface is, metres, in the space of places that is chosen (the world's); 0 where there is none"
     Normal "normal" xyz!("N"), Float FirstHit Mean;
-        "Shading normal of the first surface, towards the camera, in world space or as --aov-space says"
+        "Shading normal of the first surface, towards the camera, in the space that is chosen (the world's)"
     GeometricNormal "geometric_normal" xyz!("Ng"), Float FirstHit Mean;
         "The same as it is without smoothing and normal maps"
     Facing "facing" &["facing.V"], Float FirstHit Mean;
