@@ -51,6 +51,7 @@ mod pictures;
 mod prepared;
 mod process;
 mod progress;
+mod rec709;
 mod render;
 mod report;
 mod report_json;

@@ -1,7 +1,7 @@
 //! All layers of an EXR beside each other, small, with their names: what a file holds at a glance.
 
-use super::convert::to_rec709;
 use super::glyphs;
+use super::rec709::to_rec709;
 use oscura::load::image::Layered;
 use oscura::output::{Linear, PngOptions, is_color, shown8};
 

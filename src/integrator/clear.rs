@@ -12,8 +12,18 @@ use super::lanes::{get, get_rgb};
 use super::workspace::Workspace;
 
 impl Integrator<'_> {
+    /// What is special to pictures becomes transparent; other samples may do so later.
+    pub(super) fn decide_alpha(&self, sorted: &Sorted, w: &mut Workspace) {
+        if !w.uncovered.is_empty() {
+            self.uncover(w);
+        }
+        if self.parts.clear {
+            self.start_clear(sorted, w);
+        }
+    }
+
     /// All paths whose samples are opaque may see through glass: what catchers and holdouts are has an alpha of its own.
-    pub(super) fn start_clear(&self, sorted: &Sorted, w: &mut Workspace) {
+    fn start_clear(&self, sorted: &Sorted, w: &mut Workspace) {
         let paths = &mut w.wave.paths;
         for i in sorted.all() {
             paths.clear[i] = u32::from(w.sink.is_covered(paths.carried.sample[i]));

@@ -291,11 +291,8 @@ impl<'a> Integrator<'a> {
             }
             let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
-            if bounce == 0 && !w.uncovered.is_empty() {
-                self.uncover(w);
-            }
-            if bounce == 0 && self.parts.clear {
-                self.start_clear(&sorted, w);
+            if bounce == 0 {
+                self.decide_alpha(&sorted, w);
             }
             if sorted.all().is_empty() {
                 return true;

@@ -3,9 +3,10 @@
 //! there is.
 
 use super::encoded::Encoded;
-use super::exr_colors::{is_color, planes};
+use super::exr_colors::is_color;
 use super::exr_header::sort_attributes;
 use super::exr_options::ExrOptions;
+use super::exr_planes::planes;
 use super::exr_zip::{self, AnyImage};
 use super::matte::Matte;
 use crate::error::{Choice, Warning};

@@ -9,6 +9,7 @@ mod exr;
 mod exr_colors;
 mod exr_header;
 mod exr_options;
+mod exr_planes;
 mod exr_zip;
 mod format;
 mod matte;
