@@ -4,6 +4,7 @@ mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;
+mod desktop;
 mod errors;
 mod examples;
 mod farms;
@@ -23,5 +24,7 @@ mod sequence;
 mod signals;
 mod stage;
 mod teaching;
+mod terminal;
+mod video;
 #[cfg(target_os = "linux")]
 mod view;
