@@ -138,6 +138,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         let message = "--adaptive auto can't be used with --checkpoint and --noise";
         return Err(Error::usage(message).with_help("leave it off"));
     }
+    check_limits(args, is_adaptive)?;
     let is_part = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
     if long.is_part() && !args.output.iter().all(is_part) {
         let message = "a part of a picture is written as a .part file";
@@ -160,6 +161,30 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         Some(file) if !is_sequence => check_file(args, file),
         _ => Ok(()),
     }
+}
+
+/// Do the fewest and the most samples of a pixel make sense?
+fn check_limits(args: &RenderArgs, is_adaptive: bool) -> Result<()> {
+    let (least, most) = (args.long.min_spp, args.long.max_spp);
+    if least.is_none() && most.is_none() {
+        return Ok(());
+    }
+    if args.long.noise.is_none() && !is_adaptive {
+        let message = "--min-spp and --max-spp have no effect: all pixels get as many samples";
+        return Err(Error::usage(message).with_help("give --spp, or --noise or --adaptive auto with them"));
+    }
+    if args.long.noise.is_some() && args.spp.is_some() && most.is_some() {
+        let message = "with --noise, --spp and --max-spp say the same";
+        return Err(Error::usage(message).with_help("give one of them"));
+    }
+    // Of adaptive sampling, --spp is the average pixel's.
+    let within = |a: Option<u32>, b: Option<u32>| a.zip(b).is_none_or(|(a, b)| a <= b);
+    if !(within(least, most) && within(least, args.spp) && (!is_adaptive || within(args.spp, most))) {
+        return Err(Error::usage(
+            "--min-spp must not be above --spp and --max-spp, nor --spp above --max-spp",
+        ));
+    }
+    Ok(())
 }
 
 /// Can a checkpoint be written there without harm to another file?

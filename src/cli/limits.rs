@@ -5,8 +5,10 @@ use super::process;
 use oscura::error::{Error, Result};
 use oscura::film::Source;
 use oscura::load::Loaded;
+use oscura::output::part::PartHeader;
 use oscura::render::{Labels, Settled, film_bytes};
 use oscura::scene::Moving;
+use std::path::PathBuf;
 
 /// Memory that building the tree over a triangle takes at most, bytes.
 const BYTES_A_TRIANGLE: u64 = 150;
@@ -17,7 +19,22 @@ const BYTES_A_KEY: u64 = 100;
 /// Is the file alone too large?
 pub(super) fn before_loading(args: &RenderArgs) -> Result<()> {
     let size = process::size_of(&args.scene).unwrap_or(0);
-    refuse(args, &[("the file", size)])
+    refuse(args.long.memory_limit, &[("the file", size)]).map_err(smaller)
+}
+
+/// Will the picture of these parts fit?
+pub(super) fn before_merging(parts: &[(PathBuf, PartHeader)]) -> Result<()> {
+    let bytes_of = |pixels: u64, header: &PartHeader| {
+        let a_pixel = header.channels.layout().map_or(0, |layout| layout.bytes_per_pixel());
+        pixels.saturating_mul(a_pixel)
+    };
+    let whole = |(_, h): &(PathBuf, PartHeader)| bytes_of(u64::from(h.width) * u64::from(h.height), h);
+    let part = |(_, h): &(PathBuf, PartHeader)| {
+        bytes_of(u64::from(h.region.width()) * u64::from(h.region.height()), h)
+    };
+    let [picture, largest] = [parts.iter().map(whole).max(), parts.iter().map(part).max()];
+    refuse(None, &[("the picture", picture.unwrap_or(0)), ("the largest part", largest.unwrap_or(0))])
+        .map_err(|error| error.with_help("merge it on a machine with more"))
 }
 
 /// Will the loaded scene, what is built of it, and the picture fit?
@@ -30,7 +47,7 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
     let of_keys: usize = scene.motion.meshes.iter().map(keys).sum();
     let labels = Labels::of(scene, &settled.options);
     refuse(
-        args,
+        args.long.memory_limit,
         &[
             ("the scene as loaded", process::memory_now().unwrap_or(0)),
             (
@@ -44,6 +61,11 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
             ),
         ],
     )
+    .map_err(smaller)
+}
+
+fn smaller(error: Error) -> Error {
+    error.with_help("make the picture smaller, render parts of it by --region, or leave out --aov")
 }
 
 /// What denoising takes besides the film, at most: planes of the picture, its guides and the parts of its light, before and
@@ -63,9 +85,9 @@ fn readable(bytes: u64) -> String {
     }
 }
 
-/// Refuses what takes more than there may be.
-fn refuse(args: &RenderArgs, needed: &[(&str, u64)]) -> Result<()> {
-    let Some(limit) = args.long.memory_limit.or_else(process::memory_of_machine) else { return Ok(()) };
+/// Refuses what takes more than there may be: what is allowed, or what the machine has.
+fn refuse(allowed: Option<u64>, needed: &[(&str, u64)]) -> Result<()> {
+    let Some(limit) = allowed.or_else(process::memory_of_machine) else { return Ok(()) };
     let all = needed.iter().fold(0u64, |sum, (_, bytes)| sum.saturating_add(*bytes));
     if all <= limit {
         return Ok(());
@@ -73,8 +95,7 @@ fn refuse(args: &RenderArgs, needed: &[(&str, u64)]) -> Result<()> {
     let items: Vec<String> = (needed.iter().filter(|(_, bytes)| *bytes > 0))
         .map(|(what, bytes)| format!("{what} {}", readable(*bytes)))
         .collect();
-    let whose = if args.long.memory_limit.is_some() { "--memory-limit allows" } else { "the machine has" };
+    let whose = if allowed.is_some() { "--memory-limit allows" } else { "the machine has" };
     let message = format!("this takes more memory than {whose}, {}: {}", readable(limit), items.join(", "));
-    Err(Error::usage(message)
-        .with_help("make the picture smaller, render parts of it by --region, or leave out --aov"))
+    Err(Error::usage(message))
 }

@@ -9,9 +9,15 @@ use std::time::Duration;
 #[derive(Args, Clone, Debug)]
 #[command(next_help_heading = "Long renders")]
 pub(crate) struct LongArgs {
-    /// Stop when the picture's relative error is about P percent, at --spp samples at most [default then: 65536].
+    /// Stop when the picture's relative error is about P percent, at --max-spp samples at most [default then: 65536].
     #[arg(long, value_name = "P", value_parser = percent, allow_negative_numbers = true)]
     pub noise: Option<f32>,
+    /// Fewest samples of a pixel with --noise or --adaptive auto.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub min_spp: Option<u32>,
+    /// Most samples of a pixel with --noise (where --spp says the same) or --adaptive auto.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
+    pub max_spp: Option<u32>,
     /// Stop after this many seconds of rendering and write what is there.
     #[arg(long, value_name = "S", value_parser = seconds)]
     pub time_limit: Option<Duration>,

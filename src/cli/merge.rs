@@ -1,5 +1,6 @@
 //! `oscura merge`: a picture from its parts.
 
+use super::limits::before_merging;
 use super::merge_args::MergeArgs;
 use super::outcome::Outcome;
 use super::pictures::{How, Pictures, Shot, Targets};
@@ -54,6 +55,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         let error = Error::input_problems(&parts[0].0, problems);
         return Err(error.with_help("render what is missing, or take what is there by --allow-missing"));
     }
+    before_merging(&parts)?;
     let (mut film, behind) = sum(&parts)?;
     args.exr.check(film.planes().any(|plane| plane.name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);

@@ -41,6 +41,9 @@ struct ProgressLine {
     samples_total: u64,
     elapsed_s: f64,
     rays: u64,
+    /// The picture's relative error, where --noise is given and it is known.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    estimated_error: Option<f64>,
 }
 
 impl ProgressLine {
@@ -75,20 +78,27 @@ pub(crate) enum Progress {
     },
     Bar {
         bar: ProgressBar,
-        /// When rendering ends at the latest.
-        limit: Option<Duration>,
+        ends: Ends,
     },
     Lines {
         /// When the last line was printed.
         last: Mutex<Duration>,
-        /// When rendering ends at the latest.
-        limit: Option<Duration>,
+        ends: Ends,
     },
 }
 
+/// What ends rendering besides the number of samples.
+#[derive(Clone, Copy)]
+pub(crate) struct Ends {
+    /// The time that it may take.
+    pub limit: Option<Duration>,
+    /// The error decides.
+    pub by_noise: bool,
+}
+
 impl Progress {
-    /// Chooses by what standard error is. `limit` is the time that rendering may take.
-    pub fn new(quiet: bool, kind: Option<ProgressArg>, limit: Option<Duration>) -> Progress {
+    /// Chooses by what standard error is.
+    pub fn new(quiet: bool, kind: Option<ProgressArg>, ends: Ends) -> Progress {
         if let Some(kind @ (ProgressArg::Json | ProgressArg::Openjd)) = kind {
             return Progress::Machine { kind, last: Mutex::default() };
         }
@@ -96,19 +106,21 @@ impl Progress {
             return Progress::Silent;
         }
         if kind == Some(ProgressArg::Plain) || !std::io::stderr().is_terminal() {
-            return Progress::Lines { last: Mutex::new(Duration::ZERO), limit };
+            return Progress::Lines { last: Mutex::new(Duration::ZERO), ends };
         }
         let bar = ProgressBar::new(1000);
         let style = "{bar:40} {percent:>3} %  {elapsed} elapsed{msg}";
         if let Ok(style) = ProgressStyle::with_template(style) {
             bar.set_style(style);
         }
-        Progress::Bar { bar, limit }
+        Progress::Bar { bar, ends }
     }
 
     /// Takes the renderer's news; may be called from any thread.
     pub fn show(&self, event: &Event) {
-        let Event::Progress { samples_done, samples_total, rays, elapsed, .. } = *event else { return };
+        let Event::Progress { samples_done, samples_total, rays, elapsed, error, .. } = *event else {
+            return;
+        };
         let share = (samples_done as f64 / samples_total.max(1) as f64).min(1.0);
         let seconds = elapsed.as_secs_f64().max(1e-9);
         let speed = rays as f64 / seconds / 1e6;
@@ -118,7 +130,16 @@ impl Progress {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 let elapsed_s = elapsed.as_secs_f64();
                 let (event, progress) = ("progress", share);
-                let line = ProgressLine { event, progress, samples_done, samples_total, elapsed_s, rays };
+                let estimated_error = error;
+                let line = ProgressLine {
+                    event,
+                    progress,
+                    samples_done,
+                    samples_total,
+                    elapsed_s,
+                    rays,
+                    estimated_error,
+                };
                 last.newest = Some(line);
                 if samples_done < samples_total && elapsed < last.printed + MACHINE_PAUSE {
                     return;
@@ -126,21 +147,23 @@ impl Progress {
                 last.printed = elapsed;
                 line.print(*kind, share);
             }
-            Progress::Bar { bar, limit } => {
+            Progress::Bar { bar, ends } => {
                 bar.set_position((share * 1000.0) as u64);
-                let left = left(share, elapsed, *limit);
+                let left = ends.left(share, elapsed, error);
                 let left = left.map_or_else(String::new, |left| format!(", about {left} left"));
-                bar.set_message(format!("{left}  {speed:.1} M rays/s"));
+                let error = error.map_or_else(String::new, |error| format!("  error {:.2} %", error * 100.0));
+                bar.set_message(format!("{left}  {speed:.1} M rays/s{error}"));
             }
-            Progress::Lines { last, limit } => {
+            Progress::Lines { last, ends } => {
                 let mut last = last.lock().unwrap_or_else(|poisoned| poisoned.into_inner());
                 if elapsed < *last + PAUSE {
                     return;
                 }
                 *last = elapsed;
-                let left = left(share, elapsed, *limit);
+                let left = ends.left(share, elapsed, error);
                 let left = left.map_or_else(String::new, |left| format!("about {left} left, "));
-                say!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s", share * 100.0);
+                let error = error.map_or_else(String::new, |error| format!(", error {:.2} %", error * 100.0));
+                say!("{:.1} %  {seconds:.0} s elapsed, {left}{speed:.1} M rays/s{error}", share * 100.0);
             }
         }
     }
@@ -216,6 +239,14 @@ fn wait(label: &'static str, until: &Receiver<()>) {
 
 /// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.
 const LEAST_KNOWN: Duration = Duration::from_millis(500);
+
+impl Ends {
+    /// How long a picture will take of which a share is done and that has this error; `None` where too little is known.
+    fn left(self, share: f64, elapsed: Duration, error: Option<f64>) -> Option<String> {
+        let is_known = error.is_some() || !self.by_noise;
+        if is_known { left(share, elapsed, self.limit) } else { None }
+    }
+}
 
 /// How long a picture will take of which a share is done; `None` where too little of it is.
 fn left(share: f64, elapsed: Duration, limit: Option<Duration>) -> Option<String> {

@@ -35,7 +35,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             width: args.width,
             height: args.height,
             // The noise decides then, unless a number is given.
-            samples: args.spp.or(args.long.noise.map(|_| MOST_SAMPLES)),
+            samples: args.spp.or(args.long.noise.map(|_| args.long.max_spp.unwrap_or(MOST_SAMPLES))),
             depth: args.depth,
             seed: args.seed,
             filter,
@@ -59,6 +59,8 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         guiding: args.guiding.guiding,
         adaptive: args.adaptive,
         tree,
+        least_samples: args.long.min_spp.unwrap_or(0),
+        most_samples: args.long.max_spp.unwrap_or(u32::MAX),
         noise: args.long.noise.map(|percent| percent / 100.0),
         time_limit: args.long.time_limit,
     }

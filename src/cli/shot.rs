@@ -9,7 +9,7 @@ use super::page::Preview;
 use super::pictures::{Pictures, Shot, Targets};
 use super::prepared::{Prepared, Wants, prepare};
 use super::process::peak_memory;
-use super::progress::{Progress, Waiting};
+use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
 use super::{json, report_json, show};
 use oscura::compile::Compiler;
@@ -218,7 +218,8 @@ fn take_picture<'a>(
     said: &mut Said,
     mut preview: Option<&mut Preview>,
 ) -> Result<(Rendering, Result<()>)> {
-    let progress = Arc::new(Progress::new(args.quiet, args.long.progress, args.long.time_limit));
+    let ends = Ends { limit: args.long.time_limit, by_noise: args.long.noise.is_some() };
+    let progress = Arc::new(Progress::new(args.quiet, args.long.progress, ends));
     let shown = progress.clone();
     let mut rendering =
         rendering.with_cancel_handle(cancel.clone()).on_event(move |event| shown.show(&event));

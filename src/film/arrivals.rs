@@ -1,8 +1,8 @@
 //! Splats arrive at a film.
 
-use super::Film;
-use super::exact::{self, HalfSum};
+use super::channel::{Reduction, Source};
 use super::splats::{Splat, Splats};
+use super::{Film, Values};
 
 impl Film {
     /// Adds splats, in any order. Those outside the film are left out; those that are not finite, too, and counted as invalid
@@ -13,20 +13,12 @@ impl Film {
     pub fn add_splats(&mut self, splats: &[Splat], is_of_first_half: bool) {
         let (width, height, (x0, y0)) = (self.width, self.height, self.origin);
         let mut invalid = 0;
-        for Splat { x, y, rgb } in splats {
-            let (x, y) = (x.wrapping_sub(x0), y.wrapping_sub(y0));
-            if x >= width || y >= height {
-                continue;
-            }
-            if rgb.iter().any(|value| !value.is_finite()) {
-                invalid += 1;
-                continue;
-            }
-            for list in self.splat_lists(is_of_first_half) {
-                let Some(sum) = list.get_mut(y as usize * width as usize + x as usize) else { continue };
-                for ((sum, low), &value) in sum.rgb.iter_mut().zip(&mut sum.low).zip(rgb) {
-                    exact::add(sum, low, exact::on_grid(f64::from(value)));
-                }
+        let sums = self.splats();
+        for splat in splats {
+            let (x, y) = (splat.x.wrapping_sub(x0), splat.y.wrapping_sub(y0));
+            if x < width && y < height {
+                let is_valid = sums.add(y as usize * width as usize + x as usize, splat, is_of_first_half);
+                invalid += u64::from(!is_valid);
             }
         }
         self.invalid_samples += invalid;
@@ -34,33 +26,25 @@ impl Film {
 
     /// Counts samples of each pixel all splats of which were added.
     pub fn count_splats(&mut self, samples: u32, is_of_first_half: bool) {
-        for list in self.splat_lists(is_of_first_half) {
-            list.iter_mut().for_each(|sum| sum.count = sum.count.saturating_add(samples));
-        }
+        self.splats().count(samples, is_of_first_half);
     }
 
-    fn splat_lists(&mut self, is_of_first_half: bool) -> impl Iterator<Item = &mut Vec<HalfSum>> {
-        let (pixels, has_halves) = (self.sums.count.len(), self.layout.has_halves());
-        let [all, first_half] = self.splats.get_or_insert_with(|| Splats::new(pixels, has_halves)).lists();
-        [Some(all), Some(first_half).filter(|_| is_of_first_half)].into_iter().flatten()
+    /// Their sums, from now on there.
+    fn splats(&mut self) -> &mut Splats {
+        self.splats.get_or_insert_with(|| Splats::new(self.sums.count.len(), &self.layout))
     }
 
     /// Adds the splats of another film, as far as they are within this one.
     pub(super) fn merge_splats(&mut self, other: &Film) {
         let Some(theirs) = &other.splats else { return };
-        let (pixels, has_halves) = (self.sums.count.len(), self.layout.has_halves());
-        let ours = self.splats.get_or_insert_with(|| Splats::new(pixels, has_halves));
-        for (list, from) in ours.lists().into_iter().zip([&theirs.all, &theirs.first_half]) {
-            for (at, sum) in from.iter().enumerate() {
-                let (x, y) =
-                    (at as u32 % other.width + other.origin.0, at as u32 / other.width + other.origin.1);
-                let (x, y) = (x.wrapping_sub(self.origin.0), y.wrapping_sub(self.origin.1));
-                if x < self.width
-                    && y < self.height
-                    && let Some(own) = list.get_mut(y as usize * self.width as usize + x as usize)
-                {
-                    own.merge(sum, false);
-                }
+        let (width, height, (x0, y0)) = (self.width, self.height, self.origin);
+        let ours = self.splats();
+        for from in 0..theirs.all.len() {
+            let (column, row) = (from as u32 % other.width, from as u32 / other.width);
+            let (x, y) =
+                ((column + other.origin.0).wrapping_sub(x0), (row + other.origin.1).wrapping_sub(y0));
+            if x < width && y < height {
+                ours.merge(y as usize * width as usize + x as usize, theirs, from);
             }
         }
     }
@@ -69,15 +53,50 @@ impl Film {
     pub(super) fn splat(&self, pixel: usize) -> [f64; 3] {
         self.splats.as_ref().map_or([0.0; 3], |splats| splats.mean(pixel))
     }
+
+    /// Adds what splats bring to the values of a channel beyond colour.
+    pub(super) fn add_splats_to(&self, index: usize, planes: &mut [Values]) {
+        let Some(splats) = &self.splats else { return };
+        let channel = &self.channels()[index];
+        if channel.source == Source::PartOfColor {
+            splats.means_of_layer(self.layer_of(index)).into_iter().for_each(|means| add(planes, means));
+        } else if channel.reduction == Reduction::VarianceOfMean {
+            splats.variances().into_iter().for_each(|variances| add(planes, variances));
+        }
+    }
+
+    /// Which of the channels whose source is a part of colour this one is.
+    pub(super) fn layer_of(&self, index: usize) -> usize {
+        self.channels()[..index].iter().filter(|channel| channel.source == Source::PartOfColor).count()
+    }
+}
+
+/// Adds values to those of planes, as many a pixel as there are planes.
+fn add(planes: &mut [Values], values: impl Iterator<Item = [f64; 3]>) {
+    for (pixel, values) in values.enumerate() {
+        for (plane, value) in planes.iter_mut().zip(values) {
+            if let Values::Float(plane) = plane {
+                plane[pixel] = (f64::from(plane[pixel]) + value) as f32;
+            }
+        }
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::film::{AovSet, FilmTile};
+    use crate::film::{Aov, AovSet, FilmTile, SplatPart};
 
+    /// All of it belongs to the first layer, half of it to the third.
     fn splat(x: u32, y: u32, value: f32) -> Splat {
-        Splat { x, y, rgb: [value, 0.5 * value, 0.0] }
+        let rgb = [value, 0.5 * value, 0.0];
+        let part = |layer, share: f32| SplatPart { layer, rgb: rgb.map(|v| share * v) };
+        Splat { x, y, rgb, parts: [part(0, 1.0), part(2, 0.5), SplatPart::NONE] }
+    }
+
+    /// Three light passes, and the variance.
+    fn layered() -> AovSet {
+        AovSet::from([Aov::DiffuseDirect, Aov::DiffuseIndirect, Aov::GlossyDirect, Aov::Variance])
     }
 
     #[test]
@@ -100,7 +119,7 @@ mod tests {
     #[test]
     fn parts_make_the_whole() {
         let all: Vec<Splat> = (0..64u32).map(|i| splat(i % 8, i / 16, 1.0 / (i as f32 + 3.0))).collect();
-        let mut whole = Film::new(8, 4, AovSet::NONE);
+        let mut whole = Film::new(8, 4, layered());
         whole.add_splats(&all, false);
         whole.count_splats(4, false);
         // In two ranges of samples, and in two regions.
@@ -111,14 +130,47 @@ mod tests {
         second.add_splats(&all[..40], false);
         second.count_splats(1, false);
         samples.merge_film(&second);
-        let mut regions = Film::new(8, 4, AovSet::NONE);
+        let mut regions = Film::new(8, 4, layered());
         for x0 in [4, 0] {
-            let mut region = Film::new(4, 4, AovSet::NONE).at(x0, 0);
+            let mut region = Film::new(4, 4, layered()).at(x0, 0);
             region.add_splats(&all, false);
             region.count_splats(4, false);
             regions.merge_film(&region);
         }
         assert_eq!(samples, whole);
         assert_eq!(regions, whole);
+    }
+
+    #[test]
+    fn layers_have_their_parts() {
+        let mut film = Film::new(2, 1, layered());
+        film.add_splats(&[splat(0, 0, 3.0), splat(0, 0, 1.0)], false);
+        film.count_splats(2, false);
+        let plane = |film: &Film, name: &str| film.plane(name).expect("it is kept").into_floats();
+        let of = |film: &Film, aov: Aov| -> Vec<Vec<f32>> {
+            film.aov(aov).expect("it is kept").into_iter().map(Values::into_floats).collect()
+        };
+        assert_eq!(of(&film, Aov::DiffuseDirect), [[2.0, 0.0], [1.0, 0.0], [0.0, 0.0]]);
+        assert_eq!(of(&film, Aov::DiffuseIndirect), [[0.0; 2]; 3]);
+        assert_eq!(of(&film, Aov::GlossyDirect), [[1.0, 0.0], [0.5, 0.0], [0.0, 0.0]]);
+        // (9 + 1) / 4; without samples of the pixel it stays unknown.
+        assert_eq!(of(&film, Aov::Variance)[0][0], f32::INFINITY);
+        // What is put in place of colour and of a layer leaves the others.
+        film.set_color([&[5.0; 2]; 3]);
+        let first = Aov::DiffuseDirect.info().names[0];
+        film.set_means(first, [&[7.0; 2]; 3]);
+        assert_eq!((plane(&film, "R"), plane(&film, first)), (vec![0.0; 2], vec![0.0; 2]));
+        assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
+        film.forget([Aov::DiffuseIndirect]);
+        assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
+        // A file keeps them.
+        let mut bytes = Vec::new();
+        film.write_sums(&mut bytes).unwrap();
+        let layout =
+            layered().channels().into_iter().filter(|c| c.names != Aov::DiffuseIndirect.info().names);
+        let mut read = Film::try_new(2, 1, layout).unwrap();
+        read.read_sums(&mut bytes.as_slice()).unwrap();
+        assert_eq!(read, film);
+        assert_eq!(of(&film.pixel(0, 0).unwrap(), Aov::GlossyDirect)[0], [1.0]);
     }
 }

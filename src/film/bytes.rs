@@ -22,8 +22,7 @@ impl Film {
         writer.write_all(bytemuck::cast_slice(&sums.first_half))?;
         sums.further.iter().try_for_each(|accumulator| accumulator.write(writer))?;
         writer.write_all(&[u8::from(self.splats.is_some())])?;
-        let splats = self.splats.iter().flat_map(|splats| [&splats.all, &splats.first_half]);
-        splats.into_iter().try_for_each(|list| writer.write_all(bytemuck::cast_slice(list)))
+        self.splats.iter().try_for_each(|splats| splats.write(writer))
     }
 
     /// Reads sums that [`Film::write_sums`] wrote, in place of those that there are. Nothing is allocated beyond what the
@@ -46,9 +45,8 @@ impl Film {
         read(reader, &mut has_splats)?;
         self.splats = None;
         if has_splats[0] != 0 {
-            let mut splats = Splats::new(self.sums.count.len(), self.layout.has_halves());
-            read(reader, &mut splats.all)?;
-            read(reader, &mut splats.first_half)?;
+            let mut splats = Splats::new(self.sums.count.len(), &self.layout);
+            splats.read(reader)?;
             self.splats = Some(splats);
         }
         Ok(())
@@ -89,6 +87,31 @@ impl Accumulator {
             }
             Kept::Counts => Ok(()),
         }
+    }
+}
+
+impl Splats {
+    fn write(&self, writer: &mut dyn Write) -> io::Result<()> {
+        writer.write_all(bytemuck::cast_slice(&self.all))?;
+        writer.write_all(bytemuck::cast_slice(&self.first_half))?;
+        for layer in &self.layers {
+            writer.write_all(&[u8::from(layer.is_some())])?;
+            layer.iter().try_for_each(|sums| sums.write(writer))?;
+        }
+        self.squares.iter().try_for_each(|squares| squares.write(writer))
+    }
+
+    fn read(&mut self, reader: &mut dyn Read) -> io::Result<()> {
+        read(reader, &mut self.all)?;
+        read(reader, &mut self.first_half)?;
+        let pixels = self.all.len();
+        for layer in &mut self.layers {
+            let mut is_there = [0u8];
+            read(reader, &mut is_there)?;
+            *layer = (is_there[0] != 0).then(|| Splats::list(pixels));
+            layer.iter_mut().try_for_each(|sums| sums.read(reader))?;
+        }
+        self.squares.iter_mut().try_for_each(|squares| squares.read(reader))
     }
 }
 

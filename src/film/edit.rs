@@ -1,6 +1,7 @@
 //! Changes of finished films: what a denoiser puts in place of what was rendered, and single pixels taken out.
 
-use super::{Aov, Film, Layout, Reduction};
+use super::splats::Splats;
+use super::{Aov, Film, Layout, Reduction, Source};
 use crate::error::Result;
 use std::sync::Arc;
 
@@ -17,7 +18,9 @@ impl Film {
         let layout = Layout::new(self.channels().iter().skip(1).cloned()).with_halves(self.layout.has_halves);
         let mut film = Film::of_layout(1, 1, layout)?;
         film.sums.add_row(0, &self.sums, from, 1, &self.layout);
-        Ok(film.at(self.origin.0 + x, self.origin.1 + y))
+        let mut film = film.at(self.origin.0 + x, self.origin.1 + y);
+        film.merge_splats(self);
+        Ok(film)
     }
 
     /// Puts other colours in place of the mean colours, rows from the top. Alpha and numbers of samples stay.
@@ -26,7 +29,7 @@ impl Film {
     /// If there are fewer values than pixels.
     pub fn set_color(&mut self, color: [&[f32]; 3]) {
         self.sums.set_color(color);
-        self.splats = None;
+        self.splats.iter_mut().for_each(Splats::clear_color);
     }
 
     /// Puts other values in place of those of a channel that has means over all samples, given by the name of its first
@@ -37,8 +40,11 @@ impl Film {
     pub fn set_means(&mut self, first: &str, values: [&[f32]; 3]) {
         let index =
             self.channels().iter().position(|c| c.names[0] == first && c.reduction == Reduction::Mean);
-        if let Some(further) = index.and_then(|index| index.checked_sub(1)) {
-            self.sums.set_means(further, values);
+        let Some(index) = index.filter(|index| *index > 0) else { return };
+        self.sums.set_means(index - 1, values);
+        let layer = self.layer_of(index);
+        if let Some(of_layer) = self.splats.as_mut().and_then(|splats| splats.layers.get_mut(layer)) {
+            *of_layer = None;
         }
     }
 
@@ -51,6 +57,15 @@ impl Film {
     pub(super) fn forget_channels<'a>(&mut self, first_names: impl IntoIterator<Item = &'a str>) {
         for name in first_names {
             let Some(index) = self.channels().iter().position(|c| c.names[0] == name) else { continue };
+            let layer = self.layer_of(index);
+            if let Some(splats) = &mut self.splats {
+                let removed = &self.layout.channels[index];
+                if removed.source == Source::PartOfColor {
+                    splats.layers.remove(layer);
+                } else if removed.reduction == Reduction::VarianceOfMean {
+                    splats.squares = None;
+                }
+            }
             let mut channels = self.channels().to_vec();
             channels.remove(index);
             self.sums.remove(index - 1);

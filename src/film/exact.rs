@@ -88,6 +88,13 @@ impl HalfSum {
         self.count += 1;
     }
 
+    /// Adds a value by itself, without a count.
+    pub fn add_exactly(&mut self, rgb: [f32; 3]) {
+        for ((sum, low), value) in self.rgb.iter_mut().zip(&mut self.low).zip(rgb) {
+            add(sum, low, on_grid(f64::from(value)));
+        }
+    }
+
     /// Adds the sum of a tile, or an exact one.
     pub fn merge(&mut self, other: &HalfSum, is_of_tile: bool) {
         for c in 0..3 {

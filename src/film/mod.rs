@@ -28,7 +28,7 @@ pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
 pub use filter::FilterSampler;
 pub use matte::{MatteIds, matte_id, matte_key};
-pub use splats::Splat;
+pub use splats::{Splat, SplatPart};
 pub use sums::Layout;
 pub use tile::FilmTile;
 
@@ -292,7 +292,9 @@ impl Film {
     /// The values of a channel, one list a name.
     fn planes_of(&self, index: usize, channel: &Channel) -> Vec<Values> {
         if index > 0 {
-            return self.sums.planes(index, channel);
+            let mut planes = self.sums.planes(index, channel);
+            self.add_splats_to(index, &mut planes);
+            return planes;
         }
         let component = |c: usize| (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)[c]).collect();
         (0..4).map(component).map(Values::Float).collect()

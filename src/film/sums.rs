@@ -29,7 +29,7 @@ impl Layout {
     }
 
     /// All channels but colour.
-    fn further(&self) -> &[Channel] {
+    pub(super) fn further(&self) -> &[Channel] {
         &self.channels[1..]
     }
 

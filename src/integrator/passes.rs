@@ -13,7 +13,7 @@ use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 
 /// The share of `whole` that `part` is, by channel.
-fn share(part: Rgb, whole: Rgb) -> Rgb {
+pub(super) fn share(part: Rgb, whole: Rgb) -> Rgb {
     let (part, whole) = (part.to_array(), whole.to_array());
     let of = |c: usize| {
         let share = part[c] / whole[c];

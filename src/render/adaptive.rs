@@ -78,8 +78,9 @@ impl ErrorMap {
     }
 
     /// Allots the samples that are left so that the sum of squared errors is least, where that gains enough: all pixels have
-    /// `earlier` samples, and the average one is to have `total`.
-    pub fn allot(&self, seed: u32, earlier: u32, total: u32) -> Option<Allotment> {
+    /// `earlier` samples, and the average one is to have those of the options.
+    pub fn allot(&self, options: &RenderOptions, earlier: u32) -> Option<Allotment> {
+        let total = options.samples;
         let errors = self.of_neighbours();
         let mean = errors.iter().map(|&e| f64::from(e)).sum::<f64>() / errors.len() as f64;
         if mean <= 0.0 || !mean.is_finite() {
@@ -88,7 +89,8 @@ impl ErrorMap {
         let costs = averages(&self.costs, self.width);
         let scale = |(&e, &c): (&f32, &f32)| ((f64::from(e) + UNSEEN * mean) / f64::from(c)).sqrt();
         let scales: Vec<f64> = errors.iter().zip(&costs).map(scale).collect();
-        let (least, most) = (f64::from(earlier), MOST * f64::from(total));
+        let least = f64::from(earlier.max(options.least_samples.min(total)));
+        let most = (MOST * f64::from(total)).min(f64::from(options.most_samples.max(total)));
         // The least sum of e / n for a given sum of c n has n in proportion to the root of e / c.
         let sum_at = |factor: f64| scales.iter().map(|s| (factor * s).clamp(least, most)).sum::<f64>();
         let wanted = f64::from(total) * scales.len() as f64;
@@ -106,7 +108,7 @@ impl ErrorMap {
         let (even, after) = (work(&|_| total as f32), work(&|i| counts[i]));
         let extra: Vec<f32> = counts.iter().map(|n| n - earlier as f32).collect();
         (even >= LEAST_GAIN * after)
-            .then(|| Allotment::new(seed, self.width as u32, earlier, total - earlier, &extra))
+            .then(|| Allotment::new(options.seed, self.width as u32, earlier, total - earlier, &extra))
     }
 
     /// Averages over the neighbours of each pixel, itself left out, with weights that fall with the distance.

@@ -3,7 +3,7 @@
 use super::options::{Adaptive, Caustics, RenderOptions};
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::film::{Aov, AovSet, FilterSampler, MatteIds, Source};
+use crate::film::{AovSet, FilterSampler, MatteIds};
 use crate::integrator::{
     Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan, Workspace,
 };
@@ -17,6 +17,10 @@ const TRIED_PATHS: u32 = 1 << 13;
 /// Squares of so many pixels, with this edge and two samples a pixel, tell how noisy the rest of the picture is.
 const SQUARES: u32 = 128;
 const EDGE: u32 = 4;
+
+/// In pictures of fewer pixels, as much less is tried of both, and at least one part in so many.
+const ALL_PIXELS: f64 = 65_536.0;
+const LEAST_TRIED: f64 = 1.0 / 4.0;
 
 /// The share of pixels, the noisiest, that don't count there: what is left to paths from the camera is noisy enough.
 const LEFT_OUT: f64 = 0.01;
@@ -76,15 +80,12 @@ pub(super) fn warning(scene: &CompiledScene, view: &View, options: &RenderOption
 
 /// Why they can't be.
 fn obstacle(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Option<&'static str> {
-    let has_layers = options.light_groups || options.aovs.of(Source::PartOfColor).any();
     let reasons = [
         (scene.features.scattering, "the scene has media that scatter or end where no surface is"),
         (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
         (scene.is_moving() || view.moving.is_some(), "something moves in the scene, or the camera does"),
         (scene.features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
         (scene.features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
-        (has_layers, "their light has no part in light passes and groups of lights"),
-        (options.aovs.contains(Aov::Variance), "the variance of their light is not known"),
         (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
     ];
@@ -114,17 +115,22 @@ impl Trial<'_> {
         f64::from(self.view.width) * f64::from(self.view.height)
     }
 
+    /// How much of what is tried in large pictures is worth while in this one.
+    fn tried(&self, most: u32) -> u32 {
+        (f64::from(most) * (self.pixels() / ALL_PIXELS).clamp(LEAST_TRIED, 1.0)) as u32
+    }
+
     fn plan(&self) -> Option<CausticPlan> {
         // As many as pixels, to begin with.
         let plan = CausticPlan::new(self.scene, self.options.seed, self.pixels() as u32)?;
         let mut w = Workspace::new();
-        let tally =
-            self.integrator(&plan).trace_from_lamps(u32::MAX, 0..TRIED_PATHS, &mut w, &mut Vec::new());
+        let tried = self.tried(TRIED_PATHS);
+        let tally = self.integrator(&plan).trace_from_lamps(u32::MAX, 0..tried, &mut w, &mut Vec::new());
         if tally.sum <= 0.0 {
             return None;
         }
         let rest = self.rest(&plan, &mut w);
-        let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(TRIED_PATHS)), &rest);
+        let (share, gain) = best_share(&scaled(tally, self.pixels() / f64::from(tried)), &rest);
         let is_wanted = self.options.caustics == Caustics::On || gain >= LEAST_GAIN;
         let paths = (share * self.pixels()).round().max(1.0);
         is_wanted.then(|| plan.with_paths(paths as u32))
@@ -156,7 +162,7 @@ impl Trial<'_> {
         let (width, height) = (EDGE.min(self.view.width), EDGE.min(self.view.height));
         let place = |fraction: u32, room: u32| ((u64::from(fraction) * u64::from(room + 1)) >> 32) as u32;
         let (mut squares, mut light, before) = (Vec::new(), 0.0, w.ray_counts.all);
-        for [x, y] in (0..SQUARES).map(r2_sequence) {
+        for [x, y] in (0..self.tried(SQUARES)).map(r2_sequence) {
             let (x0, y0) = (place(x, self.view.width - width), place(y, self.view.height - height));
             let block = Block { x0, y0, width, height, first_sample: 0, samples: 2 };
             let mut first = 0.0;

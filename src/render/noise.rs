@@ -52,12 +52,24 @@ impl Noise {
 
     /// The estimated relative error of the whole picture now.
     pub fn error(&self) -> Option<f64> {
-        let [.., before, last] = self.losses[..] else { return None };
-        let ratio = if before > 0.0 { (last / before).clamp(*RATIOS.start(), *RATIOS.end()) } else { 0.5 };
-        let variance = last * ratio / (1.0 - ratio);
+        let (variance, ratio) = self.trend()?;
         // From there on as it falls from doubling to doubling.
         let since = f64::from(self.now) / f64::from(self.samples);
         Some((variance * ratio.powf(since.log2())).sqrt())
+    }
+
+    /// About how many samples it takes to get to this error, if it goes on falling as it did.
+    pub fn samples_for(&self, error: f64) -> Option<f64> {
+        let (variance, ratio) = self.trend()?;
+        let doublings = (error * error / variance).ln() / ratio.ln();
+        Some(f64::from(self.samples) * doublings.exp2())
+    }
+
+    /// The variance when means were taken down last, and by what it falls when the samples are doubled.
+    fn trend(&self) -> Option<(f64, f64)> {
+        let [.., before, last] = self.losses[..] else { return None };
+        let ratio = if before > 0.0 { (last / before).clamp(*RATIOS.start(), *RATIOS.end()) } else { 0.5 };
+        Some((last * ratio / (1.0 - ratio), ratio))
     }
 
     /// All of it, for a file.
@@ -158,6 +170,8 @@ mod tests {
         assert!((noise.error().unwrap() - 0.1).abs() < 1e-12);
         let later = Noise { now: 64, ..noise.clone() };
         assert!((later.error().unwrap() - 0.1 / 2f64.sqrt()).abs() < 1e-12);
+        // Four times the samples for half the error.
+        assert!((later.samples_for(0.05).unwrap() - 128.0).abs() < 1e-9);
         assert_eq!(Noise { losses: vec![0.01], ..noise }.error(), None);
     }
 

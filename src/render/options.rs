@@ -51,13 +51,13 @@ impl Splitting {
 #[non_exhaustive]
 pub enum Caustics {
     /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
-    /// light. Not in scenes with media that scatter or with thin sheets of glass, beside light passes, groups of lights and
-    /// the variance, and with [adaptive sampling](Adaptive).
+    /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, and with
+    /// [adaptive sampling](Adaptive).
+    #[default]
     Auto,
     /// Wherever that is possible.
     On,
     /// Never.
-    #[default]
     Off,
 }
 
@@ -151,12 +151,18 @@ pub struct RenderOptions {
     pub path_reuse: PathReuse,
     /// Into how many paths samples split. Default [`Splitting::Auto`].
     pub splitting: Splitting,
-    /// Whether caustics are found from the lamp. Default [`Caustics::Off`].
+    /// Whether caustics are found from the lamp. Default [`Caustics::Auto`].
     pub caustics: Caustics,
     /// Whether paths are guided. Default [`Guiding::Off`].
     pub guiding: Guiding,
     /// Whether noisy pixels get more samples. Default [`Adaptive::Off`].
     pub adaptive: Adaptive,
+    /// Fewest samples of a pixel where an error decides: rendering doesn't stop by [`RenderOptions::noise`] before, and
+    /// [`Adaptive::Auto`] gives none fewer (at most [`RenderOptions::samples`]). Default 0.
+    pub least_samples: u32,
+    /// Most samples that [`Adaptive::Auto`] gives to a pixel (at least [`RenderOptions::samples`], which are those of the average
+    /// one, and at most eight times that). Default no limit of its own.
+    pub most_samples: u32,
     /// Stop when the estimated relative error of the whole picture is this or less: the root of the mean over pixels and
     /// colours of `(x - r)^2 / (r^2 + 0.01)`, where `x` is the picture and `r` what it would be with all samples there are.
     /// Default none.
@@ -271,6 +277,8 @@ impl Default for RenderOptions {
             caustics: Caustics::default(),
             guiding: Guiding::default(),
             adaptive: Adaptive::default(),
+            least_samples: 0,
+            most_samples: u32::MAX,
             noise: None,
             time_limit: None,
         }
@@ -389,6 +397,12 @@ impl RenderOptions {
     #[must_use]
     pub fn adaptive(self, adaptive: Adaptive) -> RenderOptions {
         RenderOptions { adaptive, ..self }
+    }
+
+    /// Sets the fewest and the most samples of a pixel where an error decides on their number.
+    #[must_use]
+    pub fn sample_limits(self, least_samples: u32, most_samples: u32) -> RenderOptions {
+        RenderOptions { least_samples, most_samples, ..self }
     }
 
     /// Sets the relative error at which rendering stops, or removes it.

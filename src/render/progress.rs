@@ -12,12 +12,14 @@ pub enum Event {
     Progress {
         /// Paths done.
         samples_done: u64,
-        /// Paths in all.
+        /// Paths in all. Where an error decides on their number: as many as that will take, as far as it is known by then.
         samples_total: u64,
         /// Rays so far.
         rays: u64,
         /// Time spent rendering so far.
         elapsed: Duration,
+        /// The estimated relative error of the picture after the last pass, where rendering goes by it and it is known.
+        error: Option<f64>,
     },
 }
 
@@ -29,7 +31,10 @@ pub(super) type Listener = dyn Fn(Event) + Send + Sync;
 pub(super) struct Progress {
     samples: AtomicU64,
     rays: AtomicU64,
-    total: u64,
+    /// Paths in all, as far as is known.
+    total: AtomicU64,
+    /// The bits of the estimated error; of NaN, where there is none.
+    error: AtomicU64,
     /// When to tell again, in milliseconds of rendering.
     next_ms: AtomicU64,
 }
@@ -37,13 +42,25 @@ pub(super) struct Progress {
 impl Progress {
     /// Nothing of so many paths is done.
     pub fn new(total: u64) -> Progress {
-        Progress { samples: AtomicU64::new(0), rays: AtomicU64::new(0), total, next_ms: AtomicU64::new(100) }
+        Progress {
+            samples: AtomicU64::new(0),
+            rays: AtomicU64::new(0),
+            total: AtomicU64::new(total),
+            error: AtomicU64::new(f64::NAN.to_bits()),
+            next_ms: AtomicU64::new(100),
+        }
     }
 
     /// Goes on from so many paths and rays.
     pub fn go_on_from(&self, paths: u64, rays: u64) {
         self.samples.store(paths, Ordering::Relaxed);
         self.rays.store(rays, Ordering::Relaxed);
+    }
+
+    /// Expects so many paths in all by an estimated error.
+    pub fn expect(&self, total: u64, error: f64) {
+        self.total.store(total, Ordering::Relaxed);
+        self.error.store(error.to_bits(), Ordering::Relaxed);
     }
 
     /// Paths done so far.
@@ -62,11 +79,14 @@ impl Progress {
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
         let Some(listener) = listener else { return };
         let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
-        let is_due = now >= next || samples_done == self.total;
+        let samples_total = self.total.load(Ordering::Relaxed).max(samples_done);
+        let is_due = now >= next || samples_done == samples_total;
         // One thread wins; the others go on.
         let order = Ordering::Relaxed;
         if is_due && self.next_ms.compare_exchange(next, now + 100, order, order).is_ok() {
-            listener(Event::Progress { samples_done, samples_total: self.total, rays, elapsed });
+            let error =
+                Some(f64::from_bits(self.error.load(Ordering::Relaxed))).filter(|error| !error.is_nan());
+            listener(Event::Progress { samples_done, samples_total, rays, elapsed, error });
         }
     }
 }

@@ -20,6 +20,7 @@ use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Film, FilterSampler, MatteIds};
 use crate::integrator::CausticPlan;
+use crate::integrator::reuse::INTERVAL;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
 use crate::sampling::Allotment;
@@ -325,6 +326,7 @@ impl Rendering {
         self.schedule.finished(pass, start.elapsed());
         if is_finished && let Some(noise) = &mut self.noise {
             noise.observe(&self.film, self.schedule.next_sample());
+            self.forecast();
         }
         let is_cancelled = self.cancel.is_cancelled();
         match is_finished {
@@ -336,8 +338,23 @@ impl Rendering {
         }
     }
 
+    /// Tells how many samples the error that was asked for is likely to take.
+    fn forecast(&self) {
+        let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
+        let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted))) else { return };
+        let taken = self.options.taken();
+        let samples = samples.max(f64::from(self.options.least_samples)).min(f64::from(taken.end));
+        let pixels = f64::from(self.film.width()) * f64::from(self.film.height());
+        // Passes are whole.
+        let after = (samples / f64::from(INTERVAL)).ceil() * f64::from(INTERVAL) - f64::from(taken.start);
+        self.progress.expect((pixels * after) as u64, error);
+    }
+
     /// Is the picture as good as it was to be?
     fn has_converged(&self) -> bool {
+        if self.schedule.next_sample() < self.options.least_samples {
+            return false;
+        }
         let error = self.noise.as_ref().and_then(Noise::error);
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
@@ -415,7 +432,7 @@ impl Rendering {
             work.errors.map(|e| e.into_inner().unwrap_or_else(|poisoned| poisoned.into_inner()))
             && self.choice.now.shape().is_none()
         {
-            self.allotment = errors.allot(self.options.seed, pass.samples, self.options.samples);
+            self.allotment = errors.allot(&self.options, pass.samples);
         }
         is_finished
     }

@@ -48,6 +48,10 @@ pub struct Choices {
     pub adaptive: Adaptive,
     /// How good trees are.
     pub tree: TreeChoice,
+    /// See [`RenderOptions::least_samples`].
+    pub least_samples: u32,
+    /// See [`RenderOptions::most_samples`].
+    pub most_samples: u32,
     /// See [`RenderOptions::noise`].
     pub noise: Option<f32>,
     /// See [`RenderOptions::time_limit`].
@@ -90,6 +94,8 @@ impl Default for Choices {
             guiding: options.guiding,
             adaptive: options.adaptive,
             tree: TreeChoice::default(),
+            least_samples: options.least_samples,
+            most_samples: options.most_samples,
             noise: options.noise,
             time_limit: options.time_limit,
         }
@@ -126,6 +132,7 @@ impl Choices {
             .caustics(self.caustics)
             .guiding(self.guiding)
             .adaptive(self.adaptive)
+            .sample_limits(self.least_samples, self.most_samples)
             .noise(self.noise)
             .time_limit(self.time_limit);
         Ok(Settled {

@@ -98,6 +98,11 @@ fn what_makes_no_sense_is_refused() {
     assert!(refused(&["-o", "a.exr", "--checkpoint", "c", "--adaptive", "auto"]).contains("--adaptive"));
     assert!(refused(&["-o", "f.exr", "--checkpoint", "c", "--frames", "1-2"]).contains("####"));
     assert!(refused(&["-o", "a.exr", "--noise", "0"]).contains("percent"));
+    assert!(refused(&["-o", "a.exr", "--min-spp", "8"]).contains("--noise"));
+    assert!(refused(&["-o", "a.exr", "--noise", "2", "--spp", "8", "--max-spp", "8"]).contains("the same"));
+    assert!(refused(&["-o", "a.exr", "--noise", "2", "--min-spp", "9", "--max-spp", "8"]).contains("above"));
+    let ends = ["-o", "a.exr", "--adaptive", "auto", "--spp", "64", "--max-spp", "32"];
+    assert!(refused(&ends).contains("above"));
     assert!(refused(&["-o", "a.exr", "--memory-limit", "1M"]).contains("1 MiB"));
     assert!(
         refused(&["-o", "a.exr", "--width", "16384", "--height", "8192", "--memory-limit", "2G"])
@@ -184,6 +189,32 @@ fn noise_that_is_asked_for_is_reached() {
     let again = told(&["--noise", "3", "--spp", "400", "--threads", "1"]);
     assert_eq!(again["estimated_error"], said["estimated_error"]);
     assert_eq!(told(&["--noise", "0.01", "--spp", "40"])["samples_per_pixel"], 40);
+    assert_eq!(told(&["--noise", "0.01", "--max-spp", "48"])["samples_per_pixel"], 48);
+    // An error that 32 samples have.
+    assert_eq!(told(&["--noise", "90"])["samples_per_pixel"], 32);
+    assert_eq!(told(&["--noise", "90", "--min-spp", "72"])["samples_per_pixel"], 72);
+}
+
+/// How far a picture is that an error ends is told by that error.
+#[test]
+fn progress_goes_by_the_noise() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let more = ["-o", "a.exr", "--width", "256", "--noise", "1.2", "--progress", "json"];
+    let output = oscura(folder.path(), &arguments(&scene, &more));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let told = stdout(&output);
+    let lines: Vec<serde_json::Value> =
+        told.lines().map(|line| serde_json::from_str(line).expect("JSON")).collect();
+    let last = lines.last().expect("a line");
+    assert_eq!(last["progress"], 1.0);
+    let known: Vec<_> = lines.iter().filter(|line| line.get("estimated_error").is_some()).collect();
+    assert!(!known.is_empty(), "{told}");
+    for line in known {
+        let of = |key: &str| line[key].as_f64().unwrap();
+        assert!(of("estimated_error") > 0.0, "{line}");
+        assert!(of("samples_total") < 0.1 * 256.0 * 256.0 * 65536.0, "{line}");
+    }
 }
 
 /// Kills a checkpointing render at moments that a hash chooses, goes on each time, and looks at what is there.
@@ -247,4 +278,34 @@ fn a_full_disk_harms_nothing() {
     assert_eq!(["a.exr", "c.part"].map(|name| fs::read(folder.join(name)).unwrap()), before);
     assert_eq!(names(folder), ["a.exr", "c.part"]);
     assert_eq!(code(&run("unlimited", "64")), 0);
+}
+
+/// A folder that can't be written any more while a picture is rendered: an error, and the checkpoint that it holds is whole.
+#[cfg(target_os = "linux")]
+#[test]
+fn a_folder_that_becomes_read_only_keeps_its_checkpoint() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    let scene = cornell();
+    fs::create_dir(folder.join("d")).unwrap();
+    let program = env!("CARGO_BIN_EXE_oscura");
+    let (fixed, keep) = (FIXED.join(" "), "--checkpoint c.part --checkpoint-interval 0.2 --resume");
+    // While a file is being written, the system refuses to make the folder read-only.
+    let script = format!(
+        "mount -t tmpfs none d || exit 99; cd d; \
+         {program} render {scene} -o a.exr --width 64 --spp 4000 {fixed} {keep} 2> ../said & \
+         until [ -e c.part ] && mount -o remount,ro . 2> ../busy; do sleep 0.01; done; \
+         wait $!; echo $? > ../code; ls -A > ../names; cp c.part ..; [ ! -e a.exr ] || cp a.exr .."
+    );
+    let output = Command::new("unshare").args(["-rm", "sh", "-c", &script]).current_dir(folder).output();
+    match output {
+        Ok(output) if folder.join("code").exists() => assert_eq!(code(&output), 0, "{}", stderr(&output)),
+        _ => return println!("skipped: this system lets users mount nothing"),
+    }
+    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    assert_eq!((read("code").trim(), read("names").trim()), ("4", "c.part"), "{}", read("said"));
+    assert!(read("said").contains("a.exr") && read("said").contains("Read-only"), "{}", read("said"));
+    shoot(folder, &["--spp", "4000", "-o", "a.exr", "--checkpoint", "c.part", "--resume"]);
+    shoot(folder, &["--spp", "4000", "-o", "whole.exr"]);
+    assert!(same(folder, "a.exr", "whole.exr"));
 }

@@ -51,6 +51,22 @@ fn samples_go_where_the_noise_is() {
 }
 
 #[test]
+fn limits_of_a_pixel_hold() {
+    let scene = balls();
+    let range = |options: &RenderOptions| {
+        let mut rendering = rendering(&scene, options);
+        rendering.run();
+        let film = rendering.film();
+        let counts = (0..128).flat_map(|y| (0..128).map(move |x| (x, y))).map(|(x, y)| film.samples(x, y));
+        counts.fold((u32::MAX, 0), |(least, most), n| (least.min(n), most.max(n)))
+    };
+    let (least, most) = range(&plain(32));
+    assert!(least < 20 && most > 60, "{least} {most}");
+    let (least, most) = range(&plain(32).sample_limits(20, 60));
+    assert!(least >= 20 && most <= 60, "{least} {most}");
+}
+
+#[test]
 fn adaptive_sampling_changes_no_mean() {
     let (scene, options) = (balls(), plain(16));
     assert_same_means("adaptive", &scene, [&options.adaptive(Adaptive::Off), &options], 16);

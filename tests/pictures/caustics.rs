@@ -3,9 +3,11 @@
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits, noise};
 use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, rendering, sphere};
+use oscura::compile::{CompileOptions, compile};
+use oscura::film::{Aov, AovSet, Source, Values};
 use oscura::math::{DAffine3, DVec3};
 use oscura::output::part::Region;
-use oscura::render::{Caustics, PathReuse, RenderOptions, Splitting};
+use oscura::render::{Caustics, Labels, PathReuse, RenderOptions, Rendering, Splitting};
 use oscura::scene::{
     Aperture, ColorSlot, FloatSlot, FresnelModel, Instance, Light, LightKind, Material, MaterialId, Mesh,
     Model, PbrMaterial, Projection, Scene, ThinLens,
@@ -235,6 +237,88 @@ fn nothing_happens_without_caustics() {
     let mut with = rendering(&stage(ball(glass(1.5))), &options(32, 8, 12).caustics(Caustics::On));
     with.run();
     assert!(with.statistics().lamp_paths.is_some());
+}
+
+/// Light passes and groups of lights have their share: they add up to the picture, have the means that paths from the camera give
+/// them, and change nothing of the picture.
+#[test]
+fn layers_have_their_share_of_caustics() {
+    let mut scene = stage(ball(glass(1.5)));
+    // Its diffuse and its glossy part both show caustics.
+    let plastic = material(&mut scene, pbr(0.0, 0.5));
+    scene.quads[0].material = plastic;
+    // A second lamp, in a group of its own.
+    let shine = Material::emitter("other lamp", [0.0, 2.0, 4.0], false);
+    let other = material(&mut scene, Material { light_group: "other".into(), ..shine });
+    quad(&mut scene, [2.6, 0.2, -1.0], [0.0, 0.0, 2.0], [0.0, 1.5, 0.0], other);
+    let passes = AovSet::all().of(Source::PartOfColor);
+    let plain = plain(options(32, 32, 12)).caustics(Caustics::On);
+    let layered = plain.aovs(passes).light_groups(true);
+    let planes = |options: &RenderOptions| -> (Vec<[f32; 4]>, Vec<(String, f64)>) {
+        let (compiled, _) = compile(&scene, &CompileOptions::default()).expect("the scene compiles");
+        let labels = Labels::of(&scene, options);
+        let rendering = Rendering::labelled(compiled, labels, &scene.cameras[0], *options);
+        let film = rendering
+            .and_then(|mut r| {
+                r.run();
+                Ok(r.into_picture().into_film())
+            })
+            .expect("the film fits");
+        let mean = |values: Values| {
+            let values = values.into_floats();
+            values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len() as f64
+        };
+        let means = film.planes().skip(4).map(|plane| (plane.name.to_string(), mean(plane.values)));
+        (film.rgba(), means.collect())
+    };
+    let (rgba, layers) = planes(&layered);
+    assert!(rgba == picture(&scene, &plain).rgba(), "layers change the picture");
+    let mean_of = |c: usize| rgba.iter().map(|p| f64::from(p[c])).sum::<f64>() / rgba.len() as f64;
+    for (c, letter) in ["R", "G", "B"].iter().enumerate() {
+        let (groups, passes): (Vec<_>, Vec<_>) = layers
+            .iter()
+            .filter(|(name, _)| name.ends_with(&format!(".{letter}")) && !name.contains("color"))
+            .partition(|(name, _)| name.starts_with("RGBA_"));
+        assert!(groups.len() == 2 && passes.len() > 6, "{layers:?}");
+        for of in [groups, passes] {
+            let sum: f64 = of.iter().map(|(_, mean)| mean).sum();
+            assert!((sum / mean_of(c) - 1.0).abs() < 1e-5, "{letter}: {sum} of {}: {of:?}", mean_of(c));
+        }
+    }
+    // By seeds: those of both ways.
+    let seeds = 64;
+    let of_seeds = |options: RenderOptions| -> Vec<Vec<(String, f64)>> {
+        (0..seeds).map(|seed| planes(&options.seed(seed * 31 + 5)).1).collect()
+    };
+    let (on, off) = (of_seeds(layered), of_seeds(layered.caustics(Caustics::Off)));
+    for at in 0..on[0].len() {
+        let differences: Vec<f64> = on.iter().zip(&off).map(|(on, off)| on[at].1 - off[at].1).collect();
+        let n = f64::from(seeds);
+        let mean = differences.iter().sum::<f64>() / n;
+        let error = (differences.iter().map(|d| (d - mean).powi(2)).sum::<f64>() / (n * (n - 1.0))).sqrt();
+        println!("{}: {:.5}, {mean:.1e} +- {error:.1e}", on[0][at].0, on[0][at].1);
+        assert!(mean.abs() <= 4.5 * error + 1e-9, "{}: {mean} +- {error}", on[0][at].0);
+    }
+}
+
+/// The variance knows of light from the lamp: here it is all the noise that there is.
+#[test]
+fn the_variance_has_that_of_caustics() {
+    let mut scene = Scene::default();
+    let clear = material(&mut scene, glass(1.5));
+    sphere(&mut scene, [0.0, 1.0, 0.0], 0.3, clear);
+    floor_from_above(&mut scene, DVec3::new(0.0, 0.4, 0.0), 0.3);
+    lamp(&mut scene, LightKind::Point { position: DVec3::new(0.0, 2.0, 0.0) }, 5.0);
+    let options = options(32, 64, 4).caustics(Caustics::On).aovs(AovSet::from(Aov::Variance));
+    let films = [1, 2].map(|seed| picture(&scene, &options.seed(seed)));
+    let told = films[0].aov(Aov::Variance).expect("it is kept").remove(0).into_floats();
+    let told = told.iter().map(|v| f64::from(*v)).sum::<f64>() / told.len() as f64;
+    let [a, b] = films.map(|film| film.rgba());
+    let square = |(a, b): (&[f32; 4], &[f32; 4])| f64::from(a[0] - b[0]).powi(2) / 2.0;
+    let real = a.iter().zip(&b).map(square).sum::<f64>() / a.len() as f64;
+    println!("told {told:.2e}, real {real:.2e}");
+    // Points are better spread than independent ones.
+    assert!(told >= 0.7 * real && told < 10.0 * real, "{told} {real}");
 }
 
 /// Ranges of samples and regions make the picture of a single run.

@@ -3,7 +3,9 @@
 use super::super::Integrator;
 use super::super::group::Group;
 use super::super::interior::{AroundCamera, Interior};
+use super::super::layers::{FirstBounce, Way};
 use super::super::normals::{scattering_normal, terminator};
+use super::super::passes::share;
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
 use super::passage::STILL;
@@ -11,7 +13,7 @@ use super::path::{CausticTally, LampPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::camera::Sight;
 use crate::color::Rgb;
-use crate::film::Splat;
+use crate::film::{Splat, SplatPart};
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::hash::hash32;
 use crate::scene::RayKinds;
@@ -24,6 +26,8 @@ pub(super) struct Caught {
     film: [f32; 2],
     /// What a pixel gets whose filter is 1 there.
     value: Rgb,
+    /// What of it belongs to layers.
+    parts: [(Option<usize>, Rgb); 3],
     /// What a path from the camera that found this light would bring; infinite where none can.
     brought_from_camera: f32,
     salt: u32,
@@ -79,6 +83,7 @@ impl Integrator<'_> {
             segment: Ray { origin_primitive: (&at.hit).into(), ..segment },
             film: sight.film,
             value,
+            parts: self.parts_of(&catcher, path.light),
             brought_from_camera: if path.is_delta { f32::INFINITY } else { found },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
@@ -124,6 +129,25 @@ impl Integrator<'_> {
         (eval.pdf_solid_angle > 0.0).then_some(BsdfEval { f_cos: eval.f_cos * kept, ..eval })
     }
 
+    /// The layers that light of a lamp belongs to, and its shares there.
+    fn parts_of(&self, at: &Catcher, light: u32) -> [(Option<usize>, Rgb); 3] {
+        if self.layers.count() == 0 {
+            return [(None, Rgb::ZERO); 3];
+        }
+        let Catcher { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
+        let first = if *is_lambert {
+            FirstBounce::DIFFUSE
+        } else {
+            let frame = Frame::from_normal(scattering_normal(*ns, *ng, *wo));
+            let crosses = wi.dot(*ng) * wo.dot(*ng) < 0.0;
+            let (wo, wi) = (frame.to_local(*wo), frame.to_local(*wi));
+            FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+        };
+        let [a, b] = self.layers.shares(Way::Indirect(first));
+        let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));
+        [a, b, (group, Rgb::ONE)]
+    }
+
     /// Brings the light that nothing is in the way of to the pixels that show it.
     pub(super) fn show(&self, caught: &[Caught], w: &mut Workspace, splats: &mut Vec<Splat>) -> CausticTally {
         let segments: Vec<Ray> = caught.iter().map(|c| c.segment).collect();
@@ -154,7 +178,12 @@ impl Integrator<'_> {
             for x in range(film_x, self.view.width) {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
-                    splats.push(Splat { x, y, rgb: (caught.value * weight).to_array() });
+                    let rgb = caught.value * weight;
+                    let parts = caught.parts.map(|(layer, share)| match layer {
+                        Some(layer) => SplatPart { layer: layer as u16, rgb: (rgb * share).to_array() },
+                        None => SplatPart::NONE,
+                    });
+                    splats.push(Splat { x, y, rgb: rgb.to_array(), parts });
                 }
             }
         }

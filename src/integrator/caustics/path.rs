@@ -22,7 +22,9 @@ pub(super) struct LampPath {
     pub bounces: u32,
     /// All of them were perfectly smooth.
     pub is_specular: bool,
-    /// The lamp has no size.
+    /// The lamp.
+    pub light: u32,
+    /// It has no size.
     pub is_delta: bool,
 }
 

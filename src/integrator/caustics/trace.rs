@@ -61,7 +61,7 @@ impl Integrator<'_> {
             let [a, b, c, d] = point.sample_4d(&first);
             let [of_lamp, of_ball, x, y] = point.sample_4d(&second);
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_lamp, of_ball)?;
-            let Emitted { ray, radiance, scale, is_delta, .. } = emitted;
+            let Emitted { ray, radiance, scale, light, is_delta } = emitted;
             Some(LampPath {
                 ray,
                 radiance,
@@ -71,6 +71,7 @@ impl Integrator<'_> {
                 lens: [x, y],
                 bounces: 0,
                 is_specular: true,
+                light,
                 is_delta,
             })
         };

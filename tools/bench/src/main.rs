@@ -1,20 +1,26 @@
 //! Time against error: renders scenes at a ladder of sample counts, measures time and error against a converged
 //! reference, and writes a CSV, a markdown table and an SVG plot.
 //!
-//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N]`
+//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N] [--noise]`
 //!
 //! Without scenes it measures the Cornell box, glass and metal, an environment picture, and a model of 160,000 triangles.
 //! `--quick` sets a width of 96, the ladder 1,4,16 and a reference of 256 samples: a try in seconds. Results go into
 //! FOLDER, which must exist.
 //!
+//! `--noise` measures instead how well the estimate of `oscura render --noise` holds: scenes are rendered to the last step of the
+//! ladder with `--seeds N` seeds (3), and after each pass the estimated error stands beside the true one.
+//!
 //! The reference is made here, by two renders with other seeds whose difference tells its own noise.
 
+mod calibrate;
 mod measure;
 mod scenes;
 mod tables;
 
+use calibrate::calibrate;
 use measure::{Point, Setup, measure};
 use oscura::error::{Error, Result};
+use oscura::output::write_atomically;
 use oscura::render::in_pool;
 use std::path::PathBuf;
 use std::process::ExitCode;
@@ -23,6 +29,8 @@ struct Arguments {
     folder: PathBuf,
     scenes: Vec<PathBuf>,
     setup: Setup,
+    /// Seeds of the calibration, where that is what is measured.
+    seeds: Option<u32>,
 }
 
 fn main() -> ExitCode {
@@ -43,31 +51,53 @@ fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.scenes.clone()
     };
-    let mut points: Vec<Point> = Vec::new();
-    for scene in &scenes {
-        eprintln!("{}", scene.display());
-        let setup = &arguments.setup;
-        points.extend(in_pool(setup.threads, || measure(scene, setup))??);
+    let setup = &arguments.setup;
+    if let Some(seeds) = arguments.seeds {
+        let runs = of_all(&scenes, setup, |scene| calibrate(scene, setup, seeds))?;
+        let table = calibrate::markdown(&runs);
+        print!("{table}");
+        return write(arguments, &[("noise.csv", calibrate::csv(&runs)), ("noise.md", table)]);
     }
+    let points: Vec<Point> = of_all(&scenes, setup, |scene| measure(scene, setup))?;
+    let table = tables::markdown(&points);
+    print!("{table}");
     let texts = [
         ("time-to-error.csv", tables::csv(&points)),
-        ("time-to-error.md", tables::markdown(&points)),
+        ("time-to-error.md", table),
         ("time-to-error.svg", tables::svg(&points)),
     ];
-    for (name, text) in texts {
-        oscura::output::write_atomically(arguments.folder.join(name), text.as_bytes())?;
+    write(arguments, &texts)
+}
+
+/// What is measured of all scenes, one after another.
+fn of_all<T: Send>(
+    scenes: &[PathBuf],
+    setup: &Setup,
+    measure: impl Fn(&PathBuf) -> Result<Vec<T>> + Sync,
+) -> Result<Vec<T>> {
+    let mut all = Vec::new();
+    for scene in scenes {
+        eprintln!("{}", scene.display());
+        all.extend(in_pool(setup.threads, || measure(scene))??);
     }
-    print!("{}", tables::markdown(&points));
-    Ok(())
+    Ok(all)
+}
+
+fn write(arguments: &Arguments, texts: &[(&str, String)]) -> Result<()> {
+    texts.iter().try_for_each(|(name, text)| write_atomically(arguments.folder.join(name), text.as_bytes()))
 }
 
 fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
     let mut setup =
         Setup { width: 256, ladder: vec![1, 4, 16, 64, 256], reference: 4096, depth: 100, threads: None };
-    let mut paths: Vec<PathBuf> = Vec::new();
+    let (mut paths, mut seeds): (Vec<PathBuf>, Option<u32>) = (Vec::new(), None);
     while let Some(argument) = arguments.next() {
         if !argument.starts_with("--") {
             paths.push(argument.into());
+            continue;
+        }
+        if argument == "--noise" {
+            seeds = seeds.or(Some(3));
             continue;
         }
         if argument == "--quick" {
@@ -79,6 +109,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
             "--width" => setup.width = number(&argument, &value)?,
             "--reference" => setup.reference = number(&argument, &value)?,
             "--depth" => setup.depth = number(&argument, &value)?,
+            "--seeds" => seeds = Some(number(&argument, &value)?),
             "--threads" => setup.threads = Some(number(&argument, &value)? as usize),
             "--ladder" => {
                 setup.ladder =
@@ -93,7 +124,7 @@ fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
     let folder = paths.remove(0);
     std::fs::create_dir_all(&folder).map_err(|e| Error::output(&folder, format!("can't be created: {e}")))?;
     oscura::output::check_target(folder.join("time-to-error.csv"))?;
-    Ok(Arguments { folder, scenes: paths, setup })
+    Ok(Arguments { folder, scenes: paths, setup, seeds })
 }
 
 fn number(option: &str, text: &str) -> Result<u32> {

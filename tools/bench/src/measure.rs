@@ -6,7 +6,7 @@ use oscura::film::Film;
 use oscura::image::Image;
 use oscura::load::{LoadOptions, load};
 use oscura::metrics::errors;
-use oscura::render::{RenderOptions, Rendering, Statistics};
+use oscura::render::{RenderOptions, Rendering};
 use oscura::scene::{Camera, Filter};
 use std::path::Path;
 use std::sync::Arc;
@@ -43,56 +43,82 @@ pub struct Point {
     pub reference_rel_mse: f64,
 }
 
+/// A scene that is rendered many times.
+pub struct Subject {
+    /// Name of its file.
+    pub name: String,
+    scene: Arc<CompiledScene>,
+    camera: Camera,
+    size: [u32; 2],
+    depth: u32,
+}
+
+impl Subject {
+    /// Loads a scene and gets it ready.
+    pub fn new(path: &Path, setup: &Setup) -> Result<Subject> {
+        let scene = load(path, &LoadOptions::default())?.scene;
+        let aspect = match (scene.settings.width, scene.settings.height) {
+            (Some(w), Some(h)) => f64::from(w) / f64::from(h.max(1)),
+            _ => scene.cameras.first().and_then(|c| c.aspect_ratio).unwrap_or(16.0 / 9.0),
+        };
+        let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
+        let options = CompileOptions { shading: scene.settings.shading(), ..CompileOptions::default() };
+        let (compiled, _) = compile(&scene, &options)?;
+        Ok(Subject {
+            name: path.file_stem().unwrap_or_default().to_string_lossy().into_owned(),
+            camera: choose_camera(&scene, None)?.clone(),
+            scene: Arc::new(compiled),
+            size: [setup.width, height],
+            depth: setup.depth,
+        })
+    }
+
+    /// A rendering of it that has not begun.
+    pub fn rendering(&self, samples: u32, seed: u32, noise: Option<f32>) -> Result<Rendering> {
+        let [width, height] = self.size;
+        let options = RenderOptions::default().size(width, height).samples(samples).seed(seed);
+        let options = options.max_depth(self.depth).filter(Filter::Box).noise(noise);
+        Rendering::new(self.scene.clone(), &self.camera, options)
+    }
+
+    /// A converged picture of so many samples, and its own relMSE.
+    pub fn reference(&self, samples: u32) -> Result<(Image, f64)> {
+        let half = |seed: u32| -> Result<Image> {
+            let mut rendering = self.rendering(samples.div_ceil(2), seed, None)?;
+            rendering.run();
+            Ok(to_image(rendering.film()))
+        };
+        let halves = [half(1_000_001)?, half(1_000_002)?];
+        let reference = mean(&halves[0], &halves[1]);
+        // Each half differs from their mean by (a - b) / 2, whose square is also the variance of the mean.
+        let own = errors(&halves[0], &reference).rel_mse;
+        Ok((reference, own))
+    }
+}
+
 /// Measures one scene at every step of the ladder.
 pub fn measure(path: &Path, setup: &Setup) -> Result<Vec<Point>> {
-    let scene = load(path, &LoadOptions::default())?.scene;
-    let aspect = match (scene.settings.width, scene.settings.height) {
-        (Some(w), Some(h)) => f64::from(w) / f64::from(h.max(1)),
-        _ => scene.cameras.first().and_then(|c| c.aspect_ratio).unwrap_or(16.0 / 9.0),
-    };
-    let height = (f64::from(setup.width) / aspect).round().clamp(1.0, 65_536.0) as u32;
-    let options = CompileOptions { shading: scene.settings.shading(), ..CompileOptions::default() };
-    let (compiled, _) = compile(&scene, &options)?;
-    let camera = choose_camera(&scene, None)?;
-    let compiled = Arc::new(compiled);
-    let shot =
-        |samples: u32, seed: u32| picture(&compiled, camera, [setup.width, height], setup, [samples, seed]);
-    let half = setup.reference.div_ceil(2);
-    let halves = [shot(half, 1_000_001)?.0, shot(half, 1_000_002)?.0];
-    let reference = mean(&halves[0], &halves[1]);
-    // Each half differs from their mean by (a - b) / 2, whose square is also the variance of the mean.
-    let reference_rel_mse = errors(&halves[0], &reference).rel_mse;
-    let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let subject = Subject::new(path, setup)?;
+    let (reference, reference_rel_mse) = subject.reference(setup.reference)?;
     let point = |&samples: &u32| {
-        let (image, statistics) = shot(samples, 1)?;
+        let mut rendering = subject.rendering(samples, 1, None)?;
+        rendering.run();
+        let statistics = rendering.statistics();
         Ok(Point {
-            scene: name.clone(),
+            scene: subject.name.clone(),
             samples,
             render_s: statistics.render_s,
             render_cpu_s: statistics.render_cpu_s,
             rays: statistics.rays,
-            rel_mse: errors(&image, &reference).rel_mse - reference_rel_mse,
+            rel_mse: errors(&to_image(rendering.film()), &reference).rel_mse - reference_rel_mse,
             reference_rel_mse,
         })
     };
     setup.ladder.iter().map(point).collect()
 }
 
-fn picture(
-    scene: &Arc<CompiledScene>,
-    camera: &Camera,
-    [width, height]: [u32; 2],
-    setup: &Setup,
-    [samples, seed]: [u32; 2],
-) -> Result<(Image, Statistics)> {
-    let options = RenderOptions::default().size(width, height).samples(samples).seed(seed);
-    let options = options.max_depth(setup.depth).filter(Filter::Box);
-    let mut rendering = Rendering::new(scene.clone(), camera, options)?;
-    rendering.run();
-    Ok((to_image(rendering.film()), rendering.statistics()))
-}
-
-fn to_image(film: &Film) -> Image {
+/// What a film shows.
+pub fn to_image(film: &Film) -> Image {
     let rgb = film.rgba().into_iter().flat_map(|[r, g, b, _]| [r, g, b]).collect();
     Image::from_linear_rgb("render", film.width(), film.height(), rgb)
 }

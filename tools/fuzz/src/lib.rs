@@ -2,10 +2,15 @@
 
 use oscura::compile::{CompileOptions, compile};
 use oscura::load::{LoadOptions, load};
-use oscura::output::part::{check_parts, read_part};
+use oscura::film::Film;
+use oscura::output::part::{PartFile, PartHeader, check_parts, read_part};
+use oscura::output::{ExrOptions, Metadata, encode_exr};
 use std::cell::OnceCell;
 use std::path::Path;
 use tempfile::TempDir;
+
+/// Pixels of the largest picture that a part is merged into.
+const MOST_PIXELS: u64 = 1 << 14;
 
 thread_local! {
     static FOLDER: OnceCell<TempDir> = const { OnceCell::new() };
@@ -34,13 +39,28 @@ pub fn check_part(bytes: &[u8]) {
             match read_part(&file) {
                 Err(error) => assert!(error.problems.iter().all(|p| !p.message.is_empty()), "a problem without words"),
                 Ok(part) => {
-                    let _ = check_parts(&[(file.clone(), part.header)]);
-                    let planes = part.film.planes().count();
-                    assert!(planes >= 4, "a film without colour");
+                    assert!(part.film.planes().count() >= 4, "a film without colour");
+                    let _ = check_parts(&[(file.clone(), part.header.clone())]);
+                    merge_and_encode(part);
                 }
             }
         }
     });
+}
+
+/// Makes a picture of a part, as merging it alone would, unless that is large.
+fn merge_and_encode(part: PartFile) {
+    let PartHeader { width, height, .. } = part.header;
+    if u64::from(width) * u64::from(height) > MOST_PIXELS {
+        return;
+    }
+    let layout = part.header.channels.layout().expect("it has been read");
+    let Ok(mut film) = Film::of_layout(width, height, layout) else { return };
+    film.merge_film(&part.film);
+    film.settle_catchers();
+    part.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
+    let encoded = encode_exr(&film, false, &ExrOptions::default(), &Metadata::default());
+    assert!(encoded.is_ok_and(|encoded| !encoded.bytes.is_empty()), "a picture that can't be encoded");
 }
 
 /// A folder that lies in memory where the system has such a place: thousands of files a second are written.
