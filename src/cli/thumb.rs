@@ -12,7 +12,7 @@ use oscura::load::{LoadOptions, Loaded, load};
 use oscura::output::{
     Format, PngOptions, ViewTransform, check_target, encode, place_folder, write_atomically,
 };
-use oscura::render::{CancelHandle, PathReuse, Renderer, Splitting, denoising_guides, in_pool};
+use oscura::render::{CancelHandle, Caustics, PathReuse, Renderer, Splitting, denoising_guides, in_pool};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -100,6 +100,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         .size(width, height)
         .samples(args.spp)
         .max_depth(DEPTH)
+        .caustics(Caustics::Off)
         .path_reuse(PathReuse::Off)
         .splitting(Splitting::OFF)
         .aovs(denoising_guides())

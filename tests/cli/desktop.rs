@@ -99,3 +99,30 @@ fn the_types_are_understood() {
         assert!(globs.contains(line), "{line} is not in {globs}");
     }
 }
+
+/// The recipe for packages puts everything in its place, and nothing refers to where it was built.
+#[test]
+#[cfg(target_os = "linux")]
+fn packages_are_laid_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = Command::new(root.join("tools/packaging/install.sh"));
+    command.arg(env!("CARGO_BIN_EXE_oscura")).env("DESTDIR", folder.path()).env("PREFIX", "/usr");
+    let output = command.output().expect("a shell");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read = |name: &str| {
+        fs::read_to_string(folder.path().join("usr/share").join(name))
+            .unwrap_or_else(|e| panic!("{name}: {e}"))
+    };
+    for page in ["oscura", "oscura-render", "oscura-install-thumbnailer"] {
+        assert!(read(&format!("man/man1/{page}.1")).contains(".TH"), "{page}");
+    }
+    assert!(read("bash-completion/completions/oscura").contains("install-thumbnailer"));
+    assert!(read("zsh/site-functions/_oscura").starts_with("#compdef oscura"));
+    assert!(read("fish/vendor_completions.d/oscura.fish").contains("complete -c oscura"));
+    let entry = read("thumbnailers/oscura.thumbnailer");
+    assert!(entry.contains("TryExec=/usr/bin/oscura\nExec=\"/usr/bin/oscura\" thumb"), "{entry}");
+    assert!(read("mime/packages/oscura.xml").contains("model/gltf-binary"));
+    assert!(read("doc/oscura/LICENSE-MIT").contains("MIT"));
+    assert!(folder.path().join("usr/bin/oscura").is_file());
+}

@@ -28,24 +28,29 @@ fn in_terminal(folder: &Path, term: &str, words: &[&str]) -> Option<(i32, String
 
 const SMALL: [&str; 9] = ["--width", "40", "--height", "32", "--spp", "2", "--threads", "1", "--quiet"];
 
-/// The pixels of a drawing in half blocks: of each line two rows.
-fn pixels(drawn: &str) -> Vec<Vec<[u8; 3]>> {
+type Pixel = Option<[u8; 3]>;
+
+/// The pixels of a drawing in half blocks: of each line two rows. `None` is the terminal's own ground.
+fn pixels(drawn: &str) -> Vec<Vec<Pixel>> {
     let mut rows = Vec::new();
-    for line in drawn.lines().filter(|line| line.contains('▀')) {
-        let (mut upper, mut lower, mut colors) = (Vec::new(), Vec::new(), [[0; 3]; 2]);
+    for line in drawn.lines().filter(|line| line.contains("\x1b[")) {
+        let (mut upper, mut lower, mut colors) = (Vec::new(), Vec::new(), [None; 2]);
         let mut rest = line;
         while let Some(c) = rest.chars().next() {
             rest = &rest[c.len_utf8()..];
-            if c == '▀' {
-                upper.push(colors[0]);
-                lower.push(colors[1]);
-            } else if c == '\x1b' {
-                let (code, behind) = rest[1..].split_once('m').expect("a code");
-                rest = behind;
-                let numbers: Vec<u8> = code.split(';').map(|n| n.parse().expect("a number")).collect();
-                if let [38, 2, r, g, b, 48, 2, r2, g2, b2] = numbers[..] {
-                    colors = [[r, g, b], [r2, g2, b2]];
+            match c {
+                '\x1b' => {
+                    let (code, behind) = rest[1..].split_once('m').expect("a code");
+                    rest = behind;
+                    let numbers: Vec<u8> = code.split(';').map(|n| n.parse().expect("a number")).collect();
+                    colors = match numbers[..] {
+                        [38, 2, r, g, b, 48, 2, r2, g2, b2] => [Some([r, g, b]), Some([r2, g2, b2])],
+                        [0, 38, 2, r, g, b] => [Some([r, g, b]), None],
+                        _ => [None; 2],
+                    };
                 }
+                '▄' => (upper.push(None), lower.push(colors[0])).1,
+                _ => (upper.push(colors[0]), lower.push(colors[1])).1,
             }
         }
         rows.extend([upper, lower]);
@@ -61,11 +66,12 @@ fn a_terminal_shows_the_pixels_of_the_png() {
     let words = [&["render", &scene, "-o", "a.png", "--show"], &SMALL[..]].concat();
     let Some((code, drawn)) = in_terminal(folder.path(), "xterm-256color", &words) else { return };
     assert_eq!(code, 0, "{drawn}");
-    let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
+    let picture = image::open(folder.path().join("a.png")).unwrap().into_rgba8();
     let shown = pixels(&drawn);
     assert_eq!((shown.len(), shown[0].len()), (32, 40), "{drawn}");
     for (x, y, pixel) in picture.enumerate_pixels() {
-        assert_eq!(shown[y as usize][x as usize], pixel.0, "({x}, {y})");
+        let [r, g, b, a] = pixel.0;
+        assert_eq!(shown[y as usize][x as usize], (a >= 128).then_some([r, g, b]), "({x}, {y})");
     }
     // A larger picture is made as small as the terminal: 20 lines but for two, of two rows each.
     let large =

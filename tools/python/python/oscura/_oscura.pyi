@@ -99,7 +99,7 @@ def render(
     light_groups: bool = False,
     crypto_levels: int = 6,
     denoise: bool = False,
-    caustics: _Choice3 = "off",
+    caustics: _Choice3 = "auto",
     guiding: _Choice = "off",
     path_reuse: str = "auto",
     splitting: str = "auto",
