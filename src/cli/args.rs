@@ -10,7 +10,7 @@ use super::guiding_args::GuidingArgs;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
-use super::show::ShowArg;
+use super::show_arg::ShowArg;
 use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};

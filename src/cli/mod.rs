@@ -57,6 +57,7 @@ mod settings;
 mod shapes;
 mod shot;
 mod show;
+mod show_arg;
 mod shutter_args;
 mod stage_args;
 mod terms;

@@ -5,11 +5,9 @@ use super::Outcome;
 use super::report::print_text;
 use super::thumb_args::ThumbnailerArgs;
 use oscura::error::{Error, Result};
-use oscura::output::{place_folder, write_atomically};
+use oscura::output::{place_folder, remove_file, write_atomically};
 use std::env;
 use std::ffi::OsString;
-use std::fs;
-use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
@@ -64,7 +62,7 @@ pub(crate) fn run(args: &ThumbnailerArgs) -> Result<Outcome> {
     };
     for (path, text) in installed.files() {
         match args.remove {
-            true if remove(path)? => say("removed", path),
+            true if remove_file(path)? => say("removed", path),
             true => {}
             false => {
                 place_folder::make(path.parent().unwrap_or(Path::new(".")))?;
@@ -98,15 +96,6 @@ fn explain(is_removal: bool, is_updated: bool, mime: &Path) {
         );
     }
     say!("undo     oscura install-thumbnailer --remove");
-}
-
-/// Removes a file; false if there was none.
-fn remove(path: &Path) -> Result<bool> {
-    match fs::remove_file(path) {
-        Ok(()) => Ok(true),
-        Err(error) if error.kind() == ErrorKind::NotFound => Ok(false),
-        Err(error) => Err(Error::output(path, format!("can't be removed: {error}"))),
-    }
 }
 
 /// Lets the system read the types again, if it has the means.

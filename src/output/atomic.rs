@@ -65,6 +65,18 @@ pub(super) fn place(temporary: NamedTempFile, path: &Path) -> Result<()> {
     Ok(())
 }
 
+/// Removes a file; false if there was none.
+///
+/// # Errors
+/// An output error with the reason.
+pub fn remove_file(path: &Path) -> Result<bool> {
+    match fs::remove_file(path) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(Error::output(path, format!("can't be removed: {error}"))),
+    }
+}
+
 /// Removes temporary files of a target that runs left behind which were killed while they wrote it. Files of the last hour
 /// stay: another run may be writing them.
 pub fn remove_leftovers(path: &Path) {

@@ -17,7 +17,7 @@ mod tone;
 mod video;
 
 pub use animation::{Animation, AnimationFormat};
-pub use atomic::{check_target, is_same_target, remove_leftovers, write_atomically};
+pub use atomic::{check_target, is_same_target, remove_file, remove_leftovers, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{Metadata, encode_exr, encode_layered};
 pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};

@@ -20,7 +20,8 @@ fi
 empty=$(mktemp -d)
 trap 'rm -rf "$empty"' EXIT
 cp "$program" assets/cornell-box.gltf "$empty/"
-inside() { env -i chroot "$empty" /oscura "$@"; }
+chroot=$(PATH=$PATH:/usr/sbin; command -v chroot)
+inside() { env -i "$chroot" "$empty" /oscura "$@"; }
 inside --version
 inside render /cornell-box.gltf -o /a.png -o /a.exr --width 64 --spp 4 --denoise
 inside inspect /cornell-box.gltf > /dev/null

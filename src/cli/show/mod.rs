@@ -7,7 +7,7 @@ mod sixel;
 
 use super::args::RenderArgs;
 use super::progress::ProgressArg;
-use clap::ValueEnum;
+use super::show_arg::ShowArg;
 use oscura::error::{Error, Result};
 use oscura::film::Film;
 use oscura::output::{PngOptions, encode_png, rgba8};
@@ -20,19 +20,6 @@ const USUAL_SIZE: (u32, u32) = (80, 24);
 
 /// Rows left for what is printed behind the picture.
 const ROWS_LEFT: u32 = 2;
-
-/// How pictures are drawn.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum ShowArg {
-    /// As the terminal can, by what its variables say.
-    Auto,
-    /// Characters of two pixels each.
-    Blocks,
-    /// The protocol of kitty, which others know, too.
-    Kitty,
-    /// Sixel graphics.
-    Sixel,
-}
 
 /// Can the picture be drawn?
 ///
