@@ -81,11 +81,25 @@ fn a_sequence_becomes_video_or_an_animation() {
 }
 
 /// Makes a video where only this folder is searched for programs.
-fn with_programs(programs: &Path, folder: &Path) -> Output {
+fn command(programs: &Path, folder: &Path, frames: &str) -> Command {
     let scene = cornell();
     let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
-    command.args(["render", &scene, "--orbit", "3", "-o", "a.mp4"]).args(SMALL);
-    command.current_dir(folder).env("PATH", programs).output().expect("it starts")
+    command.args(["render", &scene, "--orbit", frames, "-o", "a.mp4"]).args(SMALL);
+    command.current_dir(folder).env("PATH", programs);
+    command
+}
+
+fn with_programs(programs: &Path, folder: &Path) -> Output {
+    command(programs, folder, "3").output().expect("it starts")
+}
+
+/// Makes an encoder that does this.
+#[cfg(unix)]
+fn encoder(folder: &Path, behaviour: &str) {
+    use std::os::unix::fs::PermissionsExt;
+    let (program, begin) = (folder.join("ffmpeg"), "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\n");
+    fs::write(&program, format!("{begin}{behaviour}\n")).unwrap();
+    fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
 }
 
 #[test]
@@ -101,15 +115,9 @@ fn a_missing_encoder_is_told_before_work_starts() {
 #[test]
 #[cfg(unix)]
 fn a_failing_encoder_speaks_for_itself_and_leaves_nothing() {
-    use std::os::unix::fs::PermissionsExt;
     let (programs, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
-    let program = programs.path().join("ffmpeg");
     for behaviour in ["exit 1", "read -r line; exit 1", "/bin/cat > /dev/null; exit 1"] {
-        let text = format!(
-            "#!/bin/sh\n[ \"$1\" = -version ] && exit 0\necho \"Unknown encoder 'libx264'\" >&2\n{behaviour}\n"
-        );
-        fs::write(&program, text).unwrap();
-        fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        encoder(programs.path(), &format!("echo \"Unknown encoder 'libx264'\" >&2\n{behaviour}"));
         fs::write(folder.path().join("a.mp4"), "older").unwrap();
         let output = with_programs(programs.path(), folder.path());
         assert_eq!(code(&output), 4, "{behaviour}: {}", stderr(&output));
@@ -117,4 +125,25 @@ fn a_failing_encoder_speaks_for_itself_and_leaves_nothing() {
         assert_eq!(names(folder.path()), ["a.mp4"]);
         assert_eq!(fs::read_to_string(folder.path().join("a.mp4")).unwrap(), "older");
     }
+}
+
+#[test]
+#[cfg(unix)]
+fn a_video_that_is_interrupted_is_not_there() {
+    use std::io::{BufRead, BufReader};
+    let (programs, folder) = (tempfile::tempdir().unwrap(), tempfile::tempdir().unwrap());
+    encoder(programs.path(), "/bin/cat > \"$0.frames\"");
+    let mut command = command(programs.path(), folder.path(), "100000");
+    let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("it starts");
+    let lines = BufReader::new(child.stderr.take().expect("its messages")).lines();
+    let third = lines.map_while(Result::ok).find(|line| line.starts_with("frame    2 of"));
+    assert!(third.is_some(), "frames are rendered");
+    assert_eq!(names(folder.path()).len(), 1, "the encoder's own file, under a name of its own");
+    let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
+    assert!(status.expect("kill runs").success());
+    assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(names(folder.path()).is_empty(), "{:?}", names(folder.path()));
+    let frame = 63 * 48 * 4;
+    let frames = fs::metadata(programs.path().join("ffmpeg.frames")).expect("what was sent").len();
+    assert!(frames >= frame, "{frames} bytes");
 }
