@@ -6,7 +6,7 @@ use oscura::error::{Error, Result};
 use oscura::film::Source;
 use oscura::load::Loaded;
 use oscura::output::part::PartHeader;
-use oscura::render::{Labels, Settled, film_bytes};
+use oscura::render::{Labels, Settled, film_bytes, guiding_bytes};
 use oscura::scene::Moving;
 use std::path::PathBuf;
 
@@ -55,6 +55,7 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
                 triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
             ),
             ("the picture", film_bytes(&settled.options, &labels)),
+            ("learning what guides paths", guiding_bytes(&settled.options)),
             (
                 "taking the noise out",
                 if args.picture.denoise { denoising_bytes(settled, &labels) } else { 0 },

@@ -123,7 +123,7 @@ mod tests {
         whole.add_splats(&all, false);
         whole.count_splats(4, false);
         // In two ranges of samples, and in two regions.
-        let mut samples = Film::new(8, 4, AovSet::NONE);
+        let mut samples = Film::new(8, 4, layered());
         let mut second = samples.clone();
         samples.add_splats(&all[40..], false);
         samples.count_splats(3, false);

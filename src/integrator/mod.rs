@@ -56,7 +56,7 @@ mod workspace;
 
 pub use block::Block;
 pub use caustics::{CausticPlan, CausticTally};
-pub use guiding::{Grid, Guide, Learnt, Lesson, Lessons, Notes};
+pub use guiding::{BlockSamples, CellSamples, Grid, Guide, TrainedCells, TrainingSample};
 pub use lanes::WAVE;
 pub use ray_counts::RayCounts;
 pub use samples::SamplePlan;
@@ -102,8 +102,8 @@ pub struct PathOptions<'a> {
     pub caustics: Option<&'a CausticPlan>,
     /// Guides the paths, if any.
     pub guide: Option<&'a Guide>,
-    /// Take down what paths find, to teach a guide: with one, blank or not. Paths are neither shared nor split then.
-    pub teaches: bool,
+    /// Record what paths find, to train a guide: with one, blank or not. Paths are neither shared nor split then.
+    pub records_training: bool,
 }
 
 /// One finished path.
@@ -249,7 +249,7 @@ impl<'a> Integrator<'a> {
     fn trace_wave(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> bool {
         let Some(tiling) = &self.options.reuse else {
             let is_done = self.trace_paths(w, stop);
-            self.take_lessons(w);
+            self.make_training_samples(w);
             if is_done && self.options.branches > 1 && self.options.keeps_plain {
                 self.join_branches(w);
             }
@@ -302,8 +302,8 @@ impl<'a> Integrator<'a> {
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
             self.end_stretched_chains(bounce, &sorted, w);
-            if self.options.teaches {
-                self.note_vertices(&sorted, w);
+            if self.options.records_training {
+                self.record_vertices(&sorted, w);
             }
             if bounce == 0 && self.parts.first_bounces {
                 self.keep_first_bounces(&sorted, w);

@@ -39,7 +39,7 @@ impl Integrator<'_> {
     fn scatter_all<const SOFT: bool>(&self, bounce: u32, how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         if let Some(guide) = self.options.guide {
-            guiding::scatter::<SOFT>(how, self.judges(bounce), guide, sorted.lambert(), wave);
+            guiding::scatter::<SOFT>(how, self.uses_adjoint_roulette(bounce), guide, sorted.lambert(), wave);
         } else {
             dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
         }

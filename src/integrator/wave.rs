@@ -60,7 +60,7 @@ pub struct Paths {
     pub kinds: Words,
     /// Whether it is on a way of light that is left to paths from lamps; where there are some.
     pub chains: Words,
-    /// Luminance that roulette judges it against; 0 until its first guided vertex. Where paths are guided.
+    /// Luminance that roulette uses_adjoint_roulette it against; 0 until its first guided vertex. Where paths are guided.
     pub reference: Lanes,
 }
 
@@ -311,7 +311,7 @@ pub struct GuidedLanes {
     /// Density, over that of the cosine lobe, of the directions in which paths go on, and of those of light samples.
     pub density: Lanes,
     pub light_density: Lanes,
-    /// Bins of the directions in which paths go on; where they teach.
+    /// Bins of the directions in which paths go on; where they train a guide.
     pub bin: Words,
     /// Luminance of the throughput with the albedo, before directions are chosen.
     pub carried: Lanes,

@@ -3,7 +3,7 @@
 use super::first_hit::FirstHits;
 use super::flight::{Flight, ShadowWay};
 use super::group::Group;
-use super::guiding::lesson::{Lesson, Pending};
+use super::guiding::training::{TrainingSample, VertexRecord};
 use super::lanes::WAVE;
 use super::ray_counts::RayCounts;
 use super::reuse::state::Reuse;
@@ -64,9 +64,9 @@ pub struct Workspace {
     pub(super) reuse: Option<Box<Reuse>>,
     /// Rays that had been traced when the samples of the wave split, if they did.
     pub(super) rays_before_split: Option<u64>,
-    /// Where paths teach a guide: vertices of the wave, and what all paths have found.
-    pub(super) noted: Vec<Pending>,
-    pub(super) lessons: Vec<Lesson>,
+    /// Where paths train a guide: vertices of the wave, and what all paths have found.
+    pub(super) vertex_records: Vec<VertexRecord>,
+    pub(super) training_samples: Vec<TrainingSample>,
     /// Rays traced so far.
     pub ray_counts: RayCounts,
 }
@@ -103,8 +103,8 @@ impl Workspace {
             shadow_ways: Vec::new(),
             reuse: None,
             rays_before_split: None,
-            noted: Vec::new(),
-            lessons: Vec::new(),
+            vertex_records: Vec::new(),
+            training_samples: Vec::new(),
             ray_counts: RayCounts::default(),
         }
     }

@@ -151,7 +151,7 @@ impl Trial<'_> {
             keeps_plain: false,
             caustics: Some(plan),
             guide: None,
-            teaches: false,
+            records_training: false,
         };
         Integrator::new(self.scene, self.view, paths)
     }

@@ -10,8 +10,8 @@ use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
 use crate::film::{AovSet, FilterSampler, MatteIds};
 use crate::integrator::{
-    Block, CausticPlan, Grid, Guide, Integrator, Learnt, Lesson, Lessons, Notes, PathOptions, SamplePlan,
-    WAVE, Workspace,
+    Block, BlockSamples, CausticPlan, CellSamples, Grid, Guide, Integrator, PathOptions, SamplePlan,
+    TrainedCells, TrainingSample, WAVE, Workspace,
 };
 use crate::sampling::hash::hash32;
 use crate::sampling::{Allotment, MOST_ARRANGED};
@@ -29,11 +29,18 @@ const PARTS: u64 = 16;
 const LEAST_PART: u64 = 1 << 9;
 const MOST_PART: u64 = 1 << 18;
 
-/// Lessons that cells are to have in the end.
-const LESSONS_OF_CELL: f64 = 2000.0;
+/// Training samples that cells are to have in the end.
+const SAMPLES_OF_CELL: f64 = 2000.0;
 
-/// Share of a time limit after which no further pass begins.
+/// Share of a time limit after which learning ends.
 const SHARE_OF_TIME: f64 = 0.1;
+
+/// Blocks that are learned from at a time: what they found is kept only until then.
+const BLOCKS: usize = 16;
+
+/// Vertices that most paths don't exceed, and what is noted of each on the way into its cell.
+const MOST_VERTICES: u32 = 64;
+const CELL_SAMPLE_BYTES: usize = 24;
 
 /// What separates the random numbers here from those of pictures with the same seed.
 const SEED: u32 = 0x7c15_9e37;
@@ -52,22 +59,40 @@ impl GuidingChoice {
     }
 
     /// Decides, once. False if it was stopped.
-    pub fn decide(&mut self, school: &School<'_>) -> bool {
-        let is_wanted = school.options.guiding != Guiding::Off;
-        if self.is_decided || !is_wanted || obstacle(school.scene, school.options).is_some() {
+    pub fn decide(&mut self, training: &Training<'_>) -> bool {
+        if self.is_decided || training.options.guiding == Guiding::Off {
             return true;
         }
-        let Ok(guide) = school.teach() else { return false };
+        if obstacle(training.scene, training.options).is_none() {
+            let Ok(guide) = training.train() else { return false };
+            self.guide = guide.map(Arc::new);
+        }
         self.is_decided = true;
-        self.guide = guide.map(Arc::new);
         true
+    }
+
+    /// What is said where paths were to be guided and are not.
+    pub fn warning(&self, scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
+        if options.guiding == Guiding::Off {
+            return None;
+        }
+        let nothing = "no path found an ideally diffuse surface in the time there was to learn";
+        let in_vain = (self.is_decided && self.guide.is_none()).then_some(nothing);
+        let reason = obstacle(scene, options).or(in_vain)?;
+        Some(Warning::general(format!("paths are not guided: {reason}")))
     }
 }
 
-/// What is said where paths were to be guided and are not.
-pub(super) fn warning(scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
-    let reason = obstacle(scene, options).filter(|_| options.guiding == Guiding::On)?;
-    Some(Warning::general(format!("paths are not guided: {reason}")))
+/// Memory that learning takes at most, bytes.
+pub fn guiding_bytes(options: &RenderOptions) -> u64 {
+    if options.guiding == Guiding::Off || part(options) < LEAST_PART {
+        return 0;
+    }
+    let pixels = u64::from(options.width) * u64::from(options.height);
+    let paths = part(options).min((BLOCKS * WAVE) as u64);
+    let vertices = paths * u64::from(options.max_depth.min(MOST_VERTICES));
+    // Samples of each pixel, and what vertices found.
+    pixels * 12 + vertices * (size_of::<TrainingSample>() + CELL_SAMPLE_BYTES) as u64
 }
 
 /// Why they can't be.
@@ -93,8 +118,8 @@ fn part(options: &RenderOptions) -> u64 {
 /// Learning was stopped.
 struct Stopped;
 
-/// Where paths teach a guide.
-pub(super) struct School<'a> {
+/// How paths train a guide.
+pub(super) struct Training<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
     pub options: &'a RenderOptions,
@@ -107,39 +132,57 @@ pub(super) struct School<'a> {
     pub stop: &'a (dyn Fn() -> bool + Sync),
 }
 
-impl School<'_> {
+impl Training<'_> {
     /// A guide; none if paths found no diffuse surface.
-    fn teach(&self) -> Result<Option<Guide>, Stopped> {
-        let part = part(self.options);
-        let (mut known, mut number) = (Known::default(), 0);
+    fn train(&self) -> Result<Option<Guide>, Stopped> {
+        let mut state = TrainingState::default();
+        let ends = self.options.time_limit.map(|limit| self.stopwatch.wall() + limit.mul_f64(SHARE_OF_TIME));
+        let is_late = || ends.is_some_and(|end| self.stopwatch.wall() > end);
+        let learned = self.take_passes(&mut state, &|| is_late() || (self.stop)());
+        // Late is no reason to forget what was learned until then.
+        if learned.is_err() && (self.stop)() { Err(Stopped) } else { Ok(state.guide()) }
+    }
+
+    fn take_passes(
+        &self,
+        state: &mut TrainingState,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), Stopped> {
+        let mut number = 0;
         for parts in PASSES {
-            let guide = known.guide().unwrap_or_else(Guide::blank);
+            let guide = state.guide().unwrap_or_else(Guide::blank);
             for _ in 0..parts {
-                if self.is_late() {
-                    return Ok(known.guide());
-                }
-                known.learn(&self.trace(&guide, part, number)?);
+                self.take_part(&guide, number, state, stop)?;
                 number += 1;
             }
         }
-        Ok(known.guide())
+        Ok(())
     }
 
-    fn is_late(&self) -> bool {
-        let limit = self.options.time_limit;
-        limit.is_some_and(|limit| self.stopwatch.wall().as_secs_f64() > SHARE_OF_TIME * limit.as_secs_f64())
-    }
-
-    /// What a part of the paths finds.
-    fn trace(&self, guide: &Guide, part: u64, number: u32) -> Result<Vec<Learnt>, Stopped> {
+    /// Learns from a part of the paths.
+    fn take_part(
+        &self,
+        guide: &Guide,
+        number: u32,
+        state: &mut TrainingState,
+        stop: &(dyn Fn() -> bool + Sync),
+    ) -> Result<(), Stopped> {
         let RenderOptions { width, height, seed, .. } = *self.options;
         let pixels = width as usize * height as usize;
-        let per_pixel = part as f64 / pixels as f64;
+        let per_pixel = part(self.options) as f64 / pixels as f64;
         let seed = hash32(seed ^ hash32(SEED ^ number));
         let allotment = Allotment::new(seed, width, 0, 1, &vec![per_pixel as f32; pixels]);
         let integrator = self.integrator(SamplePlan::Allotted(&allotment), Some(guide));
-        let one = |block: &Block| self.in_workspace(|w| integrator.learn(block, w, &self.stop));
-        blocks(width, height, per_pixel).par_iter().map(one).collect()
+        let one = |block: &Block| self.in_workspace(stop, |w| integrator.learn(block, w, &stop));
+        let blocks = blocks(width, height, per_pixel);
+        let steps = blocks.len().div_ceil(BLOCKS);
+        for first in 0..steps {
+            // From all over the picture.
+            let blocks: Vec<&Block> = blocks[first..].iter().step_by(steps).collect();
+            let found = blocks.into_par_iter().map(one).collect::<Result<Vec<BlockSamples>, Stopped>>()?;
+            state.learn(&found, PARTS * steps as u64);
+        }
+        Ok(())
     }
 
     fn integrator<'a>(&'a self, plan: SamplePlan<'a>, guide: Option<&'a Guide>) -> Integrator<'a> {
@@ -157,19 +200,23 @@ impl School<'_> {
             keeps_plain: false,
             caustics: self.caustics,
             guide,
-            teaches: true,
+            records_training: true,
         };
         Integrator::new(self.scene, self.view, paths)
     }
 
     /// Does some work of a thread and counts its rays.
-    fn in_workspace<T>(&self, work: impl FnOnce(&mut Workspace) -> Option<T>) -> Result<T, Stopped> {
+    fn in_workspace<T>(
+        &self,
+        stop: &(dyn Fn() -> bool + Sync),
+        work: impl FnOnce(&mut Workspace) -> Option<T>,
+    ) -> Result<T, Stopped> {
         WORKSPACE.with(|workspace| {
             let w = &mut *workspace.borrow_mut();
             let before = w.ray_counts;
             let done = work(w);
             self.progress.add(0, w.ray_counts.since(before).all, self.stopwatch.wall(), self.listener);
-            done.filter(|_| !(self.stop)()).ok_or(Stopped)
+            done.filter(|_| !stop()).ok_or(Stopped)
         })
     }
 }
@@ -189,36 +236,39 @@ fn blocks(width: u32, height: u32, per_pixel: f64) -> Vec<Block> {
     rows.flat_map(|y| (0..width).step_by(edge as usize).map(move |x| (x, y))).map(square).collect()
 }
 
-/// What paths have taught so far.
+/// What paths have found so far.
 #[derive(Default)]
-struct Known {
-    lessons: Option<Lessons>,
+struct TrainingState {
+    cells: Option<TrainedCells>,
     /// Sum of the luminances of the samples, and how many there are.
     luminance: f64,
     samples: u64,
 }
 
-impl Known {
-    /// Takes in what a part of the paths found, in the order of the blocks, by shares of the cells. The first part decides how
-    /// large cells are.
-    fn learn(&mut self, learnt: &[Learnt]) {
-        self.luminance += learnt.iter().map(|l| l.luminance).sum::<f64>();
-        self.samples += learnt.iter().map(|l| l.samples).sum::<u64>();
-        if self.lessons.is_none() {
-            let all: Vec<Lesson> = learnt.iter().flat_map(|l| &l.lessons).copied().collect();
-            let total = all.len() as f64 * PARTS as f64;
-            self.lessons = Grid::suited_to(&all, total, LESSONS_OF_CELL).map(Lessons::new);
+impl TrainingState {
+    /// Takes in what some blocks of paths found, one of `of` such steps, in the order of the blocks, by shares of the cells. The
+    /// first step decides how large cells are.
+    fn learn(&mut self, found: &[BlockSamples], of: u64) {
+        self.luminance += found.iter().map(|l| l.luminance).sum::<f64>();
+        self.samples += found.iter().map(|l| l.samples).sum::<u64>();
+        if self.cells.is_none() {
+            let all: Vec<TrainingSample> = found.iter().flat_map(|l| &l.training_samples).copied().collect();
+            let total = all.len() as f64 * of as f64;
+            self.cells = Grid::suited_to(&all, total, SAMPLES_OF_CELL).map(TrainedCells::new);
         }
-        let Some(lessons) = &mut self.lessons else { return };
-        let grid = lessons.grid;
-        let notes: Vec<Notes> = learnt.par_iter().map(|l| grid.notes(&l.lessons)).collect();
-        let shares = lessons.shares.par_iter_mut().enumerate();
-        shares.for_each(|(k, share)| notes.iter().for_each(|notes| share.learn(&notes[k])));
+        let Some(cells) = &mut self.cells else { return };
+        let grid = cells.grid;
+        let cell_samples: Vec<CellSamples> =
+            found.par_iter().map(|l| grid.cell_samples(&l.training_samples)).collect();
+        let shares = cells.shares.par_iter_mut().enumerate();
+        shares.for_each(|(k, share)| {
+            cell_samples.iter().for_each(|cell_samples| share.learn(&cell_samples[k]))
+        });
     }
 
     /// A guide that knows it; none if no path found a diffuse surface.
     fn guide(&self) -> Option<Guide> {
         let mean = self.luminance / self.samples.max(1) as f64;
-        self.lessons.as_ref().map(|lessons| Guide::new(lessons, mean))
+        self.cells.as_ref().map(|cells| Guide::new(cells, mean))
     }
 }

@@ -38,6 +38,7 @@ mod work;
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
 pub use denoising::denoising_guides;
+pub use guiding::guiding_bytes;
 pub use identity::identity;
 pub use labels::Labels;
 pub use layout::film_bytes;

@@ -11,6 +11,10 @@
 //! scrambled nets have a variance for each such block). For independent samples that is `V_n` itself; for smooth integrands it
 //! is more, up to `7 V_n`. So what is left, `V_n`, is the sum of all further losses, which fall by a factor each time that the
 //! samples are doubled: the factor that the last two losses show, of the whole picture.
+//!
+//! Between two such numbers, `n < m < 2n`, the mean of `m` samples is that of `n` and of `m - n` others. Were these independent,
+//! its variance would be `V_n (2n - m) / m` and the expected square of how far the mean moved since `n`. They are the less so,
+//! the nearer `m` is to `2n`: there, the square counts as a loss does. So a bright sample that came since then is not missed.
 
 use crate::film::Film;
 
@@ -34,42 +38,48 @@ pub(super) struct Noise {
     losses: Vec<f64>,
     /// Samples now.
     now: u32,
+    /// By how much the means have moved since they were taken down: as a loss is measured.
+    moved: f64,
 }
 
 impl Noise {
     /// Takes down a film whose pixels all have so many samples.
     pub fn observe(&mut self, film: &Film, samples: u32) {
         self.now = samples;
-        if samples < LEAST || !samples.is_power_of_two() {
+        if samples < LEAST {
             return;
         }
         let means: Vec<[f32; 3]> = film.rgba().into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
-        if self.samples * 2 == samples && self.means.len() == means.len() {
-            self.losses.push(loss(&self.means, &means, film.width() as usize));
+        let is_known = self.means.len() == means.len() && self.samples < samples;
+        self.moved = if is_known { loss(&self.means, &means, film.width() as usize) } else { 0.0 };
+        if samples.is_power_of_two() {
+            if self.samples * 2 == samples && is_known {
+                self.losses.push(self.moved);
+            }
+            (self.samples, self.means, self.moved) = (samples, means, 0.0);
         }
-        (self.samples, self.means) = (samples, means);
     }
 
     /// The estimated relative error of the whole picture now.
     pub fn error(&self) -> Option<f64> {
-        let (variance, ratio) = self.trend()?;
-        // From there on as it falls from doubling to doubling.
-        let since = f64::from(self.now) / f64::from(self.samples);
-        Some((variance * ratio.powf(since.log2())).sqrt())
+        Some(self.trend()?.0.sqrt())
     }
 
     /// About how many samples it takes to get to this error, if it goes on falling as it did.
     pub fn samples_for(&self, error: f64) -> Option<f64> {
         let (variance, ratio) = self.trend()?;
         let doublings = (error * error / variance).ln() / ratio.ln();
-        Some(f64::from(self.samples) * doublings.exp2())
+        Some(f64::from(self.now) * doublings.exp2())
     }
 
-    /// The variance when means were taken down last, and by what it falls when the samples are doubled.
+    /// The variance now, and by what it falls when the samples are doubled.
     fn trend(&self) -> Option<(f64, f64)> {
         let [.., before, last] = self.losses[..] else { return None };
         let ratio = if before > 0.0 { (last / before).clamp(*RATIOS.start(), *RATIOS.end()) } else { 0.5 };
-        Some((last * ratio / (1.0 - ratio), ratio))
+        let of_loss = ratio / (1.0 - ratio);
+        let (n, m) = (f64::from(self.samples), f64::from(self.now));
+        let weight = 1.0 + (of_loss - 1.0) * ((m - n) / n);
+        Some((last * of_loss * ((2.0 * n - m) / m).max(0.0) + self.moved * weight, ratio))
     }
 
     /// All of it, for a file.
@@ -78,6 +88,7 @@ impl Noise {
         bytes.extend(
             [self.samples, self.now, self.losses.len() as u32].into_iter().flat_map(u32::to_le_bytes),
         );
+        bytes.extend(self.moved.to_le_bytes());
         bytes.extend(self.losses.iter().flat_map(|loss| loss.to_le_bytes()));
         bytes.extend_from_slice(bytemuck::cast_slice(&self.means));
         bytes
@@ -90,6 +101,7 @@ impl Noise {
 
     fn read(bytes: &[u8], pixels: usize) -> Option<Noise> {
         let (head, rest) = bytes.split_at_checked(12)?;
+        let (moved, rest) = rest.split_first_chunk::<8>()?;
         let [samples, now, count] =
             [0, 4, 8].map(|at| u32::from_le_bytes([0, 1, 2, 3].map(|i| head[at + i])));
         let (losses, means) = rest.split_at_checked((count as usize).checked_mul(8)?)?;
@@ -98,7 +110,7 @@ impl Noise {
             .ok()
             .filter(|means| means.len() == pixels * size_of::<[f32; 3]>() || means.is_empty())
             .map(bytemuck::pod_collect_to_vec)?;
-        Some(Noise { samples, means, losses, now })
+        Some(Noise { samples, means, losses, now, moved: f64::from_le_bytes(*moved) })
     }
 }
 
@@ -151,7 +163,13 @@ mod tests {
 
     #[test]
     fn what_is_saved_comes_back() {
-        let noise = Noise { samples: 16, means: vec![[0.1, 2.0, 3.0]; 6], losses: vec![0.3, 0.1], now: 24 };
+        let noise = Noise {
+            samples: 16,
+            means: vec![[0.1, 2.0, 3.0]; 6],
+            losses: vec![0.3, 0.1],
+            now: 24,
+            moved: 0.02,
+        };
         let mut other = Noise::default();
         other.go_on(&noise.to_bytes(), 6);
         assert_eq!(other, noise);
@@ -166,12 +184,16 @@ mod tests {
     /// Independent samples: the error falls by the root of two at each doubling, and the loss is the variance.
     #[test]
     fn of_independent_samples_the_error_is_the_last_move() {
-        let noise = Noise { samples: 32, means: Vec::new(), losses: vec![0.02, 0.01], now: 32 };
+        let noise = Noise { samples: 32, means: Vec::new(), losses: vec![0.02, 0.01], now: 32, moved: 0.0 };
         assert!((noise.error().unwrap() - 0.1).abs() < 1e-12);
-        let later = Noise { now: 64, ..noise.clone() };
-        assert!((later.error().unwrap() - 0.1 / 2f64.sqrt()).abs() < 1e-12);
+        // The mean of half as many more moves by a third of the variance, which falls by a third.
+        let later = Noise { now: 48, moved: 0.01 / 3.0, ..noise.clone() };
+        assert!((later.error().unwrap().powi(2) - 0.01 / 1.5).abs() < 1e-12);
         // Four times the samples for half the error.
-        assert!((later.samples_for(0.05).unwrap() - 128.0).abs() < 1e-9);
+        assert!((noise.samples_for(0.05).unwrap() - 128.0).abs() < 1e-9);
+        // A bright sample: the error is as large as the mean moved.
+        let spike = Noise { moved: 0.25, ..later };
+        assert!(spike.error().unwrap() > 0.5);
         assert_eq!(Noise { losses: vec![0.01], ..noise }.error(), None);
     }
 

@@ -4,7 +4,7 @@ use super::adaptive::ErrorMap;
 use super::cancel::CancelHandle;
 use super::caustics::{self, CausticChoice};
 use super::clock::{Spent, Stopwatch};
-use super::guiding::{self, GuidingChoice, School};
+use super::guiding::{GuidingChoice, Training};
 use super::labels::Labels;
 use super::layout::layout;
 use super::noise::Noise;
@@ -242,7 +242,7 @@ impl Rendering {
         let mut warnings = self.earlier.clone();
         warnings.extend(self.choice.warning(&self.scene, &self.options));
         warnings.extend(caustics::warning(&self.scene, &self.view, &self.options));
-        warnings.extend(guiding::warning(&self.scene, &self.options));
+        warnings.extend(self.guiding.warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
     }
@@ -359,12 +359,12 @@ impl Rendering {
         error.zip(self.options.noise).is_some_and(|(error, wanted)| error <= f64::from(wanted))
     }
 
-    /// Lets some paths teach a guide, if that is asked for. False if it was stopped.
+    /// Lets some paths train a guide, if that is asked for. False if it was stopped.
     fn learn(&mut self, stopwatch: &Stopwatch) -> bool {
         if self.schedule.is_complete() {
             return true;
         }
-        let school = School {
+        let training = Training {
             scene: &self.scene,
             view: &self.view,
             options: &self.options,
@@ -377,7 +377,7 @@ impl Rendering {
             // Nothing of a picture is lost by that.
             stop: &|| self.cancel.is_cancelled(),
         };
-        self.guiding.decide(&school)
+        self.guiding.decide(&training)
     }
 
     /// Decides by what the picture's first pass would show how to trace samples that come later, if none of these has been

@@ -165,7 +165,7 @@ impl PassWork<'_> {
             keeps_plain,
             caustics: self.caustics,
             guide: self.guide,
-            teaches: false,
+            records_training: false,
         };
         Tracer { integrator: Integrator::new(self.scene, self.view, paths), tiles }
     }

@@ -41,3 +41,17 @@ fn a_generous_time_limit_changes_nothing() {
     assert_eq!((&value["timed_out"], &value["samples_per_pixel"]), (&false.into(), &4.into()), "{value}");
     assert_eq!(attribute(&folder.path().join("a.exr"), "stoppedBy"), None);
 }
+
+/// Learning what guides paths takes a small part of the time, and the picture is there.
+#[test]
+fn a_time_limit_leaves_time_for_guided_pictures() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    let size = ["render", &scene, "-o", "a.exr", "--width", "640", "--spp", "4096", "--json"];
+    let output = oscura(folder.path(), &[&size[..], &["--guiding", "on", "--time-limit", "1"]].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let report = report(&output);
+    let of = |key: &str| report[key].as_f64().expect(key);
+    assert!(of("samples_per_pixel") > 0.0, "{report}");
+    assert!(of("render_s") < 3.0, "{report}");
+}

@@ -293,7 +293,7 @@ fn a_folder_that_becomes_read_only_keeps_its_checkpoint() {
     // While a file is being written, the system refuses to make the folder read-only.
     let script = format!(
         "mount -t tmpfs none d || exit 99; cd d; \
-         {program} render {scene} -o a.exr --width 64 --spp 4000 {fixed} {keep} 2> ../said & \
+         {program} render {scene} -o a.exr --width 64 --spp 1200 {fixed} {keep} 2> ../said & \
          until [ -e c.part ] && mount -o remount,ro . 2> ../busy; do sleep 0.01; done; \
          wait $!; echo $? > ../code; ls -A > ../names; cp c.part ..; [ ! -e a.exr ] || cp a.exr .."
     );
@@ -305,7 +305,7 @@ fn a_folder_that_becomes_read_only_keeps_its_checkpoint() {
     let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
     assert_eq!((read("code").trim(), read("names").trim()), ("4", "c.part"), "{}", read("said"));
     assert!(read("said").contains("a.exr") && read("said").contains("Read-only"), "{}", read("said"));
-    shoot(folder, &["--spp", "4000", "-o", "a.exr", "--checkpoint", "c.part", "--resume"]);
-    shoot(folder, &["--spp", "4000", "-o", "whole.exr"]);
+    shoot(folder, &["--spp", "1200", "-o", "a.exr", "--checkpoint", "c.part", "--resume"]);
+    shoot(folder, &["--spp", "1200", "-o", "whole.exr"]);
     assert!(same(folder, "a.exr", "whole.exr"));
 }

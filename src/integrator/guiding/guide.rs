@@ -2,14 +2,17 @@
 
 use super::grid::{CELLS_OF_PARENT, Grid, Numbers, key_of, parent};
 use super::histogram::{BINS, Bins, Histogram};
-use super::lesson::{CellSums, Lessons};
+use super::training::{CellSums, TrainedCells};
 use crate::simd::Table;
 
 /// The even part of all histograms.
-const EVEN: f32 = 0.25;
+const UNIFORM_FRACTION: f32 = 0.25;
 
-/// So many lessons of equal value count as much as what is expected without.
+/// So many training samples of equal value count as much as what is expected without.
 const PRIOR: f32 = 256.0;
+
+/// Cells with fewer training samples are left to the larger ones around them.
+const LEAST_COUNT: u32 = 8;
 
 /// The number of the cell for all places of which nothing is known: with an even histogram.
 pub const UNKNOWN: u32 = 0;
@@ -48,12 +51,12 @@ impl Guide {
         guide
     }
 
-    /// What lessons taught, for a picture of this mean luminance.
-    pub fn new(lessons: &Lessons, luminance: f64) -> Guide {
+    /// What training found, for a picture of this mean luminance.
+    pub fn new(trained: &TrainedCells, luminance: f64) -> Guide {
         let mut guide =
-            Guide { grid: lessons.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
+            Guide { grid: trained.grid, floor: (LEAST_SHARE * luminance) as f32, ..Guide::blank() };
         let (mut numbers, mut parents) = (Numbers::default(), Vec::<CellSums>::new());
-        for cell in lessons.cells() {
+        for cell in trained.cells() {
             let key = parent(cell.key);
             let number = numbers.insert(key) as usize;
             if number == parents.len() {
@@ -61,26 +64,26 @@ impl Guide {
             }
             parents[number].add(cell);
         }
-        let even = Learned { weights: [1.0; BINS], mean: 0.0 };
-        let of_parents: Vec<Learned> =
-            parents.iter().map(|cell| Learned::new(cell, &even, 1.0 / CELLS_OF_PARENT)).collect();
+        let even = CellEstimate { weights: [1.0; BINS], mean: 0.0 };
+        let of_parents: Vec<CellEstimate> =
+            parents.iter().map(|cell| CellEstimate::new(cell, &even, 1.0 / CELLS_OF_PARENT)).collect();
         for (cell, learned) in parents.iter().zip(&of_parents) {
             guide.add(cell.key, learned);
         }
-        for cell in lessons.cells() {
+        for cell in trained.cells().filter(|cell| cell.count >= LEAST_COUNT) {
             let above = numbers.get(parent(cell.key)).map_or(&even, |number| &of_parents[number as usize]);
-            guide.add(cell.key, &Learned::new(cell, above, 1.0));
+            guide.add(cell.key, &CellEstimate::new(cell, above, 1.0));
         }
         guide
     }
 
-    fn add(&mut self, key: u64, learned: &Learned) {
+    fn add(&mut self, key: u64, learned: &CellEstimate) {
         // Those of which nothing is known come first.
         let number = self.numbers.insert(key) + 1;
         debug_assert_eq!(number as usize, self.histograms.len());
         let mut weights = learned.weights;
         for weight in &mut weights {
-            *weight = EVEN + (1.0 - EVEN) * *weight;
+            *weight = UNIFORM_FRACTION + (1.0 - UNIFORM_FRACTION) * *weight;
         }
         self.push(Histogram::new(&weights, learned.mean));
     }
@@ -110,23 +113,28 @@ impl Guide {
 }
 
 /// What a cell has learned, beside what was expected.
-struct Learned {
+struct CellEstimate {
     /// 1 on average.
     weights: Bins,
     mean: f32,
 }
 
-impl Learned {
+impl CellEstimate {
     /// Of a cell in a larger one; what that says counts `trust` times as much as usual.
-    fn new(cell: &CellSums, above: &Learned, trust: f32) -> Learned {
+    fn new(cell: &CellSums, above: &CellEstimate, trust: f32) -> CellEstimate {
         let prior = PRIOR * trust;
-        // Lessons of equal value that would be as good.
-        let effective = if cell.squares > 0.0 { cell.sum * cell.sum / cell.squares } else { 0.0 };
+        // Training samples of equal value that would be as good.
+        let effective = if cell.squares > 0.0 { (cell.sum * cell.sum / cell.squares) as f32 } else { 0.0 };
         let own = effective / (effective + prior);
-        let scale = if cell.sum > 0.0 { BINS as f32 / cell.sum } else { 0.0 };
-        let own = if scale.is_finite() && scale > 0.0 { own } else { 0.0 };
-        let weights = std::array::from_fn(|k| own * (scale * cell.bins[k]) + (1.0 - own) * above.weights[k]);
-        let mean = (cell.sum + prior * above.mean) / (cell.count + prior);
-        Learned { weights, mean }
+        let scale = BINS as f64 / cell.sum;
+        let mean = ((cell.sum + f64::from(prior * above.mean)) / f64::from(cell.count as f32 + prior)) as f32;
+        // Beyond the range of floats nothing is known.
+        let is_known = own > 0.0 && scale.is_finite() && cell.bins.iter().all(|bin| bin.is_finite());
+        let own = if is_known { own } else { 0.0 };
+        let weights = std::array::from_fn(|k| match is_known {
+            true => own * (scale * f64::from(cell.bins[k])) as f32 + (1.0 - own) * above.weights[k],
+            false => above.weights[k],
+        });
+        CellEstimate { weights, mean: if mean.is_finite() { mean } else { above.mean } }
     }
 }

@@ -8,6 +8,9 @@ use crate::sampling::hash::hash32;
 use crate::simd::Kernel;
 use std::ops::Range;
 
+/// Keeps the random numbers here apart from all others of a path.
+const SEED: u32 = 0x51ed_270b;
+
 /// Finds the halves of the keys of vertices. Points are moved along the surface, by at most half a cell either way, so that the
 /// borders between cells are blurred.
 pub struct FindKeys<'a> {
@@ -23,7 +26,7 @@ impl Kernel for FindKeys<'_> {
     #[inline(always)]
     fn run(self) {
         let Wave { paths, vertices: v, .. } = self.wave;
-        let salt = hash32(self.bounce ^ 0x3c6e_f372);
+        let salt = hash32(self.bounce ^ SEED);
         for i in self.range.start..self.range.end.min(WAVE) {
             let n = get(&v.ns, i);
             let frame = Frame::from_normal(n);

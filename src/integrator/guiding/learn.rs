@@ -1,4 +1,4 @@
-//! Paths that teach: what they find is taken down where they scattered.
+//! Paths that train a guide: what they find is recorded where they scattered.
 
 use super::super::Integrator;
 use super::super::block::Block;
@@ -7,7 +7,7 @@ use super::super::lanes::{WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
 use super::histogram;
-use super::lesson::{Lesson, Pending};
+use super::training::{TrainingSample, VertexRecord};
 use crate::color::luminance;
 use crate::math::Frame;
 use crate::sampling::warp;
@@ -16,9 +16,9 @@ use std::ops::Range;
 
 /// What the paths of a block found.
 #[derive(Clone, Debug, Default)]
-pub struct Learnt {
+pub struct BlockSamples {
     /// In an order that depends on the block alone.
-    pub lessons: Vec<Lesson>,
+    pub training_samples: Vec<TrainingSample>,
     /// Sum of the luminances of the samples, and how many there are.
     pub luminance: f64,
     pub samples: u64,
@@ -29,34 +29,34 @@ const LEAST_SHARE: f32 = 1e-6;
 
 impl Integrator<'_> {
     /// Traces the samples of a block to learn from them; `None` if `stop` said so.
-    pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<Learnt> {
-        w.lessons.clear();
-        w.noted.clear();
+    pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<BlockSamples> {
+        w.training_samples.clear();
+        w.vertex_records.clear();
         let (mut light, mut samples) = (0.0, 0);
         let is_done = self.trace(block, w, stop, |sample| {
             let value = f64::from(luminance(sample.rgb));
             light += if value.is_finite() { value } else { 0.0 };
             samples += 1;
         });
-        let lessons = std::mem::take(&mut w.lessons);
-        is_done.then_some(Learnt { lessons, luminance: light, samples })
+        let training_samples = std::mem::take(&mut w.training_samples);
+        is_done.then_some(BlockSamples { training_samples, luminance: light, samples })
     }
 
     /// Takes down the Lambertian vertices of a bounce, once they are scattered.
-    pub(in super::super) fn note_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
+    pub(in super::super) fn record_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
         let Wave { vertices, paths, .. } = &mut *w.wave;
         dispatch(FindBins { vertices, range: range.clone() });
         for i in range {
             let sample = paths.carried.sample[i];
-            let lesson = Lesson {
+            let training_sample = TrainingSample {
                 p: get(&vertices.p, i).to_array(),
                 n: get(&vertices.ns, i).to_array(),
                 bin: vertices.guided.bin[i],
                 value: 0.0,
             };
-            w.noted.push(Pending {
-                lesson,
+            w.vertex_records.push(VertexRecord {
+                training_sample,
                 sample,
                 before: w.sink.radiance(sample).luminance(),
                 carried: vertices.guided.carried[i],
@@ -66,28 +66,29 @@ impl Integrator<'_> {
         }
     }
 
-    /// Makes lessons of the vertices of a wave whose paths have ended.
+    /// Makes training samples of the vertices of a wave whose paths have ended.
     ///
     /// Of a path that came to another such vertex, of which the guide knows something already, what it found up to there counts
     /// and then what is expected from there on: that is less noisy than what it really found (Dahm, Keller 2017, "Learning Light
     /// Transport the Reinforced Way").
-    pub(in super::super) fn take_lessons(&self, w: &mut Workspace) {
-        if !self.options.teaches {
+    pub(in super::super) fn make_training_samples(&self, w: &mut Workspace) {
+        if !self.options.records_training {
             return;
         }
         // From the end, so that the next vertex of each path is known.
-        let mut next: Vec<Option<Pending>> = vec![None; w.pixels.len()];
-        for &pending in w.noted.iter().rev() {
-            let Pending { lesson, sample, before, carried, ends, .. } = pending;
-            let after = match next[sample as usize].replace(pending) {
+        let mut next: Vec<Option<VertexRecord>> = vec![None; w.pixels.len()];
+        for &record in w.vertex_records.iter().rev() {
+            let VertexRecord { training_sample, sample, before, carried, ends, .. } = record;
+            let after = match next[sample as usize].replace(record) {
                 Some(next) if next.expected >= 0.0 => next.before + next.carried * next.expected,
                 _ => w.sink.radiance(sample).luminance(),
             };
             let value = (after - before) / carried;
             let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
-            w.lessons.push(Lesson { value: if counts { value } else { 0.0 }, ..lesson });
+            w.training_samples
+                .push(TrainingSample { value: if counts { value } else { 0.0 }, ..training_sample });
         }
-        w.noted.clear();
+        w.vertex_records.clear();
     }
 }
 

@@ -20,16 +20,16 @@ mod guide;
 mod histogram;
 mod keys;
 mod learn;
-pub(super) mod lesson;
 mod scatter;
 #[cfg(test)]
 mod tests;
+pub(super) mod training;
 
 pub use grid::Grid;
 pub use guide::Guide;
-pub use learn::Learnt;
-pub use lesson::{Lesson, Lessons, Notes};
+pub use learn::BlockSamples;
 pub(super) use scatter::{GuidedLambert, scatter};
+pub use training::{CellSamples, TrainedCells, TrainingSample};
 
 use super::Integrator;
 use super::group::Sorted;
@@ -43,7 +43,7 @@ use keys::FindKeys;
 use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Finds the cells of the Lambertian vertices, and how densely these would have chosen the directions of their light samples.
+    /// Finds the cells of the Lambertian vertices.
     pub(super) fn find_cells(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
         let wave = &mut *w.wave;

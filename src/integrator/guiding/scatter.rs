@@ -43,7 +43,7 @@ impl VertexClass for GuidedLambert {
 
 impl Integrator<'_> {
     /// May paths end at a bounce by what is expected of them? Where they are shared, not before their prefixes end.
-    pub(in super::super) fn judges(&self, bounce: u32) -> bool {
+    pub(in super::super) fn uses_adjoint_roulette(&self, bounce: u32) -> bool {
         let first = if self.options.reuse.is_some() { FIRST_ROULETTE } else { FIRST_JUDGED };
         bounce >= first
     }
@@ -52,13 +52,13 @@ impl Integrator<'_> {
 /// Scatters at Lambertian vertices.
 pub(in super::super) fn scatter<const SOFT: bool>(
     how: How<'_>,
-    judges: bool,
+    uses_adjoint_roulette: bool,
     guide: &Guide,
     range: Range<usize>,
     wave: &mut Wave,
 ) {
     dispatch(Choose { how, guide, range: range.clone(), wave });
-    dispatch(GoOn::<SOFT> { how, floor: guide.floor, judges, range, wave });
+    dispatch(GoOn::<SOFT> { how, floor: guide.floor, uses_adjoint_roulette, range, wave });
 }
 
 /// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
@@ -94,7 +94,7 @@ struct GoOn<'a, const SOFT: bool> {
     how: How<'a>,
     floor: f32,
     /// May paths end by what is expected of them?
-    judges: bool,
+    uses_adjoint_roulette: bool,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
@@ -131,7 +131,7 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
             let share = expected / if judged { reference * WHOLE_SHARE } else { 1.0 };
             let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
             let q = if q > LEAST { q } else { LEAST };
-            let q = if self.judges { q } else { 1.0 };
+            let q = if self.uses_adjoint_roulette { q } else { 1.0 };
             let survives = if judged { (chances[i] < q) & (carried > 0.0) } else { survives };
             let scale = if judged { 1.0 / q } else { scale };
             set_rgb(&mut path.throughput, i, throughput * scale);

@@ -1,7 +1,7 @@
 use super::grid::{Grid, Numbers, parent};
 use super::guide::{Guide, UNKNOWN};
 use super::histogram::{BINS, Histogram, bin};
-use super::lesson::{Lesson, Lessons};
+use super::training::{TrainedCells, TrainingSample};
 use crate::math::{Frame, Vec3};
 use crate::sampling::chi2::{Chi2, Random, Square};
 use crate::sampling::warp;
@@ -68,18 +68,19 @@ fn keys_have_numbers_in_their_order() {
     assert_eq!(numbers.get(2), None);
 }
 
-fn lesson(p: Vec3, n: Vec3, bin: u32, value: f32) -> Lesson {
-    Lesson { p: p.to_array(), n: n.to_array(), bin, value }
+fn training_sample(p: Vec3, n: Vec3, bin: u32, value: f32) -> TrainingSample {
+    TrainingSample { p: p.to_array(), n: n.to_array(), bin, value }
 }
 
 #[test]
-fn cells_are_as_large_as_lessons_ask_for() {
+fn cells_are_as_large_as_samples_ask_for() {
     let mut random = Random::new(7);
     let floor = |random: &mut Random| Vec3::new(random.next() * 4.0 - 2.0, 0.0, random.next() * 4.0 - 2.0);
-    let lessons: Vec<Lesson> = (0..20_000).map(|_| lesson(floor(&mut random), Vec3::Y, 0, 1.0)).collect();
+    let samples: Vec<TrainingSample> =
+        (0..20_000).map(|_| training_sample(floor(&mut random), Vec3::Y, 0, 1.0)).collect();
     for wanted in [500.0, 2000.0] {
-        let grid = Grid::suited_to(&lessons, 320_000.0, wanted).expect("lessons");
-        let mut keys: Vec<u64> = lessons.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
+        let grid = Grid::suited_to(&samples, 320_000.0, wanted).expect("samples");
+        let mut keys: Vec<u64> = samples.iter().map(|l| grid.key(l.p.into(), l.n.into())).collect();
         keys.sort_unstable();
         keys.dedup();
         let mean = 320_000.0 / keys.len() as f64;
@@ -95,21 +96,21 @@ fn cells_are_as_large_as_lessons_ask_for() {
 
 /// A guide leads to where light came from, and expects as much as came; of other places it knows nothing.
 #[test]
-fn guides_know_what_they_were_taught() {
+fn guides_know_what_they_learned() {
     let (mut random, grid) = (Random::new(8), Grid::new(1.0));
     let here = Vec3::new(0.1, 0.0, 0.1);
-    let taught: Vec<Lesson> = (0..4000)
+    let found: Vec<TrainingSample> = (0..4000)
         .map(|_| {
             let bin = (random.next() * BINS as f32) as u32;
-            lesson(here, Vec3::Y, bin, if bin == 20 { 64.0 } else { 0.0 })
+            training_sample(here, Vec3::Y, bin, if bin == 20 { 64.0 } else { 0.0 })
         })
         .collect();
-    let mut lessons = Lessons::new(grid);
-    let notes = grid.notes(&taught);
-    for (share, notes) in lessons.shares.iter_mut().zip(&notes) {
-        share.learn(notes);
+    let mut trained = TrainedCells::new(grid);
+    let cell_samples = grid.cell_samples(&found);
+    for (share, cell_samples) in trained.shares.iter_mut().zip(&cell_samples) {
+        share.learn(cell_samples);
     }
-    let guide = Guide::new(&lessons, 1.0);
+    let guide = Guide::new(&trained, 1.0);
     let key = grid.key(here, Vec3::Y);
     let cell = guide.find(key as u32, (key >> 32) as u32) as usize;
     assert_ne!(cell as u32, UNKNOWN);
@@ -124,4 +125,33 @@ fn guides_know_what_they_were_taught() {
     let found = guide.find(beside as u32, (beside >> 32) as u32);
     assert!(found != UNKNOWN && found as usize != cell);
     assert_eq!(guide.cells(), 2);
+}
+
+/// Values near the ends of the range of floats leave a guide that is of use: all that is beyond it says nothing.
+#[test]
+fn values_of_any_size_make_usable_guides() {
+    let (mut random, grid) = (Random::new(9), Grid::new(1.0));
+    let here = Vec3::new(0.1, 0.0, 0.1);
+    for size in [1e-38, 1e-20, 1e20, 1e30, 1e38, f32::INFINITY] {
+        let found: Vec<TrainingSample> = (0..4000)
+            .map(|_| {
+                let bin = (random.next() * BINS as f32) as u32;
+                training_sample(here, Vec3::Y, bin, if bin == 20 { size } else { 0.0 })
+            })
+            .collect();
+        let mut trained = TrainedCells::new(grid);
+        for (share, samples) in trained.shares.iter_mut().zip(&grid.cell_samples(&found)) {
+            share.learn(samples);
+        }
+        let guide = Guide::new(&trained, 1.0);
+        let is_usable = |density: &f32| (0.2..=BINS as f32).contains(density);
+        assert!(guide.densities.iter().all(is_usable), "{size}: {:?}", guide.densities);
+        for densities in guide.densities.chunks(BINS) {
+            assert!(
+                (densities.iter().sum::<f32>() / BINS as f32 - 1.0).abs() < 1e-4,
+                "{size}: {densities:?}"
+            );
+        }
+        assert!(guide.histograms.iter().all(|h| h.mean.is_finite()), "{size}");
+    }
 }

@@ -4,7 +4,7 @@
 //! Samples of the same index in a group of pixels (see [`Tiling`]) trace their paths as ever. Each path that scatters at a
 //! diffuse or rough surface, at x, and then hits another such surface, at y, is cut between them: its prefix ends at x,
 //! its suffix starts at y. When all paths of the group have ended, each prefix is connected to each suffix. With `T` the
-//! throughput of a prefix, `p` the density per solid angle of its BSDF, `G` the cosine at y over the squared distance, and
+//! throughput of a prefix, `p` the density per solid angle of its sampling, `G` the cosine at y over the squared distance, and
 //! `L` the radiance that leaves y, found by its suffix, pixel k gets from all suffixes j
 //!
 //! ```text

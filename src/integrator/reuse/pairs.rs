@@ -84,8 +84,10 @@ impl Kernel for GuidePairs<'_> {
             for i in first..first + RUN {
                 let way = get(&pairs.y, i) - get(&v.next_origin, i);
                 let wi = way / way.dot(way).sqrt();
-                let density = densities.at(guiding::place(v.guided.cell[i], get(&v.ns, i), wi));
                 let is_guided = prefixes.class[i] == LAMBERT;
+                // Others have no cell.
+                let cell = v.guided.cell[i] * u32::from(is_guided);
+                let density = densities.at(guiding::place(cell, get(&v.ns, i), wi));
                 pairs.density[i] *= if is_guided { density } else { 1.0 };
             }
         }

@@ -53,34 +53,40 @@ fn run(arguments: &Arguments) -> Result<()> {
     };
     let setup = &arguments.setup;
     if let Some(seeds) = arguments.seeds {
-        let runs = of_all(&scenes, setup, |scene| calibrate(scene, setup, seeds))?;
-        let table = calibrate::markdown(&runs);
-        print!("{table}");
-        return write(arguments, &[("noise.csv", calibrate::csv(&runs)), ("noise.md", table)]);
+        let texts = |runs: &[calibrate::Run]| {
+            let (csv, table) = (calibrate::csv(runs), calibrate::markdown(runs));
+            write(arguments, &[("noise.csv", csv), ("noise.md", table.clone())]).map(|()| table)
+        };
+        return of_all(&scenes, setup, |scene| calibrate(scene, setup, seeds), texts);
     }
-    let points: Vec<Point> = of_all(&scenes, setup, |scene| measure(scene, setup))?;
-    let table = tables::markdown(&points);
-    print!("{table}");
-    let texts = [
-        ("time-to-error.csv", tables::csv(&points)),
-        ("time-to-error.md", table),
-        ("time-to-error.svg", tables::svg(&points)),
-    ];
-    write(arguments, &texts)
+    let texts = |points: &[Point]| {
+        let table = tables::markdown(points);
+        let texts = [
+            ("time-to-error.csv", tables::csv(points)),
+            ("time-to-error.md", table.clone()),
+            ("time-to-error.svg", tables::svg(points)),
+        ];
+        write(arguments, &texts).map(|()| table)
+    };
+    of_all(&scenes, setup, |scene| measure(scene, setup), texts)
 }
 
-/// What is measured of all scenes, one after another.
+/// Measures all scenes, one after another. After each, `write` writes down all that there is until then, and gives a table,
+/// the last of which is printed.
 fn of_all<T: Send>(
     scenes: &[PathBuf],
     setup: &Setup,
     measure: impl Fn(&PathBuf) -> Result<Vec<T>> + Sync,
-) -> Result<Vec<T>> {
-    let mut all = Vec::new();
+    write: impl Fn(&[T]) -> Result<String>,
+) -> Result<()> {
+    let (mut all, mut table) = (Vec::new(), String::new());
     for scene in scenes {
         eprintln!("{}", scene.display());
         all.extend(in_pool(setup.threads, || measure(scene))??);
+        table = write(&all)?;
     }
-    Ok(all)
+    print!("{table}");
+    Ok(())
 }
 
 fn write(arguments: &Arguments, texts: &[(&str, String)]) -> Result<()> {

@@ -1,4 +1,4 @@
-//! What paths teach: how much light came to a point from a direction, by cells.
+//! What guides learn from: how much light came to a point from a direction, by cells.
 
 use super::grid::{Grid, Numbers};
 use super::histogram::{BINS, Bins};
@@ -6,7 +6,7 @@ use crate::sampling::hash::mix64;
 
 /// What a path found where it had scattered.
 #[derive(Clone, Copy, Debug)]
-pub struct Lesson {
+pub struct TrainingSample {
     /// The point, metres.
     pub p: [f32; 3],
     /// Its shading normal.
@@ -20,9 +20,9 @@ pub struct Lesson {
 
 /// A vertex of a path of which it is not yet known what it will find.
 #[derive(Clone, Copy, Debug)]
-pub struct Pending {
+pub struct VertexRecord {
     /// All but the value.
-    pub lesson: Lesson,
+    pub training_sample: TrainingSample,
     pub sample: u32,
     /// Luminance that its sample had so far.
     pub before: f32,
@@ -33,31 +33,35 @@ pub struct Pending {
     pub ends: bool,
 }
 
-/// A lesson for a cell.
+/// A training sample for a cell.
 #[derive(Clone, Copy, Debug)]
-pub struct Note {
+pub struct CellSample {
     key: u64,
     bin: u32,
     value: f32,
 }
 
-/// Lessons by which the size of cells is chosen, at most.
+/// Training samples by which the size of cells is chosen, at most.
 const TRIED: usize = 1 << 15;
 
 /// Parts of the cells, which may learn at the same time.
 const SHARES: usize = 16;
 
-/// The notes of a block, by the share of cells that they are for.
-pub type Notes = [Vec<Note>; SHARES];
+/// The samples of a block, by the share of cells that they are for.
+pub type CellSamples = [Vec<CellSample>; SHARES];
 
 impl Grid {
-    /// Cells so large that at least half of the lessons are in cells with `wanted` of them once there are `total`, and as
-    /// small as that allows; `None` without lessons.
-    pub fn suited_to(lessons: &[Lesson], total: f64, wanted: f64) -> Option<Grid> {
-        let step = lessons.len().div_ceil(TRIED).max(1);
-        let tried: Vec<&Lesson> = lessons.iter().step_by(step).collect();
-        let farthest = tried.iter().flat_map(|l| l.p).fold(0.0f32, |most, x| most.max(x.abs()));
-        if tried.is_empty() || farthest <= 0.0 || !farthest.is_finite() {
+    /// Cells so large that at least half of the samples are in cells with `wanted` of them once there are `total`, and as
+    /// small as that allows; `None` without samples.
+    pub fn suited_to(samples: &[TrainingSample], total: f64, wanted: f64) -> Option<Grid> {
+        let step = samples.len().div_ceil(TRIED).max(1);
+        let tried: Vec<&TrainingSample> = samples.iter().step_by(step).collect();
+        // As far as most are: a few on the horizon don't count.
+        let mut distances: Vec<f32> =
+            tried.iter().map(|l| l.p.iter().fold(0.0f32, |most, x| most.max(x.abs()))).collect();
+        distances.sort_unstable_by(f32::total_cmp);
+        let farthest = *distances.get(distances.len() * 9 / 10)?;
+        if farthest <= 0.0 || !farthest.is_finite() {
             return None;
         }
         // Of those tried, a cell must have so many; a few at least, or chance decides.
@@ -75,16 +79,16 @@ impl Grid {
         }
     }
 
-    /// Sorts lessons.
-    pub fn notes(self, lessons: &[Lesson]) -> Notes {
-        let mut notes: Notes = Default::default();
-        for lesson in lessons {
-            let key = self.key(lesson.p.into(), lesson.n.into());
+    /// Sorts samples by cells.
+    pub fn cell_samples(self, samples: &[TrainingSample]) -> CellSamples {
+        let mut cell_samples: CellSamples = Default::default();
+        for sample in samples {
+            let key = self.key(sample.p.into(), sample.n.into());
             // By other bits than those by which tables are sorted.
             let share = (mix64(key) >> 60) as usize;
-            notes[share].push(Note { key, bin: lesson.bin, value: lesson.value });
+            cell_samples[share].push(CellSample { key, bin: sample.bin, value: sample.value });
         }
-        notes
+        cell_samples
     }
 }
 
@@ -95,15 +99,15 @@ pub struct CellSums {
     /// Sums of values by bin.
     pub bins: Bins,
     /// Of all values and of their squares, and how many there are.
-    pub sum: f32,
-    pub squares: f32,
-    pub count: f32,
+    pub sum: f64,
+    pub squares: f64,
+    pub count: u32,
 }
 
 impl CellSums {
     /// Nothing yet.
     pub fn new(key: u64) -> CellSums {
-        CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0.0 }
+        CellSums { key, bins: [0.0; BINS], sum: 0.0, squares: 0.0, count: 0 }
     }
 
     /// Adds what another has learned.
@@ -113,7 +117,7 @@ impl CellSums {
         }
         self.sum += other.sum;
         self.squares += other.squares;
-        self.count += other.count;
+        self.count = self.count.saturating_add(other.count);
     }
 }
 
@@ -125,33 +129,34 @@ pub struct Share {
 }
 
 impl Share {
-    /// Learns. Sums depend on the order of the notes.
-    pub fn learn(&mut self, notes: &[Note]) {
-        for note in notes {
-            let number = self.numbers.insert(note.key) as usize;
+    /// Learns. Sums depend on the order of the samples.
+    pub fn learn(&mut self, cell_samples: &[CellSample]) {
+        for cell_sample in cell_samples {
+            let number = self.numbers.insert(cell_sample.key) as usize;
             if number == self.cells.len() {
-                self.cells.push(CellSums::new(note.key));
+                self.cells.push(CellSums::new(cell_sample.key));
             }
             let cell = &mut self.cells[number];
-            cell.bins[note.bin as usize % BINS] += note.value;
-            cell.sum += note.value;
-            cell.squares += note.value * note.value;
-            cell.count += 1.0;
+            cell.bins[cell_sample.bin as usize % BINS] += cell_sample.value;
+            let value = f64::from(cell_sample.value);
+            cell.sum += value;
+            cell.squares += value * value;
+            cell.count = cell.count.saturating_add(1);
         }
     }
 }
 
 /// All that was learned.
 #[derive(Clone, Debug)]
-pub struct Lessons {
+pub struct TrainedCells {
     pub grid: Grid,
     pub shares: [Share; SHARES],
 }
 
-impl Lessons {
+impl TrainedCells {
     /// None yet.
-    pub fn new(grid: Grid) -> Lessons {
-        Lessons { grid, shares: Default::default() }
+    pub fn new(grid: Grid) -> TrainedCells {
+        TrainedCells { grid, shares: Default::default() }
     }
 
     /// The cells, in an order that does not depend on threads.
