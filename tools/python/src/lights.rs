@@ -37,7 +37,6 @@ impl Scene {
     }
 
     #[pyo3(signature = (position, direction, intensity, *, inner_angle=0.0, outer_angle=45.0, name="", group=""))]
-    #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn add_spot_light(
         &mut self,
         position: [f64; 3],

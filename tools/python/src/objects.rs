@@ -25,7 +25,6 @@ impl Scene {
 impl Scene {
     /// Adds a mesh, which is seen where `add_instance` places it; returns its id.
     #[pyo3(signature = (positions, triangles, material, *, normals=None, uvs=None, colors=None, name=""))]
-    #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn add_mesh(
         &mut self,
         positions: &Bound<'_, PyAny>,
