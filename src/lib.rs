@@ -76,12 +76,21 @@ pub fn load(path: impl AsRef<Path>) -> Result<load::Loaded> {
     load::load(path, &load::LoadOptions::default())
 }
 
+// Modules of the program name the library from outside, as they do where they belong to a program of their own.
+#[cfg(feature = "program")]
+extern crate self as oscura;
+
 #[doc(hidden)]
 pub mod accel;
 #[doc(hidden)]
 pub mod bsdf;
 #[doc(hidden)]
 pub mod camera;
+// It must be ready for variants that later versions add, of enums that are whole to what is within the library.
+#[cfg(feature = "program")]
+#[doc(hidden)]
+#[allow(irrefutable_let_patterns, unreachable_patterns)]
+pub mod cli;
 #[doc(hidden)]
 pub mod color;
 #[doc(hidden)]

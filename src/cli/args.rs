@@ -10,6 +10,7 @@ use super::guiding_args::GuidingArgs;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
+use super::show_arg::ShowArg;
 use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
@@ -53,33 +54,6 @@ pub(crate) struct CacheArgs {
     /// Delete what is kept.
     #[arg(long)]
     pub clear: bool,
-}
-
-#[derive(Args, Debug)]
-pub(crate) struct ThumbArgs {
-    /// The models or scenes: .gltf, .glb, .obj, .ply, .toml or .blend.
-    #[arg(required = true, value_name = "MODEL")]
-    pub models: Vec<PathBuf>,
-    /// Folder for the pictures, MODEL.png each [default: beside each model].
-    #[arg(short, long, value_name = "FOLDER")]
-    pub output: Option<PathBuf>,
-    /// Longer side in pixels.
-    #[arg(long, value_name = "N", default_value = "512", value_parser = clap::value_parser!(u32).range(1..=8192), allow_negative_numbers = true)]
-    pub size: u32,
-    /// Samples a pixel.
-    #[arg(long, value_name = "N", default_value = "8", value_parser = clap::value_parser!(u32).range(1..), allow_negative_numbers = true)]
-    pub spp: u32,
-    /// Threads [default: one a core].
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
-    pub threads: Option<u16>,
-    /// Let glTF and OBJ files refer to files outside their folder.
-    #[arg(long)]
-    pub allow_external: bool,
-    /// Print errors only.
-    #[arg(long)]
-    pub quiet: bool,
-    #[command(flatten)]
-    pub stage: StageArgs,
 }
 
 #[derive(Args, Debug)]
@@ -161,9 +135,9 @@ pub(crate) struct RenderArgs {
     /// The one of them that is rendered now.
     #[arg(skip)]
     pub scene: PathBuf,
-    /// File to write, .exr, .png, .jpg, .tif, .webp, .hdr or .part (with --orbit also .gif or .apng); may be given several
-    /// times. In a sequence, #### stands for the frame; {stem} stands for the scene's name without its extension.
-    #[arg(short, long, required = true, value_name = "FILE")]
+    /// File to write, .exr, .png, .jpg, .tif, .webp, .hdr or .part, of --orbit and --frames also .gif, .apng, .mp4 or .webm
+    /// (video takes the program ffmpeg); may be given several times. In a sequence, #### stands for the frame; {stem} stands for the scene's name without its extension.
+    #[arg(short, long, required_unless_present = "show", value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
@@ -171,7 +145,7 @@ pub(crate) struct RenderArgs {
     /// Frames a second of a sequence or a moving picture.
     #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
-    /// Render N pictures while the camera goes once around: numbered files, or one .gif or .apng.
+    /// Render N pictures while the camera goes once around: numbered files, or one moving picture.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
     pub orbit: Option<u32>,
     /// Samples a pixel [default: 128].
@@ -225,6 +199,9 @@ pub(crate) struct RenderArgs {
     /// Show the picture in the browser while it renders; =address prints the page's address only.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page", hide_possible_values = true)]
     pub preview: Option<PreviewArg>,
+    /// Draw the finished picture in the terminal: =blocks, =kitty or =sixel in place of what the terminal is known for.
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", hide_possible_values = true)]
+    pub show: Option<ShowArg>,
     /// Write the EXR's colour as 32-bit floats.
     #[arg(long)]
     pub float: bool,

@@ -4,7 +4,7 @@ use super::args::RenderArgs;
 use super::outcome::{Outcome, exit_code};
 use super::pictures::Targets;
 use super::process::cancel_by_signals;
-use super::{json, render, report, report_json, terms};
+use super::{json, render, report, report_json, show, terms};
 use oscura::error::{Error, Result};
 use oscura::output::is_same_target;
 use oscura::render::CancelHandle;
@@ -17,6 +17,7 @@ const STEM: &str = "{stem}";
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
     let shots: Vec<RenderArgs> = args.scenes.iter().map(|scene| of_scene(args, scene)).collect();
     check(&shots)?;
+    show::check(args)?;
     let cancel = cancel_by_signals()?;
     match &shots[..] {
         [only] => render::run(only, &cancel),

@@ -2,12 +2,14 @@
 
 use super::args::{
     CacheArgs, CompareArgs, CompletionsArgs, ExportArgs, HelpArgs, InspectArgs, ManArgs, NewArgs, RenderArgs,
-    ThumbArgs,
 };
 use super::merge_args::MergeArgs;
 use super::picture_args::{ConvertArgs, DenoiseArgs, InfoArgs};
+use super::thumb_args::{ThumbArgs, ThumbnailerArgs};
 use super::view::{self, ViewArgs};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
+use std::ffi::OsString;
+use std::sync::OnceLock;
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
@@ -21,19 +23,28 @@ pub(crate) struct Arguments {
     pub command: Command,
 }
 
+/// The command line that was read.
+static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+
+/// The words of the command line behind the program's name.
+pub(crate) fn words() -> impl Iterator<Item = &'static OsString> {
+    WORDS.get().into_iter().flatten().skip(1)
+}
+
 impl Arguments {
     /// The whole command line.
     pub fn whole() -> clap::Command {
         Arguments::command().mut_subcommand("view", view::adapt)
     }
 
-    /// Reads the command line of this process.
+    /// Reads a command line, the first word of which is the program's name.
     ///
     /// # Errors
     /// What clap objects to, and questions for help.
-    pub fn read() -> Result<Arguments, clap::Error> {
+    pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let mut command = Arguments::whole();
-        let matches = command.try_get_matches_from_mut(std::env::args_os())?;
+        let words = WORDS.get_or_init(|| words.collect());
+        let matches = command.try_get_matches_from_mut(words)?;
         if let Some(("view", matches)) = matches.subcommand() {
             view::refuse_unused(&mut command, matches)?;
         }
@@ -63,6 +74,8 @@ pub(crate) enum Command {
     View(Box<ViewArgs>),
     /// Write small pictures of many models.
     Thumb(ThumbArgs),
+    /// Let file managers show small pictures of models (freedesktop.org: Linux and other free systems).
+    InstallThumbnailer(ThumbnailerArgs),
     /// Write a commented scene file to start from.
     New(NewArgs),
     /// Say what is kept of Blender files for the next time, or delete it.

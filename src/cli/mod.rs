@@ -40,6 +40,7 @@ mod long_args;
 mod markdown;
 mod merge;
 mod merge_args;
+mod moving;
 mod named;
 mod new;
 mod numbers;
@@ -60,28 +61,26 @@ mod settings;
 mod shapes;
 mod sheet;
 mod shot;
+mod show;
+mod show_arg;
 mod shutter_args;
 mod stage_args;
 mod terms;
 mod thumb;
+mod thumb_args;
+mod thumbnailer;
 mod view;
 
 use command_line::{Arguments, Command};
 use outcome::{Outcome, exit_code};
-use std::process::ExitCode;
+use std::ffi::OsString;
 
-/// Runs the program: 0 done, 1 pictures disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
-pub(crate) fn main() -> ExitCode {
-    // clap prints usage errors itself and exits with 2.
-    let arguments = match Arguments::read() {
+/// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
+/// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
+pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
+    let arguments = match Arguments::read(arguments) {
         Ok(arguments) => arguments,
-        Err(error) => match aov_arg::asked_for(&error) {
-            Some(table) => {
-                report::print_text(table);
-                return ExitCode::SUCCESS;
-            }
-            None => scene_path::explain(error).exit(),
-        },
+        Err(error) => return refuse(error),
     };
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, batch::run(&a)),
@@ -94,6 +93,7 @@ pub(crate) fn main() -> ExitCode {
         Command::Convert(a) => (false, convert::run(&a)),
         Command::Info(a) => (a.json, info::run(&a)),
         Command::Thumb(a) => (false, thumb::run(&a)),
+        Command::InstallThumbnailer(a) => (false, thumbnailer::run(&a)),
         Command::New(a) => (false, new::run(&a)),
         Command::Cache(a) => (false, cache::run(&a)),
         Command::Help(a) => (false, help::run(&a)),
@@ -101,10 +101,10 @@ pub(crate) fn main() -> ExitCode {
         Command::Man(a) => (false, help::man(&a)),
     };
     match result {
-        Ok(Outcome::Done) => ExitCode::SUCCESS,
-        Ok(Outcome::Disagreement) => ExitCode::from(1),
-        Ok(Outcome::Interrupted) => ExitCode::from(130),
-        Ok(Outcome::Failed(code)) => ExitCode::from(code),
+        Ok(Outcome::Done) => 0,
+        Ok(Outcome::Disagreement) => 1,
+        Ok(Outcome::Interrupted) => 130,
+        Ok(Outcome::Failed(code)) => code,
         Err(error) => {
             let error = terms::in_error(error);
             report::error(&error);
@@ -112,7 +112,19 @@ pub(crate) fn main() -> ExitCode {
             if json {
                 json::print(&report_json::of_error(&error, code));
             }
-            ExitCode::from(code)
+            code
         }
     }
+}
+
+/// Says what is wrong with the arguments, or what they ask about the program. Returns the exit code.
+fn refuse(error: clap::Error) -> u8 {
+    if let Some(table) = aov_arg::asked_for(&error) {
+        report::print_text(table);
+        return 0;
+    }
+    let error = scene_path::explain(error);
+    // Nobody listening is no reason to end otherwise.
+    let _ = error.print();
+    u8::try_from(error.exit_code()).unwrap_or(2)
 }

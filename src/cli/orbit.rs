@@ -4,6 +4,7 @@ use super::Outcome;
 use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
+use super::moving::{MovingPictures, still};
 use super::pictures::Targets;
 use super::scene_path;
 use super::settings::choices;
@@ -12,20 +13,17 @@ use oscura::compile::Compiler;
 use oscura::error::{Error, Result};
 use oscura::load::Loaded;
 use oscura::load::stage::Turntable;
-use oscura::output::{Animation, AnimationFormat, check_target, write_atomically};
 use oscura::render::CancelHandle;
 use oscura::scene::{instance_extents, scene_extent};
 use std::f64::consts::TAU;
-use std::path::PathBuf;
 use std::time::Instant;
 
 /// Renders all pictures, from the camera's own place on, counter-clockwise seen from above.
 pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Result<Outcome> {
-    let (moving, still): (Vec<&PathBuf>, Vec<&PathBuf>) =
-        args.output.iter().partition(|path| AnimationFormat::of(path).is_some());
+    let still = still(&args.output);
     let files = |k: u32| still.iter().map(|path| Frames::file(path, k)).collect::<Vec<_>>();
     (0..count).try_for_each(|k| Targets::check(&files(k)).map(drop))?;
-    moving.iter().try_for_each(check_target)?;
+    let moving = Some(MovingPictures::new(args)?);
     let mut start = Instant::now();
     scene_path::check(&args.scene)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -38,8 +36,7 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
     let first = loaded.scene.cameras.get(number).cloned();
     let first = first.ok_or_else(|| Error::input(&args.scene, "has no camera"))?;
     let table = turntable(&loaded);
-    let animation = (!moving.is_empty()).then(Animation::default);
-    let mut kept = Kept { animation, ..Kept::new(args, Compiler::sequence())? };
+    let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
     for k in 0..count {
         if !args.quiet {
             say!("frame    {k} of {count}");
@@ -54,21 +51,8 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
         }
         start = Instant::now();
     }
-    for path in moving {
-        write(args, path, kept.animation.as_ref())?;
-    }
+    kept.moving.map_or(Ok(()), |moving| moving.finish(args))?;
     Ok(Outcome::Done)
-}
-
-/// Writes a moving picture.
-fn write(args: &RenderArgs, path: &PathBuf, animation: Option<&Animation>) -> Result<()> {
-    let (Some(format), Some(animation)) = (AnimationFormat::of(path), animation) else { return Ok(()) };
-    let bytes = animation.encode(format, args.fps).map_err(|message| Error::output(path, message))?;
-    write_atomically(path, &bytes)?;
-    if !args.quiet {
-        say!("wrote    {}", path.display());
-    }
-    Ok(())
 }
 
 /// About the model that loading framed, else about the middle of the scene.

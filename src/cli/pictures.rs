@@ -1,6 +1,7 @@
 //! The pictures that a run writes: where they go, what their headers say.
 
 use super::args::RenderArgs;
+use super::moving::is_moving;
 use super::terms;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::Film;
@@ -31,6 +32,10 @@ impl Targets {
                 let message = format!("-o {} is given twice", path.display());
                 let same = format!("it is the same file as -o {}", earlier.display());
                 return Err(Error::usage(message).with_help(same));
+            }
+            if is_moving(path) {
+                let message = format!("{}: there is one picture only, and no moving one", path.display());
+                return Err(Error::usage(message).with_help("--orbit N or --frames A-B make more"));
             }
             match path.extension().is_some_and(|e| e.eq_ignore_ascii_case(PART)) {
                 true => targets.parts.push(path.clone()),

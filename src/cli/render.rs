@@ -3,6 +3,7 @@
 use super::args::RenderArgs;
 use super::environment::EnvironmentOverride;
 use super::frames::Frames;
+use super::moving::{MovingPictures, still};
 use super::pictures::Targets;
 use super::settings::choices;
 use super::shot::{Kept, load_options, load_scene, run_one};
@@ -37,11 +38,16 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
         let mut kept = Kept::new(args, Compiler::single())?;
         return run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept);
     };
-    let file = |number| args.output.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
+    let moving = Some(MovingPictures::new(args)?);
+    let still = still(&args.output);
+    let file = |number| still.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();
     for number in frames.numbers() {
         Targets::check(&file(number))?;
     }
-    let is_missing = |&number: &u32| !args.long.resume || !file(number).iter().all(|path| path.exists());
+    // A sequence that is shown or becomes a moving picture has no files that tell which frames exist.
+    let is_missing = |&number: &u32| {
+        !args.long.resume || still.is_empty() || !file(number).iter().all(|path| path.exists())
+    };
     let missing: Vec<u32> = frames.numbers().filter(is_missing).collect();
     if let Some(checkpoint) = &args.long.checkpoint {
         missing
@@ -50,7 +56,7 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     }
     say_existing(args, frames.numbers().count() - missing.len());
     let (mut start, mut numbers, mut outcome) = (Instant::now(), missing.iter().copied(), Outcome::Done);
-    let mut kept = Kept::new(args, Compiler::sequence())?;
+    let mut kept = Kept { moving, ..Kept::new(args, Compiler::sequence())? };
     scene_path::check(&args.scene)?;
     limits::before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
@@ -72,6 +78,9 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
             _ => ControlFlow::Break(()),
         })
     })?;
+    if matches!(outcome, Outcome::Done) {
+        kept.moving.map_or(Ok(()), |moving| moving.finish(args))?;
+    }
     Ok(outcome)
 }
 

@@ -5,19 +5,19 @@ use super::args::RenderArgs;
 use super::checkpoint::Keeper;
 use super::denoising::Denoising;
 use super::environment::EnvironmentOverride;
+use super::moving::MovingPictures;
 use super::page::Preview;
 use super::pictures::{Pictures, Shot, Targets};
 use super::prepared::{Prepared, Wants, prepare};
 use super::process::peak_memory;
 use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
-use super::{json, report_json};
+use super::{json, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
-use oscura::output::Animation;
 use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics};
 use std::sync::Arc;
 use std::time::Instant;
@@ -64,8 +64,8 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
 pub(super) struct Kept {
     pub said: Said,
     pub compiler: Compiler,
-    /// Frames of a moving picture so far, where one is wanted.
-    pub animation: Option<Animation>,
+    /// Moving pictures so far, where there are to be any.
+    pub moving: Option<MovingPictures>,
     /// The page that shows it.
     pub preview: Option<Preview>,
 }
@@ -77,7 +77,7 @@ impl Kept {
     /// If the page that is asked for can't be shown.
     pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<Kept> {
         let preview = args.preview.map(|_| Preview::open(args)).transpose()?;
-        Ok(Kept { said: Said::default(), compiler, animation: None, preview })
+        Ok(Kept { said: Said::default(), compiler, moving: None, preview })
     }
 }
 
@@ -90,7 +90,7 @@ pub(super) fn run_one(
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
     start: Instant,
-    Kept { said, compiler, animation, preview }: &mut Kept,
+    Kept { said, compiler, moving, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let wants = Wants::of_files(args, targets.has_exr());
     let prepared = prepare(args, wants, environment, loaded, start, compiler)?;
@@ -120,13 +120,13 @@ pub(super) fn run_one(
 
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture));
-    animation.iter_mut().for_each(|animation| animation.add_film(picture.film(), &png));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
     warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
     // The pictures come first: who runs out of space for the one may have some for the others.
     kept?;
+    moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
 
     let run = Run {
         load_s,
@@ -143,6 +143,7 @@ pub(super) fn run_one(
         warnings,
         left_out,
     };
+    show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }

@@ -1,20 +1,23 @@
 //! `oscura thumb`: small pictures of many models.
 
-use super::args::ThumbArgs;
 use super::outcome::{Outcome, exit_code};
 use super::process::cancel_by_signals;
 use super::report;
 use super::scene_path;
 use super::terms;
+use super::thumb_args::ThumbArgs;
 use oscura::error::{Error, Result};
+use oscura::film::AovSet;
 use oscura::load::{LoadOptions, Loaded, load};
-use oscura::output::{PngOptions, ViewTransform, check_target, place_folder};
-use oscura::render::{CancelHandle, Renderer, in_pool};
+use oscura::output::{
+    Format, PngOptions, ViewTransform, check_target, encode, place_folder, write_atomically,
+};
+use oscura::render::{CancelHandle, Caustics, PathReuse, Renderer, Splitting, denoising_guides, in_pool};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 /// Scattering events of a path: more are not seen at this size.
-const DEPTH: u32 = 8;
+const DEPTH: u32 = 6;
 
 /// Makes all pictures; models that fail are listed, and the worst decides the exit code.
 pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
@@ -26,6 +29,13 @@ pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
 
 /// Where each picture goes.
 fn targets(args: &ThumbArgs) -> Result<Vec<PathBuf>> {
+    if let Some(file) = &args.file {
+        return match args.models.len() {
+            1 => Ok(vec![file.clone()]),
+            many => Err(Error::usage(format!("--file is the picture of one model, not of {many}"))
+                .with_help("give a folder by -o")),
+        };
+    }
     if let Some(folder) = &args.output {
         place_folder::make(folder)?;
     }
@@ -50,10 +60,10 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     for (model, target) in args.models.iter().zip(targets) {
         let start = Instant::now();
         match one(args, model, target, cancel) {
-            Ok(()) if !args.quiet => {
+            Ok(true) if !args.quiet => {
                 say!("wrote    {} in {:.1} s", target.display(), start.elapsed().as_secs_f64());
             }
-            Ok(()) => {}
+            Ok(_) => {}
             Err(error) => {
                 let error = terms::in_error(error);
                 report::error(&error);
@@ -71,7 +81,8 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
     Ok(Outcome::Failed(worst))
 }
 
-fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<()> {
+/// Makes one; false if it was stopped.
+fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
     scene_path::check(model)?;
     check_target(target)?;
     let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
@@ -84,19 +95,34 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     let loaded = load(model, &options)?;
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let (width, height) = size(args.size, &loaded);
-    let picture = Renderer::new(loaded)
+    // Denoising does more for a few samples than what makes each of them better, in less time.
+    let mut rendering = Renderer::new(loaded)
         .size(width, height)
         .samples(args.spp)
         .max_depth(DEPTH)
+        .caustics(Caustics::Off)
+        .path_reuse(PathReuse::Off)
+        .splitting(Splitting::OFF)
+        .aovs(denoising_guides())
+        .halves(true)
         .cancel_by(cancel)
-        .render()?;
+        .start()?;
+    rendering.run();
+    if cancel.is_cancelled() {
+        return Ok(false);
+    }
+    rendering.denoise(AovSet::NONE);
+    let picture = rendering.into_picture();
     let view = match is_stage_lit && args.stage.leaves_view_open() {
         true => ViewTransform::Filmic,
         false => ViewTransform::Srgb,
     };
     let mut output = picture.output_options().clone();
     output.png = PngOptions { view, ..output.png };
-    picture.save_with(target, &output).map(drop)
+    // By what they hold, not by the name: that of a file manager's temporary file may end in anything.
+    let encoded = encode(picture.film(), Format::Png, &output, target)?;
+    write_atomically(target, &encoded.bytes)?;
+    Ok(true)
 }
 
 /// Square for models that were framed; else of the shape that the scene asks for.

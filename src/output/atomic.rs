@@ -49,11 +49,32 @@ pub(super) fn write_with(path: &Path, write: &mut dyn FnMut(&mut dyn Write) -> i
     let mut writer = BufWriter::with_capacity(1 << 18, temporary.as_file_mut());
     let written = write(&mut writer).and_then(|()| writer.flush());
     drop(writer);
-    let written = written.and_then(|()| temporary.as_file().sync_all());
-    written.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
+    written.map_err(|e| failure(path, &e))?;
+    place(temporary, path)
+}
+
+/// Puts a file of [`create`] in the place of its target, when it is on the disk.
+///
+/// # Errors
+/// As for [`write_atomically`].
+pub(super) fn place(temporary: NamedTempFile, path: &Path) -> Result<()> {
+    let synced = temporary.as_file().sync_all();
+    synced.and_then(|()| Ok(temporary.persist(path)?)).map_err(|e| failure(path, &e))?;
     // The rename itself becomes durable with the folder; some systems can't sync folders, and lose nothing else by it.
     let _ = File::open(folder_of(path)).and_then(|folder| folder.sync_all());
     Ok(())
+}
+
+/// Removes a file; false if there was none.
+///
+/// # Errors
+/// An output error with the reason.
+pub fn remove_file(path: &Path) -> Result<bool> {
+    match fs::remove_file(path) {
+        Ok(()) => Ok(true),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(false),
+        Err(error) => Err(Error::output(path, format!("can't be removed: {error}"))),
+    }
 }
 
 /// Removes temporary files of a target that runs left behind which were killed while they wrote it. Files of the last hour
@@ -93,7 +114,7 @@ fn folder_of(path: &Path) -> &Path {
 
 /// A file with a name of its own in the folder of the target; it goes when dropped. It is made like any other file, so
 /// that who may read the picture is decided as everywhere (by the umask).
-fn create(path: &Path) -> Result<NamedTempFile> {
+pub(super) fn create(path: &Path) -> Result<NamedTempFile> {
     let hidden = hidden_prefix(path).ok_or_else(|| Error::output(path, "is not a file name"))?;
     tempfile::Builder::new()
         .prefix(&hidden)

@@ -17,9 +17,10 @@ pub mod part;
 pub mod place_folder;
 mod png;
 mod tone;
+mod video;
 
 pub use animation::{Animation, AnimationFormat};
-pub use atomic::{check_target, is_same_target, remove_leftovers, write_atomically};
+pub use atomic::{check_target, is_same_target, remove_file, remove_leftovers, write_atomically};
 pub use encoded::Encoded;
 pub use exr::{DENOISED, Metadata, encode_exr, encode_layered};
 pub use exr_colors::{WorkingSpace, is_color};
@@ -28,6 +29,7 @@ pub use format::Format;
 pub use matte::Matte;
 pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, rgba8, shown8};
 pub use tone::ViewTransform;
+pub use video::{Video, VideoFormat};
 
 use crate::error::{Error, Result};
 use crate::film::Film;

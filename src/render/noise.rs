@@ -51,7 +51,9 @@ impl Noise {
         }
         let means: Vec<[f32; 3]> = film.rgba().into_iter().map(|[r, g, b, _]| [r, g, b]).collect();
         let is_known = self.means.len() == means.len() && self.samples < samples;
-        self.moved = if is_known { loss(&self.means, &means, film.width() as usize) } else { 0.0 };
+        let (width, numbers) = (film.width() as usize, [self.samples, samples]);
+        let moments = Moments { before: &self.means, now: &means, samples: numbers, width };
+        self.moved = if is_known { moments.loss() } else { 0.0 };
         if samples.is_power_of_two() {
             if self.samples * 2 == samples && is_known {
                 self.losses.push(self.moved);
@@ -114,47 +116,63 @@ impl Noise {
     }
 }
 
-/// The mean over pixels and colours of how far means moved, relative to the values.
-fn loss(before: &[[f32; 3]], now: &[[f32; 3]], width: usize) -> f64 {
-    let height = now.len() / width.max(1);
-    let mut sum = 0.0;
-    for y in 0..height {
-        let mut of_row = 0.0;
-        for x in 0..width {
-            let at = y * width + x;
-            let value = settled(now, width, height, x, y);
-            for c in 0..3 {
-                let moved = f64::from(now[at][c]) - f64::from(before[at][c]);
-                of_row += moved * moved / (value[c] * value[c] + FLOOR);
-            }
-        }
-        sum += of_row;
-    }
-    sum / (3 * now.len()).max(1) as f64
+/// Means of pixels at two moments, and of how many samples they are.
+struct Moments<'a> {
+    before: &'a [[f32; 3]],
+    now: &'a [[f32; 3]],
+    samples: [u32; 2],
+    width: usize,
 }
 
-/// The value of a pixel, as far as its neighbours bear it out: within the range of the eight around it, their outermost left
-/// out. A pixel that one bright sample decides would have a small relative error else.
-fn settled(values: &[[f32; 3]], width: usize, height: usize, x: usize, y: usize) -> [f64; 3] {
-    let rows = y.saturating_sub(1)..(y + 2).min(height);
-    let columns = x.saturating_sub(1)..(x + 2).min(width);
-    let (mut low, mut high) = ([[f32::INFINITY; 2]; 3], [[f32::NEG_INFINITY; 2]; 3]);
-    for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
-        if (column, row) == (x, y) {
-            continue;
+impl Moments<'_> {
+    /// The mean over pixels and colours of how far means moved, relative to the values.
+    fn loss(&self) -> f64 {
+        let height = self.now.len() / self.width.max(1);
+        let mut sum = 0.0;
+        for y in 0..height {
+            let mut of_row = 0.0;
+            for x in 0..self.width {
+                let at = y * self.width + x;
+                let value = self.settled(x, y);
+                for c in 0..3 {
+                    let moved = f64::from(self.now[at][c]) - f64::from(self.before[at][c]);
+                    of_row += moved * moved / (value[c] * value[c] + FLOOR);
+                }
+            }
+            sum += of_row;
         }
-        for (c, &value) in values[row * width + column].iter().enumerate() {
-            let [least, second] = &mut low[c];
-            (*least, *second) = (least.min(value), second.min(least.max(value)));
-            let [most, second] = &mut high[c];
-            (*most, *second) = (most.max(value), second.max(most.min(value)));
-        }
+        sum / (3 * self.now.len()).max(1) as f64
     }
-    let own = values[y * width + x];
-    std::array::from_fn(|c| {
-        let (low, high) = (low[c][1], high[c][1]);
-        f64::from(if low <= high { own[c].clamp(low, high) } else { own[c] })
-    })
+
+    /// The value of a pixel, as far as its neighbours or its later samples bear it out: within the range of the eight around it,
+    /// their outermost left out, and of the means of its earlier and its later samples. A pixel that one bright sample decides would
+    /// have a small relative error else.
+    fn settled(&self, x: usize, y: usize) -> [f64; 3] {
+        let (width, height) = (self.width, self.now.len() / self.width);
+        let rows = y.saturating_sub(1)..(y + 2).min(height);
+        let columns = x.saturating_sub(1)..(x + 2).min(width);
+        let (mut low, mut high) = ([[f32::INFINITY; 2]; 3], [[f32::NEG_INFINITY; 2]; 3]);
+        for (row, column) in rows.flat_map(|row| columns.clone().map(move |column| (row, column))) {
+            if (column, row) == (x, y) {
+                continue;
+            }
+            for (c, &value) in self.now[row * width + column].iter().enumerate() {
+                let [least, second] = &mut low[c];
+                (*least, *second) = (least.min(value), second.min(least.max(value)));
+                let [most, second] = &mut high[c];
+                (*most, *second) = (most.max(value), second.max(most.min(value)));
+            }
+        }
+        let at = y * width + x;
+        let [n, m] = self.samples.map(f64::from);
+        std::array::from_fn(|c| {
+            let (own, earlier) = (f64::from(self.now[at][c]), f64::from(self.before[at][c]));
+            let later = (m * own - n * earlier) / (m - n);
+            let (low, high) = (f64::from(low[c][1]), f64::from(high[c][1]));
+            let (low, high) = (low.min(earlier.max(later)), high.max(earlier.min(later)));
+            if low <= high { own.clamp(low, high) } else { own }
+        })
+    }
 }
 
 #[cfg(test)]
@@ -199,10 +217,17 @@ mod tests {
 
     #[test]
     fn one_bright_pixel_is_measured_by_its_neighbours() {
-        let mut values = vec![[0.5f32; 3]; 25];
-        values[12] = [100.0; 3];
-        values[11] = [90.0; 3];
-        assert_eq!(settled(&values, 5, 5, 2, 2), [0.5; 3]);
-        assert_eq!(settled(&values, 5, 5, 0, 0), [0.5; 3]);
+        let mut now = vec![[0.5f32; 3]; 25];
+        now[12] = [100.0; 3];
+        now[11] = [90.0; 3];
+        let mut before = vec![[0.5f32; 3]; 25];
+        let settled = |before: &[[f32; 3]], x, y| {
+            Moments { before, now: &now, samples: [32, 64], width: 5 }.settled(x, y)
+        };
+        assert_eq!(settled(&before, 2, 2), [0.5; 3]);
+        assert_eq!(settled(&before, 0, 0), [0.5; 3]);
+        // A small lamp is as bright in the later samples as in the earlier ones.
+        before[12] = [98.0; 3];
+        assert_eq!(settled(&before, 2, 2), [98.0; 3]);
     }
 }

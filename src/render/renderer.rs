@@ -12,6 +12,7 @@ use crate::error::Result;
 use crate::film::{Aov, AovSet, AovSpace};
 use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
+use std::sync::Arc;
 use std::time::Duration;
 
 /// A scene and how to render it. What is not chosen here is taken from the scene (its first camera, and all that a scene
@@ -33,7 +34,7 @@ use std::time::Duration;
 /// ```
 #[must_use = "it renders when told to: by `render` or `start`"]
 pub struct Renderer {
-    loaded: Loaded,
+    loaded: Arc<Loaded>,
     choices: Choices,
     cancel: CancelHandle,
     listener: Option<Box<Listener>>,
@@ -46,12 +47,12 @@ impl Renderer {
     /// loading adds one where a file has none, and [`stage::complete`](crate::load::stage::complete) does so for
     /// scenes built in code.
     pub fn new(scene: impl Into<Loaded>) -> Renderer {
-        Renderer {
-            loaded: scene.into(),
-            choices: Choices::default(),
-            cancel: CancelHandle::new(),
-            listener: None,
-        }
+        Renderer::shared(Arc::new(scene.into()))
+    }
+
+    /// The same for a scene that is rendered several times: nothing of it is copied.
+    pub fn shared(loaded: Arc<Loaded>) -> Renderer {
+        Renderer { loaded, choices: Choices::default(), cancel: CancelHandle::new(), listener: None }
     }
 
     /// Width and height in pixels.
@@ -223,18 +224,19 @@ impl Renderer {
     /// A usage error for a camera that does not exist and for a picture with too many pixels; an input error for a scene
     /// without a camera, with broken references or with more triangles than can be addressed.
     pub fn start(self) -> Result<Rendering> {
-        let Loaded { scene, mut warnings, offset, .. } = self.loaded;
-        let settled = self.choices.settle(&scene)?;
-        let camera = settled.camera(&scene)?;
+        let Loaded { scene, warnings, offset, .. } = &*self.loaded;
+        let mut warnings = warnings.clone();
+        let settled = self.choices.settle(scene)?;
+        let camera = settled.camera(scene)?;
         let size = (settled.options.width, settled.options.height);
         let mut compiler = Compiler::single();
         compiler.set_tree(settled.tree(1));
         compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
-        let (compiled, mut report) = compiler.compile(&scene, settled.shading, camera, size)?;
+        let (compiled, mut report) = compiler.compile(scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
-        let labels = Labels::of(&scene, &settled.options);
+        let labels = Labels::of(scene, &settled.options);
         let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
-        let rendering = rendering.placed(scene.backdrop, offset);
+        let rendering = rendering.placed(scene.backdrop.clone(), *offset);
         Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))
     }
 

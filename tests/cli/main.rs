@@ -5,6 +5,7 @@ mod beside;
 mod blender;
 mod comparing;
 mod denoisers;
+mod desktop;
 mod errors;
 mod examples;
 mod farms;
@@ -24,5 +25,7 @@ mod sequence;
 mod signals;
 mod stage;
 mod teaching;
+mod terminal;
+mod video;
 #[cfg(target_os = "linux")]
 mod view;

@@ -283,8 +283,20 @@ fn help_of(command: &str) -> String {
 fn options_are_those_of_the_program() {
     let readme = readme();
     let own: BTreeSet<String> = [
-        "render", "merge", "inspect", "export", "compare", "denoise", "convert", "info", "view", "thumb",
-        "new", "cache", "help",
+        "render",
+        "merge",
+        "inspect",
+        "export",
+        "compare",
+        "denoise",
+        "convert",
+        "info",
+        "view",
+        "thumb",
+        "install-thumbnailer",
+        "new",
+        "cache",
+        "help",
     ]
     .iter()
     .flat_map(|command| options_in(&help_of(command)))

@@ -2,6 +2,7 @@
 
 use super::frame::Frame;
 use super::state::State;
+use crate::cli::command_line;
 use oscura::output::ViewTransform;
 use serde_json::{Value, json};
 
@@ -65,7 +66,7 @@ pub(crate) fn own_command() -> Vec<String> {
 
 /// The arguments of this process.
 pub(super) fn arguments() -> impl Iterator<Item = String> {
-    std::env::args_os().skip(1).map(|word| word.to_string_lossy().into_owned())
+    command_line::words().map(|word| word.to_string_lossy().into_owned())
 }
 
 /// The arguments of this process that a render takes as well and that the page doesn't set.

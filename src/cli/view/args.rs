@@ -3,16 +3,18 @@
 use crate::cli::args::RenderArgs;
 use clap::error::ErrorKind;
 use clap::parser::ValueSource;
-use clap::{ArgMatches, Args, Command};
+use clap::{Arg, ArgAction, ArgMatches, Args, Command, value_parser};
+use std::path::PathBuf;
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 37] = [
+const UNUSED: [&str; 38] = [
     "output",
     "frames",
     "fps",
     "resume",
     "orbit",
     "preview",
+    "show",
     "time_limit",
     "save_every",
     "noise",
@@ -65,7 +67,10 @@ pub(crate) struct ViewArgs {
 pub(crate) fn adapt(command: Command) -> Command {
     let command = command
         .mut_arg("scenes", |arg| arg.num_args(1).help("The scene: .gltf, .glb, .obj, .ply, .toml or .blend"));
-    UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.required(false).hide(true)))
+    // What `render` requires in the place of something else is required by nothing here.
+    let output = Arg::new("output").short('o').long("output").action(ArgAction::Append);
+    let command = command.mut_arg("output", |_| output.value_parser(value_parser!(PathBuf)));
+    UNUSED.iter().fold(command, |command, id| command.mut_arg(id, |arg| arg.hide(true)))
 }
 
 /// Refuses unused arguments that were given.

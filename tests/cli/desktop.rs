@@ -1,0 +1,128 @@
+//! `oscura install-thumbnailer`, and what it installs.
+
+use crate::program::*;
+use std::fs;
+use std::path::Path;
+use std::process::{Command, Output};
+
+const FILES: [&str; 2] = ["thumbnailers/oscura.thumbnailer", "mime/packages/oscura.xml"];
+
+/// Runs the command with a folder of data of its own.
+fn install(data: &Path, more: &[&str]) -> Output {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+    command.arg("install-thumbnailer").args(more).env("XDG_DATA_HOME", data);
+    command.output().expect("it starts")
+}
+
+#[test]
+fn a_thumbnailer_is_installed_and_removed() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let output = install(&data, &[]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    for file in FILES {
+        let path = data.join(file);
+        assert!(
+            path.is_file() && stderr(&output).contains(&path.display().to_string()),
+            "{}",
+            stderr(&output)
+        );
+    }
+    assert!(stderr(&output).contains("undo     oscura install-thumbnailer --remove"), "{}", stderr(&output));
+    // A second time is no failure.
+    assert_eq!(code(&install(&data, &["--quiet"])), 0);
+    let removed = install(&data, &["--remove"]);
+    assert_eq!(code(&removed), 0, "{}", stderr(&removed));
+    assert!(FILES.iter().all(|file| !data.join(file).exists()));
+    assert_eq!(code(&install(&data, &["--remove"])), 0, "nothing to remove is fine");
+}
+
+#[test]
+fn printing_writes_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    let output = install(&data, &["--print"]);
+    let text = String::from_utf8_lossy(&output.stdout);
+    assert!(text.contains("[Thumbnailer Entry]") && text.contains("model/gltf-binary"), "{text}");
+    assert!(FILES.iter().all(|file| text.contains(file)), "{text}");
+    assert!(!data.exists());
+    let both = install(&data, &["--print", "--remove"]);
+    assert_eq!(code(&both), 2, "{}", stderr(&both));
+}
+
+#[test]
+fn a_folder_that_takes_no_files_is_named() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    fs::write(&data, "a file").unwrap();
+    let output = install(&data, &[]);
+    assert_eq!(code(&output), 4, "{}", stderr(&output));
+    assert!(stderr(&output).contains("thumbnailers"), "{}", stderr(&output));
+}
+
+#[test]
+#[cfg(unix)]
+fn the_installed_command_makes_a_picture_under_any_name() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    install(&data, &[]);
+    let entry = fs::read_to_string(data.join(FILES[0])).unwrap();
+    let exec = entry.lines().find_map(|line| line.strip_prefix("Exec=")).expect("a command");
+    let (model, picture) = (folder.path().join("my model.obj"), folder.path().join("picture.XYZ123"));
+    fs::write(&model, "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n").unwrap();
+    let quoted = |path: &Path| format!("'{}'", path.display());
+    let command = exec.replace("%s", "64").replace("%o", &quoted(&picture)).replace("%i", &quoted(&model));
+    let output = Command::new("sh").args(["-c", &command]).output().expect("a shell");
+    assert!(output.status.success() && output.stderr.is_empty(), "{}", stderr(&output));
+    let bytes = fs::read(&picture).expect("a picture");
+    let image = image::load_from_memory_with_format(&bytes, image::ImageFormat::Png).expect("a PNG");
+    assert_eq!((image.width(), image.height()), (64, 64));
+    let two = oscura(folder.path(), &["thumb", "a.obj", "b.obj", "--file", "c.png"]);
+    assert_eq!(code(&two), 2, "{}", stderr(&two));
+    assert!(stderr(&two).contains("one model"), "{}", stderr(&two));
+}
+
+/// The database of the system understands the types.
+#[test]
+#[cfg(target_os = "linux")]
+fn the_types_are_understood() {
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("data");
+    install(&data, &[]);
+    if !data.join("mime/globs2").is_file() {
+        println!("skipped: update-mime-database (shared-mime-info) is not installed");
+        return;
+    }
+    let globs = fs::read_to_string(data.join("mime/globs2")).unwrap();
+    for line in ["model/gltf-binary:*.glb", "model/x-ply:*.ply", "model/obj:*.obj", "model/gltf+json:*.gltf"]
+    {
+        assert!(globs.contains(line), "{line} is not in {globs}");
+    }
+}
+
+/// The recipe for packages puts everything in its place, and nothing refers to where it was built.
+#[test]
+#[cfg(target_os = "linux")]
+fn packages_are_laid_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let root = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut command = Command::new(root.join("tools/packaging/install.sh"));
+    command.arg(env!("CARGO_BIN_EXE_oscura")).env("DESTDIR", folder.path()).env("PREFIX", "/usr");
+    let output = command.output().expect("a shell");
+    assert!(output.status.success(), "{}", stderr(&output));
+    let read = |name: &str| {
+        fs::read_to_string(folder.path().join("usr/share").join(name))
+            .unwrap_or_else(|e| panic!("{name}: {e}"))
+    };
+    for page in ["oscura", "oscura-render", "oscura-install-thumbnailer"] {
+        assert!(read(&format!("man/man1/{page}.1")).contains(".TH"), "{page}");
+    }
+    assert!(read("bash-completion/completions/oscura").contains("install-thumbnailer"));
+    assert!(read("zsh/site-functions/_oscura").starts_with("#compdef oscura"));
+    assert!(read("fish/vendor_completions.d/oscura.fish").contains("complete -c oscura"));
+    let entry = read("thumbnailers/oscura.thumbnailer");
+    assert!(entry.contains("TryExec=/usr/bin/oscura\nExec=\"/usr/bin/oscura\" thumb"), "{entry}");
+    assert!(read("mime/packages/oscura.xml").contains("model/gltf-binary"));
+    assert!(read("doc/oscura/LICENSE-MIT").contains("MIT"));
+    assert!(folder.path().join("usr/bin/oscura").is_file());
+}

@@ -1,0 +1,79 @@
+//! Choices that are made by a word.
+
+use super::errors::usage;
+use oscura::load::Up;
+use oscura::load::gltf::{Glass, LightUnits};
+use oscura::load::stage::{Ground, StageLight, ViewFrom};
+use oscura::output::ViewTransform;
+use pyo3::PyResult;
+use std::str::FromStr;
+
+/// What a word stands for in a list of choices.
+fn choose<T: Clone>(argument: &str, word: &str, choices: &[(&str, T)]) -> PyResult<T> {
+    let found = choices.iter().find(|(name, _)| *name == word).map(|(_, value)| value.clone());
+    found.ok_or_else(|| {
+        let names: Vec<&str> = choices.iter().map(|(name, _)| *name).collect();
+        usage(format!("{argument}='{word}' is not possible (one of {})", names.join(", ")))
+    })
+}
+
+/// Which axis points up.
+pub fn up(word: &str) -> PyResult<Up> {
+    let choices: Vec<(&str, Up)> = Up::ALL.iter().map(|up| (up.name(), *up)).collect();
+    choose("up", word, &choices)
+}
+
+/// What transparent materials without a volume are.
+pub fn glass(word: &str) -> PyResult<Glass> {
+    let choices =
+        [("auto", Glass::Auto), ("solid", Glass::Solid), ("thin", Glass::Thin), ("panes", Glass::Panes)];
+    choose("glass", word, &choices)
+}
+
+/// What the numbers of lights mean.
+pub fn light_units(word: &str) -> PyResult<LightUnits> {
+    let choices = [
+        ("auto", LightUnits::Auto),
+        ("spec", LightUnits::Spec),
+        ("compat", LightUnits::Compat),
+        ("raw", LightUnits::Raw),
+    ];
+    choose("light_units", word, &choices)
+}
+
+/// What lights scenes without light.
+pub fn stage(word: &str) -> PyResult<StageLight> {
+    let choices = [
+        ("studio", StageLight::Studio),
+        ("sky", StageLight::Sky),
+        ("sunset", StageLight::Sunset),
+        ("white", StageLight::White),
+        ("soft", StageLight::Soft),
+        ("none", StageLight::None),
+    ];
+    choose("stage", word, &choices)
+}
+
+/// What bare models stand on.
+pub fn ground(word: &str) -> PyResult<Ground> {
+    choose("ground", word, &[("none", Ground::None), ("shadow", Ground::Shadow), ("floor", Ground::Floor)])
+}
+
+/// From where bare models are seen.
+pub fn view_from(word: &str) -> PyResult<ViewFrom> {
+    ViewFrom::from_str(word).map_err(|message| usage(format!("view_from='{word}' {message}")))
+}
+
+/// How pictures to look at come about.
+pub fn view(word: &str) -> PyResult<ViewTransform> {
+    let choices = ViewTransform::ALL.map(|view| (view.name(), view));
+    choose("view", word, &choices)
+}
+
+/// What is parsed from a word.
+pub fn parsed<T: FromStr>(argument: &str, word: &str) -> PyResult<T>
+where
+    T::Err: std::fmt::Display,
+{
+    word.parse().map_err(|error| usage(format!("{argument}='{word}': {error}")))
+}

@@ -1,0 +1,66 @@
+//! Work in a thread of its own, without Python's lock, while Python's signals are looked after.
+
+use oscura::render::CancelHandle;
+use pyo3::prelude::*;
+use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
+use std::thread;
+use std::time::Duration;
+
+/// How often signals are looked for.
+const PAUSE: Duration = Duration::from_millis(50);
+
+/// How far work is.
+#[derive(Clone, Copy)]
+pub struct Progress {
+    /// Of all samples, 0..1.
+    pub share: f64,
+    pub elapsed: Duration,
+}
+
+/// Does the work, and calls `listener(share, seconds)` in the calling thread meanwhile. Ctrl-C and exceptions of the listener
+/// use the handle; they are raised when the work has ended.
+pub fn watched<R: Send>(
+    py: Python<'_>,
+    cancel: &CancelHandle,
+    listener: Option<&Bound<'_, PyAny>>,
+    work: impl FnOnce(Sender<Progress>) -> R + Send,
+) -> PyResult<R> {
+    let (sender, mut news) = channel();
+    thread::scope(|scope| {
+        let worker = scope.spawn(move || work(sender));
+        let mut failure = None;
+        loop {
+            let (newest, is_over) = py.detach(|| newest(&mut news));
+            if let Err(error) = told(py, listener, newest)
+                && failure.is_none()
+            {
+                cancel.cancel();
+                failure = Some(error);
+            }
+            if is_over {
+                break;
+            }
+        }
+        let result = py.detach(|| worker.join());
+        let result = result.unwrap_or_else(|panic| std::panic::resume_unwind(panic));
+        failure.map_or(Ok(result), Err)
+    })
+}
+
+/// Waits for news; the last of them, and whether there will be no more.
+fn newest(news: &mut Receiver<Progress>) -> (Option<Progress>, bool) {
+    match news.recv_timeout(PAUSE) {
+        Ok(first) => (Some(news.try_iter().last().unwrap_or(first)), false),
+        Err(RecvTimeoutError::Timeout) => (None, false),
+        Err(RecvTimeoutError::Disconnected) => (None, true),
+    }
+}
+
+/// Hands news on, and lets Python handle signals.
+fn told(py: Python<'_>, listener: Option<&Bound<'_, PyAny>>, news: Option<Progress>) -> PyResult<()> {
+    py.check_signals()?;
+    if let Some((listener, Progress { share, elapsed })) = listener.zip(news) {
+        listener.call1((share, elapsed.as_secs_f64()))?;
+    }
+    Ok(())
+}
