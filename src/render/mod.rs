@@ -34,6 +34,7 @@ mod share;
 mod statistics;
 mod technique;
 mod tiles;
+mod warnings;
 mod work;
 
 pub use crate::integrator::reuse::GroupShape;
@@ -48,7 +49,8 @@ pub use picture::Picture;
 pub use pool::in_pool;
 pub use progress::Event;
 pub use renderer::Renderer;
-pub use rendering::{Rendering, film_warnings};
+pub use rendering::Rendering;
 pub use settle::{ALL_AOVS, Choices, Settled};
 pub use share::SAMPLE_BLOCK;
 pub use statistics::{PassOutcome, Statistics};
+pub use warnings::film_warnings;

@@ -17,6 +17,8 @@
 //! the nearer `m` is to `2n`: there, the square counts as a loss does. So a bright sample that came since then is not missed.
 
 use crate::film::Film;
+use crate::integrator::reuse::INTERVAL;
+use std::ops::Range;
 
 /// Samples below which nothing is estimated.
 const LEAST: u32 = 8;
@@ -67,11 +69,15 @@ impl Noise {
         Some(self.trend()?.0.sqrt())
     }
 
-    /// About how many samples it takes to get to this error, if it goes on falling as it did.
-    pub fn samples_for(&self, error: f64) -> Option<f64> {
+    /// About how many of the samples that may be taken it takes to get to this error, if it goes on falling as it did, in whole
+    /// passes; `least` of all are taken anyway.
+    pub fn samples_for(&self, error: f64, least: u32, taken: Range<u32>) -> Option<u32> {
         let (variance, ratio) = self.trend()?;
         let doublings = (error * error / variance).ln() / ratio.ln();
-        Some(f64::from(self.now) * doublings.exp2())
+        // `as` saturates.
+        let samples = (f64::from(self.now) * doublings.exp2()).ceil() as u32;
+        let end = samples.max(least).min(taken.end).next_multiple_of(INTERVAL);
+        Some(end.min(taken.end).saturating_sub(taken.start))
     }
 
     /// The variance now, and by what it falls when the samples are doubled.
@@ -208,7 +214,9 @@ mod tests {
         let later = Noise { now: 48, moved: 0.01 / 3.0, ..noise.clone() };
         assert!((later.error().unwrap().powi(2) - 0.01 / 1.5).abs() < 1e-12);
         // Four times the samples for half the error.
-        assert!((noise.samples_for(0.05).unwrap() - 128.0).abs() < 1e-9);
+        assert_eq!(noise.samples_for(0.05, 0, 0..1000), Some(128));
+        assert_eq!(noise.samples_for(0.05, 130, 8..1000), Some(128));
+        assert_eq!(noise.samples_for(0.05, 0, 0..100), Some(100));
         // A bright sample: the error is as large as the mean moved.
         let spike = Noise { moved: 0.25, ..later };
         assert!(spike.error().unwrap() > 0.5);

@@ -15,12 +15,12 @@ use super::progress::{Event, Listener, Progress};
 use super::schedule::{Pass, Schedule};
 use super::statistics::{PassOutcome, Statistics};
 use super::technique::{Choice, Technique};
+use super::warnings::of_film;
 use super::work::PassWork;
 use crate::compile::{CompiledScene, View};
 use crate::error::{Result, Warning};
 use crate::film::{Film, FilterSampler, MatteIds};
 use crate::integrator::CausticPlan;
-use crate::integrator::reuse::INTERVAL;
 use crate::math::DVec3;
 use crate::output::OutputOptions;
 use crate::sampling::Allotment;
@@ -313,13 +313,12 @@ impl Rendering {
     /// Tells how many samples the error that was asked for is likely to take.
     fn forecast(&self) {
         let Some((noise, wanted)) = self.noise.as_ref().zip(self.options.noise) else { return };
-        let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted))) else { return };
-        let taken = self.options.taken();
-        let samples = samples.max(f64::from(self.options.least_samples)).min(f64::from(taken.end));
-        let pixels = f64::from(self.film.width()) * f64::from(self.film.height());
-        // Passes are whole.
-        let after = (samples / f64::from(INTERVAL)).ceil() * f64::from(INTERVAL) - f64::from(taken.start);
-        self.progress.expect((pixels * after) as u64, error);
+        let (least, taken) = (self.options.least_samples, self.options.taken());
+        if let Some((error, samples)) = noise.error().zip(noise.samples_for(f64::from(wanted), least, taken))
+        {
+            let pixels = u64::from(self.film.width()) * u64::from(self.film.height());
+            self.progress.expect(pixels * u64::from(samples), error);
+        }
     }
 
     /// Is the picture as good as it was to be?
@@ -408,22 +407,6 @@ impl Rendering {
         }
         is_finished
     }
-}
-
-/// What has to be said about the samples of a film.
-pub fn film_warnings(film: &Film) -> Vec<Warning> {
-    of_film(film, true)
-}
-
-fn of_film(film: &Film, has_stopped: bool) -> Vec<Warning> {
-    let invalid = film.invalid_samples();
-    let unsampled = if has_stopped { film.unsampled_pixels() } else { 0 };
-    let all = u64::from(film.width()) * u64::from(film.height());
-    let messages = [
-        (invalid, format!("{invalid} samples were NaN or infinite and were left out")),
-        (unsampled, format!("{unsampled} of {all} pixels have no sample and are black and transparent")),
-    ];
-    messages.into_iter().filter(|(count, _)| *count > 0).map(|(_, text)| Warning::general(text)).collect()
 }
 
 /// What is taken of a pass.
