@@ -117,6 +117,7 @@ fn plan_help(error: Error) -> Error {
 
 /// Do the options about long renders make sense together, and can the files be written?
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
+    args.picture.denoiser.check(args.picture.denoise)?;
     let long = &args.long;
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if long.resume && args.frames.is_none() && long.checkpoint.is_none() {
