@@ -24,6 +24,7 @@ pub(super) fn run(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
 fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     choices(args).check_size()?;
     checkpoint::check(args)?;
+    args.picture.denoiser.check(args.picture.denoise)?;
     if let Some(count) = args.orbit {
         return orbit::run(args, count, cancel);
     }
