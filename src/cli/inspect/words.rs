@@ -105,6 +105,7 @@ fn pbr(p: &PbrMaterial) -> String {
         parts.push(format!("specular {}", share(&p.specular)));
     }
     let layers = [
+        ("rough diffuse", p.diffuse_roughness.factor > 0.0),
         ("clearcoat", p.clearcoat.is_some()),
         ("sheen", p.sheen.is_some()),
         ("anisotropy", p.anisotropy.is_some()),

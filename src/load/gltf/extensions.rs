@@ -12,10 +12,12 @@ const READ: &[&str] = &[
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_roughness",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
@@ -37,10 +39,7 @@ const READ: &[&str] = &[
 ];
 
 /// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
-const HARMLESS: &[(&str, &str)] = &[
-    ("KHR_animation_pointer", "what it animates stands still"),
-    ("KHR_xmp_json_ld", "metadata are not read"),
-];
+const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")];
 
 impl Document<'_> {
     /// Does the file declare the use of an extension?

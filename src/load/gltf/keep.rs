@@ -28,6 +28,12 @@ pub(super) struct StillMesh {
 }
 
 impl Kept {
+    /// Forgets the materials and the meshes, which refer to them by number. Images stay decoded.
+    pub fn forget_materials(&mut self) {
+        self.materials.forget();
+        self.still.clear();
+    }
+
     /// Takes meshes back from a scene that is not needed any more. Where it lacks any of them, they are read again.
     pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StillMesh>) {
         for StillMesh { mesh, meshes } in still {

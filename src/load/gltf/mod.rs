@@ -28,11 +28,14 @@ mod nodes;
 mod opener;
 mod options;
 mod place;
+mod pointers;
 mod repair;
 mod report;
+mod samplers;
 mod shutter;
 mod skin;
 mod textures;
+mod track;
 mod traits;
 mod transform;
 mod triangles;
@@ -49,6 +52,7 @@ use animation::Pose;
 use document::{Document, pointer};
 use keep::{Kept, StillMesh};
 use place::Builder;
+use pointers::Played;
 use report::Report;
 use serde_json::Value;
 use shutter::Moments;
@@ -85,12 +89,14 @@ pub(super) fn load_moments(
     options.files.note(path);
     let bytes = read_file(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let parts = container::open(path, &bytes)?;
-    let doc = Document::new(path, parts, bytes.len(), options);
+    let mut doc = Document::new(path, parts, bytes.len(), options);
     let (mut report, mut kept) = (Report::new(path), Kept::default());
     kept.materials.geometry_only = options.geometry_only;
+    let mut played = Played::default();
     for time_s in moments {
         report.begin_moment();
         doc.begin_moment();
+        played.play(&mut doc, time_s, &mut kept, &mut report);
         let moments = Moments::read(&doc, time_s, options, &mut kept, &mut report);
         let (mut loaded, still) = at(&doc, time_s, moments.as_ref(), &mut kept, &mut report)?;
         if each(&mut loaded)?.is_break() {

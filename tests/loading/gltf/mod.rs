@@ -13,4 +13,5 @@ mod materials;
 mod motion;
 mod nodes;
 mod packed;
+mod pointers;
 mod uv_sets;

@@ -209,6 +209,7 @@ pub const TABLES: &[Table] = &[
             ("base_color", "0.3", "0.4"),
             ("metallic", "0.3", "0.4"),
             ("roughness", "0.3", "0.4"),
+            ("diffuse_roughness", "0.3", "0.4"),
             ("ior", "1.3", "1.4"),
             ("specular", "0.3", "0.4"),
             ("specular_color", "0.3", "0.4"),

@@ -68,8 +68,8 @@ structs! {
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
     PbrMaterial {
-        base_color, metallic, roughness, ior, specular, specular_color, transmission, has_volume, tints_once,
-        attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
+        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
