@@ -1,5 +1,6 @@
 //! What is read once for all moments of a file: materials, images, and the meshes that nothing deforms.
 
+use super::ies_lights::Profiles;
 use super::materials::Materials;
 use super::meshes::Skipped;
 use crate::image::Image;
@@ -15,6 +16,8 @@ pub(super) struct Kept {
     pub images: Vec<Image>,
     /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
     pub still: HashMap<usize, Vec<Mesh>>,
+    /// The profiles of EXT_lights_ies met so far.
+    pub profiles: Profiles,
     /// What the meshes left out.
     pub skipped: Skipped,
 }

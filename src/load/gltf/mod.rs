@@ -17,6 +17,7 @@ mod document;
 mod draco;
 mod exported;
 mod extensions;
+mod ies_lights;
 mod images;
 mod instancing;
 mod keep;

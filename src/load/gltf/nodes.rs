@@ -5,7 +5,7 @@ use super::document::{Document, index_of, list_of_indices, name_of, names_of, po
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
 use super::transform::{self, Family};
-use super::{extensions, instancing};
+use super::{extensions, ies_lights, instancing};
 use crate::error::Problem;
 use crate::math::DAffine3;
 use serde_json::Value;
@@ -33,6 +33,12 @@ pub(super) struct Node {
 }
 
 impl Node {
+    /// Does it hold a mesh, a camera or a light?
+    pub fn shows(&self, doc: &Document) -> bool {
+        let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
+        has_own || ies_lights::raw(doc, self).is_some()
+    }
+
     /// The node's JSON pointer.
     pub fn pointer(&self) -> String {
         pointer("nodes", self.index)
@@ -53,7 +59,7 @@ const PATH_NAMES: usize = 8;
 impl Hierarchy {
     /// Nodes that hold neither a mesh nor a camera nor a light: their numbers, names and placements.
     pub fn empties(&self, doc: &Document) -> Vec<(usize, String, DAffine3)> {
-        let empty = |n: &&Node| n.mesh.is_none() && n.camera.is_none() && n.light.is_none();
+        let empty = |n: &&Node| !n.shows(doc);
         let named = |n: &Node| {
             let raw = doc.json.pointer(&n.pointer())?;
             Some((n.index, raw.get("name")?.as_str()?.to_string(), n.world_from_node))

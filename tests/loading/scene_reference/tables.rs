@@ -347,6 +347,36 @@ pub const TABLES: &[Table] = &[
         &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("intensity", "10", "20")],
     ),
     light(
+        "point",
+        before!(light "point"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("target", "[0, 0, 1]", "[0, 0, 2]"),
+            ("turn", "30", "40"),
+        ],
+    ),
+    light(
+        "point",
+        before!(light "point"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("direction", "[0, -1, 1]", "[0, -1, 2]"),
+        ],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("turn", "30", "40"),
+            ("power", "10", "20"),
+        ],
+    ),
+    light(
         "spot",
         before!(light "spot"),
         &[
