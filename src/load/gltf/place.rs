@@ -80,7 +80,8 @@ impl<'b, 'a> Builder<'b, 'a> {
                 self.scene.lights.extend(light);
             }
         }
-        cameras::note_units(self.doc, self.scene.lights.len(), report);
+        let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
+        cameras::note_units(self.doc, punctual, report);
         self.kept.skipped.warn(report);
     }
 

@@ -1,6 +1,6 @@
 //! glTF files: collections of real, valid and damaged files, and small cases of the format's corners.
 
-mod asset;
+pub mod asset;
 mod choices;
 mod collections;
 mod damage;

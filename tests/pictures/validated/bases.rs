@@ -2,7 +2,7 @@
 
 use crate::support::{camera, disk, material, quad, sphere};
 use oscura::image::{Encoding, Image, Pixels};
-use oscura::math::{DAffine3, DVec3, Vec2, Vec3};
+use oscura::math::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment,
     FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
