@@ -3,9 +3,11 @@
 mod aperture;
 mod importance;
 mod moving;
+mod ndc;
 mod sight;
 
 pub use moving::MovingCamera;
+pub use ndc::ndc_from_world;
 
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
@@ -58,6 +60,16 @@ impl Camera {
             focus_distance: camera.lens.map_or(1.0, |lens| lens.focus_distance) as f32,
             is_perspective,
         }
+    }
+
+    /// A direction along its own axes: to the right, up, and back.
+    pub fn along_axes(&self, direction: Vec3) -> Vec3 {
+        Vec3::new(direction.dot(self.right), direction.dot(self.up), -direction.dot(self.forward))
+    }
+
+    /// A point along its own axes, from where it stands.
+    pub fn seen_from(&self, p: Vec3) -> Vec3 {
+        self.along_axes(p - self.origin)
     }
 
     /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.

@@ -15,7 +15,7 @@ use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
 use clap::builder::{OsStringValueParser, TypedValueParser};
 use clap::{Args, ValueEnum};
-use oscura::film::AovSet;
+use oscura::film::{AovSet, AovSpace};
 use oscura::output::ViewTransform;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
@@ -181,6 +181,9 @@ pub(crate) struct RenderArgs {
     /// Keep the environment out of the camera's sight: pictures are transparent there, and its light stays.
     #[arg(long, conflicts_with = "background")]
     pub transparent: bool,
+    /// Make smooth glass transparent, too, where nothing is behind it (with --transparent); its reflections stay.
+    #[arg(long)]
+    pub transparent_glass: bool,
     /// Let glTF and OBJ files refer to files outside their folder.
     #[arg(long)]
     pub allow_external: bool,
@@ -205,6 +208,9 @@ pub(crate) struct RenderArgs {
     /// Further channels of the EXR.
     #[arg(long, value_name = "LIST", value_delimiter = ',', value_parser = AovParser)]
     pub aov: Vec<AovSet>,
+    /// The space of position, normal and geometric_normal: world or camera.
+    #[arg(long, value_name = "SPACE", default_value = "world")]
+    pub aov_space: AovSpace,
     /// Further channels RGBA_key of the EXR for the light of each group of lights.
     #[arg(long)]
     pub light_groups: bool,

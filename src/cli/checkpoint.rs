@@ -4,6 +4,7 @@ use super::args::RenderArgs;
 use super::pictures::Targets;
 use super::report::Said;
 use oscura::error::{Error, Result, Warning};
+use oscura::film::AovSet;
 use oscura::load::Loaded;
 use oscura::output::part::{Finish, Identity, read_header, read_part};
 use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
@@ -24,7 +25,8 @@ pub(super) struct Keeper<'a> {
 }
 
 impl<'a> Keeper<'a> {
-    /// For a scene that was loaded. Fingerprints are taken only where they are of use.
+    /// For a scene that was loaded; of a picture whose noise will be taken out with the AOVs that stay then. Fingerprints are
+    /// taken only where they are of use.
     pub fn new(
         args: &'a RenderArgs,
         targets: &'a Targets,
@@ -32,6 +34,7 @@ impl<'a> Keeper<'a> {
         settled: &Settled,
         png: PngOptions,
         warnings: &[Warning],
+        kept_without_noise: Option<AovSet>,
     ) -> Result<Keeper<'a>> {
         let keeps = args.long.checkpoint.is_some() || !targets.parts().is_empty();
         let identity = if keeps { identity(&mut loaded.scene, settled)? } else { Identity::new() };
@@ -39,6 +42,8 @@ impl<'a> Keeper<'a> {
         let finish = Finish {
             world_offset: (offset != [0.0; 3]).then_some(offset.map(f64::to_bits)),
             warnings: warnings.iter().map(Warning::to_string).collect(),
+            denoise: kept_without_noise
+                .map(|aovs| aovs.iter().map(|aov| aov.info().option.to_string()).collect()),
             owner: args.owner.clone(),
             float: args.float,
             reproducible: args.reproducible,
@@ -112,6 +117,7 @@ fn plan_help(error: Error) -> Error {
 
 /// Do the options about long renders make sense together, and can the files be written?
 pub(super) fn check(args: &RenderArgs) -> Result<()> {
+    args.picture.denoiser.check(args.picture.denoise)?;
     let long = &args.long;
     let is_sequence = args.frames.is_some() || args.orbit.is_some();
     if long.resume && args.frames.is_none() && long.checkpoint.is_none() {
@@ -143,12 +149,6 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     if long.is_part() && !args.output.iter().all(is_part) {
         let message = "a part of a picture is written as a .part file";
         return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
-    }
-    if args.picture.denoise && args.output.iter().any(is_part) {
-        let message = "--denoise can't be used for .part files: what they hold are sums of samples";
-        let help =
-            "give --aov albedo,normal,depth,variance; 'oscura denoise' takes the noise out of the merged EXR";
-        return Err(Error::usage(message).with_help(help));
     }
     if args.exr.overscan.is_some() && args.output.iter().any(is_part) {
         return Err(Error::usage("--overscan goes into pictures, not into .part files"));

@@ -2,9 +2,13 @@
 
 use super::Outcome;
 use super::picture_args::ConvertArgs;
+use super::rec709::to_rec709;
+use super::sheet::{Sheet, sheet};
 use oscura::error::{Error, Result};
 use oscura::load::image::{Layered, load_layered};
-use oscura::output::{Format, Linear, PngOptions, check_target, encode_shown, write_atomically};
+use oscura::output::{
+    Format, Linear, PngOptions, check_target, encode_rgb8, encode_shown, is_color, write_atomically,
+};
 
 pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     let format = Format::of(&args.output)?;
@@ -12,11 +16,13 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         return Err(Error::usage(format!("{}: is an EXR as what it comes from", args.output.display()))
             .with_help("end the name in .png, .jpg, .tif, .webp or .hdr"));
     }
+    if args.sheet && format == Format::Hdr {
+        return Err(
+            Error::usage("--sheet is made to look at, and .hdr is linear").with_help("write a .png or .jpg")
+        );
+    }
     check_target(&args.output)?;
     let file = load_layered(&args.picture)?;
-    let (part, rgba) = find(&file, args.layer.as_deref()).ok_or_else(|| no_layer(&file, args))?;
-    let [width, height] = file.size(part);
-    let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
     let options = PngOptions {
         view: args.view,
         exposure: args.exposure,
@@ -24,13 +30,42 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         dither: args.dither,
         deep: args.deep,
     };
-    let bytes =
-        encode_shown(&picture, format, &options).map_err(|message| Error::output(&args.output, message))?;
+    let (bytes, invalid) = match args.sheet {
+        true => (encode_sheet(&file, format, &options), None),
+        false => {
+            let (part, rgba) = find(&file, args.layer.as_deref()).ok_or_else(|| no_layer(&file, args))?;
+            let [width, height] = file.size(part);
+            let picture = Linear { width: width as u32, height: height as u32, rgba: &rgba };
+            (encode_shown(&picture, format, &options), invalid(&rgba))
+        }
+    };
+    let bytes = bytes.map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
+        invalid.iter().for_each(|note| say!("note: {note}"));
         say!("wrote    {}", args.output.display());
     }
     Ok(Outcome::Done)
+}
+
+/// How many values are no numbers that a picture could show, if some are.
+fn invalid(rgba: &[[f32; 4]]) -> Option<String> {
+    let values = rgba.as_flattened();
+    let of = |is: fn(f32) -> bool| values.iter().filter(|v| is(**v)).count();
+    let (nan, infinite, all) = (of(f32::is_nan), of(f32::is_infinite), values.len());
+    (nan + infinite > 0).then(|| {
+        format!("of {all} values {nan} are NaN, shown as 0, and {infinite} infinite, shown as the least or the most")
+    })
+}
+
+/// All layers on one sheet.
+fn encode_sheet(
+    file: &Layered,
+    format: Format,
+    options: &PngOptions,
+) -> std::result::Result<Vec<u8>, String> {
+    let Sheet { width, height, data } = sheet(file, options);
+    encode_rgb8(&data, width as u32, height as u32, format)
 }
 
 /// The pixels of a layer, and which part has it. A layer is what channels' names have before the last dot, a part's name, or
@@ -52,7 +87,10 @@ fn colors(file: &Layered, part: usize, prefix: &str) -> Option<Vec<[f32; 4]>> {
         let names = letters.map(|letter| format!("{prefix}{letter}"));
         file.triple(part, names.each_ref().map(String::as_str))
     };
-    let [r, g, b] = triple(["R", "G", "B"]).or_else(|| triple(["X", "Y", "Z"]))?;
+    let is_color = is_color(prefix.trim_end_matches(|c: char| c == '.' || c.is_ascii_digit()));
+    let mut rgb = triple(["R", "G", "B"]);
+    rgb.iter_mut().filter(|_| is_color).for_each(|rgb| to_rec709(file, rgb));
+    let [r, g, b] = rgb.or_else(|| triple(["X", "Y", "Z"]))?;
     let alpha = file.values(part, &format!("{prefix}A")).unwrap_or_else(|| vec![1.0; r.len()]);
     Some((0..r.len()).map(|i| [r[i], g[i], b[i], alpha[i]]).collect())
 }

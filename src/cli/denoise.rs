@@ -2,10 +2,10 @@
 
 use super::Outcome;
 use super::picture_args::DenoiseArgs;
-use oscura::denoise::{Guides, Noise, Noisy, denoise, slices};
+use oscura::denoise::{Guides, Noise, Noisy, slices};
 use oscura::error::{Error, Result};
 use oscura::load::image::{Layered, load_layered};
-use oscura::output::{Format, check_target, encode_layered, write_atomically};
+use oscura::output::{DENOISED, Format, check_target, encode_layered, write_atomically};
 use oscura::render::in_pool;
 use std::path::Path;
 use std::time::Instant;
@@ -26,6 +26,7 @@ pub(crate) fn run(args: &DenoiseArgs) -> Result<Outcome> {
 
 fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let start = Instant::now();
+    let denoiser = args.denoiser.load()?;
     let first = load_layered(&args.picture)?;
     let part = part_with_color(&first, &args.picture)?;
     let second = args.other_seed.as_deref().map(|path| other(path, &first, part)).transpose()?;
@@ -43,14 +44,14 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
     let load_s = start.elapsed().as_secs_f64();
     let start = Instant::now();
     let [width, height] = file.size(part);
-    let result = denoise(&Noisy {
+    let result = denoiser.denoise(&Noisy {
         width,
         height,
         color: slices(&layers.color),
         noise,
         guides: layers.guides(),
         parts: layers.parts.iter().map(|(_, part)| slices(part)).collect(),
-    });
+    })?;
     let denoise_s = start.elapsed().as_secs_f64();
     let prefixes = std::iter::once("").chain(layers.parts.iter().map(|(prefix, _)| prefix.as_str()));
     for (prefix, values) in prefixes.zip(std::iter::once(&result.color).chain(&result.parts)) {
@@ -60,10 +61,12 @@ fn denoise_file(args: &DenoiseArgs) -> Result<Outcome> {
             file.set_values(part, &name, values);
         }
     }
+    let by = format!("{}; guides {}; noise {}", denoiser.name(), layers.guides().names(), name_of(&noise));
+    (0..file.len()).for_each(|part| file.set_attribute(part, DENOISED, &by));
     let bytes = encode_layered(&file).map_err(|message| Error::output(&args.output, message))?;
     write_atomically(&args.output, &bytes)?;
     if !args.quiet {
-        say!("guides   {}; noise {}", layers.names(), name_of(&noise));
+        say!("guides   {}; noise {}", layers.guides().names(), name_of(&noise));
         say!("time     load {load_s:.3} s, denoise {denoise_s:.3} s");
         say!("wrote    {}", args.output.display());
     }
@@ -117,17 +120,6 @@ impl Layers {
             normal: self.normal.as_ref().map(slices),
             depth: self.depth.as_deref(),
         }
-    }
-
-    fn names(&self) -> String {
-        let given = [
-            ("albedo", self.albedo.is_some()),
-            ("normal", self.normal.is_some()),
-            ("depth", self.depth.is_some()),
-        ];
-        let names: Vec<&str> =
-            given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
-        if names.is_empty() { "none".to_string() } else { names.join(", ") }
     }
 }
 

@@ -8,7 +8,7 @@ use clap::builder::TypedValueParser;
 use oscura::error::{Error, Result};
 use oscura::film::PixelType;
 use oscura::output::part::Region;
-use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
+use oscura::output::{ExrCompression, ExrLayout, ExrOptions, ExrWindow, WorkingSpace};
 use oscura::scene::{Backdrop, Camera, Projection};
 
 fn layouts() -> impl TypedValueParser<Value = ExrLayout> {
@@ -17,6 +17,10 @@ fn layouts() -> impl TypedValueParser<Value = ExrLayout> {
 
 fn compressions() -> impl TypedValueParser<Value = ExrCompression> {
     named(&ExrCompression::ALL, ExrCompression::name, |_| "")
+}
+
+fn spaces() -> impl TypedValueParser<Value = WorkingSpace> {
+    named(&WorkingSpace::ALL, WorkingSpace::name, WorkingSpace::about)
 }
 
 /// How EXRs lie on the disk.
@@ -31,6 +35,9 @@ pub(crate) struct ExrFormatArgs {
     /// Write EXRs in tiles of N x N pixels.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..=4096), allow_negative_numbers = true)]
     pub exr_tiles: Option<u32>,
+    /// The space of the colours in EXRs.
+    #[arg(long, value_name = "SPACE", default_value = "rec709", value_parser = spaces())]
+    pub working_space: WorkingSpace,
     /// Layers or channels of EXRs that are written as 16-bit floats: N, Z, rgba, ...
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub exr_half: Vec<String>,
@@ -62,7 +69,7 @@ impl ExrFormatArgs {
         let mut types = of(&self.exr_half, PixelType::Half);
         types.extend(of(&self.exr_float, PixelType::Float));
         let (layout, compression) = (self.exr_layout, self.exr_compression);
-        ExrOptions { layout, compression, tiles: self.exr_tiles, types, window }
+        ExrOptions { layout, compression, tiles: self.exr_tiles, types, space: self.working_space, window }
     }
 
     /// Is anything chosen?
@@ -72,6 +79,7 @@ impl ExrFormatArgs {
         self.exr_layout != layout
             || self.exr_compression != compression
             || self.exr_tiles.is_some()
+            || self.working_space != WorkingSpace::default()
             || types > 0
     }
 

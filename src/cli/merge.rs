@@ -7,11 +7,11 @@ use super::pictures::{How, Pictures, Shot, Targets};
 use super::report::{self, counted};
 use super::{json, process};
 use oscura::error::{Error, Problem, Result, Warning};
-use oscura::film::Film;
+use oscura::film::{Aov, AovSet, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
 use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
-use oscura::render::{film_warnings, in_pool};
+use oscura::render::{denoise_film, film_warnings, in_pool};
 use serde::Serialize;
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -59,6 +59,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let (mut film, behind) = sum(&parts)?;
     args.exr.check(film.planes().any(|plane| plane.name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
+    let denoised = denoise(args, &parts[0], &mut film)?;
     film.settle_catchers();
     behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
     let first = &parts[0].1;
@@ -71,7 +72,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     let shot = Shot {
         film: Cow::Borrowed(&film),
         warnings,
-        metadata: metadata(&parts, samples, missing.is_empty()),
+        metadata: Metadata { denoised, ..metadata(&parts, samples, missing.is_empty()) },
     };
     let how = How {
         owner: args.owner.clone().or_else(|| finish.owner.clone()),
@@ -114,6 +115,23 @@ fn heads(files: &[PathBuf]) -> Result<Vec<(PathBuf, PartHeader)>> {
     failed.map_or(Ok(heads), Err)
 }
 
+/// Takes the noise out if that is asked for, now or when the parts were rendered; says what did it.
+fn denoise(
+    args: &MergeArgs,
+    (file, first): &(PathBuf, PartHeader),
+    film: &mut Film,
+) -> Result<Option<String>> {
+    let kept = first.finish.denoise.as_ref();
+    args.denoiser.check(args.denoise || kept.is_some())?;
+    if !args.denoise && kept.is_none() {
+        return Ok(None);
+    }
+    let names = kept.unwrap_or(&first.channels.aovs);
+    let kept = names.iter().map(|name| Aov::from_option(name)).collect::<Option<AovSet>>();
+    let kept = kept.ok_or_else(|| Error::input(file, "has channels that are unknown"))?;
+    denoise_film(film, &args.denoiser.load()?, kept).map(Some)
+}
+
 /// The film of all parts, and what lies behind it.
 fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::Backdrop>)> {
     let (file, first) = &parts[0];
@@ -135,7 +153,7 @@ fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::B
 /// What the headers of pictures say, as those of a single run do.
 fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
-    let Finish { seed, world_to_camera, world_offset, mattes, .. } = &first.finish;
+    let Finish { seed, world_to_camera, world_to_ndc, aov_space, world_offset, mattes, .. } = &first.finish;
     let aovs = first.channels.aovs().unwrap_or_default();
     let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
     Metadata {
@@ -145,6 +163,9 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
         render_s: Some(parts.iter().map(|(_, header)| header.effort.wall_s).sum()),
         captured: Some(SystemTime::now()),
         world_to_camera: Some(DMat4::from_cols_array(&world_to_camera.map(f64::from_bits))),
+        world_to_ndc: world_to_ndc.map(|m| DMat4::from_cols_array(&m.map(f64::from_bits))),
+        aov_space: aov_space.parse().unwrap_or_default(),
+        denoised: None,
         mattes: mattes.collect(),
         world_offset: world_offset.map(|offset| DVec3::from_array(offset.map(f64::from_bits))),
         stopped_by: (!is_complete).then(|| "parts are missing".to_string()),

@@ -1,5 +1,6 @@
 //! Arguments of `oscura merge`.
 
+use super::denoiser_args::DenoiserArgs;
 use super::exr_args::ExrFormatArgs;
 use clap::Args;
 use std::path::PathBuf;
@@ -15,6 +16,12 @@ pub(crate) struct MergeArgs {
     /// Write the picture even where parts are missing: pixels have fewer samples there, or none.
     #[arg(long)]
     pub allow_missing: bool,
+    /// Take the noise out of the picture, its light passes and light groups, as when the parts were rendered with --denoise;
+    /// of other parts better with --aov albedo,normal,depth,variance.
+    #[arg(long)]
+    pub denoise: bool,
+    #[command(flatten)]
+    pub denoiser: DenoiserArgs,
     /// Write the EXR's colour as 32-bit floats, as when the parts were rendered so.
     #[arg(long)]
     pub float: bool,

@@ -1,5 +1,6 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
+use super::denoiser_args::DenoiserArgs;
 use super::named::named;
 use super::numbers::{number, stops};
 use clap::Args;
@@ -20,9 +21,11 @@ pub(crate) struct PictureArgs {
     #[arg(long, value_name = "C", default_value = "auto")]
     pub caustics: Caustics,
     /// Take the noise out of the finished picture, its light passes and light groups. (Pictures on the way, of --save-every,
-    /// keep it.)
+    /// keep it, and have what 'oscura denoise' needs; parts are for 'oscura merge', which takes it out.)
     #[arg(long)]
     pub denoise: bool,
+    #[command(flatten)]
+    pub denoiser: DenoiserArgs,
     /// Light of this temperature looks white in PNGs and the like, kelvin (1667 to 25000; daylight is 6500).
     #[arg(long, value_name = "K", value_parser = kelvin, allow_negative_numbers = true)]
     pub white_balance: Option<f32>,
@@ -47,6 +50,8 @@ pub(crate) struct DenoiseArgs {
     /// variance.R, .G, .B do (--aov variance), or else the picture's finest details.
     #[arg(long, value_name = "FILE")]
     pub other_seed: Option<PathBuf>,
+    #[command(flatten)]
+    pub denoiser: DenoiserArgs,
     /// Threads [default: one a core]. The picture doesn't depend on it.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=1024), allow_negative_numbers = true)]
     pub threads: Option<u16>,
@@ -74,6 +79,9 @@ pub(crate) struct ConvertArgs {
     /// A layer, a part or a channel instead of the picture itself: N, DiffDir, Z, ...
     #[arg(long, value_name = "LAYER")]
     pub layer: Option<String>,
+    /// All layers beside each other, small, with their names: colours as they look, other values by their ranges.
+    #[arg(long, conflicts_with_all = ["layer", "dither", "deep"])]
+    pub sheet: bool,
     /// How it looks.
     #[arg(long, value_name = "VIEW", default_value = "srgb", value_parser = views())]
     pub view: ViewTransform,

@@ -67,6 +67,11 @@ impl Targets {
         !self.parts.is_empty() || self.pictures.iter().any(|(_, format)| *format == Format::Exr)
     }
 
+    /// Are there others than those that hold sums?
+    pub fn has_pictures(&self) -> bool {
+        !self.pictures.is_empty()
+    }
+
     /// Those that hold sums.
     pub fn parts(&self) -> &[PathBuf] {
         &self.parts
@@ -150,6 +155,10 @@ impl<'a> Pictures<'a> {
         let Shot { film, mut warnings, mut metadata } = shot;
         metadata.owner.clone_from(&how.owner);
         metadata.warnings = earlier.iter().chain(&warnings).map(Warning::to_string).collect();
+        if let Some(window) = how.exr.window {
+            let frame_from_ndc = window.frame_from_ndc(film.width(), film.height());
+            metadata.world_to_ndc = metadata.world_to_ndc.map(|ndc| frame_from_ndc * ndc);
+        }
         if how.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }

@@ -5,7 +5,7 @@ use super::environment::EnvironmentOverride;
 use super::exr_args::Framed;
 use super::pictures::How;
 use super::progress::Waiting;
-use super::settings::{choices, png, without_exr};
+use super::settings::{check_glass, choices, png, without_exr};
 use super::{limits, terms};
 use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Result, Warning};
@@ -78,6 +78,7 @@ pub(super) fn prepare(
         settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
     }
     warnings.extend(environment.map_or(Vec::new(), |e| e.apply(args, &mut loaded.scene)));
+    check_glass(args, &loaded.scene)?;
     let load_s = start.elapsed().as_secs_f64();
 
     args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
@@ -102,13 +103,12 @@ pub(super) fn prepare(
     let labels = Labels::of(&loaded.scene, &settled.options);
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let png = png(args, settled.exposure, is_stage_lit);
-    let how = How::of(args, framed.map(Framed::window));
     Ok(Prepared {
         scene,
         labels,
         camera,
         settled,
-        how,
+        how: How::of(args, framed.map(Framed::window)),
         kept_aovs,
         png,
         build,

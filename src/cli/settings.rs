@@ -1,11 +1,11 @@
 //! What the command line says about a picture.
 
 use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
-use oscura::error::Warning;
+use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::{Choices, TreeChoice};
-use oscura::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
+use oscura::scene::{EnergyCompensation, Environment, Filter, FresnelModel, RayKinds, Scene, Settings};
 
 /// Samples a pixel at most where the noise decides on their number.
 const MOST_SAMPLES: u32 = 1 << 16;
@@ -46,11 +46,13 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
         },
         camera: args.camera.clone(),
         aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),
+        aov_space: args.aov_space,
         matte_levels: args.crypto_levels,
         light_groups: args.light_groups,
         planned: args.long.plan.unwrap_or(0),
         sample_range: args.long.sample_range,
         region: args.long.region.or(args.exr.crop),
+        transparent_glass: args.transparent_glass,
         halves: false,
         soft_terminator: args.terminator == TerminatorArg::Soft,
         path_reuse: args.path_reuse,
@@ -76,6 +78,19 @@ pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Ve
         }
     }
     Choices { aovs: AovSet::NONE, light_groups: false, ..choices }
+}
+
+/// Is there anything that transparent glass could let through?
+///
+/// # Errors
+/// A usage error where the camera sees the environment.
+pub(crate) fn check_glass(args: &RenderArgs, scene: &Scene) -> Result<()> {
+    let sees_environment = scene.environment_visible_to.contains(RayKinds::CAMERA);
+    if args.transparent_glass && sees_environment && scene.environment != Environment::Black {
+        let message = "--transparent-glass has no effect where the camera sees the environment";
+        return Err(Error::usage(message).with_help("add --transparent, or a --background"));
+    }
+    Ok(())
 }
 
 /// How PNGs and the like look.

@@ -3,6 +3,7 @@
 use super::Outcome;
 use super::args::RenderArgs;
 use super::checkpoint::Keeper;
+use super::denoising::Denoising;
 use super::environment::EnvironmentOverride;
 use super::moving::MovingPictures;
 use super::page::Preview;
@@ -14,7 +15,7 @@ use super::report::{Run, Said};
 use super::{json, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
-use oscura::film::{Aov, AovSet};
+use oscura::film::Aov;
 use oscura::load::stage::Background;
 use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::render::{CancelHandle, PassOutcome, Rendering, Statistics};
@@ -100,8 +101,9 @@ pub(super) fn run_one(
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
 
+    let denoising = Denoising::of(args, targets, kept_aovs)?;
     let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
-    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings)?;
+    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
@@ -112,26 +114,24 @@ pub(super) fn run_one(
         say!("the frame that was being rendered is not written");
         return Ok(Outcome::Interrupted);
     }
-    let denoise_s = args.picture.denoise.then(|| denoise(args, &mut rendering, kept_aovs));
+    let (denoise_s, noisy) = denoising.run(&mut rendering, said);
     let is_complete = rendering.is_complete();
     let picture = rendering.into_picture();
 
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
-    warnings.extend(pictures.warnings.iter().cloned());
+    warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
     warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
     // The pictures come first: who runs out of space for the one may have some for the others.
     kept?;
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
-    let write_s = start.elapsed().as_secs_f64();
-    show::draw(args, picture.film(), &png);
 
     let run = Run {
         load_s,
         denoise_s,
-        write_s,
+        write_s: start.elapsed().as_secs_f64(),
         width: settled.options.width,
         height: settled.options.height,
         seed: settled.options.seed,
@@ -143,6 +143,7 @@ pub(super) fn run_one(
         warnings,
         left_out,
     };
+    show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }
@@ -170,15 +171,6 @@ fn noise_warning(args: &RenderArgs, statistics: &Statistics, said: &mut Said) ->
         said.warnings(std::slice::from_ref(&warning));
     }
     Some(warning)
-}
-
-/// Takes the noise out; returns how long it took, seconds.
-fn denoise(args: &RenderArgs, rendering: &mut Rendering, kept: AovSet) -> f64 {
-    let start = Instant::now();
-    let waiting = Waiting::new(args.quiet, "denoise");
-    rendering.denoise(kept);
-    drop(waiting);
-    start.elapsed().as_secs_f64()
 }
 
 /// Says how a run went.

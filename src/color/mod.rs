@@ -1,8 +1,10 @@
 //! Linear RGB, luminance and the sRGB transfer function.
 
+mod primaries;
 mod rgb;
 mod white_balance;
 
+pub use primaries::Primaries;
 pub use rgb::Rgb;
 pub use white_balance::white_balance;
 

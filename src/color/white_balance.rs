@@ -4,7 +4,7 @@
 const WHITE: [f64; 2] = [0.3127, 0.3290];
 
 /// Cone responses from XYZ, and back (Bradford; Lam 1985).
-const CONES_FROM_XYZ: Matrix =
+pub(super) const CONES_FROM_XYZ: Matrix =
     [[0.8951, 0.2664, -0.1614], [-0.7502, 1.7135, 0.0367], [0.0389, -0.0685, 1.0296]];
 const XYZ_FROM_CONES: Matrix = [
     [0.986_992_9, -0.147_054_3, 0.159_962_7],
@@ -23,7 +23,7 @@ const RGB_FROM_XYZ: Matrix = [
     [0.055_630_08, -0.203_976_96, 1.056_971_5],
 ];
 
-type Matrix = [[f64; 3]; 3];
+pub(super) type Matrix = [[f64; 3]; 3];
 
 /// The matrix on linear Rec. 709 that makes light of a temperature, 1667 to 25000 kelvin, white.
 pub fn white_balance(kelvin: f64) -> [[f32; 3]; 3] {
@@ -68,7 +68,7 @@ fn black_body(t: f64) -> [f64; 2] {
     [x, y]
 }
 
-fn apply(matrix: &Matrix, v: [f64; 3]) -> [f64; 3] {
+pub(super) fn apply(matrix: &Matrix, v: [f64; 3]) -> [f64; 3] {
     matrix.map(|row| row[0] * v[0] + row[1] * v[1] + row[2] * v[2])
 }
 

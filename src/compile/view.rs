@@ -1,7 +1,7 @@
 //! A camera's view of a compiled scene: all that depends on the camera, made in no time.
 
 use super::scene::CompiledScene;
-use crate::camera::{Camera, MovingCamera};
+use crate::camera::{Camera, MovingCamera, ndc_from_world};
 use crate::error::{Error, ErrorKind, Problem, Result};
 use crate::math::{DMat4, gamma};
 use crate::scene::{self, Scene};
@@ -21,6 +21,8 @@ pub struct View {
     pub height: u32,
     /// From the scene's world to the camera's own space.
     pub camera_from_world: DMat4,
+    /// From there to normalized device coordinates.
+    pub ndc_from_world: DMat4,
 }
 
 impl View {
@@ -40,6 +42,7 @@ impl View {
             width,
             height,
             camera_from_world: DMat4::from(camera.world_from_camera.inverse()),
+            ndc_from_world: ndc_from_world(camera, width, height),
         }
     }
 

@@ -10,6 +10,7 @@
 //! choice of bandwidth for each pixel by the halves' estimate of the error, take two to four times as long for errors that
 //! differ by a tenth either way.
 
+mod denoiser;
 mod filter;
 mod outliers;
 mod planes;
@@ -19,6 +20,7 @@ mod tests;
 mod tiles;
 mod weights;
 
+pub use denoiser::Denoiser;
 use filter::Filter;
 use planes::Planes;
 
@@ -66,6 +68,20 @@ pub struct Guides<'a> {
     pub normal: Option<Color<'a>>,
     /// Its distance.
     pub depth: Option<&'a [f32]>,
+}
+
+impl Guides<'_> {
+    /// Those that are there, by name.
+    pub fn names(&self) -> String {
+        let given = [
+            ("albedo", self.albedo.is_some()),
+            ("normal", self.normal.is_some()),
+            ("depth", self.depth.is_some()),
+        ];
+        let names: Vec<&str> =
+            given.iter().filter(|(_, is_given)| *is_given).map(|(name, _)| *name).collect();
+        if names.is_empty() { "none".to_string() } else { names.join(", ") }
+    }
 }
 
 /// A picture to be denoised.

@@ -67,7 +67,7 @@ impl Accumulator {
         let numbers = pixels.checked_mul(width)?;
         let sums = || SumList::try_new(numbers, is_of_film);
         let kept = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => Kept::Sums(sums()?),
+            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => Kept::Sums(sums()?),
             Reduction::VarianceOfMean => Kept::Moments { sums: sums()?, squares: sums()? },
             Reduction::Minimum { .. } => Kept::Minimum(zeros(numbers)?),
             Reduction::First => Kept::First(zeros(numbers)?),
@@ -81,7 +81,7 @@ impl Accumulator {
     pub fn bytes_per_pixel(channel: &Channel) -> usize {
         const SUM: usize = size_of::<f64>() + size_of::<f32>();
         let number = match channel.reduction {
-            Reduction::Mean | Reduction::MeanOfHits { .. } => SUM,
+            Reduction::Mean | Reduction::MeanOfHits { .. } | Reduction::Share => SUM,
             Reduction::VarianceOfMean => 2 * SUM,
             Reduction::Minimum { .. } | Reduction::First | Reduction::Coverage => size_of::<f32>(),
             Reduction::Count => 0,
@@ -154,27 +154,26 @@ impl Accumulator {
 
     /// The values of all pixels, one list a name of the channel.
     pub fn planes(&self, channel: &Channel, counts: Counts) -> Vec<Values> {
-        if let Kept::Coverage(lists) = &self.kept {
-            return coverage_planes(lists, channel.names.len(), counts.samples);
+        let Counts { samples, brought } = counts;
+        match (&self.kept, channel.reduction) {
+            (Kept::Coverage(lists), _) => coverage_planes(lists, channel.names.len(), samples),
+            (Kept::Sums(sums), Reduction::Share) => {
+                vec![Values::Float(sums.high.chunks_exact(2).map(|pair| share(pair[0], pair[1])).collect())]
+            }
+            (Kept::Sums(sums), Reduction::MeanOfHits { empty }) => {
+                means(&sums.high, self.width, brought, empty)
+            }
+            (Kept::Sums(sums), _) => means(&sums.high, self.width, samples, 0.0),
+            _ => (0..channel.names.len()).map(|component| self.plane(component, channel, counts)).collect(),
         }
-        let plane = |component| self.plane(component, channel, counts);
-        (0..channel.names.len()).map(plane).collect()
     }
 
     /// The values of one component.
     fn plane(&self, component: usize, channel: &Channel, counts: Counts) -> Values {
         let Counts { samples, brought } = counts;
-        let mean = |sum: f64, count: u32| (sum * reciprocal(count)) as f32;
         let floats = match (&self.kept, channel.reduction) {
-            (Kept::Counts | Kept::Coverage(_), _) => return Values::Uint(brought.to_vec()),
-            (Kept::Sums(sums), Reduction::MeanOfHits { empty }) => {
-                let pixels = component_of(&sums.high, self.width, component).zip(brought);
-                pixels.map(|(sum, &hits)| if hits == 0 { empty } else { mean(sum, hits) }).collect()
-            }
-            (Kept::Sums(sums), _) => component_of(&sums.high, self.width, component)
-                .zip(samples)
-                .map(|(sum, &n)| mean(sum, n))
-                .collect(),
+            // Sums and lists make all components at once.
+            (Kept::Counts | Kept::Sums(_) | Kept::Coverage(_), _) => return Values::Uint(brought.to_vec()),
             (Kept::Moments { sums, squares }, _) => {
                 let [sums, squares] =
                     [sums, squares].map(|list| component_of(&list.high, self.width, component));
@@ -217,6 +216,26 @@ fn component_of<T: Copy>(list: &[T], width: usize, component: usize) -> impl Ite
 /// One over a count, or zero.
 pub(super) fn reciprocal(count: u32) -> f64 {
     if count == 0 { 0.0 } else { 1.0 / f64::from(count) }
+}
+
+/// The means of all components over so many values a pixel; `empty` where there are none. Most of what writing a picture takes
+/// but for its compression is here.
+fn means(sums: &[f64], width: usize, counts: &[u32], empty: f32) -> Vec<Values> {
+    let mut planes = vec![vec![empty; counts.len()]; width];
+    for (component, plane) in planes.iter_mut().enumerate() {
+        for ((mean, pixel), &count) in plane.iter_mut().zip(sums.chunks_exact(width)).zip(counts) {
+            if count > 0 {
+                *mean = (pixel[component] * (1.0 / f64::from(count))) as f32;
+            }
+        }
+    }
+    planes.into_iter().map(Values::Float).collect()
+}
+
+/// Which share of both the first of two sums is; 0 of nothing.
+fn share(first: f64, second: f64) -> f32 {
+    let both = first + second;
+    if both > 0.0 { (first / both).clamp(0.0, 1.0) as f32 } else { 0.0 }
 }
 
 /// The variance of a mean of `count` values with these sums: `(squares - sums^2 / n) / (n - 1) / n`.

@@ -96,7 +96,7 @@ macro_rules! table {
     };
 }
 
-use Reduction::{Count, Coverage, First, Mean, MeanOfHits, Minimum, VarianceOfMean};
+use Reduction::{Count, Coverage, First, Mean, MeanOfHits, Minimum, Share, VarianceOfMean};
 
 table! {
     Depth "depth" &["Z"], Float FirstHit MeanOfHits { empty: BACKGROUND_DEPTH };
@@ -104,11 +104,11 @@ table! {
     DepthMin "depth_min" &["nearest.Z"], Float FirstHit Minimum { empty: BACKGROUND_DEPTH };
         "The least depth of any sample, metres: edges keep that of what is in front"
     Position "position" xyz!("P"), Float FirstHit MeanOfHits { empty: 0.0 };
-        "Where the first surface is in the scene's world, metres; 0 where there is none"
+        "Where the first surface is, metres, in the space of places that is chosen (the world's); 0 where there is none"
     Normal "normal" xyz!("N"), Float FirstHit Mean;
-        "Shading normal of the first surface in world space, towards the camera"
+        "Shading normal of the first surface, towards the camera, in the space that is chosen (the world's)"
     GeometricNormal "geometric_normal" xyz!("Ng"), Float FirstHit Mean;
-        "Normal of the first surface as it is without smoothing and normal maps, in world space, towards the camera"
+        "The same as it is without smoothing and normal maps"
     Facing "facing" &["facing.V"], Float FirstHit Mean;
         "Cosine between the shading normal and the direction to the camera: 1 where the surface faces it"
     Uv "uv" &["UV.U", "UV.V"], Float FirstHit MeanOfHits { empty: 0.0 };
@@ -141,6 +141,8 @@ table! {
         "What surfaces emit towards the camera"
     Environment "environment" rgb!("Env"), Half PartOfColor Mean;
         "The environment where the camera sees it"
+    Shadow "shadow" &["shadow.V"], Float FirstHit Share;
+        "Share of the direct light of the first surface that something blocks: 0 lit, 1 in full shadow, 0 where no light comes from"
     ObjectId "object_id" &["object.id"], Uint FirstHit First;
         "Number of the object that the first sample with a surface hit, from 1; 0 where there is none"
     MaterialId "material_id" &["material.id"], Uint FirstHit First;
@@ -155,6 +157,46 @@ table! {
         "How many samples the pixel has"
     Variance "variance" rgb!("variance"), Float Color VarianceOfMean;
         "Variance of the pixel's colour, were its samples independent (it is less); infinite below two samples"
+}
+
+/// Which space the AOVs of places and directions are in: `position`, `normal` and `geometric_normal`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum AovSpace {
+    /// The scene's world: right-handed, y up, metres.
+    #[default]
+    World,
+    /// The camera's: from where it stands at the moment of the frame, x to its right, y up, z towards the viewer (what is
+    /// seen has negative z), metres.
+    Camera,
+}
+
+impl AovSpace {
+    /// What users call it, and headers.
+    pub fn name(self) -> &'static str {
+        match self {
+            AovSpace::World => "world",
+            AovSpace::Camera => "camera",
+        }
+    }
+
+    /// Is a channel of this name one that depends on it?
+    pub fn concerns(channel: &str) -> bool {
+        ["P.", "N.", "Ng."].iter().any(|layer| channel.starts_with(layer))
+    }
+}
+
+impl FromStr for AovSpace {
+    type Err = Error;
+
+    /// Reads `world` or `camera`.
+    ///
+    /// # Errors
+    /// A usage error.
+    fn from_str(text: &str) -> Result<AovSpace> {
+        let all = [AovSpace::World, AovSpace::Camera];
+        let found = all.into_iter().find(|space| space.name() == text);
+        found.ok_or_else(|| Error::usage(format!("'{text}' is neither world nor camera")))
+    }
 }
 
 /// Names that an AOV had before.

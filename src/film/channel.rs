@@ -49,6 +49,8 @@ pub enum Reduction {
     /// independent samples. Ours are better spread than such, so that the mean varies less (by a factor of 7 over the
     /// Cornell box at 20 samples). Infinite below two samples, which say nothing about it.
     VarianceOfMean,
+    /// The first of two sums over the sum of both, such as the share of light that is blocked; 0 where both are 0.
+    Share,
     /// How many samples brought a value.
     Count,
     /// Which ids (the bits of a float, and never those of a NaN) cover the pixel: pairs of an id and its share of all
@@ -101,6 +103,7 @@ pub(super) const fn components(reduction: Reduction, names: usize) -> usize {
     match reduction {
         // An id, whose counts become several planes.
         Reduction::Coverage => 1,
+        Reduction::Share => 2,
         _ => names,
     }
 }

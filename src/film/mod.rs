@@ -22,7 +22,7 @@ mod sums;
 mod tile;
 
 pub use accumulator::Values;
-pub use aov::{Aov, AovInfo, BACKGROUND_DEPTH, MATTE_LEVELS};
+pub use aov::{Aov, AovInfo, AovSpace, BACKGROUND_DEPTH, MATTE_LEVELS};
 pub use aov_set::AovSet;
 pub use catcher::CATCHER_PARTS;
 pub use channel::{Channel, PixelType, Reduction, Source};
@@ -33,6 +33,7 @@ pub use sums::Layout;
 pub use tile::FilmTile;
 
 use crate::error::{Choice, Error, Result};
+use rayon::prelude::*;
 use splats::Splats;
 use std::sync::Arc;
 use sums::Sums;
@@ -274,10 +275,23 @@ impl Film {
 
     /// All components of all channels, each computed when its turn comes.
     pub fn planes(&self) -> impl Iterator<Item = Plane<'_>> {
-        self.channels().iter().enumerate().flat_map(|(index, channel)| {
-            let named = channel.names.iter().zip(self.planes_of(index, channel));
-            named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
-        })
+        self.channels().iter().enumerate().flat_map(|(index, channel)| self.planes_of_channel(index, channel))
+    }
+
+    /// The same all at once, on all threads of the current pool.
+    pub fn all_planes(&self) -> Vec<Plane<'_>> {
+        let of = |(index, channel)| self.planes_of_channel(index, channel);
+        self.channels().par_iter().enumerate().flat_map_iter(of).collect()
+    }
+
+    /// The components of a channel.
+    fn planes_of_channel<'a>(
+        &self,
+        index: usize,
+        channel: &'a Channel,
+    ) -> impl Iterator<Item = Plane<'a>> + use<'a> {
+        let named = channel.names.iter().zip(self.planes_of(index, channel));
+        named.map(move |(name, values)| Plane { name, pixel_type: channel.pixel_type, values })
     }
 
     /// One component by its name in files, such as `R` or `albedo.G`, row by row from the top. `None` if the film doesn't
@@ -296,8 +310,11 @@ impl Film {
             self.add_splats_to(index, &mut planes);
             return planes;
         }
-        let component = |c: usize| (0..self.sums.count.len()).map(|pixel| self.mean_of(pixel)[c]).collect();
-        (0..4).map(component).map(Values::Float).collect()
+        let mut planes = [(); 4].map(|()| Vec::with_capacity(self.sums.count.len()));
+        for pixel in 0..self.sums.count.len() {
+            planes.iter_mut().zip(self.mean_of(pixel)).for_each(|(plane, value)| plane.push(value));
+        }
+        planes.map(Values::Float).into()
     }
 
     /// The components of an AOV, row by row from the top. `None` if the film doesn't have it.

@@ -190,7 +190,7 @@ impl Sums {
                 let value = if other.rgb_low.is_empty() { exact::on_grid(value[c]) } else { value[c] };
                 exact::add(&mut sum[c], &mut low[c], value);
             }
-            // Samples are opaque or not: these are whole numbers.
+            // Alphas of samples are on a grid, and their sums exact.
             sum[3] += value[3];
         }
         if let Some(lows) = other.rgb_low.get(from..from + length) {

@@ -12,6 +12,7 @@ use super::phase::MediumClass;
 use super::wave::Wave;
 use super::workspace::Workspace;
 use crate::color::Rgb;
+use crate::film::Aov;
 use crate::math::{Ray, offset_along};
 use crate::sampling::power_heuristic;
 use crate::scene::RayKinds;
@@ -54,9 +55,16 @@ impl Integrator<'_> {
         if self.scene.features.boundaries {
             self.start_shadow_ways(sorted, w);
         }
+        let shows_shadow = bounce == 0 && self.first_hits.contains(Aov::Shadow) && !w.without;
+        if shows_shadow {
+            self.keep_unblocked(w);
+        }
         self.test_shadow_rays(bounce, w);
         if self.scene.features.boundaries {
             self.end_shadow_ways(w);
+        }
+        if shows_shadow {
+            self.note_shadows(bounce, sorted, w);
         }
         let Workspace { wave, bsdfs, sink, shadow_vertices, occluded, passed_kinds, .. } = w;
         let (Wave { paths, vertices: v, .. }, divides) = (&**wave, sink.divides());
@@ -96,6 +104,8 @@ impl Integrator<'_> {
         }
     }
 }
+
+// The shadows of first surfaces are in `shadow.rs`.
 
 /// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
 fn direct<const SOFT: bool>(branches: f32, guided: bool, sorted: &Sorted, w: &mut Workspace) {

@@ -84,6 +84,9 @@ impl Integrator<'_> {
     pub(super) fn escape(&self, bounce: u32, w: &mut Workspace) {
         let lights = &self.scene.lights;
         if bounce > 0 {
+            if self.parts.clear {
+                self.see_through(w);
+            }
             self.add_suns(bounce, w);
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;

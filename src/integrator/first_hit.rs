@@ -2,7 +2,7 @@
 
 use crate::bsdf::Bsdf;
 use crate::compile::{CompiledScene, View};
-use crate::film::{Aov, AovSet, MatteIds};
+use crate::film::{Aov, AovSet, AovSpace, MatteIds};
 use crate::math::{Hit, Vec3};
 use crate::shape::Surface;
 
@@ -25,24 +25,32 @@ pub(super) struct Shown<'a> {
     pub scene: &'a CompiledScene,
     pub view: &'a View,
     pub mattes: &'a MatteIds,
+    pub space: AovSpace,
 }
 
 impl FirstHit<'_> {
     /// The components of an AOV, from the first; channels of fewer than three use as many as they have.
-    fn values(&self, aov: Aov, &Shown { scene, view, mattes }: &Shown) -> [f32; MOST_COMPONENTS] {
+    fn values(&self, aov: Aov, &Shown { scene, view, mattes, space }: &Shown) -> [f32; MOST_COMPONENTS] {
         let one = |value: f32| [value, 0.0, 0.0, 0.0];
         let three = |[x, y, z]: [f32; 3]| [x, y, z, 0.0];
         let Surface { p, ng, ns, .. } = self.surface;
         let material = scene.described_material(self.surface.material);
         let side = if ng.dot(self.wo) < 0.0 { -1.0 } else { 1.0 };
         let object = || scene.object_at(&self.hit).0;
+        let normal = |n: Vec3| match space {
+            AovSpace::World => three((n * side).to_array()),
+            AovSpace::Camera => three(view.camera.along_axes(n * side).to_array()),
+        };
         // Numbers travel as bits.
         let id = |ids: &[u32], index: u32| one(f32::from_bits(ids.get(index as usize).copied().unwrap_or(0)));
         match aov {
             Aov::Depth | Aov::DepthMin => one(view.camera.depth(p)),
-            Aov::Position => three((scene.anchor + p.as_dvec3()).as_vec3().to_array()),
-            Aov::Normal => three((ns * side).to_array()),
-            Aov::GeometricNormal => three((ng * side).to_array()),
+            Aov::Position => match space {
+                AovSpace::World => three((scene.anchor + p.as_dvec3()).as_vec3().to_array()),
+                AovSpace::Camera => three(view.camera.seen_from(p).to_array()),
+            },
+            Aov::Normal => normal(ns),
+            Aov::GeometricNormal => normal(ng),
             Aov::Facing => one((ns * side).dot(self.wo).clamp(0.0, 1.0)),
             Aov::Uv => {
                 let [u, v] =
@@ -60,7 +68,7 @@ impl FirstHit<'_> {
             Aov::CryptoObject => id(&mattes.objects, object()),
             Aov::CryptoMaterial => id(&mattes.materials, material),
             Aov::CryptoAsset => id(&mattes.assets, object()),
-            // Others show no surface.
+            // Others show no surface, or what is found there later.
             _ => [0.0; MOST_COMPONENTS],
         }
     }
@@ -124,6 +132,16 @@ impl FirstHits {
             self.values[at..at + values.len()].copy_from_slice(values);
             at += values.len();
         }
+    }
+
+    /// Adds to the components of an AOV, if that is asked for and the sample hit something.
+    pub fn add(&mut self, sample: usize, aov: Aov, values: [f32; 2]) {
+        if !self.aovs.contains(aov) || !self.is_hit.get(sample).is_some_and(|&is_hit| is_hit) {
+            return;
+        }
+        let before = self.aovs.iter().take_while(|&other| other != aov);
+        let at = sample * self.width + before.map(|aov| aov.info().components()).sum::<usize>();
+        self.values[at..].iter_mut().zip(values).for_each(|(sum, value)| *sum += value);
     }
 
     /// The components of a sample, if it hit something.

@@ -132,7 +132,14 @@ impl Integrator<'_> {
     }
 
     /// The weight that the light sample of a vertex has against scattering.
-    fn weight_of_sample(&self, bounce: u32, sorted: &Sorted, wave: &Wave, bsdfs: &[Bsdf], i: usize) -> f32 {
+    pub(super) fn weight_of_sample(
+        &self,
+        bounce: u32,
+        sorted: &Sorted,
+        wave: &Wave,
+        bsdfs: &[Bsdf],
+        i: usize,
+    ) -> f32 {
         let v = &wave.vertices;
         let (wi, light_pdf) = (get(&v.light.wi, i), v.light.pdf[i]);
         if light_pdf < 0.0 {

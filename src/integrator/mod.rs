@@ -16,6 +16,7 @@ mod alpha;
 mod block;
 mod catcher;
 mod caustics;
+mod clear;
 mod closure;
 mod closure_metal_rough;
 mod direct;
@@ -41,6 +42,7 @@ pub mod reuse;
 mod roulette;
 mod samples;
 mod scatter;
+mod shadow;
 mod sheets;
 mod shutter;
 mod sink;
@@ -63,7 +65,7 @@ pub use samples::SamplePlan;
 pub use workspace::Workspace;
 
 use crate::compile::{CompiledScene, View};
-use crate::film::{AovSet, FilterSampler, MatteIds, Source};
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
 use group::{Group, group_of};
 use interior::AroundCamera;
@@ -84,12 +86,16 @@ pub struct PathOptions<'a> {
     pub filter: &'a FilterSampler,
     /// AOVs of first hits and light passes that are asked for.
     pub aovs: AovSet,
+    /// Which space those of places and directions are in.
+    pub aov_space: AovSpace,
     /// The ids that mattes show.
     pub mattes: &'a MatteIds,
     /// How many of the scene's groups of lights are kept apart: all or none.
     pub light_groups: usize,
     /// Tell what shadow catchers catch. Paths are neither shared nor split then.
     pub catchers: bool,
+    /// Make samples transparent that see where nothing is through clear glass.
+    pub transparent_glass: bool,
     /// Soften the edge of shadows that shading normals lead past the edges of triangles.
     pub soft_terminator: bool,
     /// Which samples share their paths, if any. Blocks are a wave then, and end where regions do.
@@ -113,7 +119,7 @@ pub struct PathSample<'a> {
     pub pixel: u32,
     /// Radiance, linear.
     pub rgb: [f32; 3],
-    /// 1 where something was seen.
+    /// 1 where something was seen, less where that was glass before nothing.
     pub alpha: f32,
     /// What the AOVs asked for show of the first surface, if it hit one: their components one after another, in the
     /// order of the table of AOVs.
@@ -206,6 +212,7 @@ impl<'a> Integrator<'a> {
                 layers.has_passes(),
                 options.caustics.is_some(),
                 options.guide.is_some(),
+                options.transparent_glass,
             ),
             only_light: has_vector_sampler(&scene.lights).then_some(0),
             options,
@@ -284,8 +291,8 @@ impl<'a> Integrator<'a> {
             }
             let is_last = bounce == most;
             let sorted = self.surfaces(bounce, is_last, w);
-            if bounce == 0 && !w.uncovered.is_empty() {
-                self.uncover(w);
+            if bounce == 0 {
+                self.decide_alpha(&sorted, w);
             }
             if sorted.all().is_empty() {
                 return true;
@@ -301,6 +308,9 @@ impl<'a> Integrator<'a> {
             }
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
+            if self.parts.clear {
+                self.keep_clear(&sorted, w);
+            }
             self.end_stretched_chains(bounce, &sorted, w);
             if self.options.records_training {
                 self.record_vertices(&sorted, w);

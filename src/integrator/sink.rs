@@ -4,6 +4,10 @@ use super::lanes::WAVE;
 use super::layers::{Layers, Origin, Way};
 use crate::color::Rgb;
 
+/// Alphas are multiples of one over this: coarse enough that single floats hold all that occur, and sums in doubles of 2^31
+/// of them are exact.
+const ALPHA_GRID: f32 = 1_048_576.0;
+
 /// Radiance and alpha of the samples of a wave, and the layers of the radiance that are asked for.
 pub struct Sink {
     samples: Vec<[f32; 4]>,
@@ -55,6 +59,8 @@ impl Sink {
     /// Adds all that arrived at another index to a sample.
     pub fn join(&mut self, sample: u32, other: u32) {
         self.add(sample, self.radiance(other));
+        // What branches see of nothing through glass.
+        self.samples[sample as usize][3] += self.samples[other as usize][3];
         for layer in 0..self.layers.count() {
             let value = self.parts[other as usize * self.layers.count() + layer];
             self.add_to_layer(sample, Some(layer), Rgb::from_array(value));
@@ -155,6 +161,17 @@ impl Sink {
     /// Makes a sample transparent, whatever is there.
     pub fn uncover(&mut self, sample: u32) {
         self.samples[sample as usize][3] = 0.0;
+    }
+
+    /// Is a sample opaque?
+    pub fn is_covered(&self, sample: u32) -> bool {
+        self.samples[sample as usize][3] > 0.0
+    }
+
+    /// Makes a sample transparent by a share. It is rounded to a grid, on which sums of alpha are exact and so don't depend
+    /// on their order.
+    pub fn make_transparent(&mut self, sample: u32, share: f32) {
+        self.samples[sample as usize][3] -= (share * ALPHA_GRID).round() / ALPHA_GRID;
     }
 
     /// Keeps what a sample found on a shadow catcher: with other objects, and without.

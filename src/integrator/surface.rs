@@ -264,7 +264,12 @@ impl Integrator<'_> {
 
     /// What first surfaces are part of.
     pub(super) fn shown(&self) -> Shown<'_> {
-        Shown { scene: self.scene, view: self.view, mattes: self.options.mattes }
+        Shown {
+            scene: self.scene,
+            view: self.view,
+            mattes: self.options.mattes,
+            space: self.options.aov_space,
+        }
     }
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.

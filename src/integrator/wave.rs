@@ -62,6 +62,8 @@ pub struct Paths {
     pub chains: Words,
     /// Luminance that roulette uses_adjoint_roulette it against; 0 until its first guided vertex. Where paths are guided.
     pub reference: Lanes,
+    /// 1 where it passed nothing but clear glass since the camera, else 0; where glass is transparent. See [`super::clear`].
+    pub clear: Words,
 }
 
 /// Which parts of [`Paths`] a scene needs.
@@ -75,6 +77,7 @@ pub struct PathParts {
     pub kinds: bool,
     pub chains: bool,
     pub references: bool,
+    pub clear: bool,
     /// One of them at least.
     any: bool,
 }
@@ -90,21 +93,23 @@ impl PathParts {
         kinds: true,
         chains: true,
         references: true,
+        clear: true,
         any: true,
     };
 
     /// What the features of a scene ask for; `receiver_normals` where lights are chosen by them, `first_bounces` for light
-    /// passes, `chains` where paths start at lamps, too, `references` where they are guided.
+    /// passes, `chains` where paths start at lamps, too, `references` where they are guided, `clear` where glass is transparent.
     pub fn of(
         features: &Features,
         receiver_normals: bool,
         first_bounces: bool,
         chains: bool,
         references: bool,
+        clear: bool,
     ) -> PathParts {
         let Features { footprints, media: interiors, walks: depths, ray_kinds: kinds, .. } = *features;
-        let any =
-            footprints || receiver_normals || interiors || first_bounces || kinds || chains || references;
+        let of_scene = footprints || receiver_normals || interiors || kinds;
+        let any = of_scene || first_bounces || chains || references || clear;
         PathParts {
             footprints,
             receiver_normals,
@@ -114,6 +119,7 @@ impl PathParts {
             kinds,
             chains,
             references,
+            clear,
             any,
         }
     }
@@ -132,6 +138,7 @@ impl Paths {
             kinds,
             chains,
             reference,
+            clear,
         } = self;
         carried.repeat(count, times);
         if parts.footprints {
@@ -158,6 +165,9 @@ impl Paths {
         if parts.references {
             reference.repeat(count, times);
         }
+        if parts.clear {
+            clear.repeat(count, times);
+        }
     }
 
     /// Copies path `i` to place `k` of others.
@@ -173,6 +183,7 @@ impl Paths {
             kinds,
             chains,
             reference,
+            clear,
         } = self;
         carried.copy_to(i, &mut other.carried, k);
         if !parts.any {
@@ -201,6 +212,9 @@ impl Paths {
         }
         if parts.references {
             reference.copy_to(i, &mut other.reference, k);
+        }
+        if parts.clear {
+            clear.copy_to(i, &mut other.clear, k);
         }
     }
 }

@@ -12,6 +12,7 @@ use super::times::Times;
 use super::wave::{Paths, Wave};
 use crate::accel::Accel;
 use crate::bsdf::Bsdf;
+use crate::color::Rgb;
 use crate::math::{Hit, Ray};
 use crate::scene::RayKinds;
 
@@ -36,6 +37,8 @@ pub struct Workspace {
     /// Vertex of each shadow ray.
     pub(super) shadow_vertices: Vec<u32>,
     pub(super) occluded: Vec<bool>,
+    /// What each would bring unblocked; where shadows are shown.
+    pub(super) unblocked: Vec<Rgb>,
     /// By shadow ray: the kinds of rays that stop at what it passed; where kinds differ.
     pub(super) passed_kinds: Vec<RayKinds>,
     /// Samples whose camera rays hit what is transparent in the picture.
@@ -87,6 +90,7 @@ impl Workspace {
             shadow_rays: Vec::with_capacity(WAVE),
             shadow_vertices: Vec::with_capacity(WAVE),
             occluded: Vec::with_capacity(WAVE),
+            unblocked: Vec::new(),
             passed_kinds: Vec::new(),
             uncovered: Vec::new(),
             caught: Vec::new(),

@@ -3,18 +3,22 @@
 //! there is.
 
 use super::encoded::Encoded;
+use super::exr_colors::is_color;
 use super::exr_header::sort_attributes;
 use super::exr_options::ExrOptions;
+use super::exr_planes::planes;
+use super::exr_zip::{self, AnyImage};
 use super::matte::Matte;
 use crate::error::{Choice, Warning};
-use crate::film::{Film, PixelType, Values};
+use crate::film::{AovSpace, Film, PixelType, Plane, Values};
 use crate::load::image::Layered;
 use crate::math::{DAffine3, DMat4, DVec3};
-use exr::meta::attribute::Chromaticities;
 use exr::prelude::{
     AnyChannel, AnyChannels, AttributeValue, FlatSamples, Image, ImageAttributes, Layer, LayerAttributes,
     Text, Vec2, WritableImage, f16,
 };
+use half::slice::HalfFloatSliceExt;
+use rayon::prelude::*;
 use std::fmt::Write;
 use std::io::Cursor;
 use std::time::SystemTime;
@@ -34,6 +38,12 @@ pub struct Metadata {
     pub captured: Option<SystemTime>,
     /// From world to camera space (right-handed, y up, looking down -z), column vectors.
     pub world_to_camera: Option<DMat4>,
+    /// From world to normalized device coordinates of the frame: see [`ndc_from_world`](crate::camera::ndc_from_world).
+    pub world_to_ndc: Option<DMat4>,
+    /// Which space AOVs of places and directions are in.
+    pub aov_space: AovSpace,
+    /// What took the noise out of the picture, if something did.
+    pub denoised: Option<String>,
     /// The mattes that the picture holds.
     pub mattes: Vec<Matte>,
     /// How far from the world's origin the scene's coordinates have theirs; `world_to_camera` is relative to it.
@@ -70,6 +80,10 @@ pub fn encode_exr(
     let is_multipart = parts.len() > 1;
     let layer = |(index, (name, channels)): (usize, (String, Vec<AnyChannel<FlatSamples>>))| {
         let mut attributes = attributes(&metadata, &name, index == 0, options);
+        if names.iter().any(|n| AovSpace::concerns(n) && options.part_of(n) == name) {
+            let space = AttributeValue::Text(text(metadata.aov_space.name()));
+            attributes.other.insert(text("aovSpace"), space);
+        }
         if is_multipart {
             attributes.layer_name = Some(text(&name));
         }
@@ -80,15 +94,9 @@ pub fn encode_exr(
     let layers: Vec<_> = parts.into_iter().enumerate().map(layer).collect();
     let (width, height) = options.window.map_or((film.width(), film.height()), |window| window.frame);
     let mut shared = ImageAttributes::with_size(Vec2(width as usize, height as usize));
-    shared.chromaticities = Some(rec709());
+    shared.chromaticities = Some(options.space.chromaticities());
     let image = Image::from_layers(shared, layers);
-    let mut bytes = Cursor::new(Vec::new());
-    let write = image.write();
-    // The encoder brings a pool of its own with all cores.
-    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
-    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    let mut bytes = bytes.into_inner();
-    sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
+    let bytes = encode_image(&image)?;
     Ok(Encoded { bytes, warnings })
 }
 
@@ -97,11 +105,22 @@ pub fn encode_exr(
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_layered(layered: &Layered) -> Result<Vec<u8>, String> {
-    let mut bytes = Cursor::new(Vec::new());
-    let write = layered.file().write();
-    let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
-    write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
-    let mut bytes = bytes.into_inner();
+    encode_image(layered.file())
+}
+
+/// Encodes all that a file holds.
+fn encode_image(image: &AnyImage) -> Result<Vec<u8>, String> {
+    let mut bytes = match exr_zip::suits(image) {
+        true => exr_zip::encode(image).map_err(|e| e.to_string())?,
+        false => {
+            let mut bytes = Cursor::new(Vec::new());
+            let write = image.write();
+            // The encoder brings a pool of its own with all cores.
+            let write = if rayon::current_num_threads() == 1 { write.non_parallel() } else { write };
+            write.to_buffered(&mut bytes).map_err(|e| e.to_string())?;
+            bytes.into_inner()
+        }
+    };
     sort_attributes(&mut bytes).ok_or("the encoder wrote a header that can't be read")?;
     Ok(bytes)
 }
@@ -114,19 +133,22 @@ fn parts(
     options: &ExrOptions,
     clamped: &mut u64,
 ) -> Vec<(String, Vec<AnyChannel<FlatSamples>>)> {
-    let mut parts: Vec<(String, Vec<_>)> = Vec::new();
-    for plane in film.planes() {
+    let samples = |plane: Plane<'_>| {
         let own =
             if float && plane.pixel_type == PixelType::Half { PixelType::Float } else { plane.pixel_type };
-        let samples = match plane.values {
-            Values::Uint(values) => FlatSamples::U32(values),
-            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => {
-                to_half(&values, clamped)
-            }
-            Values::Float(values) => FlatSamples::F32(values),
-        };
-        let channel = AnyChannel::new(text(&options.name_of(plane.name)), samples);
-        let part = options.part_of(plane.name);
+        match plane.values {
+            Values::Uint(values) => (FlatSamples::U32(values), 0),
+            Values::Float(values) if options.type_of(plane.name, own) == PixelType::Half => to_half(values),
+            Values::Float(values) => (FlatSamples::F32(values), 0),
+        }
+    };
+    let planes: Vec<_> =
+        planes(film, options).into_par_iter().map(|plane| (plane.name, samples(plane))).collect();
+    let mut parts: Vec<(String, Vec<_>)> = Vec::new();
+    for (name, (samples, count)) in planes {
+        *clamped += count;
+        let channel = AnyChannel::new(text(&options.name_of(name)), samples);
+        let part = options.part_of(name);
         match parts.iter_mut().find(|(name, _)| *name == part) {
             Some((_, channels)) => channels.push(channel),
             None => parts.push((part, vec![channel])),
@@ -135,13 +157,17 @@ fn parts(
     parts
 }
 
-fn to_half(values: &[f32], clamped: &mut u64) -> FlatSamples {
+/// Half floats, and how many values were beyond their range.
+fn to_half(mut values: Vec<f32>) -> (FlatSamples, u64) {
     let limit = f16::MAX.to_f32();
-    let convert = |&v: &f32| {
-        *clamped += u64::from(v.abs() > limit);
-        f16::from_f32(v.clamp(-limit, limit))
-    };
-    FlatSamples::F16(values.iter().map(convert).collect())
+    let mut clamped = 0u64;
+    for v in &mut values {
+        clamped += u64::from(v.abs() > limit);
+        *v = v.clamp(-limit, limit);
+    }
+    let mut halves = vec![f16::ZERO; values.len()];
+    halves.convert_from_f32_slice(&values);
+    (FlatSamples::F16(halves), clamped)
 }
 
 fn overflow(clamped: u64) -> Warning {
@@ -151,35 +177,8 @@ fn overflow(clamped: u64) -> Warning {
     ))
 }
 
-/// Parts whose channels are no colours.
-const COLORLESS: [&str; 16] = [
-    "depth",
-    "nearest",
-    "P",
-    "N",
-    "Ng",
-    "facing",
-    "UV",
-    "roughness",
-    "object",
-    "material",
-    "samples",
-    "variance",
-    "motion",
-    "CryptoObject",
-    "CryptoMaterial",
-    "CryptoAsset",
-];
-
-/// Primaries and white point of ITU-R BT.709-6, table 1.
-fn rec709() -> Chromaticities {
-    Chromaticities {
-        red: Vec2(0.64, 0.33),
-        green: Vec2(0.30, 0.60),
-        blue: Vec2(0.15, 0.06),
-        white: Vec2(0.3127, 0.3290),
-    }
-}
+/// The attribute that says what took the noise out of a picture.
+pub const DENOISED: &str = "denoised";
 
 /// Attributes of a part. The first has all; others those that say what their channels are.
 fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOptions) -> LayerAttributes {
@@ -190,11 +189,11 @@ fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOpti
         utc_offset: metadata.captured.and_then(exr_date).map(|_| 0.0),
         // The file holds rows of a matrix for row vectors, which are the columns of ours.
         world_to_camera: metadata.world_to_camera.map(|m| camera(m, metadata.world_offset)),
+        world_to_normalized_device: metadata.world_to_ndc.map(|m| camera(m, metadata.world_offset)),
         ..LayerAttributes::default()
     };
     let mut add = |name: &str, value| attributes.other.insert(text(name), value);
-    let is_color = is_first || !COLORLESS.contains(&part);
-    let space = if is_color { "lin_rec709_scene" } else { "data" };
+    let space = if is_first || is_color(part) { options.space.interop_id() } else { "data" };
     add("colorInteropID", AttributeValue::Text(text(space)));
     let samples = metadata.samples;
     let is_whole = samples.fract() == 0.0 && samples <= f64::from(i32::MAX);
@@ -205,6 +204,9 @@ fn attributes(metadata: &Metadata, part: &str, is_first: bool, options: &ExrOpti
     if let Some(offset) = metadata.world_offset {
         let [x, y, z] = offset.to_array();
         add("worldOffset", AttributeValue::Text(text(&format!("{x} {y} {z}"))));
+    }
+    if let Some(denoiser) = &metadata.denoised {
+        add(DENOISED, AttributeValue::Text(text(denoiser)));
     }
     if let Some(reason) = &metadata.stopped_by {
         add("stoppedBy", AttributeValue::Text(text(reason)));

@@ -1,6 +1,8 @@
 //! How EXR files lie on the disk: layout, compression, tiles, types, and which part of the frame they hold.
 
+use super::exr_colors::WorkingSpace;
 use crate::film::PixelType;
+use crate::math::{DMat4, DVec3};
 use exr::prelude::{Blocks, Compression, Encoding, LineOrder, Vec2};
 
 /// How the channels of an EXR are arranged.
@@ -112,6 +114,21 @@ pub struct ExrWindow {
     pub frame: (u32, u32),
 }
 
+impl ExrWindow {
+    /// From normalized device coordinates of a picture with pixels all around the frame to those of the frame; as they are for
+    /// any other.
+    pub fn frame_from_ndc(&self, width: u32, height: u32) -> DMat4 {
+        let ((x, y), (frame_width, frame_height)) = (self.origin, self.frame);
+        if width <= frame_width && height <= frame_height {
+            return DMat4::IDENTITY;
+        }
+        let (frame_width, frame_height) = (f64::from(frame_width), f64::from(frame_height));
+        let scale = DVec3::new(f64::from(width) / frame_width, f64::from(height) / frame_height, 1.0);
+        let offset = DVec3::new(f64::from(x) / frame_width, f64::from(y) / frame_height, 0.0);
+        DMat4::from_translation(offset) * DMat4::from_scale(scale)
+    }
+}
+
 /// How to write EXRs.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct ExrOptions {
@@ -123,6 +140,8 @@ pub struct ExrOptions {
     pub tiles: Option<u32>,
     /// Types of channels or layers by name, in place of their own: half or float.
     pub types: Vec<(String, PixelType)>,
+    /// The space of colours.
+    pub space: WorkingSpace,
     /// Where the pixels stand; without it they are the frame.
     pub window: Option<ExrWindow>,
 }
@@ -193,7 +212,7 @@ impl ExrOptions {
 }
 
 /// The layer of a channel: what stands before its last dot, `rgba` for the picture itself, `depth` for Z.
-fn layer_of(name: &str) -> &str {
+pub(super) fn layer_of(name: &str) -> &str {
     match name.rsplit_once('.') {
         Some((layer, _)) => layer,
         None if matches!(name, "R" | "G" | "B" | "A") => "rgba",

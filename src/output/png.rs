@@ -79,6 +79,11 @@ pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
     narrow(&codes(&picture, options, Shape { alpha: true, straight: true, most: 255.0 }))
 }
 
+/// The same of other pixels.
+pub fn shown8(picture: &Linear, options: &PngOptions) -> Vec<u8> {
+    narrow(&codes(picture, options, Shape { alpha: true, straight: false, most: 255.0 }))
+}
+
 /// What codes are made.
 struct Shape {
     /// With alpha.
@@ -133,7 +138,15 @@ impl Balance {
 /// # Errors
 /// What the encoder objects to.
 pub fn encode_png_rgb8(data: &[u8], width: u32, height: u32) -> Result<Vec<u8>, String> {
-    encode(data, width, height, ExtendedColorType::Rgb8, Format::Png)
+    encode_rgb8(data, width, height, Format::Png)
+}
+
+/// The same in another format than EXR and HDR.
+///
+/// # Errors
+/// What the encoder objects to.
+pub fn encode_rgb8(data: &[u8], width: u32, height: u32, format: Format) -> Result<Vec<u8>, String> {
+    encode(data, width, height, ExtendedColorType::Rgb8, format)
 }
 
 fn encode(

@@ -3,7 +3,7 @@
 use super::options::{Adaptive, Caustics, RenderOptions};
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::film::{AovSet, FilterSampler, MatteIds};
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
 use crate::integrator::{
     Block, CausticPlan, CausticTally, Integrator, PathOptions, PathSample, SamplePlan, Workspace,
 };
@@ -142,9 +142,11 @@ impl Trial<'_> {
             plan: SamplePlan::Even(Arrangement::new(self.options.seed, 2, 1)),
             filter: self.filter,
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             mattes: &self.mattes,
             light_groups: 0,
             catchers: false,
+            transparent_glass: false,
             soft_terminator: self.options.soft_terminator,
             reuse: None,
             branches: 1,

@@ -8,7 +8,7 @@ use super::work::WORKSPACE;
 use crate::bsdf::BsdfClass;
 use crate::compile::{CompiledScene, View};
 use crate::error::Warning;
-use crate::film::{AovSet, FilterSampler, MatteIds};
+use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds};
 use crate::integrator::{
     Block, BlockSamples, CausticPlan, CellSamples, Grid, Guide, Integrator, PathOptions, SamplePlan,
     TrainedCells, TrainingSample, WAVE, Workspace,
@@ -191,9 +191,11 @@ impl Training<'_> {
             plan,
             filter: self.filter,
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             mattes: &self.mattes,
             light_groups: 0,
             catchers: false,
+            transparent_glass: false,
             soft_terminator: self.options.soft_terminator,
             reuse: None,
             branches: 1,

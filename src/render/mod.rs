@@ -18,6 +18,7 @@ mod halving;
 mod identity;
 mod labels;
 mod layout;
+mod metadata;
 mod noise;
 mod options;
 mod picture;
@@ -38,7 +39,7 @@ mod work;
 
 pub use crate::integrator::reuse::GroupShape;
 pub use cancel::CancelHandle;
-pub use denoising::denoising_guides;
+pub use denoising::{denoise_film, denoising_guides};
 pub use guiding::guiding_bytes;
 pub use identity::identity;
 pub use labels::Labels;

@@ -1,7 +1,7 @@
 //! Everything about a picture that is settled before it is rendered.
 
 use crate::error::{Error, Result};
-use crate::film::{AovSet, MATTE_LEVELS};
+use crate::film::{AovSet, AovSpace, MATTE_LEVELS};
 use crate::integrator::reuse::GroupShape;
 use crate::output::part::Region;
 use crate::scene::Filter;
@@ -135,12 +135,18 @@ pub struct RenderOptions {
     pub filter: Filter,
     /// Which AOVs to record besides colour. Default none.
     pub aovs: AovSet,
+    /// Which space those of places and directions are in. Default [`AovSpace::World`].
+    pub aov_space: AovSpace,
     /// Ranks of ids of the mattes among the AOVs. Default [`MATTE_LEVELS`].
     pub matte_levels: u32,
     /// Record the light of each of the scene's groups of lights besides colour. Default false.
     pub light_groups: bool,
     /// Tell what shadow catchers catch: see [`Film::settle_catchers`](crate::film::Film::settle_catchers). Default false.
     pub catchers: bool,
+    /// Make the picture transparent where smooth glass is before nothing: a sample whose path passes from the camera through
+    /// smooth surfaces only, by transmission, and leaves the scene there doesn't show the environment, and its alpha is 1 less
+    /// the mean of the path's throughput over the three channels. Reflections stay opaque. Default false.
+    pub transparent_glass: bool,
     /// Keep the colour of the first half of each pixel's samples apart: see [`Film::halves`](crate::film::Film::halves).
     /// Default false.
     pub halves: bool,
@@ -267,9 +273,11 @@ impl Default for RenderOptions {
             max_depth: 100,
             filter: Filter::default(),
             aovs: AovSet::NONE,
+            aov_space: AovSpace::World,
             matte_levels: MATTE_LEVELS,
             light_groups: false,
             catchers: false,
+            transparent_glass: false,
             halves: false,
             soft_terminator: true,
             path_reuse: PathReuse::default(),
@@ -340,6 +348,12 @@ impl RenderOptions {
         RenderOptions { aovs: aovs.into(), ..self }
     }
 
+    /// Sets which space AOVs of places and directions are in.
+    #[must_use]
+    pub fn aov_space(self, aov_space: AovSpace) -> RenderOptions {
+        RenderOptions { aov_space, ..self }
+    }
+
     /// Sets how many ranks of ids mattes have.
     #[must_use]
     pub fn matte_levels(self, matte_levels: u32) -> RenderOptions {
@@ -355,6 +369,12 @@ impl RenderOptions {
     /// Sets [`catchers`](RenderOptions::catchers).
     pub fn catchers(self, catchers: bool) -> RenderOptions {
         RenderOptions { catchers, ..self }
+    }
+
+    /// Sets whether smooth glass before nothing is transparent.
+    #[must_use]
+    pub fn transparent_glass(self, transparent_glass: bool) -> RenderOptions {
+        RenderOptions { transparent_glass, ..self }
     }
 
     /// Sets whether the halves of the samples are kept apart.

@@ -9,7 +9,7 @@ use super::rendering::Rendering;
 use super::settle::Choices;
 use crate::compile::Compiler;
 use crate::error::Result;
-use crate::film::{Aov, AovSet};
+use crate::film::{Aov, AovSet, AovSpace};
 use crate::load::Loaded;
 use crate::scene::{EnergyCompensation, Filter, FresnelModel};
 use std::sync::Arc;
@@ -126,6 +126,12 @@ impl Renderer {
         self
     }
 
+    /// Which space AOVs of places and directions are in.
+    pub fn aov_space(mut self, aov_space: AovSpace) -> Renderer {
+        self.choices.aov_space = aov_space;
+        self
+    }
+
     /// Whether to record the light of each of the scene's groups of lights, in channels `RGBA_group.R` and so on.
     pub fn light_groups(mut self, light_groups: bool) -> Renderer {
         self.choices.light_groups = light_groups;
@@ -135,6 +141,13 @@ impl Renderer {
     /// How many ranks of ids the mattes among the AOVs have; two for each layer.
     pub fn matte_levels(mut self, matte_levels: u32) -> Renderer {
         self.choices.matte_levels = matte_levels;
+        self
+    }
+
+    /// Whether smooth glass is transparent where nothing is behind it: see
+    /// [`RenderOptions::transparent_glass`](super::RenderOptions::transparent_glass).
+    pub fn transparent_glass(mut self, transparent_glass: bool) -> Renderer {
+        self.choices.transparent_glass = transparent_glass;
         self
     }
 

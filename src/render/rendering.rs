@@ -22,13 +22,13 @@ use crate::error::{Result, Warning};
 use crate::film::{Film, FilterSampler, MatteIds};
 use crate::integrator::CausticPlan;
 use crate::math::DVec3;
-use crate::output::{Metadata, OutputOptions, PngOptions};
+use crate::output::OutputOptions;
 use crate::sampling::Allotment;
 use crate::scene::{Backdrop, Camera};
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::{Arc, Mutex};
-use std::time::{Instant, SystemTime};
+use std::time::Instant;
 
 /// Renders a scene, pass by pass, on the current rayon pool (see [`in_pool`](super::in_pool)).
 ///
@@ -63,11 +63,13 @@ pub struct Rendering {
     listener: Option<Box<Listener>>,
     /// What came up before the first pass.
     earlier: Vec<Warning>,
-    exposure: f32,
+    pub(super) exposure: f32,
     /// What lies behind the picture.
     backdrop: Option<Backdrop>,
     /// How far from the world's origin the scene's coordinates have theirs.
-    world_offset: DVec3,
+    pub(super) world_offset: DVec3,
+    /// How noise was taken out of the film, if it was.
+    pub(super) denoised: Option<String>,
     pub(super) choice: Choice,
     /// Whether caustics are found from the lamp.
     caustics: CausticChoice,
@@ -136,6 +138,7 @@ impl Rendering {
             exposure: 0.0,
             backdrop: None,
             world_offset: DVec3::ZERO,
+            denoised: None,
             finishes_passes: false,
             noise: options.noise.map(|_| Noise::default()),
             options,
@@ -245,37 +248,6 @@ impl Rendering {
         warnings.extend(self.guiding.warning(&self.scene, &self.options));
         warnings.extend(of_film(&self.film, has_stopped));
         warnings
-    }
-
-    /// How [`Rendering::save`] writes the picture so far.
-    pub fn output_options(&self) -> OutputOptions {
-        self.options_with(&self.warnings())
-    }
-
-    fn options_with(&self, warnings: &[Warning]) -> OutputOptions {
-        let statistics = self.statistics();
-        let stopped_by = match statistics {
-            Statistics { interrupted: true, .. } => Some("cancelled"),
-            Statistics { timed_out: true, .. } => Some("time limit"),
-            _ => None,
-        };
-        let metadata = Metadata {
-            samples: statistics.samples_per_pixel,
-            seed: self.options.seed,
-            owner: None,
-            render_s: Some(statistics.render_s),
-            captured: Some(SystemTime::now()),
-            world_to_camera: Some(self.view.camera_from_world),
-            mattes: self.labels.mattes.clone(),
-            world_offset: Some(self.world_offset).filter(|o| *o != DVec3::ZERO),
-            stopped_by: stopped_by.map(str::to_string),
-            warnings: warnings.iter().map(Warning::to_string).collect(),
-        };
-        OutputOptions {
-            png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
-            metadata,
-            ..OutputOptions::default()
-        }
     }
 
     /// How many samples each pixel is to have, unless a time limit ends it before.

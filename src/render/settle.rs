@@ -3,7 +3,7 @@
 use super::options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
-use crate::film::{Aov, AovSet};
+use crate::film::{Aov, AovSet, AovSpace};
 use crate::output::part::Region;
 use crate::scene::{Camera, Scene, Settings, ShadingModel};
 use std::time::Duration;
@@ -22,6 +22,8 @@ pub struct Choices {
     pub camera: Option<String>,
     /// What to record besides colour and what the scene asks for.
     pub aovs: AovSet,
+    /// See [`RenderOptions::aov_space`].
+    pub aov_space: AovSpace,
     /// See [`RenderOptions::matte_levels`].
     pub matte_levels: u32,
     /// See [`RenderOptions::light_groups`].
@@ -32,6 +34,8 @@ pub struct Choices {
     pub sample_range: Option<(u32, u32)>,
     /// See [`RenderOptions::region`].
     pub region: Option<Region>,
+    /// See [`RenderOptions::transparent_glass`].
+    pub transparent_glass: bool,
     /// See [`RenderOptions::halves`].
     pub halves: bool,
     /// See [`RenderOptions::soft_terminator`].
@@ -81,11 +85,13 @@ impl Default for Choices {
             settings: Settings::default(),
             camera: None,
             aovs: options.aovs,
+            aov_space: options.aov_space,
             matte_levels: options.matte_levels,
             light_groups: options.light_groups,
             planned: options.planned,
             sample_range: options.sample_range,
             region: options.region,
+            transparent_glass: options.transparent_glass,
             halves: options.halves,
             soft_terminator: options.soft_terminator,
             path_reuse: options.path_reuse,
@@ -119,9 +125,11 @@ impl Choices {
             .max_depth(settings.depth.unwrap_or(default.max_depth))
             .filter(settings.filter.unwrap_or(default.filter))
             .aovs(self.aovs.union(aovs_of(&settings)?))
+            .aov_space(self.aov_space)
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
             .catchers(scene.has_catchers())
+            .transparent_glass(self.transparent_glass)
             .planned(self.planned)
             .sample_range(self.sample_range)
             .region(self.region)

@@ -131,3 +131,72 @@ fn info_tells_ranges_and_headers_and_layers_become_pictures() {
         assert_eq!(code(&output), 0, "{layer}: {}", stderr(&output));
     }
 }
+
+#[test]
+fn what_is_no_number_is_counted_once() {
+    let folder = tempfile::tempdir().unwrap();
+    let pixel = |x: usize, y: usize| match (x, y) {
+        (0, 0) => (f32::NAN, 1.0f32, f32::NAN),
+        (1, 2) => (f32::INFINITY, f32::NEG_INFINITY, 0.0),
+        (2, 2) => (0.0, 0.0, f32::INFINITY),
+        _ => (0.5, 0.5, 0.5),
+    };
+    exr::prelude::write_rgb_file(folder.path().join("a.exr"), 4, 4, pixel).unwrap();
+    exr::prelude::write_rgb_file(folder.path().join("b.exr"), 4, 4, |_, _| (0.5f32, 0.5f32, 0.5f32)).unwrap();
+    let said = |file: &str, more: &[&str]| {
+        let output = oscura(folder.path(), &[&["convert", file, "-o", "a.png"], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        stderr(&output)
+    };
+    let notes = said("a.exr", &[]);
+    assert_eq!(notes.matches("note:").count(), 1, "{notes}");
+    assert!(notes.contains("2 are NaN") && notes.contains("3 infinite"), "{notes}");
+    assert!(!said("b.exr", &[]).contains("note:") && !said("a.exr", &["--quiet"]).contains("note:"));
+}
+
+/// A sheet has a place for each layer, whatever the layout, and what stands there is what the layer shows.
+#[test]
+fn sheets_show_all_layers() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let sheet = |file: &str, more: &[&str]| {
+        let output =
+            oscura(folder.path(), &[&["convert", file, "-o", "sheet.png", "--sheet"], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        image::open(at("sheet.png")).expect("a picture").to_rgb8()
+    };
+    render(folder.path(), "a.exr", &["--quiet", "--aov", "depth,normal,object_id,crypto_object"]);
+    render(folder.path(), "b.exr", &["--quiet", "--aov", "all", "--exr-layout", "multipart"]);
+    let small = sheet("a.exr", &[]);
+    // Five layers of 48 x 48, and a line of text under each.
+    let [tile, tall] = [48 + 8, 48 + 14 + 8];
+    let columns = (small.width() - 8) / tile;
+    let rows = (small.height() - 8) / tall;
+    assert_eq!((small.width(), small.height()), (columns * tile + 8, rows * tall + 8));
+    assert!(columns * rows >= 5 && columns * (rows - 1) < 5, "{columns} x {rows}");
+    let all = sheet("b.exr", &[]);
+    assert!(all.width() * all.height() > 20 * tile * tall, "{} x {}", all.width(), all.height());
+    // The picture itself is the first layer of that file, as it looks.
+    let output = oscura(folder.path(), &["convert", "b.exr", "-o", "beauty.png", "--view", "agx"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let beauty = image::open(at("beauty.png")).expect("a picture").to_rgba8();
+    let all = sheet("b.exr", &["--view", "agx"]);
+    let opaque: Vec<_> = beauty.enumerate_pixels().filter(|(_, _, pixel)| pixel[3] == 255).collect();
+    assert!(opaque.len() > 1000 && opaque.iter().all(|(x, y, p)| all.get_pixel(8 + x, 8 + y).0 == p.0[..3]));
+    // Different layers look different.
+    let place = |i: u32| (8 + i % columns * tile, 8 + i / columns * tall);
+    let pixels = |i: u32| -> Vec<[u8; 3]> {
+        let (left, top) = place(i);
+        (0..48 * 48).map(|k| small.get_pixel(left + k % 48, top + k / 48).0).collect()
+    };
+    for i in 0..5 {
+        assert!((i + 1..5).all(|k| pixels(i) != pixels(k)), "layer {i}");
+        assert!(pixels(i).iter().any(|pixel| *pixel != pixels(i)[0]), "layer {i} is flat");
+    }
+    for (args, expected) in [
+        (["convert", "a.exr", "-o", "s.hdr", "--sheet", "--quiet"], 2),
+        (["convert", "a.exr", "-o", "s.png", "--sheet", "--deep"], 2),
+    ] {
+        assert_eq!(code(&oscura(folder.path(), &args)), expected, "{args:?}");
+    }
+}

@@ -202,3 +202,75 @@ fn models_name_groups_in_extras() {
         assert!(planes[&format!("RGBA_{group}.G")].iter().any(|v| *v > 0.0), "{group}");
     }
 }
+
+/// Glass is transparent on demand, where the picture is at all.
+#[test]
+fn glass_is_transparent_where_the_world_is() {
+    let folder = tempfile::tempdir().unwrap();
+    let glass = "[materials.glass]\ntype = \"dielectric\"\n\n[[objects]]\nname = \"ball\"\nmaterial = \"glass\"\nsphere = { center = [0, 1.2, 1], radius = 0.6 }\n";
+    fs::write(folder.path().join("a.toml"), format!("{LIGHTS}\n{glass}")).unwrap();
+    let shoot = |more: &[&str]| {
+        let fixed = ["render", "a.toml", "-o", "a.exr", "--float", "--quiet", "--depth", "8"];
+        oscura(folder.path(), &[&fixed[..], more].concat())
+    };
+    let alphas = |more: &[&str]| {
+        let output = shoot(more);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        planes(&folder.path().join("a.exr"))["A"].clone()
+    };
+    let opaque = alphas(&["--transparent"]);
+    let clear = alphas(&["--transparent", "--transparent-glass"]);
+    let cleared =
+        opaque.iter().zip(&clear).filter(|(opaque, clear)| **opaque == 1.0 && **clear < 0.6).count();
+    assert!(cleared > 5, "{cleared}");
+    assert!(opaque.iter().zip(&clear).all(|(opaque, clear)| clear <= opaque && *clear >= 0.0));
+    let output = shoot(&["--transparent-glass"]);
+    assert_eq!(code(&output), 2);
+    assert!(stderr(&output).contains("add --transparent"), "{}", stderr(&output));
+}
+
+/// Passes of places and directions say which space they are in, through merging too; others say nothing.
+#[test]
+fn headers_say_which_space_passes_are_in() {
+    let folder = tempfile::tempdir().unwrap();
+    let space = |name: &str| attribute(&folder.path().join(name), "aovSpace");
+    render(folder.path(), "a.exr", &["--quiet", "--aov", "normal"]);
+    assert_eq!(space("a.exr"), text("world"));
+    render(folder.path(), "a.exr", &["--quiet", "--aov", "albedo"]);
+    assert_eq!(space("a.exr"), None);
+    render(folder.path(), "a.part", &["--quiet", "--aov", "position", "--aov-space", "camera"]);
+    let merged = oscura(folder.path(), &["merge", "a.part", "-o", "b.exr", "--quiet"]);
+    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    assert_eq!(space("b.exr"), text("camera"));
+    let refused = oscura(folder.path(), &["render", &cornell(), "-o", "a.exr", "--aov-space", "tangent"]);
+    assert!(code(&refused) == 2 && stderr(&refused).contains("neither world nor camera"));
+}
+
+/// Points that the camera sees lie within the frame by the header's matrix, also where pixels surround it.
+#[test]
+fn headers_say_where_points_are_in_the_frame() {
+    let folder = tempfile::tempdir().unwrap();
+    for more in [&[][..], &["--overscan", "25"], &["--crop", "10,5,30,25"]] {
+        let fixed = ["--quiet", "--filter", "box", "--aov", "position,depth"];
+        render(folder.path(), "a.exr", &[&fixed[..], more].concat());
+        let path = folder.path().join("a.exr");
+        let meta = exr::meta::MetaData::read_from_file(&path, true).expect("our own file is valid");
+        let (shared, own) = (&meta.headers[0].shared_attributes, &meta.headers[0].own_attributes);
+        let m = own.world_to_normalized_device.expect("the attribute");
+        let frame = shared.display_window.size;
+        let (width, x0, y0) = (meta.headers[0].layer_size.0, own.layer_position.0, own.layer_position.1);
+        let planes = planes(&path);
+        let mut seen = 0;
+        for (i, depth) in planes["Z"].iter().enumerate().filter(|(_, depth)| **depth < 1e9) {
+            let p = ["P.X", "P.Y", "P.Z"].map(|name| planes[name][i]);
+            // Row vectors.
+            let row = |c: usize| p[0] * m[c] + p[1] * m[4 + c] + p[2] * m[8 + c] + m[12 + c];
+            let at = [row(0) / row(3) * frame.0 as f32, row(1) / row(3) * frame.1 as f32];
+            let expected = [(i % width) as f32 + x0 as f32 + 0.5, (i / width) as f32 + y0 as f32 + 0.5];
+            let off = (at[0] - expected[0]).abs().max((at[1] - expected[1]).abs());
+            assert!(off <= 0.51, "{more:?}: {at:?} for {expected:?} at depth {depth}");
+            seen += 1;
+        }
+        assert!(seen > 100, "{more:?}: {seen}");
+    }
+}

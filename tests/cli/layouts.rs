@@ -81,3 +81,63 @@ fn types_that_mean_nothing_are_told() {
     let said = run(folder.path(), &format!("render {scene} -o a.exr {small} --exr-half Foo"));
     assert!(said.contains("'Foo'"), "{said}");
 }
+
+/// ACEScg: colours are converted, all else stays, headers say so, and pictures to look at are the same.
+#[test]
+fn colours_are_written_in_the_space_that_is_asked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (folder, scene) = (folder.path(), cornell());
+    let aovs = "--aov albedo,normal,depth,variance,diffuse_direct,emission,crypto_object --light-groups";
+    let fixed = format!("render {scene} --width 32 --spp 4 --float --quiet {aovs}");
+    run(folder, &format!("{fixed} -o plain.exr -o plain.png"));
+    run(folder, &format!("{fixed} -o aces.exr -o aces.png --working-space acescg"));
+    run(folder, &format!("{fixed} -o parts.exr --working-space acescg --exr-layout multipart"));
+    run(folder, &format!("{fixed} -o a.part"));
+    run(folder, "merge a.part -o merged.exr --working-space acescg --quiet");
+    let read = |name: &str| std::fs::read(folder.join(name)).expect("a file");
+    assert!(read("plain.png") == read("aces.png"));
+    let (plain, aces) = (all_planes(&folder.join("plain.exr")), all_planes(&folder.join("aces.exr")));
+    assert_eq!(aces, all_planes(&folder.join("parts.exr")));
+    assert_eq!(aces, all_planes(&folder.join("merged.exr")));
+    // As published with OpenColorIO's configurations for ACES.
+    let matrix = [
+        [0.613_097_4, 0.339_523_1, 0.047_379_5],
+        [0.070_193_7, 0.916_353_9, 0.013_452_4],
+        [0.020_615_6, 0.109_569_8, 0.869_814_6],
+    ];
+    let is_converted =
+        |layer: &str| ["", "albedo.", "DiffDir.", "Emit."].contains(&layer) || layer.starts_with("RGBA_");
+    let (mut converted, mut kept) = (0, 0);
+    for (name, own) in &aces {
+        let (layer, letter) = name.split_at(name.rfind('.').map_or(0, |dot| dot + 1));
+        let Some(row) = ["R", "G", "B"].iter().position(|l| *l == letter).filter(|_| is_converted(layer))
+        else {
+            assert_eq!(own, &plain[name], "{name}");
+            kept += 1;
+            continue;
+        };
+        let from = ["R", "G", "B"].map(|letter| &plain[&format!("{layer}{letter}")]);
+        for (i, own) in own.iter().enumerate() {
+            let expected: f32 = (0..3).map(|c| matrix[row][c] * from[c][i]).sum();
+            assert!((own - expected).abs() <= 1e-5 * (1.0 + expected.abs()), "{name}: {own}, not {expected}");
+        }
+        converted += 1;
+    }
+    assert!(converted >= 15 && kept > 15, "{converted} {kept}");
+    let file = read_all_flat_layers_from_file(folder.join("parts.exr")).expect("an EXR");
+    let space = file.attributes.chromaticities.expect("chromaticities");
+    assert_eq!((space.red.0, space.green.1, space.white.0), (0.713, 0.83, 0.32168));
+    for layer in &file.layer_data {
+        let name = layer.attributes.layer_name.as_ref().expect("a name").to_string();
+        let id = layer.attributes.other[&Text::from("colorInteropID")].to_text().expect("text").to_string();
+        let is_data = ["N", "depth", "variance", "CryptoObject"].contains(&name.as_str());
+        assert_eq!(id, if is_data { "data" } else { "lin_ap1_scene" }, "{name}");
+    }
+    // What looks at such files knows.
+    run(folder, "convert plain.exr -o of-plain.png --quiet");
+    run(folder, "convert aces.exr -o of-aces.png --quiet");
+    let codes = |name: &str| image::open(folder.join(name)).expect("a picture").to_rgb8().into_raw();
+    let (one, other) = (codes("of-plain.png"), codes("of-aces.png"));
+    assert!(one.iter().zip(&other).all(|(a, b)| a.abs_diff(*b) <= 1));
+    assert_eq!(code(&oscura(folder, &["render", &scene, "-o", "a.exr", "--working-space", "cmyk"])), 2);
+}

@@ -4,6 +4,7 @@ mod beside;
 #[cfg(unix)]
 mod blender;
 mod comparing;
+mod denoisers;
 mod desktop;
 mod errors;
 mod examples;

@@ -1,7 +1,7 @@
 //! Pictures come back from their files as they went in.
 
 use exr::prelude::{AttributeValue, FlatSamples, ReadChannels, ReadLayers, Text, read};
-use oscura::film::{Aov, AovSet, BACKGROUND_DEPTH, Film};
+use oscura::film::{Aov, AovSet, AovSpace, BACKGROUND_DEPTH, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::{
     Format, Matte, Metadata, OutputOptions, PngOptions, ViewTransform, check_target, encode, write_atomically,
@@ -33,6 +33,9 @@ fn metadata() -> Metadata {
         captured: Some(SystemTime::UNIX_EPOCH + Duration::from_secs(951_782_400)),
         world_offset: None,
         world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
+        world_to_ndc: Some(DMat4::from_translation(DVec3::new(4.0, 5.0, 6.0))),
+        aov_space: AovSpace::Camera,
+        denoised: Some("by hand".into()),
         mattes: vec![Matte::new("crypto_asset", vec!["hello".into()])],
         stopped_by: Some("a signal".into()),
         warnings: vec!["a \u{2192} b".into()],
@@ -84,10 +87,13 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     assert_eq!(a.capture_date.as_ref().unwrap().to_string(), "2000:02:29 00:00:00");
     // Row vectors: the translation stands in the last row.
     assert_eq!(a.world_to_camera.unwrap()[12..15], [1.0, 2.0, 3.0]);
+    assert_eq!(a.world_to_normalized_device.unwrap()[12..15], [4.0, 5.0, 6.0]);
     assert_eq!(shared.chromaticities.unwrap().red.0, 0.64);
     let other =
         |name: &str| a.other.get(&Text::from(name)).or_else(|| shared.other.get(&Text::from(name))).cloned();
     assert_eq!(other("samples"), Some(AttributeValue::I32(16)));
+    assert_eq!(other("aovSpace"), Some(AttributeValue::Text(Text::from("camera"))));
+    assert_eq!(other("denoised"), Some(AttributeValue::Text(Text::from("by hand"))));
     assert_eq!(other("stoppedBy"), Some(AttributeValue::Text(Text::from("a signal"))));
     assert_eq!(other("seed"), Some(AttributeValue::Text(Text::from("4294967295"))));
     assert_eq!(other("renderTime"), Some(AttributeValue::F32(1.5)));

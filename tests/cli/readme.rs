@@ -99,7 +99,7 @@ fn words(line: &str) -> Vec<String> {
 /// The files that the README's user has: the project's assets and scenes, an export, a scan, an environment, and pictures
 /// of another renderer.
 fn fixtures(folder: &Path) {
-    for name in ["assets/cornell-box.gltf", "scenes/meshes/torus.ply"] {
+    for name in ["assets/cornell-box.gltf", "scenes/meshes/torus.ply", "scenes/cornell-spheres.toml"] {
         let target = folder.join(name);
         fs::create_dir_all(target.parent().expect("a folder")).expect("made");
         fs::copy(Path::new(ROOT).join(name), &target).unwrap_or_else(|e| panic!("{name}: {e}"));

@@ -100,6 +100,24 @@ fn memory_that_is_not_there_is_an_error() {
     assert!(names(folder.path()).is_empty());
 }
 
+/// Pictures on the way to one without noise keep it, with what taking it out needs; nobody else gets that.
+#[test]
+fn pictures_on_the_way_can_be_denoised() {
+    let folder = tempfile::tempdir().unwrap();
+    let child = long(folder.path(), &["-o", "a.exr", "--save-every", "0.05", "--denoise"], "a.exr");
+    let (picture, kept) = (folder.path().join("a.exr"), folder.path().join("kept.exr"));
+    fs::copy(&picture, &kept).unwrap();
+    send(&child, "-TERM");
+    assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
+    assert!(["albedo.R", "N.X", "Z"].iter().all(|name| planes(&kept).contains_key(*name)));
+    assert_eq!(planes(&picture).keys().collect::<Vec<_>>(), ["A", "B", "G", "R"]);
+    assert_eq!(attribute(&kept, "denoised"), None);
+    assert!(attribute(&picture, "denoised").is_some());
+    let output = oscura(folder.path(), &["denoise", "kept.exr", "-o", "clean.exr"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    assert!(stderr(&output).contains("guides   albedo, normal, depth"), "{}", stderr(&output));
+}
+
 /// Starts a render of very many samples; waits until a picture is there.
 fn long(folder: &Path, more: &[&str], picture: &str) -> Child {
     let scene = cornell();

@@ -103,7 +103,7 @@ def main(out, scene):
     os.makedirs(out, exist_ok=True)
     plain, headers = planes(render(out, "plain", scene))
     check("one part", len(headers) == 1)
-    for key in ("chromaticities", "colorInteropID", "software", "samples", "seed", "worldToCamera"):
+    for key in ("chromaticities", "colorInteropID", "software", "samples", "seed", "worldToCamera", "worldToNDC", "aovSpace"):
         check(f"attribute {key}", key in headers[0], sorted(headers[0]))
     exact = {"R", "G", "B", "A", "Z", "N.X", "albedo.R", "DiffDir.R", "CryptoObject00.R", "object.id", "samples"}
     check("channels of the default file", exact <= set(plain), sorted(plain))
@@ -139,6 +139,16 @@ def main(out, scene):
     check("windows of overscan", by_oiio(path)[1][0][:2] == ((-8, -5, 96, 58), (0, 0, *SIZE)), by_oiio(path)[1])
     inner = planes(path)[0]["albedo.G"][5:53, 8:88]
     check("the frame within overscan", abs(float(inner.mean()) - float(whole["albedo.G"].mean())) < 0.02)
+    path = render(out, "acescg", scene, "--float", "--working-space", "acescg")
+    found, headers = planes(path)
+    # From OpenColorIO's configurations for ACES.
+    matrix = np.array([[0.613097, 0.339523, 0.047379], [0.070194, 0.916354, 0.013452], [0.020616, 0.109570, 0.869815]])
+    colors = lambda of: np.stack([of[letter] for letter in "RGB"], -1)
+    far = abs(colors(found) - colors(whole) @ matrix.T) / (1 + abs(colors(found)))
+    check("colours of ACEScg", far.max() < 1e-5, far.max())
+    check("data beside ACEScg", np.array_equal(found["N.X"], whole["N.X"]))
+    primaries = np.round(np.array(headers[0]["chromaticities"], float), 5).tolist()
+    check("primaries of ACEScg", primaries == [0.713, 0.293, 0.165, 0.83, 0.128, 0.044, 0.32168, 0.33767], primaries)
     print(f"{len(failures)} problems")
     sys.exit(1 if failures else 0)
 

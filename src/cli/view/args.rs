@@ -7,7 +7,7 @@ use clap::{Arg, ArgAction, ArgMatches, Args, Command, value_parser};
 use std::path::PathBuf;
 
 /// Arguments of `render` that have no meaning here: they are about files, sequences and reports.
-const UNUSED: [&str; 34] = [
+const UNUSED: [&str; 38] = [
     "output",
     "frames",
     "fps",
@@ -26,16 +26,20 @@ const UNUSED: [&str; 34] = [
     "progress",
     "memory_limit",
     "denoise",
+    "denoiser",
+    "oidn_library",
     "deep",
     "float",
     "exr_layout",
     "exr_compression",
     "exr_tiles",
+    "working_space",
     "exr_half",
     "exr_float",
     "crop",
     "overscan",
     "aov",
+    "aov_space",
     "light_groups",
     "crypto_levels",
     "strict",

@@ -3,6 +3,7 @@
 use super::bytes::{guarded, read_bytes, signature};
 use super::openexr::check_sizes;
 use super::source::Source;
+use crate::color::Primaries;
 use crate::error::Result;
 use exr::image::{AnyChannels, Blocks, FlatSamples, Layers};
 use exr::math::Vec2;
@@ -95,11 +96,23 @@ impl Layered {
             add(name, value.as_ref().map(Text::to_string));
         }
         add("worldToCamera", own.world_to_camera.map(|m| format!("{m:?}")));
+        add("worldToNDC", own.world_to_normalized_device.map(|m| format!("{m:?}")));
         for (name, value) in file.other.iter().chain(&own.other) {
             add(&name.to_string(), Some(shown(value)));
         }
         list.sort();
         list
+    }
+
+    /// The space of the file's colours, if it says one.
+    pub fn primaries(&self) -> Option<Primaries> {
+        let pair = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
+        self.file.attributes.chromaticities.map(|c| Primaries {
+            red: pair(c.red),
+            green: pair(c.green),
+            blue: pair(c.blue),
+            white: pair(c.white),
+        })
     }
 
     /// The name of a channel without the render layer that Blender, and files laid out as its are, write before it:
@@ -153,6 +166,14 @@ impl Layered {
             FlatSamples::F16(old) => *old = values.iter().map(half).collect(),
             FlatSamples::F32(old) => *old = values.to_vec(),
             FlatSamples::U32(old) => *old = values.iter().map(|v| *v as u32).collect(),
+        }
+    }
+
+    /// Sets a text attribute of a part. Text has the first 256 code points only; nothing is set for other text.
+    pub fn set_attribute(&mut self, part: usize, name: &str, value: &str) {
+        if let (Some(name), Some(value)) = (Text::new_or_none(name), Text::new_or_none(value)) {
+            let other = &mut self.file.layer_data[part].attributes.other;
+            other.insert(name, AttributeValue::Text(value));
         }
     }
 

@@ -134,12 +134,21 @@ pub struct Finish {
     pub seed: u32,
     /// From world to camera space, by columns.
     pub world_to_camera: [u64; 16],
+    /// From there to normalized device coordinates, if that is known.
+    #[serde(default)]
+    pub world_to_ndc: Option<[u64; 16]>,
+    /// Which space AOVs of places and directions are in, by name; the world's where there is none.
+    #[serde(default)]
+    pub aov_space: String,
     /// How far from the world's origin the scene's coordinates have theirs.
     pub world_offset: Option<[u64; 3]>,
     /// Names that the mattes may show, matte by matte.
     pub mattes: Vec<Vec<String>>,
     /// What was ignored, approximated or repaired before the first sample.
     pub warnings: Vec<String>,
+    /// The noise is to be taken out; then only these AOVs stay, by their options.
+    #[serde(default)]
+    pub denoise: Option<Vec<String>>,
     /// Whose picture it is.
     pub owner: Option<String>,
     /// 32-bit colours in EXRs.

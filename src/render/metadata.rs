@@ -1,0 +1,44 @@
+//! What files say about how a picture was made.
+
+use super::rendering::Rendering;
+use super::statistics::Statistics;
+use crate::error::Warning;
+use crate::math::DVec3;
+use crate::output::{Metadata, OutputOptions, PngOptions};
+use std::time::SystemTime;
+
+impl Rendering {
+    /// How [`Rendering::save`] writes the picture so far.
+    pub fn output_options(&self) -> OutputOptions {
+        self.options_with(&self.warnings())
+    }
+
+    pub(super) fn options_with(&self, warnings: &[Warning]) -> OutputOptions {
+        let statistics = self.statistics();
+        let stopped_by = match statistics {
+            Statistics { interrupted: true, .. } => Some("cancelled"),
+            Statistics { timed_out: true, .. } => Some("time limit"),
+            _ => None,
+        };
+        let metadata = Metadata {
+            samples: statistics.samples_per_pixel,
+            seed: self.options.seed,
+            owner: None,
+            render_s: Some(statistics.render_s),
+            captured: Some(SystemTime::now()),
+            world_to_camera: Some(self.view.camera_from_world),
+            world_to_ndc: Some(self.view.ndc_from_world),
+            aov_space: self.options.aov_space,
+            denoised: self.denoised.clone(),
+            mattes: self.labels.mattes.clone(),
+            world_offset: Some(self.world_offset).filter(|o| *o != DVec3::ZERO),
+            stopped_by: stopped_by.map(str::to_string),
+            warnings: warnings.iter().map(Warning::to_string).collect(),
+        };
+        OutputOptions {
+            png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
+            metadata,
+            ..OutputOptions::default()
+        }
+    }
+}
