@@ -76,10 +76,7 @@ impl Layered {
             opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
             glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
         }
-        let mut rough = OrenNayar { color: Rgb::ZERO, roughness: self.diffuse_roughness };
-        if self.diffuse_roughness > 0.0 {
-            std::mem::swap(&mut rough.color, &mut opaque.diffuse);
-        }
+        let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
         let lets_in = self.glass_share > 0.0 || self.through != Rgb::ZERO;
@@ -131,6 +128,16 @@ impl Layered {
             glass,
             rough,
         }
+    }
+
+    /// The diffuse base, taken from the opaque part, where it is rough; a black one elsewhere.
+    #[inline]
+    fn take_rough(&self, opaque: &mut MetalRough<Microsurface>) -> OrenNayar {
+        let mut rough = OrenNayar { color: Rgb::ZERO, roughness: self.diffuse_roughness };
+        if self.diffuse_roughness > 0.0 {
+            std::mem::swap(&mut rough.color, &mut opaque.diffuse);
+        }
+        rough
     }
 
     /// The diffuse part of what [`Lobe::eval`] gives: of the base, of sheen, and of what passes diffusely.

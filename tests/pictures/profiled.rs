@@ -65,7 +65,7 @@ fn a_profile_lights_a_floor_as_it_says() {
 /// The smooth step of a cone from its axis to 60 degrees, on top of the profile.
 #[test]
 fn a_cone_cuts_a_profile() {
-    let position = DVec3::new(1.0, 2.0, 0.0);
+    let position = DVec3::new(1.0, 2.0, 0.5);
     let down = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::NEG_Y);
     let outer = PI / 3.0;
     let cosine = position.y / position.length();

@@ -2,7 +2,6 @@
 //! of the file play together; where two move the same thing, the first counts.
 
 use super::document::{Document, index_of, pointer};
-use super::pointers;
 use super::report::{Report, Sound};
 use super::samplers::{Element, Samplers};
 use crate::math::{DQuat, DVec3};
@@ -100,7 +99,7 @@ impl Reader<'_, '_> {
         let mut path = target.get("path").and_then(Value::as_str).unwrap_or_default();
         let node = if path == "pointer" {
             // Other pointers change the document before it is read.
-            let Some((node, of_node)) = pointers::of_pose(target) else { return Ok(()) };
+            let Some((node, of_node)) = of_pose(target) else { return Ok(()) };
             path = of_node;
             Some(node)
         } else {
@@ -145,6 +144,14 @@ impl Reader<'_, '_> {
         }
         Ok(())
     }
+}
+
+/// The node and what of its pose the pointer of a channel's target (KHR_animation_pointer) leads to, if it does.
+pub(super) fn of_pose(target: &Value) -> Option<(usize, &str)> {
+    let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
+    let (node, path) = pointer.strip_prefix("/nodes/")?.split_once('/')?;
+    let is_pose = ["translation", "rotation", "scale", "weights"].contains(&path);
+    if is_pose { Some((node.parse().ok()?, path)) } else { None }
 }
 
 fn unit(q: DQuat, at: &str, report: &mut Report) -> Sound<DQuat> {

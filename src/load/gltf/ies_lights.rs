@@ -19,11 +19,6 @@ const LIGHTS: &str = "extensions/EXT_lights_ies/lights";
 /// The profiles of a file by index, with the largest value 1, and what that is in candela.
 pub(super) type Profiles = HashMap<usize, Sound<(Arc<LightProfile>, f64)>>;
 
-/// What the extension says of a node.
-pub(super) fn raw<'d>(doc: &'d Document, node: &Node) -> Option<&'d Value> {
-    doc.json.pointer(&format!("{}/{PLACE}", node.pointer()))
-}
-
 /// The light of a node, if it has one of these.
 pub(super) fn light(
     doc: &Document,
@@ -31,7 +26,7 @@ pub(super) fn light(
     profiles: &mut Profiles,
     report: &mut Report,
 ) -> Option<Sound<Light>> {
-    raw(doc, node).map(|raw| read(doc, (node, raw), profiles, report))
+    node.profiled_light(doc).map(|raw| read(doc, (node, raw), profiles, report))
 }
 
 fn read(

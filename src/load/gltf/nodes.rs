@@ -5,7 +5,7 @@ use super::document::{Document, index_of, list_of_indices, name_of, names_of, po
 use super::options::GltfOptions;
 use super::report::{Report, Sound};
 use super::transform::{self, Family};
-use super::{extensions, ies_lights, instancing};
+use super::{extensions, instancing};
 use crate::error::Problem;
 use crate::math::DAffine3;
 use serde_json::Value;
@@ -36,7 +36,12 @@ impl Node {
     /// Does it hold a mesh, a camera or a light?
     pub fn shows(&self, doc: &Document) -> bool {
         let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
-        has_own || ies_lights::raw(doc, self).is_some()
+        has_own || self.profiled_light(doc).is_some()
+    }
+
+    /// What EXT_lights_ies says of it.
+    pub fn profiled_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
+        doc.json.pointer(&format!("{}/extensions/EXT_lights_ies", self.pointer()))
     }
 
     /// The node's JSON pointer.

@@ -1,6 +1,7 @@
 //! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms and weights of nodes are part of the
 //! pose; everything else is written into the document before the moment is read, and put back after it.
 
+use super::animation::of_pose;
 use super::document::Document;
 use super::keep::Kept;
 use super::report::{Report, Sound};
@@ -84,14 +85,6 @@ const IMPLIED: &[&str] = &[
     "pbrMetallicRoughness",
     "spot",
 ];
-
-/// The node and what of its pose the pointer of a channel's target leads to, if it does.
-pub(super) fn of_pose(target: &Value) -> Option<(usize, &str)> {
-    let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
-    let (node, path) = pointer.strip_prefix("/nodes/")?.split_once('/')?;
-    let is_pose = ["translation", "rotation", "scale", "weights"].contains(&path);
-    if is_pose { Some((node.parse().ok()?, path)) } else { None }
-}
 
 /// What is written at a pointer.
 type Change = (String, Value);
