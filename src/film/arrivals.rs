@@ -172,8 +172,7 @@ mod tests {
         // A file keeps them.
         let mut bytes = Vec::new();
         film.write_sums(&mut bytes).unwrap();
-        let layout =
-            layered().channels().into_iter().filter(|c| c.names != Aov::DiffuseIndirect.info().names);
+        let layout = layered().channels().filter(|c| c.names != Aov::DiffuseIndirect.info().names);
         let mut read = Film::try_new(2, 1, layout).unwrap();
         read.read_sums(&mut bytes.as_slice()).unwrap();
         assert_eq!(read, film);
