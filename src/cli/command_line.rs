@@ -88,3 +88,19 @@ pub(crate) enum Command {
     /// Print the manual page of the program or of a command.
     Man(ManArgs),
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_command_line_is_its_own() {
+        for name in ["a.obj", "b.obj"] {
+            let words = ["oscura", "thumb", name].map(OsString::from);
+            let arguments = Arguments::read(words.into_iter()).expect("a command");
+            assert!(
+                matches!(arguments.command, Command::Thumb(thumb) if thumb.models == [std::path::PathBuf::from(name)])
+            );
+        }
+    }
+}

@@ -57,3 +57,16 @@ fn kib(file: &str, key: &str) -> Option<u64> {
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib * 1024)
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_run_of_a_process_has_a_handle_of_its_own() {
+        let first = cancel_by_signals().expect("watched for");
+        let second = cancel_by_signals().expect("watched for");
+        first.cancel();
+        assert!(!second.is_cancelled());
+    }
+}

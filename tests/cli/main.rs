@@ -26,7 +26,6 @@ mod signals;
 mod stage;
 mod teaching;
 mod terminal;
-mod twice;
 mod video;
 #[cfg(target_os = "linux")]
 mod view;
