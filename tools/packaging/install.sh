@@ -37,7 +37,9 @@ printf '%s\n' "$files" | awk -v share="$share" -v program="$prefix/bin/oscura" '
     /^TryExec=/ { $0 = "TryExec=" program }
     /^Exec=/ { sub(/"[^"]*"/, "\"" program "\"") }
     NF { print > file }'
-[ -s "$share/thumbnailers/oscura.thumbnailer" ] && [ -s "$share/mime/packages/oscura.xml" ]
+for file in thumbnailers/oscura.thumbnailer mime/packages/oscura.xml; do
+    [ -s "$share/$file" ] || { echo "install.sh: $file was not made" >&2; exit 1; }
+done
 
 for name in LICENSE-APACHE LICENSE-MIT README.md CHANGELOG.md; do
     install -Dm644 "$sources/$name" "$share/doc/oscura/$name"
