@@ -13,6 +13,7 @@ use super::coat::Coat;
 use super::dielectric_curve::LayerFresnel;
 use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Microsurface};
+use super::oren_nayar::OrenNayar;
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
 use super::sample::LEAST_ALBEDO;
 use super::sheen::Sheen;
@@ -28,6 +29,8 @@ use std::f32::consts::FRAC_1_PI;
 pub struct Layered {
     /// Diffuse base under its interface, and metal.
     pub opaque: MetalRough<Microsurface>,
+    /// Roughness 0..1 of the diffuse base by [`OrenNayar`]; 0 is Lambert's law.
+    pub diffuse_roughness: f32,
     /// Factor on light that leaves diffusely on the other side, under the same interface.
     pub through: Rgb,
     /// Light that passes the interface.
@@ -49,17 +52,19 @@ struct LayeredClosure {
     opaque_closure: MetalRoughClosure,
     above: Vec3,
     glass: RoughDielectric,
+    /// The diffuse base where it is rough; the opaque part has none then.
+    rough: OrenNayar,
     /// Index of refraction of the other side over this one.
     eta: f32,
-    /// Coat, sheen, opaque, through, glass.
+    /// Coat, sheen, opaque, through, rough diffuse base, glass.
     weights: [Rgb; PARTS],
     probabilities: [f32; PARTS],
 }
 
-const PARTS: usize = 5;
+const PARTS: usize = 6;
 
 /// The last part.
-const GLASS: usize = 4;
+const GLASS: usize = 5;
 
 impl Layered {
     #[inline]
@@ -71,6 +76,7 @@ impl Layered {
             opaque.metal_f0 = self.film.f0(opaque.metal_f0, 1.0, LayerFresnel::Schlick, above.z);
             glass.reflectance = GlassReflectance::Between { f0: opaque.layer_f0, f90: opaque.layer_f90 };
         }
+        let rough = self.take_rough(&mut opaque);
         let opaque_closure = opaque.closure(above);
         // Layers lie on the outside of solids.
         let lets_in = self.glass_share > 0.0 || self.through != Rgb::ZERO;
@@ -88,6 +94,7 @@ impl Layered {
         }
         let of_opaque = left * (1.0 - self.glass_share);
         let through = self.through * (opaque_closure.rest * of_opaque);
+        let of_rough = opaque_closure.rest * of_opaque;
         // Where light is refracted as well, radiance inside is of the denser medium for all that arrives there.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
         let eta = if refracts { self.glass.eta(wo) } else { 1.0 };
@@ -98,6 +105,7 @@ impl Layered {
             sheen.mean(),
             of_opaque * opaque_closure.albedo,
             through.mean(),
+            rough.color.mean() * of_rough,
             // Where all light is reflected there is no glass, and its index means nothing.
             if of_glass > 0.0 { of_glass * glass.albedo_estimate(above.z, wo.z < 0.0) } else { 0.0 },
         ];
@@ -109,6 +117,7 @@ impl Layered {
                 sheen,
                 Rgb::splat(of_opaque),
                 through / (eta * eta),
+                Rgb::splat(of_rough),
                 Rgb::splat(of_glass),
             ],
             eta,
@@ -117,7 +126,18 @@ impl Layered {
             opaque_closure,
             above,
             glass,
+            rough,
         }
+    }
+
+    /// The diffuse base, taken from the opaque part, where it is rough; a black one elsewhere.
+    #[inline]
+    fn take_rough(&self, opaque: &mut MetalRough<Microsurface>) -> OrenNayar {
+        let mut rough = OrenNayar { color: Rgb::ZERO, roughness: self.diffuse_roughness };
+        if self.diffuse_roughness > 0.0 {
+            std::mem::swap(&mut rough.color, &mut opaque.diffuse);
+        }
+        rough
     }
 
     /// The diffuse part of what [`Lobe::eval`] gives: of the base, of sheen, and of what passes diffusely.
@@ -136,6 +156,9 @@ impl Layered {
         }
         if has(2) {
             sum += closure.weights[2] * closure.opaque_closure.diffuse * (wi.z.abs() * FRAC_1_PI);
+        }
+        if has(4) {
+            sum += closure.weights[4] * closure.rough.eval(wo, wi).f_cos;
         }
         sum
     }
@@ -165,11 +188,14 @@ impl Layered {
                     ),
                 );
             }
+            if has(4) {
+                add(4, closure.rough.eval(wo, wi));
+            }
         } else if has(3) {
             add(3, DiffuseThrough.eval(wo, wi));
         }
-        if has(4) {
-            add(4, closure.glass.eval(wo, wi));
+        if has(GLASS) {
+            add(GLASS, closure.glass.eval(wo, wi));
         }
         sum
     }
@@ -195,6 +221,7 @@ impl Lobe for Layered {
             1 => self.sheen.sample(wo, u),
             2 => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
             3 => BsdfSample { eta: closure.eta, ..DiffuseThrough.sample(wo, u) },
+            4 => closure.rough.sample(wo, u),
             _ => closure.glass.sample(wo, u),
         };
         if s.is_specular {

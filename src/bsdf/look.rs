@@ -175,6 +175,7 @@ mod tests {
         };
         let layered = Layered {
             opaque: m.on(crate::bsdf::microsurface::Microsurface::isotropic(0.3)),
+            diffuse_roughness: 0.0,
             through: Rgb::ZERO,
             glass: RoughDielectric {
                 surface: crate::bsdf::microsurface::Microsurface::isotropic(0.3),

@@ -175,6 +175,7 @@ impl BsdfProgram {
         let energy_compensation = shading.energy_compensation;
         let layered = || LayeredProgram::new(pbr, shading).into();
         let is_dielectric = always(&pbr.metallic, 0.0);
+        let is_rough = program_pbr::is_rough_diffuse(pbr);
         if program_pbr::is_layered(pbr) {
             return layered();
         }
@@ -185,9 +186,15 @@ impl BsdfProgram {
         if is_dielectric && always(&pbr.specular, 0.0) {
             // Without a reflection on top, roughness means nothing.
             let black = pbr.base_color.texture.is_none() && pbr.base_color.factor == [0.0; 3];
-            return if black { BsdfProgram::Black } else { LambertProgram { albedo: pbr.base_color }.into() };
+            return match (black, is_rough) {
+                (true, _) => BsdfProgram::Black,
+                (_, false) => LambertProgram { albedo: pbr.base_color }.into(),
+                (_, true) => {
+                    OrenNayarProgram { color: pbr.base_color, roughness: pbr.diffuse_roughness }.into()
+                }
+            };
         }
-        if pbr.anisotropy.is_some() {
+        if pbr.anisotropy.is_some() || is_rough {
             return layered();
         }
         if always(&pbr.metallic, 1.0) && always(&pbr.roughness, 0.0) {

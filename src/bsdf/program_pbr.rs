@@ -32,6 +32,11 @@ pub(super) fn is_layered(pbr: &PbrMaterial) -> bool {
         || pbr.diffuse_transmission.is_some()
 }
 
+/// Is there a diffuse base that doesn't follow Lambert's law?
+pub(super) fn is_rough_diffuse(pbr: &PbrMaterial) -> bool {
+    !always(&pbr.diffuse_roughness, 0.0) && !always(&pbr.metallic, 1.0)
+}
+
 /// Its facets.
 pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
     MicrosurfaceProgram { roughness: pbr.roughness, anisotropy: pbr.anisotropy }
@@ -110,6 +115,7 @@ impl MaterialProgram for MetalRoughProgram {
 pub struct LayeredProgram {
     opaque: MetalRoughProgram,
     facets: MicrosurfaceProgram,
+    diffuse_roughness: FloatSlot,
     /// Share of light that passes the interface, where it lets light pass.
     transmission: Option<FloatSlot>,
     ior: f32,
@@ -129,6 +135,7 @@ impl LayeredProgram {
         LayeredProgram {
             opaque: MetalRoughProgram::new(pbr, shading),
             facets: facets(pbr),
+            diffuse_roughness: pbr.diffuse_roughness,
             transmission: transmits(pbr).then_some(pbr.transmission),
             ior: pbr.ior,
             walls: walls(pbr),
@@ -179,6 +186,7 @@ impl MaterialProgram for LayeredProgram {
         let (ior, walls) = (self.ior, self.walls);
         Layered {
             opaque,
+            diffuse_roughness: slots.share(&self.diffuse_roughness),
             through: color * (diffuse * passing),
             glass: RoughDielectric { surface, ior, walls, tint, reflectance, energy_compensation },
             glass_share,

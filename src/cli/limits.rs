@@ -6,8 +6,8 @@ use oscura::error::{Error, Result};
 use oscura::film::Source;
 use oscura::load::Loaded;
 use oscura::output::part::PartHeader;
-use oscura::render::{Labels, Settled, film_bytes, guiding_bytes};
-use oscura::scene::Moving;
+use oscura::render::{Labels, Settled, film_bytes, guiding_bytes, splat_bytes};
+use oscura::scene::{Model, Moving, Scene};
 use std::path::PathBuf;
 
 /// Memory that building the tree over a triangle takes at most, bytes.
@@ -55,6 +55,7 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
                 triangles as u64 * BYTES_A_TRIANGLE + of_keys as u64 * BYTES_A_KEY,
             ),
             ("the picture", film_bytes(&settled.options, &labels)),
+            ("light from lamps", if may_send(scene) { splat_bytes(&settled.options, &labels) } else { 0 }),
             ("learning what guides paths", guiding_bytes(&settled.options)),
             (
                 "taking the noise out",
@@ -63,6 +64,11 @@ pub(super) fn before_building(args: &RenderArgs, loaded: &Loaded, settled: &Sett
         ],
     )
     .map_err(smaller)
+}
+
+/// May something in the scene send light on, so that it shows as caustics?
+fn may_send(scene: &Scene) -> bool {
+    scene.materials.iter().any(|material| !matches!(material.model, Model::Lambert { .. }))
 }
 
 fn smaller(error: Error) -> Error {

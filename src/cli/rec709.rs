@@ -1,16 +1,10 @@
 //! Colours of files as views take them.
 
-use oscura::color::Primaries;
 use oscura::load::image::Layered;
 
 /// Colours of another space, which the file names, become linear Rec. 709, which views are for.
 pub(super) fn to_rec709(file: &Layered, rgb: &mut [Vec<f32>; 3]) {
-    let matrix = file.primaries().and_then(|primaries| primaries.to(&Primaries::REC709));
-    // Headers hold single floats: what is nearly the identity is.
-    let is_identity = |m: &[[f64; 3]; 3]| {
-        (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
-    };
-    let Some(matrix) = matrix.filter(|m| !is_identity(m)) else { return };
+    let Some(matrix) = file.primaries().and_then(|primaries| primaries.to_rec709()) else { return };
     for i in 0..rgb[0].len() {
         let from = [0, 1, 2].map(|c| f64::from(rgb[c][i]));
         for (plane, row) in rgb.iter_mut().zip(&matrix) {

@@ -98,7 +98,12 @@ impl Layer {
         let find = |letter: &&str| {
             self.channels.iter().find(|name| name.rsplit('.').next() == Some(letter)).cloned()
         };
-        self.channels = letters.iter().filter_map(find).collect();
+        let found: Vec<String> = letters.iter().filter_map(find).collect();
+        // Alpha may be missing; where others are, one channel is shown as it is.
+        if found.len() + usize::from(kind == Kind::Color) < letters.len() {
+            return self.channels.truncate(1);
+        }
+        self.channels = found;
         self.kind = kind;
     }
 

@@ -27,6 +27,15 @@ impl Primaries {
         white: [0.32168, 0.33767],
     };
 
+    /// The matrix that gives linear Rec. 709; `None` where colours are that already, or this is no space of colours.
+    pub fn to_rec709(&self) -> Option<[[f64; 3]; 3]> {
+        // Headers hold single floats: what is nearly the identity is.
+        let is_identity = |m: &[[f64; 3]; 3]| {
+            (0..3).all(|row| (0..3).all(|c| (m[row][c] - f64::from(u8::from(row == c))).abs() < 1e-4))
+        };
+        self.to(&Primaries::REC709).filter(|matrix| !is_identity(matrix))
+    }
+
     /// XYZ of linear RGB, with a luminance of 1 for white (SMPTE RP 177-1993).
     fn xyz_from_rgb(&self) -> Option<Matrix> {
         let columns = [self.red, self.green, self.blue].map(xyz);

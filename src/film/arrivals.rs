@@ -153,21 +153,26 @@ mod tests {
         assert_eq!(of(&film, Aov::DiffuseDirect), [[2.0, 0.0], [1.0, 0.0], [0.0, 0.0]]);
         assert_eq!(of(&film, Aov::DiffuseIndirect), [[0.0; 2]; 3]);
         assert_eq!(of(&film, Aov::GlossyDirect), [[1.0, 0.0], [0.5, 0.0], [0.0, 0.0]]);
-        // (9 + 1) / 4; without samples of the pixel it stays unknown.
+        // Without samples of the pixel it is unknown; then (9 + 1) / 4, for samples that are all the same.
         assert_eq!(of(&film, Aov::Variance)[0][0], f32::INFINITY);
+        let mut tile = FilmTile::new(0, 0, 2, 1, film.layout());
+        for pixel in [0, 0, 1, 1] {
+            tile.add_with_parts(pixel, [0.0; 3], 1.0, None, &[[0.0; 3]; 3], false);
+        }
+        film.merge(tile);
+        assert_eq!(of(&film, Aov::Variance), [[2.5, 0.0], [0.625, 0.0], [0.0, 0.0]]);
         // What is put in place of colour and of a layer leaves the others.
         film.set_color([&[5.0; 2]; 3]);
         let first = Aov::DiffuseDirect.info().names[0];
         film.set_means(first, [&[7.0; 2]; 3]);
-        assert_eq!((plane(&film, "R"), plane(&film, first)), (vec![0.0; 2], vec![0.0; 2]));
+        assert_eq!((plane(&film, "R"), plane(&film, first)), (vec![5.0; 2], vec![7.0; 2]));
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
         film.forget([Aov::DiffuseIndirect]);
         assert_eq!(of(&film, Aov::GlossyDirect)[0], [1.0, 0.0]);
         // A file keeps them.
         let mut bytes = Vec::new();
         film.write_sums(&mut bytes).unwrap();
-        let layout =
-            layered().channels().into_iter().filter(|c| c.names != Aov::DiffuseIndirect.info().names);
+        let layout = layered().channels().filter(|c| c.names != Aov::DiffuseIndirect.info().names);
         let mut read = Film::try_new(2, 1, layout).unwrap();
         read.read_sums(&mut bytes.as_slice()).unwrap();
         assert_eq!(read, film);

@@ -178,6 +178,15 @@ impl Film {
         self.invalid_samples += tile.invalid_samples;
     }
 
+    /// How many pixels of a rectangle of the picture are within the film.
+    pub fn pixels_within(&self, x0: u32, y0: u32, width: u32, height: u32) -> u64 {
+        let length = |from: u32, size: u32, own: u32, own_size: u32| {
+            (from + size).min(own + own_size).saturating_sub(from.max(own))
+        };
+        u64::from(length(x0, width, self.origin.0, self.width))
+            * u64::from(length(y0, height, self.origin.1, self.height))
+    }
+
     /// Adds a film of the same picture with samples of its own, as far as it is within this one. Films may be added in any
     /// order, but for channels that show first samples.
     ///

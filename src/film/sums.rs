@@ -1,7 +1,7 @@
 //! Sums of everything that samples bring, of a film or of a tile.
 
 use super::accumulator::{Accumulator, Counts, Values, reciprocal};
-use super::channel::{Channel, Source};
+use super::channel::{Channel, Reduction, Source};
 use super::exact::{self, HalfSum};
 
 /// What a film is a list of. The first channel is colour.
@@ -46,6 +46,15 @@ impl Layout {
     /// Is the first half of each pixel's samples kept apart?
     pub fn has_halves(&self) -> bool {
         self.has_halves
+    }
+
+    /// Bytes that light from lamps takes for one pixel, at most.
+    pub fn splat_bytes_per_pixel(&self) -> u64 {
+        let further = self.further().iter().filter(|channel| {
+            channel.source == Source::PartOfColor || channel.reduction == Reduction::VarianceOfMean
+        });
+        let lists = further.count() * 3 * (size_of::<f64>() + size_of::<f32>());
+        (size_of::<HalfSum>() * (1 + usize::from(self.has_halves)) + lists) as u64
     }
 
     /// Bytes for one pixel.

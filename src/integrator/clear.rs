@@ -8,8 +8,10 @@
 
 use super::Integrator;
 use super::group::Sorted;
+use super::interior::AroundCamera;
 use super::lanes::{get, get_rgb};
 use super::workspace::Workspace;
+use crate::color::Rgb;
 
 impl Integrator<'_> {
     /// What is special to pictures becomes transparent; other samples may do so later.
@@ -30,6 +32,14 @@ impl Integrator<'_> {
         }
     }
 
+    /// What throughput says less of light that comes into the medium around the camera: there, radiance is larger by the square of
+    /// its index of refraction, which is no matter of how much passes.
+    fn share_of_outside(&self) -> Rgb {
+        let AroundCamera::Same(interior) = self.camera_interior else { return Rgb::ONE };
+        let iors = self.scene.media[usize::from(interior.medium())].iors.unwrap_or([1.0; 3]);
+        Rgb::from_array(iors.map(|ior| 1.0 / (ior * ior)))
+    }
+
     /// Takes down which paths just passed a smooth surface, and nothing else before.
     pub(super) fn keep_clear(&self, sorted: &Sorted, w: &mut Workspace) {
         let (paths, v) = (&mut w.wave.paths, &w.wave.vertices);
@@ -44,11 +54,12 @@ impl Integrator<'_> {
     /// Makes the samples of clear paths that leave the scene transparent; these paths find no light then.
     pub(super) fn see_through(&self, w: &mut Workspace) {
         let Workspace { escaped, arriving, sink, .. } = w;
+        let share = self.share_of_outside();
         escaped.retain(|&i| {
             let i = i as usize;
             let is_clear = arriving.clear[i] != 0;
             if is_clear {
-                let left = get_rgb(&arriving.carried.throughput, i);
+                let left = get_rgb(&arriving.carried.throughput, i) * share;
                 sink.make_transparent(arriving.carried.sample[i], (left.r + left.g + left.b) / 3.0);
             }
             !is_clear

@@ -60,7 +60,7 @@ pub struct Paths {
     pub kinds: Words,
     /// Whether it is on a way of light that is left to paths from lamps; where there are some.
     pub chains: Words,
-    /// Luminance that roulette uses_adjoint_roulette it against; 0 until its first guided vertex. Where paths are guided.
+    /// Luminance that roulette compares it with; 0 until its first guided vertex. Where paths are guided.
     pub reference: Lanes,
     /// 1 where it passed nothing but clear glass since the camera, else 0; where glass is transparent. See [`super::clear`].
     pub clear: Words,

@@ -1,6 +1,7 @@
 //! Lights without a surface (KHR_lights_punctual).
 
 use super::beam::Cone;
+use super::profiled::Profiled;
 use super::{LightBounds, LightSample, Sun};
 use crate::color::Rgb;
 use crate::math::{Bounds3, DVec3, Vec3};
@@ -8,7 +9,7 @@ use crate::scene;
 use std::f32::consts::PI;
 
 /// A light without a surface, ready for rendering.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PunctualLight {
     intensity: Rgb,
     kind: Kind,
@@ -25,10 +26,11 @@ pub enum Source<'a> {
     Disk(&'a Sun),
 }
 
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 enum Kind {
     Point(Vec3),
     Spot { position: Vec3, cone: Cone },
+    Profiled(Box<Profiled>),
     Directional { to_light: Vec3 },
     Sun(Sun),
 }
@@ -42,6 +44,9 @@ impl PunctualLight {
             scene::LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade } => {
                 let cone = Cone::new(direction, inner_angle_rad, outer_angle_rad, fade);
                 Kind::Spot { position: local(position), cone }
+            }
+            scene::LightKind::Profiled { position, rotation, cone } => {
+                Kind::Profiled(Box::new(Profiled::new(light, local(position), rotation, cone)))
             }
             scene::LightKind::Directional { direction } => {
                 Kind::Directional { to_light: -direction.normalize().as_vec3() }
@@ -58,18 +63,19 @@ impl PunctualLight {
     pub fn towards(&self, other: &PunctualLight, share: f32) -> PunctualLight {
         let place = |a: Vec3, b: Vec3| a + (b - a) * share;
         let way = |a: Vec3, b: Vec3| place(a, b).try_normalize().unwrap_or(a);
-        let kind = match (self.kind, other.kind) {
-            (Kind::Point(a), Kind::Point(b)) => Kind::Point(place(a, b)),
+        let kind = match (&self.kind, &other.kind) {
+            (Kind::Point(a), Kind::Point(b)) => Kind::Point(place(*a, *b)),
+            (Kind::Profiled(a), Kind::Profiled(b)) => Kind::Profiled(Box::new(a.towards(b, share))),
             (Kind::Spot { position: a, cone }, Kind::Spot { position: b, cone: turned }) => {
                 let axis = way(cone.axis, turned.axis);
-                Kind::Spot { position: place(a, b), cone: cone.about(axis) }
+                Kind::Spot { position: place(*a, *b), cone: cone.about(axis) }
             }
             (Kind::Directional { to_light: a }, Kind::Directional { to_light: b }) => {
-                Kind::Directional { to_light: way(a, b) }
+                Kind::Directional { to_light: way(*a, *b) }
             }
-            (own, _) => own,
+            (own, _) => own.clone(),
         };
-        PunctualLight { kind, ..*self }
+        PunctualLight { intensity: self.intensity, kind }
     }
 
     /// It as a sun, which paths may meet, too.
@@ -81,6 +87,7 @@ impl PunctualLight {
     pub fn source(&self) -> Source<'_> {
         match &self.kind {
             Kind::Point(position) | Kind::Spot { position, .. } => Source::At(*position),
+            Kind::Profiled(profiled) => Source::At(profiled.position),
             Kind::Directional { to_light } => Source::Far(*to_light),
             Kind::Sun(sun) => Source::Disk(sun),
         }
@@ -90,15 +97,17 @@ impl PunctualLight {
     pub fn intensity(&self, direction: Vec3) -> Rgb {
         match &self.kind {
             Kind::Spot { cone, .. } => self.intensity * cone.attenuation(direction.dot(cone.axis)),
+            Kind::Profiled(profiled) => self.intensity * profiled.share(direction),
             _ => self.intensity,
         }
     }
 
     /// Luminous power in relative units; a directional light's is what falls on a disk of the scene's radius.
     pub fn power(&self, scene_radius: f32) -> f32 {
-        let solid_angle = match self.kind {
+        let solid_angle = match &self.kind {
             Kind::Point(_) => 4.0 * PI,
             Kind::Spot { cone, .. } => cone.solid_angle(),
+            Kind::Profiled(profiled) => 4.0 * PI * profiled.mean,
             Kind::Directional { .. } | Kind::Sun(_) => PI * scene_radius * scene_radius,
         };
         self.intensity.luminance() * solid_angle
@@ -106,34 +115,37 @@ impl PunctualLight {
 
     /// Where it is; `None` for one infinitely far away.
     pub fn position(&self) -> Option<Vec3> {
-        match self.kind {
-            Kind::Point(position) | Kind::Spot { position, .. } => Some(position),
+        match &self.kind {
+            Kind::Point(position) | Kind::Spot { position, .. } => Some(*position),
+            Kind::Profiled(profiled) => Some(profiled.position),
             Kind::Directional { .. } | Kind::Sun(_) => None,
         }
     }
 
     /// Where its light comes from and goes; `None` for one infinitely far away.
     pub fn bounds(&self) -> Option<LightBounds> {
-        let (position, axis, normals_rad, emission_rad) = match self.kind {
+        let (position, axis, normals_rad, emission_rad) = match &self.kind {
             Kind::Directional { .. } | Kind::Sun(_) => return None,
-            Kind::Point(position) => (position, Vec3::Z, PI, 0.5 * PI),
+            Kind::Profiled(profiled) => (profiled.position, Vec3::Z, PI, 0.5 * PI),
+            Kind::Point(position) => (*position, Vec3::Z, PI, 0.5 * PI),
             Kind::Spot { position, cone } => {
                 let [inner, outer] = cone.angles_rad();
                 // A little wider, for rounding.
-                (position, cone.axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
+                (*position, cone.axis, inner, (outer - inner + 1e-3).min(0.5 * PI))
             }
         };
-        let weight = self.intensity.luminance();
+        let mean = if let Kind::Profiled(profiled) = &self.kind { profiled.mean } else { 1.0 };
+        let weight = self.intensity.luminance() * mean;
         Some(LightBounds { bounds: Bounds3::of([position]), weight, axis, normals_rad, emission_rad })
     }
 
     /// What arrives at `reference`; two numbers in 0..1 choose the direction of lights that have a size.
     #[inline]
     pub fn sample(&self, reference: Vec3, u: [f32; 2]) -> LightSample {
-        let (position, attenuation) = match self.kind {
+        let (position, attenuation) = match &self.kind {
             Kind::Directional { to_light } => {
                 return LightSample {
-                    wi: to_light,
+                    wi: *to_light,
                     target: Vec3::ZERO,
                     is_infinite: true,
                     is_delta: true,
@@ -142,10 +154,13 @@ impl PunctualLight {
                 };
             }
             Kind::Sun(sun) => return sun.sample(u),
-            Kind::Point(position) => (position, 1.0),
+            Kind::Point(position) => (*position, 1.0),
+            Kind::Profiled(profiled) => {
+                (profiled.position, profiled.share((reference - profiled.position).normalize_or_zero()))
+            }
             Kind::Spot { position, cone } => {
-                let cosine = (reference - position).normalize_or_zero().dot(cone.axis);
-                (position, cone.attenuation(cosine))
+                let cosine = (reference - *position).normalize_or_zero().dot(cone.axis);
+                (*position, cone.attenuation(cosine))
             }
         };
         let to_light = position - reference;

@@ -8,6 +8,7 @@ mod formats;
 pub mod gltf;
 mod grid;
 mod guard;
+mod ies;
 pub mod image;
 mod loaded;
 mod losses;

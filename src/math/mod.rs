@@ -11,7 +11,7 @@ mod ray;
 pub use bounds::Bounds3;
 pub use finite::{all_finite, count_not_finite};
 pub use frame::{Frame, orthonormal_basis};
-pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat3, Vec2, Vec3, Vec4};
+pub use glam::{DAffine3, DMat3, DMat4, DQuat, DVec2, DVec3, DVec4, Mat3, Quat, Vec2, Vec3, Vec4};
 pub use keys::{TransformKeys, angle_between, mix, segment, transform_at};
 pub use offset::{MACHINE_EPSILON, gamma, next_down, next_up, offset_along, offset_ray_origin};
 pub use ray::{Hit, NO_HIT, OriginPrimitive, Ray};

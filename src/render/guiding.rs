@@ -76,7 +76,10 @@ impl GuidingChoice {
         if options.guiding == Guiding::Off {
             return None;
         }
-        let nothing = "no path found an ideally diffuse surface in the time there was to learn";
+        let nothing = match options.time_limit {
+            None => "no path found an ideally diffuse surface",
+            Some(_) => "no path found an ideally diffuse surface in the time there was to learn",
+        };
         let in_vain = (self.is_decided && self.guide.is_none()).then_some(nothing);
         let reason = obstacle(scene, options).or(in_vain)?;
         Some(Warning::general(format!("paths are not guided: {reason}")))

@@ -13,7 +13,7 @@ use std::fmt::{self, Debug, Write};
 use std::mem::take;
 
 /// Changes when the same scene and options give another picture.
-const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 1");
+const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 2");
 
 /// What the picture of a scene by settled options depends on: everything in the scene, and all options that change pixels.
 /// The scene is afterwards as it was.
@@ -107,6 +107,9 @@ fn others(options: RenderOptions) -> Fingerprint {
         seed: 0,
         max_depth: 0,
         noise: None,
+        // These decide on adaptive sampling only, which is not gone on with.
+        least_samples: 0,
+        most_samples: 0,
         time_limit: None,
         aovs: AovSet::NONE,
         soft_terminator: true,

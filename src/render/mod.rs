@@ -43,7 +43,7 @@ pub use denoising::{denoise_film, denoising_guides};
 pub use guiding::guiding_bytes;
 pub use identity::identity;
 pub use labels::Labels;
-pub use layout::film_bytes;
+pub use layout::{film_bytes, splat_bytes};
 pub use options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;

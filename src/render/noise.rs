@@ -140,9 +140,9 @@ impl Moments<'_> {
             for x in 0..self.width {
                 let at = y * self.width + x;
                 let value = self.settled(x, y);
-                for c in 0..3 {
+                for (c, value) in value.into_iter().enumerate() {
                     let moved = f64::from(self.now[at][c]) - f64::from(self.before[at][c]);
-                    of_row += moved * moved / (value[c] * value[c] + FLOOR);
+                    of_row += moved * moved / (value * value + FLOOR);
                 }
             }
             sum += of_row;

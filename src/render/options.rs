@@ -51,8 +51,8 @@ impl Splitting {
 #[non_exhaustive]
 pub enum Caustics {
     /// Where the picture gains by it, as some paths from lamps tell before the first pass, or where nothing else finds the
-    /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, and with
-    /// [adaptive sampling](Adaptive).
+    /// light. Not in scenes with media that scatter or with thin sheets of glass, where something moves, where things are
+    /// visible to some kinds of rays only, with holdouts or shadow catchers, and with [adaptive sampling](Adaptive).
     #[default]
     Auto,
     /// Wherever that is possible.

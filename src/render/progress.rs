@@ -79,7 +79,7 @@ impl Progress {
         let rays = self.rays.fetch_add(rays, Ordering::Relaxed) + rays;
         let Some(listener) = listener else { return };
         let (now, next) = (elapsed.as_millis() as u64, self.next_ms.load(Ordering::Relaxed));
-        let samples_total = self.total.load(Ordering::Relaxed).max(samples_done);
+        let samples_total = self.total.load(Ordering::Relaxed);
         let is_due = now >= next || samples_done == samples_total;
         // One thread wins; the others go on.
         let order = Ordering::Relaxed;

@@ -178,7 +178,13 @@ impl PassWork<'_> {
             return false;
         }
         let Some((filled, paths, rays)) = self.fill(tracer, block, tally) else { return false };
-        lock(&self.film).merge(filled);
+        let pixels = {
+            let mut film = lock(&self.film);
+            film.merge(filled);
+            film.pixels_within(block.x0, block.y0, block.width, block.height)
+        };
+        // Samples of a trial that lie beside the picture are none of it.
+        let paths = paths * pixels / (u64::from(block.width) * u64::from(block.height)).max(1);
         self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
         true
     }

@@ -104,7 +104,7 @@ impl Light {
     /// A light that all rays know, without a name and in no group; the unit of its intensity follows from its kind.
     pub fn new(kind: LightKind, intensity: [f32; 3]) -> Light {
         let (name, group) = (String::new(), String::new());
-        Light { name, kind, intensity, group, visible_to: RayKinds::ALL, motion: None }
+        Light { name, kind, intensity, profile: None, group, visible_to: RayKinds::ALL, motion: None }
     }
 
     /// A point light of the same radiant intensity, W/sr, in all directions.

@@ -1,8 +1,10 @@
 //! Lights without a surface.
 
 use super::motion::Moving;
+use super::profile::LightProfile;
 use super::visibility::RayKinds;
-use crate::math::DVec3;
+use crate::math::{DQuat, DVec3};
+use std::sync::Arc;
 
 /// A light without a surface (KHR_lights_punctual).
 #[derive(Clone, Debug)]
@@ -14,6 +16,8 @@ pub struct Light {
     /// Linear RGB: radiant intensity (W/sr) of point and spot lights, irradiance (W/m2) of
     /// directional ones and suns, on a surface that faces them.
     pub intensity: [f32; 3],
+    /// What a [`LightKind::Profiled`] sends in which direction, in shares of the intensity.
+    pub profile: Option<Arc<LightProfile>>,
     /// Its group, whose light pictures may hold apart; empty for the default one.
     pub group: String,
     /// What it lights, by the kind of ray that it stands for: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
@@ -42,6 +46,15 @@ pub enum LightKind {
         outer_angle_rad: f64,
         /// How it fades in between.
         fade: SpotFade,
+    },
+    /// A point that shines as [`Light::profile`] says.
+    Profiled {
+        /// Where it is.
+        position: DVec3,
+        /// Turns the profile into world space: it shines along -z, and its horizontal angles turn from x to y.
+        rotation: DQuat,
+        /// Half angles, radians, between which a cone about the way it shines fades by a smooth step, if there is one.
+        cone: Option<[f64; 2]>,
     },
     /// Parallel light from infinitely far.
     Directional {

@@ -12,6 +12,9 @@ pub struct PbrMaterial {
     pub metallic: FloatSlot,
     /// Perceptual roughness 0..1.
     pub roughness: FloatSlot,
+    /// Roughness 0..1 of the diffuse part by the model of Oren and Nayar (KHR_materials_diffuse_roughness); 0 is Lambert's
+    /// law.
+    pub diffuse_roughness: FloatSlot,
     /// Index of refraction (KHR_materials_ior); 1.5 by default, 0 means total reflection.
     pub ior: f32,
     /// Strength of the dielectric reflection (KHR_materials_specular).
@@ -105,6 +108,7 @@ impl Default for PbrMaterial {
             base_color: ColorSlot::constant([1.0; 3]),
             metallic: FloatSlot::constant(1.0),
             roughness: FloatSlot::constant(1.0),
+            diffuse_roughness: FloatSlot::constant(0.0),
             ior: 1.5,
             specular: FloatSlot::constant(1.0),
             specular_color: ColorSlot::constant([1.0; 3]),
@@ -125,8 +129,8 @@ impl Default for PbrMaterial {
 
 parameters_of_fields! {
     PbrMaterial {
-        base_color, metallic, roughness, ior, specular, specular_color, transmission, has_volume, tints_once,
-        attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
+        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

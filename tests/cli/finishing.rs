@@ -183,6 +183,17 @@ fn sheets_show_all_layers() {
     let all = sheet("b.exr", &["--view", "agx"]);
     let opaque: Vec<_> = beauty.enumerate_pixels().filter(|(_, _, pixel)| pixel[3] == 255).collect();
     assert!(opaque.len() > 1000 && opaque.iter().all(|(x, y, p)| all.get_pixel(8 + x, 8 + y).0 == p.0[..3]));
+    // Layers that lack what their names promise are shown as what they have.
+    for name in ["P.X", "nearest.V", "variance.G", "Vector.Y"] {
+        let channel = |name: &str| {
+            exr::image::AnyChannel::new(name, exr::image::FlatSamples::F32(vec![0.5, 1.0, 2.0, 0.0]))
+        };
+        let channels =
+            exr::image::AnyChannels::sort(["R", "G", "B", name].map(channel).into_iter().collect());
+        let image = exr::image::Image::from_channels((2, 2), channels);
+        exr::prelude::WritableImage::write(&image).to_file(at("odd.exr")).expect("written");
+        assert!(sheet("odd.exr", &[]).width() > 2, "{name}");
+    }
     // Different layers look different.
     let place = |i: u32| (8 + i % columns * tile, 8 + i / columns * tall);
     let pixels = |i: u32| -> Vec<[u8; 3]> {

@@ -97,6 +97,8 @@ fn colours_are_written_in_the_space_that_is_asked_for() {
     let read = |name: &str| std::fs::read(folder.join(name)).expect("a file");
     assert!(read("plain.png") == read("aces.png"));
     let (plain, aces) = (all_planes(&folder.join("plain.exr")), all_planes(&folder.join("aces.exr")));
+    let compared = oscura(folder, &["compare", "aces.exr", "plain.exr", "--json"]);
+    assert!(report(&compared)["rmse"].as_f64().expect("a number") < 1e-5, "{}", stdout(&compared));
     assert_eq!(aces, all_planes(&folder.join("parts.exr")));
     assert_eq!(aces, all_planes(&folder.join("merged.exr")));
     // As published with OpenColorIO's configurations for ACES.

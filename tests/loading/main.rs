@@ -6,6 +6,7 @@ mod left_out;
 mod moving;
 mod obj_ply;
 mod oracles;
+mod profiles;
 mod regressions;
 mod scene_file;
 mod scene_reference;

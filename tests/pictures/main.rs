@@ -17,6 +17,7 @@ mod one_sided;
 mod parts;
 mod passes;
 mod path_reuse;
+mod profiled;
 mod references;
 mod reuse;
 mod shadow;

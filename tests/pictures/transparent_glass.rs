@@ -71,6 +71,13 @@ fn alpha_is_what_glass_does_not_let_pass() {
     let passes = 1.0 - 2.0 * R / (1.0 + R);
     assert_alpha("a pane", &scene, &clear(16, 64, 10), 1.0 - passes * mean);
 
+    // From within a ball of glass, half a metre of which is in the way: radiance is larger there, but no more passes.
+    let mut scene = sky([1.0; 3], false);
+    let solid = glass(&mut scene, [0.64; 3], true, 0.0);
+    sphere(&mut scene, [0.0, 0.0, 6.0], 0.5, solid);
+    look(&mut scene, 1e-3);
+    assert_alpha("from within", &scene, &clear(16, 256, 100), 1.0 - (1.0 - R) * 0.8);
+
     // Straight through the middle of a ball of 2 m: what is reflected inside counts as seen.
     let mut scene = sky([1.0; 3], false);
     let solid = glass(&mut scene, color, true, 0.0);

@@ -6,6 +6,7 @@ use super::objects_json::{Bounds, Object, bounds, objects};
 use super::words::{environment_name, light_kind};
 use oscura::error::Warning;
 use oscura::load::Loaded;
+use oscura::math::DVec3;
 use oscura::scene::{Camera, Light, LightKind, Projection, Scene, instance_extents, scene_extent};
 use serde::Serialize;
 use std::path::Path;
@@ -102,6 +103,9 @@ fn light(light: &Light) -> LightEntry<'_> {
         LightKind::Point { position } => (Some(position), None, None),
         LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, .. } => {
             (Some(position), Some(direction), Some([inner_angle_rad, outer_angle_rad]))
+        }
+        LightKind::Profiled { position, rotation, cone } => {
+            (Some(position), Some(rotation * DVec3::NEG_Z), cone)
         }
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
             (None, Some(direction), None)

@@ -1,6 +1,7 @@
 //! Materials, lights, cameras and the environment in words and units.
 
 use super::facts::material_images;
+use oscura::math::DVec3;
 use oscura::scene::{
     AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, Parameter,
     Parameters, PbrMaterial, Projection, Scene,
@@ -105,6 +106,7 @@ fn pbr(p: &PbrMaterial) -> String {
         parts.push(format!("specular {}", share(&p.specular)));
     }
     let layers = [
+        ("rough diffuse", p.diffuse_roughness.factor > 0.0),
         ("clearcoat", p.clearcoat.is_some()),
         ("sheen", p.sheen.is_some()),
         ("anisotropy", p.anisotropy.is_some()),
@@ -137,6 +139,7 @@ pub fn light_kind(light: &Light) -> (&'static str, &'static str) {
     match light.kind {
         LightKind::Point { .. } => ("point", "W/sr"),
         LightKind::Spot { .. } => ("spot", "W/sr"),
+        LightKind::Profiled { .. } => ("profiled", "W/sr"),
         LightKind::Directional { .. } => ("directional", "W/m2"),
         LightKind::Sun { .. } => ("sun", "W/m2"),
     }
@@ -153,6 +156,11 @@ pub fn light(light: &Light) -> String {
             list(&direction.to_array()),
             number(inner_angle_rad.to_degrees()),
             number(outer_angle_rad.to_degrees())
+        ),
+        LightKind::Profiled { position, rotation, .. } => format!(
+            "at {} towards {}",
+            list(&position.to_array()),
+            list(&(rotation * DVec3::NEG_Z).to_array())
         ),
         LightKind::Directional { direction } => format!("towards {}", list(&direction.to_array())),
         LightKind::Sun { direction, angle_rad } => format!(

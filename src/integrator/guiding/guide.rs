@@ -5,7 +5,7 @@ use super::histogram::{BINS, Bins, Histogram};
 use super::training::{CellSums, TrainedCells};
 use crate::simd::Table;
 
-/// The even part of all histograms.
+/// The part of all histograms that is uniform, so that no direction is left out (defensive sampling).
 const UNIFORM_FRACTION: f32 = 0.25;
 
 /// So many training samples of equal value count as much as what is expected without.

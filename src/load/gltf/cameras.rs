@@ -6,6 +6,7 @@ use super::options::LightUnits;
 use super::report::{Report, Sound};
 use super::traits;
 use crate::error::Choice;
+use crate::load::ies::LUMENS_PER_WATT;
 use crate::math::{DAffine3, DMat3};
 use crate::scene::{Camera, GROUP_KEY, Light, LightKind, ObjectTraits, Projection, SpotFade, is_group_name};
 use gltf::json::camera::Type;
@@ -15,10 +16,6 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
 
 /// The list of KHR_lights_punctual.
 const LIGHTS: &str = "extensions/KHR_lights_punctual/lights";
-
-/// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela). glTF gives lights in
-/// candela and lux, the scene wants W/sr and W/m2; Blender's exporter multiplies by the same number in its default mode.
-const LUMENS_PER_WATT: f64 = 683.0;
 
 /// The camera of a node, unless it shows nothing.
 pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Report) -> Sound<Camera> {
@@ -91,7 +88,7 @@ fn without_scale(transform: &DAffine3) -> Option<DAffine3> {
     placed.is_finite().then_some(placed)
 }
 
-/// What the intensities of lights are divided by: of point and spot lights, and of directional ones.
+/// What the intensities of lights, in candela and lux in the file, are divided by to be W/sr and W/m2: of point and spot lights, and of directional ones.
 ///
 /// Blender's exporter writes candela and lux in its default mode; its mode "Unitless" leaves the factor of 683 out,
 /// and its mode "Raw" also that of 4 pi between the watts of a lamp and its intensity.
@@ -199,7 +196,7 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
     let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
     let ObjectTraits { visible_to, .. } = traits::of_node(node_raw, &node.pointer(), report);
     let name = name_of(node_raw, "light of node", node.index);
-    Ok(Light { name, kind, intensity, group, visible_to, motion: None })
+    Ok(Light { name, kind, intensity, profile: None, group, visible_to, motion: None })
 }
 
 /// Inner and outer half angle of a spot light, in order.

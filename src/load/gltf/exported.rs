@@ -91,9 +91,9 @@ fn enclosing(scene: &Scene, signs: &[Signs], lamps: &[(String, DAffine3)]) -> Ve
     let cameras =
         scene.cameras.iter().map(|c| (format!("camera '{}'", c.name), c.world_from_camera.translation));
     let lights = scene.lights.iter().filter_map(|light| match light.kind {
-        LightKind::Point { position } | LightKind::Spot { position, .. } => {
-            Some((format!("light '{}'", light.name), position))
-        }
+        LightKind::Point { position }
+        | LightKind::Spot { position, .. }
+        | LightKind::Profiled { position, .. } => Some((format!("light '{}'", light.name), position)),
         _ => None,
     });
     let lamps = lamps.iter().map(|(name, place)| (format!("lamp '{name}'"), place.translation));

@@ -9,13 +9,16 @@ use std::collections::BTreeMap;
 
 /// Extensions that are read, some of them by a decoder that a build may lack.
 const READ: &[&str] = &[
+    "EXT_lights_ies",
     "EXT_mesh_gpu_instancing",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
+    "KHR_animation_pointer",
     "KHR_draco_mesh_compression",
     "KHR_lights_punctual",
     "KHR_materials_anisotropy",
     "KHR_materials_clearcoat",
+    "KHR_materials_diffuse_roughness",
     "KHR_materials_diffuse_transmission",
     "KHR_materials_dispersion",
     "KHR_materials_emissive_strength",
@@ -37,9 +40,15 @@ const READ: &[&str] = &[
 ];
 
 /// Extensions that may be demanded though they are not read: without them the picture is one that the file means, too.
-const HARMLESS: &[(&str, &str)] = &[
-    ("KHR_animation_pointer", "what it animates stands still"),
-    ("KHR_xmp_json_ld", "metadata are not read"),
+const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")];
+
+/// Extensions that change no picture: they are left out without a word.
+const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
+
+/// Extensions that are not read, and what that means.
+const UNREAD: &[(&str, &str)] = &[
+    ("EXT_lights_image_based", "its picture of the surroundings lights nothing; give it as the environment"),
+    ("KHR_gaussian_splatting", "splats are not surfaces and can't be rendered; export a mesh of them"),
 ];
 
 impl Document<'_> {
@@ -102,10 +111,15 @@ pub(super) fn check(doc: &Document, report: &mut Report) {
                 report.problem(at, "is not a name");
             }
             Some(name) if is_read(name) || HARMLESS.iter().any(|(h, _)| *h == name) => {}
+            Some(name) if OF_INTERACTION.contains(&name) => {}
             Some(name) => {
                 let (reason, remedy) = match lacking_decoder(name) {
                     Some(decoder) => (format!(": {}", decoder.lack()), decoder.remedy()),
-                    None => (", which is not supported".into(), "export it without this extension".into()),
+                    None => {
+                        let known = UNREAD.iter().find(|(unread, _)| *unread == name);
+                        let why = known.map_or(String::new(), |(_, effect)| format!(": {effect}"));
+                        (format!(", which is not supported{why}"), "export it without this extension".into())
+                    }
                 };
                 let message = format!("the file demands {name}{reason}");
                 if doc.options.force {
@@ -135,14 +149,20 @@ pub(super) fn check_shape(object: &Value, at: &str, report: &mut Report) {
 pub(super) fn warn_unread(doc: &Document, report: &mut Report) {
     let mut counts: BTreeMap<&str, usize> = BTreeMap::new();
     count(&doc.json, &mut counts);
-    for (name, places) in counts.into_iter().filter(|(name, _)| !is_read(name)) {
-        let harmless = HARMLESS.iter().find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
+    for (name, places) in counts.into_iter().filter(|(name, _)| is_missed(name)) {
+        let harmless =
+            HARMLESS.iter().chain(UNREAD).find(|(h, _)| *h == name).map(|(_, effect)| effect.to_string());
         let lack =
             || lacking_decoder(name).map(|decoder| format!("{}; {}", decoder.lack(), decoder.remedy()));
         let effect = harmless.or_else(lack).map_or(String::new(), |effect| format!(": {effect}"));
         let times = if places == 1 { "one place".to_string() } else { format!("{places} places") };
         report.warn("", format!("{name} is not read, in {times}{effect}"));
     }
+}
+
+/// Is an extension one whose absence is to be told?
+fn is_missed(name: &str) -> bool {
+    !is_read(name) && !OF_INTERACTION.contains(&name)
 }
 
 /// Counts the extensions that stand in objects; the parser bounds the depth.

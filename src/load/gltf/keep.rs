@@ -1,5 +1,6 @@
 //! What is read once for all moments of a file: materials, images, and the meshes that nothing deforms.
 
+use super::ies_lights::Profiles;
 use super::materials::Materials;
 use super::meshes::Skipped;
 use crate::image::Image;
@@ -15,6 +16,8 @@ pub(super) struct Kept {
     pub images: Vec<Image>,
     /// Meshes of the file, by index, without the deformation by a skin or morph targets; absent while a scene has them.
     pub still: HashMap<usize, Vec<Mesh>>,
+    /// The profiles of EXT_lights_ies met so far.
+    pub profiles: Profiles,
     /// What the meshes left out.
     pub skipped: Skipped,
 }
@@ -28,6 +31,12 @@ pub(super) struct StillMesh {
 }
 
 impl Kept {
+    /// Forgets the materials and the meshes, which refer to them by number. Images stay decoded.
+    pub fn forget_materials(&mut self) {
+        self.materials.forget();
+        self.still.clear();
+    }
+
     /// Takes meshes back from a scene that is not needed any more. Where it lacks any of them, they are read again.
     pub fn take_back(&mut self, scene: &mut Scene, still: Vec<StillMesh>) {
         for StillMesh { mesh, meshes } in still {

@@ -33,6 +33,17 @@ pub(super) struct Node {
 }
 
 impl Node {
+    /// Does it hold a mesh, a camera or a light?
+    pub fn shows(&self, doc: &Document) -> bool {
+        let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
+        has_own || self.profiled_light(doc).is_some()
+    }
+
+    /// What EXT_lights_ies says of it.
+    pub fn profiled_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
+        doc.json.pointer(&format!("{}/extensions/EXT_lights_ies", self.pointer()))
+    }
+
     /// The node's JSON pointer.
     pub fn pointer(&self) -> String {
         pointer("nodes", self.index)
@@ -53,7 +64,7 @@ const PATH_NAMES: usize = 8;
 impl Hierarchy {
     /// Nodes that hold neither a mesh nor a camera nor a light: their numbers, names and placements.
     pub fn empties(&self, doc: &Document) -> Vec<(usize, String, DAffine3)> {
-        let empty = |n: &&Node| n.mesh.is_none() && n.camera.is_none() && n.light.is_none();
+        let empty = |n: &&Node| !n.shows(doc);
         let named = |n: &Node| {
             let raw = doc.json.pointer(&n.pointer())?;
             Some((n.index, raw.get("name")?.as_str()?.to_string(), n.world_from_node))

@@ -1,6 +1,5 @@
 //! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
 
-use super::cameras;
 use super::document::Document;
 use super::keep::{Kept, StillMesh};
 use super::meshes::MeshReader;
@@ -11,6 +10,7 @@ use super::traits;
 use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
+use super::{cameras, ies_lights};
 use crate::math::DAffine3;
 use crate::scene::{Instance, MeshId, Motion, Scene};
 use serde_json::Value;
@@ -76,8 +76,12 @@ impl<'b, 'a> Builder<'b, 'a> {
             if let Some(index) = node.light {
                 self.scene.lights.extend(cameras::light(self.doc, node, index, report));
             }
+            if let Some(light) = ies_lights::light(self.doc, node, &mut self.kept.profiles, report) {
+                self.scene.lights.extend(light);
+            }
         }
-        cameras::note_units(self.doc, self.scene.lights.len(), report);
+        let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
+        cameras::note_units(self.doc, punctual, report);
         self.kept.skipped.warn(report);
     }
 

@@ -192,8 +192,7 @@ fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<Strin
     let hierarchy = nodes::walk(doc, &pose, &family, report);
     let mut places = Vec::new();
     for node in &hierarchy.nodes {
-        let is_shown = node.mesh.is_some() || node.camera.is_some() || node.light.is_some();
-        if is_shown && node.moves {
+        if node.shows(doc) && node.moves {
             places.push(node.world_from_node);
         }
         if let Some(skin) = node.skin {

@@ -89,6 +89,12 @@ struct Key {
 }
 
 impl Textures {
+    /// Forgets all but the images that were needed.
+    pub fn forget(&mut self) {
+        self.list.clear();
+        self.known.clear();
+    }
+
     /// The texture that a material refers to, unless it has problems or no image that can be read.
     pub fn get(
         &mut self,

@@ -1,7 +1,7 @@
 //! Whole EXR files: all parts, channels and attributes as they are.
 
 use super::bytes::{guarded, read_bytes, signature};
-use super::openexr::check_sizes;
+use super::openexr::{check_sizes, primaries};
 use super::source::Source;
 use crate::color::Primaries;
 use crate::error::Result;
@@ -106,13 +106,7 @@ impl Layered {
 
     /// The space of the file's colours, if it says one.
     pub fn primaries(&self) -> Option<Primaries> {
-        let pair = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
-        self.file.attributes.chromaticities.map(|c| Primaries {
-            red: pair(c.red),
-            green: pair(c.green),
-            blue: pair(c.blue),
-            white: pair(c.white),
-        })
+        self.file.attributes.chromaticities.map(|c| primaries(&c))
     }
 
     /// The name of a channel without the render layer that Blender, and files laid out as its are, write before it:

@@ -75,7 +75,9 @@ pub(crate) fn decode(
             return ktx2::decode(&source, purpose, warnings);
         }
         match format_of(&source, mime, warnings)? {
-            ImageFormat::OpenExr => openexr::decode(&source, purpose == Use::Color, warnings),
+            ImageFormat::OpenExr => {
+                openexr::decode(&source, purpose != Use::Data, purpose == Use::Color, warnings)
+            }
             format => decode_common(&source, format, purpose, warnings),
         }
     })?;
@@ -99,7 +101,8 @@ pub fn load_environment(path: &Path, warnings: &mut Vec<Warning>) -> Result<Imag
     read(path, Use::Environment, warnings)
 }
 
-/// Reads red, green and blue of an EXR or HDR file, told apart by content, every number as it is in the file. Alpha and
+/// Reads red, green and blue of an EXR or HDR file, told apart by content, every number as it is in the file, but for colours of
+/// another space that an EXR names, which become linear Rec. 709. Alpha and
 /// other channels are left out; a layered EXR gives its first layer with R, G and B.
 ///
 /// # Errors
@@ -108,7 +111,7 @@ pub fn load_linear_rgb(path: &Path) -> Result<Image> {
     let bytes = read_bytes(path)?;
     let source = Source { bytes: &bytes, file: path, pointer: "" };
     let image = guarded(&source, || match signature(&bytes) {
-        Some(ImageFormat::OpenExr) => openexr::decode(&source, false, &mut Vec::new()),
+        Some(ImageFormat::OpenExr) => openexr::decode(&source, true, false, &mut Vec::new()),
         Some(ImageFormat::Hdr) => decode_common(&source, ImageFormat::Hdr, Use::Environment, &mut Vec::new()),
         _ => Err(source
             .error("is neither an EXR nor a Radiance HDR file")

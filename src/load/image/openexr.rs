@@ -2,10 +2,13 @@
 
 use super::limits;
 use super::source::Source;
+use crate::color::Primaries;
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer};
+use exr::math::Vec2;
 use exr::meta::MetaData;
+use exr::meta::attribute::Chromaticities;
 use exr::prelude::{ReadChannels, ReadLayers};
 use half::slice::HalfFloatSliceExt;
 use std::borrow::Cow;
@@ -16,8 +19,14 @@ use std::sync::Arc;
 const LISTED: usize = 8;
 
 /// Decodes the first layer with channels R, G and B, or else with Y (grey). Where `alpha` is wanted and there is a
-/// channel A, colour, which EXR stores multiplied by alpha, is divided by it. Warns of other layers and channels.
-pub(super) fn decode(source: &Source, alpha: bool, warnings: &mut Vec<Warning>) -> Result<Image> {
+/// channel A, colour, which EXR stores multiplied by alpha, is divided by it. Where the numbers are colours (`is_color`), those of
+/// another space that the header names become linear Rec. 709. Warns of other layers and channels.
+pub(super) fn decode(
+    source: &Source,
+    is_color: bool,
+    alpha: bool,
+    warnings: &mut Vec<Warning>,
+) -> Result<Image> {
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     let meta = MetaData::read_from_buffered(Cursor::new(source.bytes), false).map_err(broken)?;
     check_sizes(source, &meta)?;
@@ -38,14 +47,30 @@ pub(super) fn decode(source: &Source, alpha: bool, warnings: &mut Vec<Warning>) 
         warnings.push(source.warning(message));
     }
     let planes = colour.planes(alpha);
+    let mut values = interleave(&planes);
+    let space = image.attributes.chromaticities.filter(|_| is_color && colour.color.len() == 3);
+    if let Some(matrix) = space.and_then(|c| primaries(&c).to_rec709()) {
+        for pixel in values.chunks_exact_mut(planes.len()) {
+            let from = [0, 1, 2].map(|c| f64::from(pixel[c]));
+            for (value, row) in pixel.iter_mut().zip(&matrix) {
+                *value = (row[0] * from[0] + row[1] * from[1] + row[2] * from[2]) as f32;
+            }
+        }
+    }
     Ok(Image {
         name: source.name(),
         width: layers[index].size.0 as u32,
         height: layers[index].size.1 as u32,
         channels: planes.len() as u32,
         encoding: Encoding::Linear,
-        pixels: Arc::new(Pixels::F32(interleave(&planes))),
+        pixels: Arc::new(Pixels::F32(values)),
     })
+}
+
+/// The space that a header names.
+pub(super) fn primaries(of: &Chromaticities) -> Primaries {
+    let pair = |v: Vec2<f32>| [f64::from(v.0), f64::from(v.1)];
+    Primaries { red: pair(of.red), green: pair(of.green), blue: pair(of.blue), white: pair(of.white) }
 }
 
 /// The channels of a layer that make a picture.

@@ -5,9 +5,15 @@
 //! | Shape | Value |
 //! |---|---|
 //! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays |
-//! | `point` | `{ position, radius = 0, power or intensity }`: a sphere, if it has a radius |
-//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it |
+//! | `point` | `{ position, radius = 0, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
+//! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
+//!
+//! `ies = "lamp.ies"` gives points and spots without a radius the profile of a luminaire (IES LM-63, photometry of type C; the
+//! path is relative to this file). It shines along `direction` or to `target`, points without either down, and `turn`
+//! turns it about that way by so many degrees; a spot's cone cuts it. Without `power` and `intensity` it is as bright as the file says
+//! (candela times its factors, by 683 lm/W); `intensity` is that of its brightest direction, `power` that of all
+//! directions together, before a cone cuts it.
 //!
 //! Beside a model, `node = "NAME"` stands for position, centre and direction: the light takes the place of an empty node of
 //! the model, and of area lights the scale, as Blender exports its lights; it shines along the node's -z, and moves along with
@@ -23,11 +29,13 @@ use super::build::Build;
 use super::fields::Fields;
 use super::light_shapes::{self, Surface};
 use super::light_traits::{LightTraits, group, positive, strength};
-use super::placement::{Placement, at_node, direction};
+use super::placement::{Placed, Placement, at_node, direction};
+use super::profiled;
 use super::visibility::visible_to;
-use crate::math::DVec3;
-use crate::scene::{Beam, Lamp, Light, LightKind, Moving, RayKinds, SpotFade};
+use crate::math::{DQuat, DVec3};
+use crate::scene::{Beam, Lamp, Light, LightKind, LightProfile, Moving, RayKinds, SpotFade};
 use std::f64::consts::PI;
+use std::sync::Arc;
 
 const SHAPES: [&str; 4] = ["area", "point", "spot", "sun"];
 
@@ -93,6 +101,10 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
         };
         direction.map(|direction| (direction, inner_angle_rad, outer_angle_rad, SpotFade::Smooth))
     });
+    if fields.has("ies") {
+        let node = node.as_ref().and_then(Option::as_ref);
+        return add_profiled(build, fields, traits, (position, node), cone);
+    }
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
     let (Some(position), Some(intensity)) = (position, intensity) else { return };
@@ -119,7 +131,34 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
         );
     }
     let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
-    push(build, traits, (kind, motion), intensity);
+    push(build, traits, (kind, motion), intensity, None);
+}
+
+/// Adds a point or a spot with a profile.
+fn add_profiled(
+    build: &mut Build,
+    fields: &Fields,
+    traits: LightTraits,
+    (position, node): (Option<DVec3>, Option<&Placed>),
+    cone: Option<Option<(DVec3, f64, f64, SpotFade)>>,
+) {
+    let profile = profiled::read(build, fields);
+    let axis = cone.flatten().map(|(axis, ..)| axis);
+    if cone.is_some() && axis.is_none() {
+        return;
+    }
+    let Some(center) = position else { return };
+    let angles = cone.flatten().map(|(_, inner, outer, _)| [inner, outer]);
+    let local = profiled::local(fields, angles);
+    let rotation = match node {
+        Some(node) => Some(profiled::rotation(&node.now)),
+        None => profiled::aimed(fields, center, axis),
+    };
+    let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
+    let kind = turned(local, center, rotation);
+    let motion = node.and_then(|node| node.motion.as_ref());
+    let motion = motion.map(|moving| moving.map(|then| at(local, then)));
+    push(build, traits, (kind, motion), intensity, Some(profile));
 }
 
 fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
@@ -138,7 +177,7 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
         };
         let motion = node.flatten().and_then(|node| node.motion);
         let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
-        push(build, traits, (kind, motion), irradiance);
+        push(build, traits, (kind, motion), irradiance, None);
     }
 }
 
@@ -149,9 +188,18 @@ fn at(mut kind: LightKind, place: &Placement) -> LightKind {
         LightKind::Spot { position, direction, .. } => {
             (*position, *direction) = (place.center, place.direction);
         }
+        LightKind::Profiled { .. } => return turned(kind, place.center, profiled::rotation(place)),
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
             *direction = place.direction;
         }
+    }
+    kind
+}
+
+/// A light with a profile that shines along -z, turned and moved.
+fn turned(mut kind: LightKind, center: DVec3, by: DQuat) -> LightKind {
+    if let LightKind::Profiled { position, rotation, .. } = &mut kind {
+        (*position, *rotation) = (center, (by * *rotation).normalize());
     }
     kind
 }
@@ -161,9 +209,10 @@ fn push(
     traits: LightTraits,
     (kind, motion): (LightKind, Option<Moving<LightKind>>),
     strength: f64,
+    profile: Option<Arc<LightProfile>>,
 ) {
     let intensity = traits.color.map(|c| c * strength as f32);
     let LightTraits { name, group, lamp, .. } = traits;
     let visible_to = lamp.visible_to;
-    build.loaded.scene.lights.push(Light { name, kind, intensity, group, visible_to, motion });
+    build.loaded.scene.lights.push(Light { name, kind, intensity, profile, group, visible_to, motion });
 }

@@ -33,6 +33,7 @@ mod overrides;
 mod parts;
 mod pbr;
 mod placement;
+mod profiled;
 pub mod reference;
 mod round;
 mod settings;

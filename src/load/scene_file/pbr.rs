@@ -5,6 +5,7 @@
 //! | `base_color` | 1 | colour of the diffuse base, of metal and of transmitted light |
 //! | `metallic` | 0 | 0 to 1 |
 //! | `roughness` | 1 | 0 to 1 |
+//! | `diffuse_roughness` | 0 | roughness of the diffuse part (Oren-Nayar), 0 to 1; 0 is Lambert's law |
 //! | `ior` | 1.5 | index of refraction, 1 to 10 |
 //! | `specular`, `specular_color` | 1 | factors on the dielectric's reflection |
 //! | `transmission` | 0 | share of light that passes |
@@ -54,6 +55,7 @@ pub(super) fn adjust(
     model.base_color = slot("base_color", model.base_color);
     model.metallic = share(fields, "metallic", model.metallic);
     model.roughness = share(fields, "roughness", model.roughness);
+    model.diffuse_roughness = share(fields, "diffuse_roughness", model.diffuse_roughness);
     model.ior = fields.number_in("ior", 1.0..10.0, model.ior.into()) as f32;
     model.specular = share(fields, "specular", model.specular);
     model.specular_color = slot("specular_color", model.specular_color);

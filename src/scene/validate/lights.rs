@@ -11,6 +11,18 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
         let place = Place { list: "lights", index, name: &light.name };
         findings.require_color(&light.intensity, place, "intensity");
         check_kind(&light.kind, place, findings);
+        let is_profiled = matches!(light.kind, LightKind::Profiled { .. });
+        let is_met = match &light.profile {
+            Some(profile) => is_profiled && profile.is_sound(),
+            None => !is_profiled,
+        };
+        findings.require(
+            is_met,
+            place,
+            "profile",
+            light.profile.is_some(),
+            "a sound one where the kind needs it",
+        );
         let Some(moving) = &light.motion else { continue };
         let is_same = moving.all().all(|key| discriminant(key) == discriminant(&light.kind));
         findings.require(is_same, place, "motion", moving.keys.len(), "lights of the same kind");
@@ -30,6 +42,19 @@ fn check_kind(kind: &LightKind, place: Place, findings: &mut Findings) {
             // Said once where the outer angle is no angle.
             let is_inside = (0.0..=if is_cone { outer } else { PI }).contains(&inner);
             findings.require(is_inside, place, "inner_angle_rad", inner, "from 0 to the outer angle");
+        }
+        LightKind::Profiled { position, rotation, cone } => {
+            check_position(position, place, findings);
+            findings.require(rotation.is_normalized(), place, "rotation", rotation, "a unit quaternion");
+            let [inner, outer] = cone.unwrap_or([0.0, 1.0]);
+            let is_cone = 0.0 <= inner && inner <= outer && outer > 0.0 && outer <= PI;
+            findings.require(
+                is_cone,
+                place,
+                "cone",
+                outer,
+                "angles of which the outer is above 0 and at most pi",
+            );
         }
         LightKind::Directional { direction } => check_direction(direction, place, findings),
         LightKind::Sun { direction, angle_rad } => {

@@ -96,6 +96,34 @@ fn textures_use_the_channels_of_their_extensions() {
     assert_eq!(loaded.scene.materials[0].textures().count(), 10);
 }
 
+/// A draft: read with a warning by name. Alpha of its texture multiplies the factor.
+#[test]
+fn the_diffuse_part_may_be_rough() {
+    let texture = json!({"index": 0});
+    let rough = |factor: Value| {
+        load(json!({"KHR_materials_diffuse_roughness":
+            {"diffuseRoughnessFactor": factor, "diffuseRoughnessTexture": texture}}))
+    };
+    let of = |loaded: &Loaded| match &loaded.scene.materials[0].model {
+        Model::Pbr(p) => p.diffuse_roughness,
+        other => panic!("{other:?}"),
+    };
+    let loaded = rough(json!(0.25));
+    assert_eq!((of(&loaded).factor, of(&loaded).texture.map(|t| t.1)), (0.25, Some(3)));
+    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.to_string().contains(words));
+    assert!(told(&loaded, "KHR_materials_diffuse_roughness is a draft"), "{:?}", loaded.warnings);
+    assert_eq!(material(json!({"KHR_materials_diffuse_roughness": {}})), PbrMaterial::default());
+    let excessive = rough(json!(7));
+    assert_eq!(of(&excessive).factor, 1.0);
+    assert!(told(&excessive, "diffuseRoughnessFactor") && told(&excessive, "clamped"));
+    let asset = triangle_with(|a| {
+        let nonsense = json!({"KHR_materials_diffuse_roughness": {"diffuseRoughnessFactor": [1]}});
+        a["materials"][0] = json!({"extensions": nonsense});
+    });
+    let message = super::asset::refusal(&asset);
+    assert!(message.contains("diffuseRoughnessFactor"), "{message}");
+}
+
 #[test]
 fn nonsense_is_clamped_or_named() {
     let loaded = load(json!({"KHR_materials_clearcoat": {"clearcoatFactor": 3},

@@ -203,6 +203,27 @@ fn extensions_that_are_not_read_are_named() {
     assert_eq!(unread[0].message, "ACME_b is not read, in 2 places");
 }
 
+/// Interaction is no matter of pictures; what is lost otherwise is said.
+#[test]
+fn extensions_that_are_known_and_not_read() {
+    let asset = triangle_with(|a| {
+        a["extensionsRequired"] = json!(["KHR_interactivity", "KHR_node_selectability"]);
+        a["extensions"] =
+            json!({"KHR_interactivity": {"graphs": []}, "EXT_lights_image_based": {"lights": []}});
+        a["nodes"][0]["extensions"] = json!({"KHR_node_hoverability": {"hoverable": false}});
+        a["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_gaussian_splatting": {}});
+    });
+    let loaded = load_triangle(&asset).expect("it loads");
+    let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+    let has = |words: &str| said.iter().any(|w| w.contains(words));
+    assert!(has("KHR_gaussian_splatting is not read") && has("splats are not surfaces"), "{said:?}");
+    assert!(has("EXT_lights_image_based is not read") && has("surroundings"), "{said:?}");
+    assert!(!has("interactivity") && !has("ability"), "{said:?}");
+    let demanded = triangle_with(|a| a["extensionsRequired"] = json!(["KHR_gaussian_splatting"]));
+    let message = refusal(&demanded);
+    assert!(message.contains("demands KHR_gaussian_splatting") && message.contains("splats"), "{message}");
+}
+
 /// A draft: read with a warning by name. What the volume would absorb is scattered as far as the colour says.
 #[test]
 fn volumes_that_scatter() {

@@ -1,6 +1,6 @@
 //! glTF files: collections of real, valid and damaged files, and small cases of the format's corners.
 
-mod asset;
+pub mod asset;
 mod choices;
 mod collections;
 mod damage;
@@ -13,4 +13,5 @@ mod materials;
 mod motion;
 mod nodes;
 mod packed;
+mod pointers;
 mod uv_sets;

@@ -21,6 +21,10 @@ fn scene(text: &str) -> String {
         bytes.extend([0.0, 0.0, 0.0, 1.0, 1.0, 1.0, value].into_iter().flat_map(f32::to_le_bytes));
         std::fs::write(folder.path().join(name), bytes).expect("a grid");
     }
+    for (name, last) in [("one.ies", 1), ("two.ies", 2)] {
+        let profile = format!("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n4 {last}\n");
+        std::fs::write(folder.path().join(name), profile).expect("a profile");
+    }
     let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;
     format!("{scene:?}").replace(&folder.path().display().to_string(), "")
 }

@@ -209,6 +209,7 @@ pub const TABLES: &[Table] = &[
             ("base_color", "0.3", "0.4"),
             ("metallic", "0.3", "0.4"),
             ("roughness", "0.3", "0.4"),
+            ("diffuse_roughness", "0.3", "0.4"),
             ("ior", "1.3", "1.4"),
             ("specular", "0.3", "0.4"),
             ("specular_color", "0.3", "0.4"),
@@ -344,6 +345,36 @@ pub const TABLES: &[Table] = &[
         "point",
         before!(light "point"),
         &[("position", "[0, 3, 0]", "[0, 4, 0]"), ("intensity", "10", "20")],
+    ),
+    light(
+        "point",
+        before!(light "point"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("target", "[0, 0, 1]", "[0, 0, 2]"),
+            ("turn", "30", "40"),
+        ],
+    ),
+    light(
+        "point",
+        before!(light "point"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("direction", "[0, -1, 1]", "[0, -1, 2]"),
+        ],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("turn", "30", "40"),
+            ("power", "10", "20"),
+        ],
     ),
     light(
         "spot",

@@ -2,12 +2,12 @@
 
 use crate::support::{camera, disk, material, quad, sphere};
 use oscura::image::{Encoding, Image, Pixels};
-use oscura::math::{DAffine3, DVec3, Vec2, Vec3};
+use oscura::math::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment,
-    FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping,
-    Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, PbrMaterial,
-    Projection, Scene, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
+    LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
+    PbrMaterial, Projection, Scene, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 use std::sync::Arc;
 
@@ -193,6 +193,14 @@ fn add_lights(scene: &mut Scene) {
         LightKind::Sun { direction: DVec3::new(-0.1, -1.0, -0.2).normalize(), angle_rad: 0.02 },
     ];
     scene.lights = kinds.map(|kind| Light::new(kind, [1.0, 0.9, 0.8])).into();
+    let rotation = DQuat::from_rotation_arc(DVec3::NEG_Z, direction);
+    let kind = LightKind::Profiled { position, rotation, cone: Some([0.3, 0.7]) };
+    let profile = LightProfile {
+        vertical_deg: vec![0.0, 90.0],
+        horizontal_deg: vec![0.0, 90.0],
+        values: vec![1.0, 0.0, 0.5, 0.0],
+    };
+    scene.lights.push(Light { profile: Some(Arc::new(profile)), ..Light::new(kind, [1.0, 0.9, 0.8]) });
 }
 
 /// A row of spheres, disks and sheets, one for each material of the scene, with a floor.

@@ -7,10 +7,10 @@ use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
     Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
-    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, Mapping, Material, MaterialId, Medium,
-    Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Quad,
-    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
-    ThinLens, Wrap,
+    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping, Material,
+    MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
+    PbrMaterial, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture,
+    TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -68,8 +68,8 @@ structs! {
     FloatSlot { factor, texture }
     NormalMap { texture, scale }
     PbrMaterial {
-        base_color, metallic, roughness, ior, specular, specular_color, transmission, has_volume, tints_once,
-        attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
+        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
@@ -79,7 +79,8 @@ structs! {
     DiffuseTransmission { factor, color }
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
-    Light { name, kind, intensity, group, visible_to, motion }
+    LightProfile { vertical_deg, horizontal_deg, values }
+    Light { name, kind, intensity, profile, group, visible_to, motion }
     ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, motion }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
@@ -122,6 +123,7 @@ enums! {
     LightKind {
         Point { position }
         Spot { position, direction, inner_angle_rad, outer_angle_rad, fade }
+        Profiled { position, rotation, cone }
         Directional { direction }
         Sun { direction, angle_rad }
     } {}

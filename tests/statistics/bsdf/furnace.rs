@@ -8,7 +8,7 @@ use oscura::bsdf::{Bsdf, Dielectric, Lobe, OrenNayar, Phong, SchlickMetal, ThinD
 use oscura::color::Rgb;
 use oscura::math::Vec3;
 use oscura::sampling::chi2::Random;
-use oscura::scene::{EnergyCompensation, FresnelModel};
+use oscura::scene::{EnergyCompensation, FresnelModel, PbrMaterial};
 
 /// Mean weight: the share of light returned.
 pub fn albedo(bsdf: &Bsdf, wo: Vec3, n: u32) -> Rgb {
@@ -228,6 +228,47 @@ fn white_furnace_of_rough_diffuse_is_one() {
     for roughness in ROUGHNESSES {
         let bsdf = Bsdf::OrenNayar(OrenNayar { color: Rgb::ONE, roughness });
         assert_white(&format!("oren-nayar {roughness}"), &bsdf);
+    }
+}
+
+/// Rough diffuse under an interface and under layers returns all light; without an interface it is Oren-Nayar's model,
+/// also where a leaf's material, of which nothing passes, has all the layers' parts.
+#[test]
+fn rough_diffuse_bases_keep_light_and_agree_with_the_model_itself() {
+    for roughness in [0.1, 0.5, 1.0] {
+        for (specular, facets) in [(1.0, 0.0), (1.0, 0.3), (1.0, 1.0), (0.0, 0.5)] {
+            let base = pbr(|p| {
+                (p.diffuse_roughness, p.roughness) = (number(roughness), number(facets));
+                p.specular = number(specular);
+            });
+            assert_white(&format!("rough {roughness}, specular {specular} {facets}"), &resolved(base));
+            let fibres = pbr(|p| {
+                (p.diffuse_roughness, p.roughness) = (number(roughness), number(facets));
+                (p.sheen, p.clearcoat) = (sheen([0.5; 3], 0.4), coat(0.5, 0.2));
+            });
+            assert_white(&format!("layers on rough {roughness}, {facets}"), &resolved(fibres));
+        }
+        let color = Rgb::new(0.8, 0.5, 0.1);
+        let own = Bsdf::OrenNayar(OrenNayar { color, roughness });
+        let bare = |p: &mut PbrMaterial| {
+            p.base_color.factor = color.to_array();
+            (p.diffuse_roughness, p.specular) = (number(roughness), number(0.0));
+        };
+        let plain = resolved(pbr(bare));
+        assert!(matches!(plain, Bsdf::OrenNayar(_)), "{plain:?}");
+        let layered = resolved(pbr(|p| {
+            bare(p);
+            p.sheen = sheen([1e-9; 3], 0.5);
+        }));
+        assert!(matches!(layered, Bsdf::Layered(_)), "{layered:?}");
+        let mut random = Random::new(11);
+        for _ in 0..2000 {
+            let (wo, wi) = (random.direction(), random.direction());
+            let (a, b) = (own.eval(wo, wi), layered.eval(wo, wi));
+            assert!(length(a.f_cos - b.f_cos) < 1e-5, "{roughness}: {wo} {wi} {a:?} {b:?}");
+            assert!((a.pdf_solid_angle - b.pdf_solid_angle).abs() < 1e-5, "{roughness}: {wo} {wi}");
+            assert!(length(layered.diffuse_part(wo, wi) - b.f_cos) < 1e-5);
+        }
     }
 }
 

@@ -200,6 +200,7 @@ pub fn layers() -> Vec<(&'static str, PbrMaterial)> {
             "smooth coat on metal",
             pbr(|p| (p.clearcoat, p.metallic, p.roughness) = (coat(0.7, 0.0), number(1.0), number(0.5))),
         ),
+        ("rough diffuse", pbr(|p| (p.diffuse_roughness, p.roughness) = (number(0.7), number(0.4)))),
         ("sheen", pbr(|p| p.sheen = sheen([0.9, 0.4, 0.2], 0.5))),
         ("rough sheen", pbr(|p| p.sheen = sheen([1.0; 3], 1.0))),
         ("narrow sheen", pbr(|p| p.sheen = sheen([1.0; 3], 0.15))),

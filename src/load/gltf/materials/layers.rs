@@ -1,4 +1,4 @@
-//! Extensions that add a layer or another way of scattering: clearcoat, sheen, anisotropy, iridescence, dispersion and
+//! Extensions that add a layer or another way of scattering: rough diffuse reflection, clearcoat, sheen, anisotropy, iridescence, dispersion and
 //! diffuse transmission. A layer with a factor of 0 is left out, with its textures.
 
 use super::builder::Builder;
@@ -11,6 +11,7 @@ const UNIT: [f32; 2] = [0.0, 1.0];
 impl Builder<'_, '_> {
     /// Adds all that the material has.
     pub fn add_layers(&mut self, model: &mut PbrMaterial) {
+        self.diffuse_roughness(model);
         model.clearcoat = self.clearcoat();
         model.sheen = self.sheen();
         model.anisotropy = self.anisotropy();
@@ -19,6 +20,21 @@ impl Builder<'_, '_> {
         if let Some((extension, place)) = self.extension("KHR_materials_dispersion") {
             model.dispersion = self.number((extension, &place), "dispersion", 0.0, [0.0, f32::MAX]);
         }
+    }
+
+    /// A draft, too: a roughness in the sense of Oren and Nayar, times alpha of its texture.
+    fn diffuse_roughness(&mut self, model: &mut PbrMaterial) {
+        let Some((extension, place)) = self.extension("KHR_materials_diffuse_roughness") else { return };
+        let from = (extension, place.as_str());
+        let at = format!("{}{place}", self.at);
+        self.report.warn(at, "KHR_materials_diffuse_roughness is a draft: what is made of it may change");
+        let factor = self.number(from, "diffuseRoughnessFactor", 0.0, UNIT);
+        if factor == 0.0 {
+            return;
+        }
+        let texture = self.info(from, "diffuseRoughnessTexture");
+        let at = format!("{place}/diffuseRoughnessTexture");
+        model.diffuse_roughness = self.float(factor, texture.as_ref(), 3, &at);
     }
 
     fn clearcoat(&mut self) -> Option<Clearcoat> {

@@ -64,6 +64,13 @@ impl Materials {
         id
     }
 
+    /// Forgets all but the images that were needed.
+    pub fn forget(&mut self) {
+        let mut textures = std::mem::take(&mut self.textures);
+        textures.forget();
+        *self = Materials { textures, geometry_only: self.geometry_only, ..Materials::default() };
+    }
+
     /// What a material needs from the meshes that it is on.
     pub fn needs(&self, material: MaterialId) -> Needs {
         self.needs[material.index()]

@@ -1,0 +1,262 @@
+//! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms and weights of nodes are part of the
+//! pose; everything else is written into the document before the moment is read, and put back after it.
+
+use super::animation::of_pose;
+use super::document::Document;
+use super::keep::Kept;
+use super::report::{Report, Sound};
+use super::samplers::{Element, Samplers};
+use serde_json::{Map, Value};
+
+const NAME: &str = "KHR_animation_pointer";
+
+/// What pointers may lead to and how many numbers it is; `*` is any index.
+const PROPERTIES: &[(&str, usize)] = &[
+    ("/cameras/*/orthographic/xmag", 1),
+    ("/cameras/*/orthographic/ymag", 1),
+    ("/cameras/*/perspective/aspectRatio", 1),
+    ("/cameras/*/perspective/yfov", 1),
+    ("/extensions/KHR_lights_punctual/lights/*/color", 3),
+    ("/extensions/KHR_lights_punctual/lights/*/intensity", 1),
+    ("/extensions/KHR_lights_punctual/lights/*/range", 1),
+    ("/extensions/KHR_lights_punctual/lights/*/spot/innerConeAngle", 1),
+    ("/extensions/KHR_lights_punctual/lights/*/spot/outerConeAngle", 1),
+    ("/materials/*/alphaCutoff", 1),
+    ("/materials/*/emissiveFactor", 3),
+    ("/materials/*/normalTexture/scale", 1),
+    ("/materials/*/occlusionTexture/strength", 1),
+    ("/materials/*/pbrMetallicRoughness/baseColorFactor", 4),
+    ("/materials/*/pbrMetallicRoughness/metallicFactor", 1),
+    ("/materials/*/pbrMetallicRoughness/roughnessFactor", 1),
+];
+
+/// Those of the extensions of materials.
+const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
+    ("KHR_materials_anisotropy", &[("anisotropyStrength", 1), ("anisotropyRotation", 1)]),
+    (
+        "KHR_materials_clearcoat",
+        &[("clearcoatFactor", 1), ("clearcoatRoughnessFactor", 1), ("clearcoatNormalTexture/scale", 1)],
+    ),
+    ("KHR_materials_diffuse_roughness", &[("diffuseRoughnessFactor", 1)]),
+    (
+        "KHR_materials_diffuse_transmission",
+        &[("diffuseTransmissionFactor", 1), ("diffuseTransmissionColorFactor", 3)],
+    ),
+    ("KHR_materials_dispersion", &[("dispersion", 1)]),
+    ("KHR_materials_emissive_strength", &[("emissiveStrength", 1)]),
+    ("KHR_materials_ior", &[("ior", 1)]),
+    (
+        "KHR_materials_iridescence",
+        &[
+            ("iridescenceFactor", 1),
+            ("iridescenceIor", 1),
+            ("iridescenceThicknessMinimum", 1),
+            ("iridescenceThicknessMaximum", 1),
+        ],
+    ),
+    (
+        "KHR_materials_pbrSpecularGlossiness",
+        &[("diffuseFactor", 4), ("specularFactor", 3), ("glossinessFactor", 1)],
+    ),
+    ("KHR_materials_sheen", &[("sheenColorFactor", 3), ("sheenRoughnessFactor", 1)]),
+    ("KHR_materials_specular", &[("specularFactor", 1), ("specularColorFactor", 3)]),
+    ("KHR_materials_transmission", &[("transmissionFactor", 1)]),
+    ("KHR_materials_volume", &[("thicknessFactor", 1), ("attenuationDistance", 1), ("attenuationColor", 3)]),
+    ("KHR_materials_volume_scatter", &[("multiscatterColor", 3), ("scatterAnisotropy", 1)]),
+];
+
+/// Those of a reference to a texture.
+const OF_TEXTURES: &[(&str, usize)] = &[("offset", 2), ("rotation", 1), ("scale", 2)];
+
+/// Planes of cameras, which cut nothing away here.
+const WITHOUT_EFFECT: &[&str] = &[
+    "/cameras/*/orthographic/zfar",
+    "/cameras/*/orthographic/znear",
+    "/cameras/*/perspective/zfar",
+    "/cameras/*/perspective/znear",
+];
+
+/// Objects that stand for their defaults where the file leaves them out.
+const IMPLIED: &[&str] = &[
+    "KHR_materials_emissive_strength",
+    "KHR_node_visibility",
+    "KHR_texture_transform",
+    "extensions",
+    "pbrMetallicRoughness",
+    "spot",
+];
+
+/// What is written at a pointer.
+type Change = (String, Value);
+
+/// What animations wrote into a document for a moment.
+#[derive(Default)]
+pub(super) struct Played {
+    /// The entries of lists that were changed, as they stand in the file.
+    originals: Vec<Change>,
+    /// The changes with which the materials that are kept were read.
+    of_materials: Vec<Change>,
+}
+
+impl Played {
+    /// Writes what holds at a moment, seconds; `None` is the file's rest state.
+    pub fn play(&mut self, doc: &mut Document, time_s: Option<f64>, kept: &mut Kept, report: &mut Report) {
+        for (entry, value) in self.originals.drain(..) {
+            if let Some(place) = doc.json.pointer_mut(&entry) {
+                *place = value;
+            }
+        }
+        // What is said holds for the whole film.
+        let changes = time_s.map_or_else(Vec::new, |t| report.lasting(|report| changes(doc, t, report)));
+        for (pointer, value) in &changes {
+            let entry = entry_of(pointer);
+            if !self.originals.iter().any(|(known, _)| known == entry)
+                && let Some(original) = doc.json.pointer(entry)
+            {
+                self.originals.push((entry.to_string(), original.clone()));
+            }
+            write(&mut doc.json, pointer, value.clone());
+        }
+        let of_materials: Vec<Change> =
+            changes.into_iter().filter(|(pointer, _)| pointer.starts_with("/materials/")).collect();
+        if of_materials != self.of_materials {
+            kept.forget_materials();
+            self.of_materials = of_materials;
+        }
+    }
+}
+
+/// All that pointers lead to at a moment but the pose of nodes. Where two channels drive the same, the first counts.
+fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
+    let mut samplers = Samplers::new(doc, time_s);
+    let mut changes: Vec<Change> = Vec::new();
+    let animations = doc.json.get("animations").and_then(Value::as_array);
+    for (a, animation) in animations.into_iter().flatten().enumerate() {
+        let channels = animation.get("channels").and_then(Value::as_array);
+        for (c, channel) in channels.into_iter().flatten().enumerate() {
+            let is_pointer = channel.pointer("/target/path").and_then(Value::as_str) == Some("pointer");
+            if !is_pointer || of_pose(&channel["target"]).is_some() {
+                continue;
+            }
+            let at = format!("/animations/{a}/channels/{c}");
+            let Ok(Some((pointer, element))) = target(doc, channel, &at, report) else { continue };
+            if changes.iter().any(|(known, _)| known == pointer) {
+                report.warn(
+                    at,
+                    format!("drives {pointer} as an earlier channel does already; the first counts"),
+                );
+                continue;
+            }
+            if let Ok(numbers) = samplers.value(animation, channel, element, &at, report) {
+                changes.push((pointer.to_string(), value_of(element, &numbers)));
+            }
+        }
+    }
+    changes
+}
+
+/// The pointer of a channel and what it leads to; `None` for what has no effect on pictures.
+fn target<'v>(
+    doc: &Document,
+    channel: &'v Value,
+    at: &str,
+    report: &mut Report,
+) -> Sound<Option<(&'v str, Element)>> {
+    let place = format!("{at}/target/extensions/{NAME}/pointer");
+    let pointer = channel.pointer(&format!("/target/extensions/{NAME}/pointer"));
+    let Some(pointer) = pointer.and_then(Value::as_str) else {
+        return Err(report.problem(place, "is missing, or no JSON pointer"));
+    };
+    if WITHOUT_EFFECT.iter().any(|pattern| fits(pattern, pointer)) {
+        return Ok(None);
+    }
+    let Some(element) = element_of(pointer) else {
+        let message = format!("'{pointer}' is not known as something that moves; the channel stands still");
+        return Err(report.warn(place, message));
+    };
+    if !leads_somewhere(&doc.json, pointer) {
+        let message = format!("'{pointer}' leads to nothing in the file; the channel stands still");
+        return Err(report.warn(place, message));
+    }
+    Ok(Some((pointer, element)))
+}
+
+/// What a pointer leads to.
+fn element_of(pointer: &str) -> Option<Element> {
+    if fits("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
+        return Some(Element::Flag);
+    }
+    if fits("/meshes/*/weights", pointer) {
+        return Some(Element::Weights);
+    }
+    let listed = || PROPERTIES.iter().find(|(pattern, _)| fits(pattern, pointer)).map(|(_, count)| *count);
+    listed().or_else(|| of_material(pointer)).map(Element::Numbers)
+}
+
+/// How many numbers a property of an extension of a material, or of one of its textures, has.
+fn of_material(pointer: &str) -> Option<usize> {
+    let (index, inside) = pointer.strip_prefix("/materials/")?.split_once('/')?;
+    index.parse::<usize>().ok()?;
+    let count = |list: &[(&str, usize)], key: &str| list.iter().find(|(k, _)| *k == key).map(|(_, n)| *n);
+    if let Some((texture, key)) = inside.split_once("/extensions/KHR_texture_transform/") {
+        return count(OF_TEXTURES, key).filter(|_| texture.ends_with("Texture"));
+    }
+    let (extension, key) = inside.strip_prefix("extensions/")?.split_once('/')?;
+    let (_, properties) = OF_MATERIALS.iter().find(|(name, _)| *name == extension)?;
+    count(properties, key)
+}
+
+/// Is a pointer one of a pattern?
+fn fits(pattern: &str, pointer: &str) -> bool {
+    let is_alike = |(p, s): (&str, &str)| p == s || p == "*" && s.parse::<usize>().is_ok();
+    pattern.split('/').count() == pointer.split('/').count()
+        && pattern.split('/').zip(pointer.split('/')).all(is_alike)
+}
+
+/// Is there the object whose property a pointer names, or one that stands for its default?
+fn leads_somewhere(json: &Value, pointer: &str) -> bool {
+    let mut steps: Vec<&str> = pointer.split('/').skip(1).collect();
+    steps.pop();
+    let mut at = Some(json);
+    for step in steps {
+        at = match at {
+            Some(Value::Object(object)) if object.contains_key(step) => object.get(step),
+            Some(Value::Object(_)) | None if IMPLIED.contains(&step) => None,
+            Some(Value::Array(list)) => match step.parse::<usize>().ok().and_then(|i| list.get(i)) {
+                Some(entry) => Some(entry),
+                None => return false,
+            },
+            _ => return false,
+        };
+    }
+    at.is_none_or(Value::is_object)
+}
+
+/// The entry of a list that a pointer leads into.
+fn entry_of(pointer: &str) -> &str {
+    let steps = if pointer.starts_with("/extensions/") { 5 } else { 3 };
+    pointer.match_indices('/').nth(steps - 1).map_or(pointer, |(end, _)| &pointer[..end])
+}
+
+fn value_of(element: Element, numbers: &[f64]) -> Value {
+    match (element, numbers) {
+        (Element::Flag, [number]) => Value::Bool(*number != 0.0),
+        (Element::Numbers(1), [number]) => Value::from(*number),
+        _ => Value::from(numbers.to_vec()),
+    }
+}
+
+/// Writes a value at a pointer that [leads somewhere](leads_somewhere).
+fn write(json: &mut Value, pointer: &str, value: Value) {
+    let mut at = json;
+    for step in pointer.split('/').skip(1) {
+        let next = match at {
+            Value::Object(object) => Some(object.entry(step).or_insert_with(|| Value::Object(Map::new()))),
+            Value::Array(list) => step.parse::<usize>().ok().and_then(|index| list.get_mut(index)),
+            _ => None,
+        };
+        let Some(next) = next else { return };
+        at = next;
+    }
+    *at = value;
+}

@@ -1,0 +1,176 @@
+//! Files of luminaires: IES LM-63 of 1986, 1991, 1995, 2002 and 2019, photometry of type C.
+//!
+//! After lines of text, of which the last begins with `TILT=`, numbers follow: ten and three of the luminaire, its vertical and its
+//! horizontal angles, and candelas for each pair of them. Candelas are multiplied by the candela multiplier and the two ballast
+//! factors; tilts, which tell what lamps lose when they are turned, are not.
+
+use crate::scene::LightProfile;
+
+/// Most numbers that a file may have; the finest measurements have some ten thousand.
+const MOST_NUMBERS: usize = 1 << 22;
+
+/// Luminous efficacy of monochromatic light of 540 THz, lm/W (the SI's definition of the candela): scenes want W/sr.
+pub(super) const LUMENS_PER_WATT: f64 = 683.0;
+
+/// A profile with the largest value 1, and what that was.
+pub(super) fn relative(profile: LightProfile) -> (LightProfile, f64) {
+    let peak = profile.peak();
+    let values = profile.values.iter().map(|value| value / peak).collect();
+    (LightProfile { values, ..profile }, f64::from(peak))
+}
+
+/// Reads a profile, in candela; an error is a sentence about the file.
+pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
+    // What stands before the numbers may be in any code.
+    let text = String::from_utf8_lossy(bytes);
+    let mut lines = text.lines().enumerate();
+    let tilt = lines.find_map(|(_, line)| line.trim_start().strip_prefix("TILT=").map(str::trim));
+    let Some(tilt) = tilt else {
+        return Err("is no IES file: it has no line that begins with 'TILT='".into());
+    };
+    let mut numbers = Numbers { list: numbers(lines)?, at: 0 };
+    if tilt.eq_ignore_ascii_case("INCLUDE") {
+        numbers.take(1, "the geometry of its lamp")?;
+        let pairs = numbers.count("tilts")?;
+        numbers.take(pairs.saturating_mul(2), "tilts")?;
+    }
+    let head = numbers.take(3, "its head")?.to_vec();
+    let multiplier = head[2];
+    let (rows, columns) = (numbers.count("vertical angles")?, numbers.count("horizontal angles")?);
+    let head = numbers.take(8, "its head")?.to_vec();
+    if head[0] != 1.0 {
+        let message = "has photometry of type {}, but only type C (1), of ordinary luminaires, is read";
+        return Err(message.replace("{}", &head[0].to_string()));
+    }
+    let factor = multiplier * head[5] * head[6];
+    let vertical_deg = angles(numbers.take(rows, "vertical angles")?, "vertical")?;
+    let mut horizontal_deg = angles(numbers.take(columns, "horizontal angles")?, "horizontal")?;
+    let candela = numbers.take(rows.saturating_mul(columns), "candelas")?;
+    let mut values: Vec<f32> = candela.iter().map(|c| (c * factor) as f32).collect();
+    let [first, last] = [horizontal_deg[0], horizontal_deg[columns - 1]];
+    if first == 0.0 && last > 180.0 && last < 360.0 {
+        // Files that leave out where the circle closes.
+        horizontal_deg.push(360.0);
+        values.extend_from_within(..rows);
+    } else if !(first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) || first == 90.0 && last == 270.0) {
+        let message = "must go from 0 to 0, 90, 180 or 360, or from 90 to 270 degrees";
+        return Err(format!("has horizontal angles from {first} to {last}, which {message}"));
+    }
+    let profile = LightProfile { vertical_deg, horizontal_deg, values };
+    match profile.is_sound() && profile.peak() > 0.0 {
+        true => Ok(profile),
+        false => Err("has candelas that are negative, beyond the range of numbers, or all 0".into()),
+    }
+}
+
+/// All numbers that follow, with commas or without.
+fn numbers<'t>(lines: impl Iterator<Item = (usize, &'t str)>) -> Result<Vec<f64>, String> {
+    let mut list = Vec::new();
+    for (index, line) in lines {
+        let words = line.split(|c: char| c.is_whitespace() || c == ',' || c == '\u{1a}');
+        for word in words.filter(|word| !word.is_empty()) {
+            let Some(number) = word.parse::<f64>().ok().filter(|n| n.is_finite()) else {
+                let shown: String = word.chars().take(20).collect();
+                return Err(format!("has '{shown}' in line {} where a number should stand", index + 1));
+            };
+            list.push(number);
+            if list.len() > MOST_NUMBERS {
+                return Err(format!("has more than {MOST_NUMBERS} numbers"));
+            }
+        }
+    }
+    Ok(list)
+}
+
+/// The numbers that are still to be read.
+struct Numbers {
+    list: Vec<f64>,
+    at: usize,
+}
+
+impl Numbers {
+    fn take(&mut self, count: usize, what: &str) -> Result<&[f64], String> {
+        let left = &self.list[self.at..];
+        let Some(taken) = left.get(..count) else {
+            return Err(format!("ends too early: it has {} of {count} numbers for {what}", left.len()));
+        };
+        self.at += count;
+        Ok(taken)
+    }
+
+    /// A number of things, at least 1.
+    fn count(&mut self, what: &str) -> Result<usize, String> {
+        let number = self.take(1, what)?[0];
+        match number.fract() == 0.0 && (1.0..=MOST_NUMBERS as f64).contains(&number) {
+            true => Ok(number as usize),
+            false => Err(format!("says that it has {number} {what}")),
+        }
+    }
+}
+
+fn angles(list: &[f64], what: &str) -> Result<Vec<f32>, String> {
+    let most = if what == "vertical" { 180.0 } else { 360.0 };
+    let list: Vec<f32> = list.iter().map(|x| *x as f32).collect();
+    let increase = list.windows(2).all(|w| w[0] < w[1]);
+    match increase && list[0] >= 0.0 && list[list.len() - 1] <= most {
+        true => Ok(list),
+        false => Err(format!("has {what} angles that do not increase from 0 to at most {most} degrees")),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const BODY: &str = "1 1000 2 3 2 1 2 0 0 0\n1 0.5 40\n0 45, 90\n0 90\n100 50 0\n200 100 0\n";
+
+    #[test]
+    fn all_editions_are_read() {
+        let heads = [
+            "TILT=NONE",
+            "IESNA91\n[TEST] a \u{e9}\nTILT=NONE",
+            "IESNA:LM-63-1995\r\n[MANUFAC] TILT\r\nTILT=NONE\r",
+            "IESNA:LM-63-2002\nTILT=lamp.tlt",
+            "IES:LM-63-2019\n  TILT=INCLUDE\n1\n2\n0 90\n1 0.9",
+        ];
+        for head in heads {
+            let profile = parse(format!("{head}\n{BODY}").as_bytes()).expect(head);
+            assert_eq!(profile.vertical_deg, [0.0, 45.0, 90.0], "{head}");
+            assert_eq!(profile.horizontal_deg, [0.0, 90.0]);
+            assert_eq!(profile.values, [100.0, 50.0, 0.0, 200.0, 100.0, 0.0], "candela x 2 x 0.5");
+        }
+        let open = BODY.replace("0 90\n100", "0 270\n100");
+        let closed = parse(format!("TILT=NONE\n{open}").as_bytes()).expect("it closes");
+        assert_eq!((closed.horizontal_deg.as_slice(), closed.values[6]), (&[0.0, 270.0, 360.0][..], 100.0));
+    }
+
+    #[test]
+    fn damage_is_named() {
+        let body = |from: &str, to: &str| format!("TILT=NONE\n{}", BODY.replacen(from, to, 1));
+        let cases = [
+            (String::new(), "TILT="),
+            ("TILT=NONE".into(), "0 of 3 numbers for its head"),
+            (format!("TILT=NONE\n{}", &BODY[..BODY.len() - 8]), "ends too early"),
+            (body("50", "fifty"), "'fifty' in line 6"),
+            (body("50", "1e999"), "'1e999'"),
+            (body("50", "-50"), "negative"),
+            (body("3 2 1 2", "3 2 2 2"), "type 2"),
+            (body("3 2 1 2", "0 2 1 2"), "0 vertical angles"),
+            (body("3 2 1 2", "1e15 2 1 2"), "vertical angles"),
+            (body("3 2 1 2", "3 2.5 1 2"), "2.5 horizontal angles"),
+            (body("0 45, 90", "0 90 45"), "do not increase"),
+            (body("0 45, 90", "0 45 270"), "at most 180"),
+            (body("0 90\n100", "0 100\n100"), "from 0 to 100"),
+            (body("1 1000 2", "1 1000 0"), "all 0"),
+            ("TILT=INCLUDE\n1\n1e6\n0 90\n".into(), "numbers for tilts"),
+        ];
+        for (text, words) in cases {
+            let message = parse(text.as_bytes()).expect_err(words);
+            assert!(message.contains(words), "'{words}' is not in: {message}");
+        }
+        let whole = format!("TILT=NONE\n{BODY}");
+        for end in 0..whole.len() - 8 {
+            assert!(parse(&whole.as_bytes()[..end]).is_err(), "{end}");
+        }
+    }
+}

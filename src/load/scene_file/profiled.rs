@@ -1,0 +1,67 @@
+//! `ies` of points and spots: measured profiles of luminaires.
+
+use super::build::Build;
+use super::fields::Fields;
+use super::light_traits::positive;
+use super::placement::{Placement, direction};
+use crate::load::ies;
+use crate::math::{DMat3, DQuat, DVec3};
+use crate::scene::{LightKind, LightProfile};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+/// Heights at which the mean of a profile is taken.
+const STEPS: u32 = 256;
+
+/// The profile of a light, with its largest value 1, and the intensity that this is, W/sr; `None` if it has problems.
+pub(super) fn read(build: &Build, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
+    let file = fields.string("ies")?;
+    let path = build.file.parent().unwrap_or(build.file).join(file.value);
+    build.options.files.note(&path);
+    let bytes = std::fs::read(&path).map_err(|e| format!("can't be read: {e}"));
+    let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {
+        Ok(profile) => profile,
+        Err(message) => {
+            fields.problems.push(file.span, format!("{}: {message}", path.display()));
+            return None;
+        }
+    };
+    let (profile, peak) = ies::relative(profile);
+    let intensity = match (positive(fields, "power"), positive(fields, "intensity")) {
+        (None, None) => peak / ies::LUMENS_PER_WATT,
+        (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
+        (None, Some(intensity)) => intensity,
+        (Some(_), Some(_)) => {
+            let message = "the light takes either 'power' or 'intensity', or neither with 'ies'";
+            fields.problems.push(fields.span(), message);
+            return None;
+        }
+    };
+    Some((Arc::new(profile), intensity))
+}
+
+/// The light as it shines along -z of its place. A spot's cone is given by its half angles.
+pub(super) fn local(fields: &Fields, cone: Option<[f64; 2]>) -> LightKind {
+    if fields.has("radius") {
+        let message = "a light with a profile has no radius: leave 'radius' or 'ies' out";
+        fields.problems.push(fields.span(), message);
+    }
+    let turn_rad = fields.number_in("turn", -360.0..360.0, 0.0).to_radians();
+    LightKind::Profiled { position: DVec3::ZERO, rotation: DQuat::from_rotation_z(turn_rad), cone }
+}
+
+/// How a light at a position is turned that shines along an axis. Points shine down unless they say otherwise.
+pub(super) fn aimed(fields: &Fields, position: DVec3, axis: Option<DVec3>) -> Option<DQuat> {
+    let is_aimed = fields.has("target") || fields.has("direction");
+    let axis = match axis {
+        None if is_aimed => direction(fields, Some(position))?,
+        axis => axis.unwrap_or(DVec3::NEG_Y),
+    };
+    Some(DQuat::from_rotation_arc(DVec3::NEG_Z, axis))
+}
+
+/// How a place turns what shines along -z.
+pub(super) fn rotation(place: &Placement) -> DQuat {
+    let back = -place.direction;
+    DQuat::from_mat3(&DMat3::from_cols(place.right, back.cross(place.right), back)).normalize()
+}

@@ -1,0 +1,96 @@
+//! Points with measured profiles, against closed forms.
+
+use crate::support::{assert_radiance, camera, material, options, quad};
+use oscura::math::{DQuat, DVec3};
+use oscura::scene::{Light, LightKind, LightProfile, Material, Scene};
+use std::f64::consts::PI;
+use std::sync::Arc;
+
+const ALBEDO: f64 = 0.8;
+
+/// The intensity falls from 1 to 0 over the vertical angle, to 0.25 of that over half a turn of the horizontal one.
+fn profile() -> LightProfile {
+    LightProfile {
+        vertical_deg: vec![0.0, 180.0],
+        horizontal_deg: vec![0.0, 180.0],
+        values: vec![1.0, 0.0, 0.25, 0.0],
+    }
+}
+
+/// The share in a direction that leaves the lamp, in its own space.
+fn share(local: DVec3) -> f64 {
+    let vertical = (-local.z).acos() / PI;
+    let horizontal = local.y.atan2(local.x).abs() / PI;
+    (1.0 - vertical) * (1.0 - 0.75 * horizontal)
+}
+
+/// A floor of which one point is looked at, the origin.
+fn floor(lights: Vec<Light>) -> Scene {
+    let mut scene = Scene { lights, ..Scene::default() };
+    let grey = material(&mut scene, Material::lambert("grey", [ALBEDO as f32; 3]));
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], grey);
+    scene.cameras.push(camera(DVec3::new(-3.0, 1.0, -2.0), DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+/// What a light of intensity 5 at a position, turned, brings to the origin.
+fn expected(position: DVec3, rotation: DQuat) -> f64 {
+    let way = -position.normalize();
+    5.0 * share(rotation.inverse() * way) * -way.y / position.length_squared() * ALBEDO / PI
+}
+
+fn lamp(position: DVec3, rotation: DQuat, cone: Option<[f64; 2]>) -> Light {
+    let kind = LightKind::Profiled { position, rotation, cone };
+    Light { profile: Some(Arc::new(profile())), ..Light::new(kind, [5.0; 3]) }
+}
+
+#[test]
+fn a_profile_lights_a_floor_as_it_says() {
+    let down = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::NEG_Y);
+    let askew = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(-1.1);
+    let mut all = (Vec::new(), 0.0);
+    for position in [DVec3::new(0.5, 2.0, 1.0), DVec3::new(-1.0, 1.0, 0.3), DVec3::new(0.2, 3.0, -2.0)] {
+        for rotation in [down, askew] {
+            let truth = expected(position, rotation);
+            let light = lamp(position, rotation, None);
+            let what = format!("a profile at {position}");
+            assert_radiance(&what, &floor(vec![light.clone()]), &options(16, 64, 1), truth, 1e-3);
+            all.0.push(light);
+            all.1 += truth;
+        }
+    }
+    assert_radiance("all of them", &floor(all.0), &options(16, 1024, 1), all.1, 4e-3);
+}
+
+/// The smooth step of a cone from its axis to 60 degrees, on top of the profile.
+#[test]
+fn a_cone_cuts_a_profile() {
+    let position = DVec3::new(1.0, 2.0, 0.5);
+    let down = DQuat::from_rotation_arc(DVec3::NEG_Z, DVec3::NEG_Y);
+    let outer = PI / 3.0;
+    let cosine = position.y / position.length();
+    let a = (cosine - outer.cos()) / (1.0 - outer.cos());
+    let truth = expected(position, down) * a * a * (3.0 - 2.0 * a);
+    let scene = floor(vec![lamp(position, down, Some([0.0, outer]))]);
+    assert_radiance("a cone", &scene, &options(16, 64, 1), truth, 1e-3);
+    let beside = DVec3::new(4.0, 2.0, 0.0);
+    let dark = floor(vec![lamp(beside, down, Some([0.0, outer]))]);
+    assert_radiance("beside the cone", &dark, &options(16, 64, 1), 0.0, 1e-3);
+}
+
+#[test]
+fn profiles_that_are_none_are_refused() {
+    let place = DVec3::new(0.5, 2.0, 1.0);
+    let good = lamp(place, DQuat::IDENTITY, None);
+    assert!(floor(vec![good.clone()]).validate().is_empty());
+    let without = Light { profile: None, ..good.clone() };
+    let elsewhere = Light { kind: LightKind::Point { position: place }, ..good.clone() };
+    let unsound = LightProfile { values: vec![1.0], ..profile() };
+    let unsound = Light { profile: Some(Arc::new(unsound)), ..good.clone() };
+    for light in [without, elsewhere, unsound] {
+        let problems = floor(vec![light]).validate();
+        assert!(problems.iter().any(|p| p.to_string().contains("profile")), "{problems:?}");
+    }
+    let turned = lamp(place, DQuat::from_xyzw(0.0, 0.0, 0.0, 2.0), None);
+    assert!(!floor(vec![turned]).validate().is_empty());
+}
