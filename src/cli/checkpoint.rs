@@ -146,7 +146,8 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
     }
     check_limits(args, is_adaptive)?;
     let is_part = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
-    if long.is_part() && !args.output.iter().all(is_part) {
+    let is_shown_only = args.show.is_some() && args.output.is_empty();
+    if long.is_part() && (is_shown_only || !args.output.iter().all(is_part)) {
         let message = "a part of a picture is written as a .part file";
         return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
     }

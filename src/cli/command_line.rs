@@ -9,7 +9,7 @@ use super::thumb_args::{ThumbArgs, ThumbnailerArgs};
 use super::view::{self, ViewArgs};
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 use std::ffi::OsString;
-use std::sync::OnceLock;
+use std::sync::{Mutex, PoisonError};
 
 const AFTER: &str = "Exit codes: 0 done, 1 compare found disagreement, 2 usage, 3 bad input, 4 output failed, \
 130 interrupted. A setting comes from the command line, else from the scene file, else from its default. 'oscura help \
@@ -23,12 +23,12 @@ pub(crate) struct Arguments {
     pub command: Command,
 }
 
-/// The command line that was read.
-static WORDS: OnceLock<Vec<OsString>> = OnceLock::new();
+/// The command line that was read last: a process may run the program several times (Python).
+static WORDS: Mutex<Vec<OsString>> = Mutex::new(Vec::new());
 
 /// The words of the command line behind the program's name.
-pub(crate) fn words() -> impl Iterator<Item = &'static OsString> {
-    WORDS.get().into_iter().flatten().skip(1)
+pub(crate) fn words() -> impl Iterator<Item = OsString> {
+    WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone().into_iter().skip(1)
 }
 
 impl Arguments {
@@ -43,7 +43,8 @@ impl Arguments {
     /// What clap objects to, and questions for help.
     pub fn read(words: impl Iterator<Item = OsString>) -> Result<Arguments, clap::Error> {
         let mut command = Arguments::whole();
-        let words = WORDS.get_or_init(|| words.collect());
+        let words: Vec<OsString> = words.collect();
+        WORDS.lock().unwrap_or_else(PoisonError::into_inner).clone_from(&words);
         let matches = command.try_get_matches_from_mut(words)?;
         if let Some(("view", matches)) = matches.subcommand() {
             view::refuse_unused(&mut command, matches)?;
@@ -86,4 +87,20 @@ pub(crate) enum Command {
     Completions(CompletionsArgs),
     /// Print the manual page of the program or of a command.
     Man(ManArgs),
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_command_line_is_its_own() {
+        for name in ["a.obj", "b.obj"] {
+            let words = ["oscura", "thumb", name].map(OsString::from);
+            let arguments = Arguments::read(words.into_iter()).expect("a command");
+            assert!(
+                matches!(arguments.command, Command::Thumb(thumb) if thumb.models == [std::path::PathBuf::from(name)])
+            );
+        }
+    }
 }

@@ -49,6 +49,25 @@ impl MovingPictures {
         Ok(MovingPictures { animation: Animation::default(), animations, videos, frames_a_second })
     }
 
+    /// Can they hold pictures of this size?
+    ///
+    /// # Errors
+    /// A usage error for the first that can't.
+    pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
+        self.videos.iter().try_for_each(|(_, video)| video.check_size(width, height))
+    }
+
+    /// Says that none of them is written, since the run ended before its last frame.
+    pub fn say_unfinished(&self, args: &RenderArgs) {
+        if args.quiet {
+            return;
+        }
+        let videos = self.videos.iter().map(|(path, _)| path);
+        for path in self.animations.iter().map(|(path, _)| path).chain(videos) {
+            say!("{} is not written, as not all frames are there", path.display());
+        }
+    }
+
     /// Adds a picture to all of them.
     ///
     /// # Errors

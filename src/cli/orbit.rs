@@ -45,9 +45,10 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
         loaded.scene.cameras[number] = table.camera(&first, angle);
         table.light(&mut loaded.scene, angle);
         let targets = Targets::check(&files(k))?;
-        let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept)?;
-        if !matches!(outcome, Outcome::Done) {
-            return Ok(outcome);
+        let outcome = run_one(args, cancel, &targets, None, &mut loaded, start, &mut kept);
+        if !matches!(outcome, Ok(Outcome::Done)) {
+            kept.moving.iter().for_each(|moving| moving.say_unfinished(args));
+            return outcome;
         }
         start = Instant::now();
     }

@@ -3,20 +3,28 @@
 use oscura::error::{Error, Result};
 use oscura::render::CancelHandle;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
+
+/// What signals cancel; `None` until they are watched for.
+static WATCHED: Mutex<Option<CancelHandle>> = Mutex::new(None);
 
 /// Watches for Ctrl-C and SIGTERM. The first uses the handle that comes back; a second one ends the program at once.
 ///
 /// # Errors
-/// If the system refuses the handler.
+/// If the system refuses the handler. There is one for the whole process, which may run the program several times (Python).
 pub(crate) fn cancel_by_signals() -> Result<CancelHandle> {
     let cancel = CancelHandle::new();
-    let handle = cancel.clone();
-    ctrlc::set_handler(move || {
-        if handle.cancel() {
-            std::process::exit(130);
-        }
-    })
-    .map_err(|e| Error::usage(format!("can't watch for signals: {e}")))?;
+    let mut watched = WATCHED.lock().unwrap_or_else(PoisonError::into_inner);
+    if watched.is_none() {
+        ctrlc::set_handler(|| {
+            let newest = WATCHED.lock().unwrap_or_else(PoisonError::into_inner).clone();
+            if newest.is_some_and(|handle| handle.cancel()) {
+                std::process::exit(130);
+            }
+        })
+        .map_err(|e| Error::usage(format!("can't watch for signals: {e}")))?;
+    }
+    *watched = Some(cancel.clone());
     Ok(cancel)
 }
 
@@ -48,4 +56,17 @@ fn kib(file: &str, key: &str) -> Option<u64> {
     let line = status.lines().find(|l| l.starts_with(key))?;
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib * 1024)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn each_run_of_a_process_has_a_handle_of_its_own() {
+        let first = cancel_by_signals().expect("watched for");
+        let second = cancel_by_signals().expect("watched for");
+        first.cancel();
+        assert!(!second.is_cancelled());
+    }
 }

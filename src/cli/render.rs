@@ -59,28 +59,30 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     scene_path::check(&args.scene)?;
     limits::before_loading(args)?;
     let environment = EnvironmentOverride::load(args)?;
-    load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
-        let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
-        let targets = Targets::check(&file(number))?;
-        if !args.quiet {
-            match is_of_blender(&args.scene) {
-                true => say!("frame    {number}"),
-                false => say!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
+    let rendered =
+        load_frames(&args.scene, &load_options(args)?, missing.iter().copied(), args.fps, &mut |loaded| {
+            let Some(number) = numbers.next() else { return Ok(ControlFlow::Break(())) };
+            let targets = Targets::check(&file(number))?;
+            if !args.quiet {
+                match is_of_blender(&args.scene) {
+                    true => say!("frame    {number}"),
+                    false => say!("frame    {number}, {:.3} s", f64::from(number) / args.fps),
+                }
             }
-        }
-        let mut args = args.clone();
-        args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
-        outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
-        start = Instant::now();
-        Ok(match outcome {
-            Outcome::Done => ControlFlow::Continue(()),
-            _ => ControlFlow::Break(()),
-        })
-    })?;
-    if matches!(outcome, Outcome::Done) {
-        kept.moving.map_or(Ok(()), |moving| moving.finish(args))?;
+            let mut args = args.clone();
+            args.long.checkpoint = args.long.checkpoint.map(|file| Frames::file(&file, number));
+            outcome = run_one(&args, cancel, &targets, Some(&environment), loaded, start, &mut kept)?;
+            start = Instant::now();
+            Ok(match outcome {
+                Outcome::Done => ControlFlow::Continue(()),
+                _ => ControlFlow::Break(()),
+            })
+        });
+    match (&rendered, &outcome) {
+        (Ok(()), Outcome::Done) => kept.moving.map_or(Ok(()), |moving| moving.finish(args))?,
+        _ => kept.moving.iter().for_each(|moving| moving.say_unfinished(args)),
     }
-    Ok(outcome)
+    rendered.map(|()| outcome)
 }
 
 /// Says how many frames are not rendered again.

@@ -196,7 +196,9 @@ impl Run {
             say!("memory   {:.1} MiB at most", mib(bytes));
         }
         say!("warnings {}; left out {}", self.warnings.len(), self.left_out.len());
-        if s.interrupted {
+        if s.interrupted && self.outputs.is_empty() {
+            say!("stopped by a signal");
+        } else if s.interrupted {
             say!("stopped by a signal: the pictures hold the samples taken until then");
         } else if s.timed_out {
             say!("stopped by --time-limit: another run may stop elsewhere and give other pixels");

@@ -97,6 +97,8 @@ pub(super) fn run_one(
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
     targets.check_size(settled.options.width, settled.options.height)?;
+    let (width, height) = (settled.options.width, settled.options.height);
+    moving.iter().try_for_each(|moving| moving.check_size(width, height))?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;

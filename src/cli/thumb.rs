@@ -8,9 +8,9 @@ use super::terms;
 use super::thumb_args::ThumbArgs;
 use oscura::error::{Error, Result};
 use oscura::film::AovSet;
-use oscura::load::{LoadOptions, Loaded, load};
+use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::{
-    Format, PngOptions, ViewTransform, check_target, encode, place_folder, write_atomically,
+    Format, PngOptions, ViewTransform, check_target, encode, is_same_target, place_folder, write_atomically,
 };
 use oscura::render::{CancelHandle, Caustics, PathReuse, Renderer, Splitting, denoising_guides, in_pool};
 use std::path::{Path, PathBuf};
@@ -18,6 +18,9 @@ use std::time::Instant;
 
 /// Scattering events of a path: more are not seen at this size.
 const DEPTH: u32 = 6;
+
+/// What helps where a picture would replace something else.
+const ELSEWHERE: &str = "give another place by -o FOLDER or --file FILE";
 
 /// Makes all pictures; models that fail are listed, and the worst decides the exit code.
 pub(super) fn run(args: &ThumbArgs) -> Result<Outcome> {
@@ -85,6 +88,12 @@ fn all(args: &ThumbArgs, targets: &[PathBuf], cancel: &CancelHandle) -> Result<O
 fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> Result<bool> {
     scene_path::check(model)?;
     check_target(target)?;
+    refuse_part(model, target, &[model.to_path_buf()])?;
+    if args.file.is_none() && args.output.is_none() && is_of_blender(model) && target.exists() {
+        // Only Blender knows which textures such a file has.
+        let message = format!("{} exists, and may be a texture of {}", target.display(), model.display());
+        return Err(Error::usage(message).with_help(ELSEWHERE));
+    }
     let stage = args.stage.options(Some(1.0), &mut Vec::new())?;
     let options = LoadOptions {
         allow_external: args.allow_external,
@@ -93,6 +102,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         ..LoadOptions::default()
     };
     let loaded = load(model, &options)?;
+    refuse_part(model, target, &options.files.paths())?;
     let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
     let (width, height) = size(args.size, &loaded);
     // Denoising does more for a few samples than what makes each of them better, in less time.
@@ -123,6 +133,17 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     let encoded = encode(picture.film(), Format::Png, &output, target)?;
     write_atomically(target, &encoded.bytes)?;
     Ok(true)
+}
+
+/// The picture must not replace the model or a file that it is made of, such as a texture of its name. A texture that is missing
+/// counts as well: the picture would become it.
+fn refuse_part(model: &Path, target: &Path, parts: &[PathBuf]) -> Result<()> {
+    if !parts.iter().any(|part| is_same_target(part, target)) {
+        return Ok(());
+    }
+    let model = model.display();
+    let message = format!("the picture would be {}, which {model} is made of", target.display());
+    Err(Error::usage(message).with_help(ELSEWHERE))
 }
 
 /// Square for models that were framed; else of the shape that the scene asks for.

@@ -48,13 +48,15 @@ impl Installed {
 
 /// Writes, prints or removes the files.
 pub(crate) fn run(args: &ThumbnailerArgs) -> Result<Outcome> {
-    let installed = Installed::below(&data_folder()?);
     if args.print {
+        // Where nothing is written, the usual place says enough (packages are built without a home).
+        let installed = Installed::below(&data_folder().unwrap_or_else(|_| "~/.local/share".into()));
         for (path, text) in installed.files() {
             print_text(&format!("# {}\n{text}\n", path.display()));
         }
         return Ok(Outcome::Done);
     }
+    let installed = Installed::below(&data_folder()?);
     let say = |what: &str, path: &Path| {
         if !args.quiet {
             say!("{what:<8} {}", path.display());
@@ -127,12 +129,32 @@ fn program() -> PathBuf {
 /// The entry of a thumbnailer; `%s` is the size in pixels, `%o` the picture and `%i` the model.
 fn thumbnailer(program: &Path) -> String {
     let names: Vec<&str> = TYPES.iter().map(|(name, ..)| *name).collect();
-    // The specification has no quotes in TryExec; Exec is read as shells read words.
-    let program = program.display();
+    let program = program.display().to_string();
+    // The specification has no quotes in TryExec.
+    let (tried, run) = (value(&program), value(&quoted(&program)));
     format!(
-        "[Thumbnailer Entry]\nTryExec={program}\nExec=\"{program}\" thumb --quiet --size %s --file %o %i\nMimeType={};\n",
+        "[Thumbnailer Entry]\nTryExec={tried}\nExec={run} thumb --quiet --size %s --file %o %i\nMimeType={};\n",
         names.join(";")
     )
+}
+
+/// A word of a command, in quotes (Desktop Entry Specification, "The Exec key").
+fn quoted(word: &str) -> String {
+    let mut out = String::from("\"");
+    for c in word.chars() {
+        match c {
+            '%' => out.push('%'),
+            '"' | '`' | '$' | '\\' => out.push('\\'),
+            _ => {}
+        }
+        out.push(c);
+    }
+    out + "\""
+}
+
+/// A string as the value of a key, which is read before its quotes are (Desktop Entry Specification, "Possible value types").
+fn value(text: &str) -> String {
+    text.replace('\\', r"\\").replace('\n', r"\n").replace('\t', r"\t").replace('\r', r"\r")
 }
 
 /// The types with their extensions, which systems may know already.
@@ -153,4 +175,23 @@ fn types() -> String {
         "<?xml version=\"1.0\" encoding=\"UTF-8\"?>\n\
          <mime-info xmlns=\"http://www.freedesktop.org/standards/shared-mime-info\">\n{all}</mime-info>\n"
     )
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn paths_with_characters_of_the_command_are_escaped() {
+        let line = |path: &str, key: &str| {
+            let entry = thumbnailer(Path::new(path));
+            let found = entry.lines().find_map(|line| line.strip_prefix(key)).map(str::to_string);
+            found.expect("the key")
+        };
+        let path = r#"/opt/50% $off `a` "b" c\d/oscura"#;
+        let program = r#""/opt/50%% \\$off \\`a\\` \\"b\\" c\\\\d/oscura""#;
+        assert_eq!(line(path, "Exec="), format!("{program} thumb --quiet --size %s --file %o %i"));
+        assert_eq!(line(path, "TryExec="), r#"/opt/50% $off `a` "b" c\\d/oscura"#);
+        assert!(line("/usr/bin/oscura", "Exec=").starts_with("\"/usr/bin/oscura\" thumb"));
+    }
 }

@@ -1,7 +1,7 @@
 //! Video, by the program `ffmpeg`: frames go to it as they are made, and no file stands where they are not all in.
 
 use super::atomic::{create, place};
-use super::png::{PngOptions, rgba8};
+use super::png::{Linear, PngOptions, rgba8, shown8};
 use crate::error::{Error, Result};
 use crate::film::Film;
 use std::io::{self, Read, Write};
@@ -108,16 +108,29 @@ impl Video {
         Ok(Some(Video { path: path.to_path_buf(), format, frames_a_second, running: None }))
     }
 
+    /// Can pictures of this size become it? The formats have half as many colours across and down.
+    ///
+    /// # Errors
+    /// A usage error where a side has a single pixel.
+    pub fn check_size(&self, width: u32, height: u32) -> Result<()> {
+        if width.min(height) >= 2 {
+            return Ok(());
+        }
+        let message = format!("{}: {width} x {height} is too small for video", self.path.display());
+        Err(Error::usage(message).with_help("make it 2 pixels or more a side"))
+    }
+
     /// Adds a picture as PNGs would show it; all must have one size.
     ///
     /// # Errors
-    /// An output error with what the encoder says.
+    /// A usage error for a size that no video has, an output error with what the encoder says.
     pub fn add_film(&mut self, film: &Film, options: &PngOptions) -> Result<()> {
         let size = (film.width(), film.height());
-        let mut rgba = rgba8(film, options);
         if self.running.is_none() {
-            let is_transparent = rgba.chunks_exact(4).any(|pixel| pixel[3] != 255);
-            self.running = Some(self.start(size, is_transparent && self.format == VideoFormat::WebM)?);
+            self.check_size(size.0, size.1)?;
+            let has_alpha = self.format == VideoFormat::WebM
+                && rgba8(film, options).chunks_exact(4).any(|pixel| pixel[3] != 255);
+            self.running = Some(self.start(size, has_alpha)?);
         }
         let Some(running) = &mut self.running else { return Ok(()) };
         if running.size != size {
@@ -125,9 +138,7 @@ impl Video {
                 format!("frames of {} x {} and {} x {}", running.size.0, running.size.1, size.0, size.1);
             return Err(Error::output(&self.path, message + " pixels are no video"));
         }
-        if !running.has_alpha {
-            rgba.chunks_exact_mut(4).for_each(put_before_black);
-        }
+        let rgba = frame(film, options, running.has_alpha);
         match running.frames.as_mut().map(|pipe| pipe.write_all(&rgba)) {
             Some(Ok(())) => Ok(()),
             // It ended before its frames did, and says why.
@@ -217,11 +228,59 @@ fn missing(path: &Path, error: &io::Error) -> Error {
     .with_help("install it (its folder must be in PATH), or write .gif, .apng or numbered pictures")
 }
 
-/// Light that a black ground shows through.
-fn put_before_black(pixel: &mut [u8]) {
-    let alpha = u32::from(pixel[3]);
-    for code in &mut pixel[..3] {
-        *code = ((u32::from(*code) * alpha + 127) / 255) as u8;
+/// A frame as it goes to the encoder: RGBA, straight alpha where there is any, else opaque before black, as JPEGs have it.
+fn frame(film: &Film, options: &PngOptions, has_alpha: bool) -> Vec<u8> {
+    if has_alpha {
+        return rgba8(film, options);
     }
-    pixel[3] = 255;
+    let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
+    let mut rgba = shown8(&picture, options);
+    rgba.chunks_exact_mut(4).for_each(|pixel| pixel[3] = 255);
+    rgba
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::AovSet;
+    use crate::output::{Format, encode_shown};
+
+    /// Pixels half covered by light.
+    fn edge() -> Film {
+        let mut film = Film::new(16, 16, AovSet::NONE);
+        let mut tile = film.tile(0, 0, 16, 16);
+        (0..256).for_each(|pixel| assert!(tile.add(pixel, [0.4, 0.2, 0.1], 0.5)));
+        film.merge(tile);
+        film
+    }
+
+    #[test]
+    fn opaque_frames_stand_before_black_as_jpegs_do() {
+        let (film, options) = (edge(), PngOptions::default());
+        let picture = Linear { width: 16, height: 16, rgba: &film.rgba() };
+        let jpeg = encode_shown(&picture, Format::Jpeg, &options).expect("encoded");
+        let jpeg = image::load_from_memory(&jpeg).expect("a picture").into_rgb8();
+        let frame = frame(&film, &options, false);
+        for (pixel, expected) in frame.chunks_exact(4).zip(jpeg.pixels()) {
+            assert!(pixel.iter().zip(expected.0).all(|(a, b)| a.abs_diff(b) <= 3), "{pixel:?} {expected:?}");
+            assert_eq!(pixel[3], 255);
+        }
+    }
+
+    #[test]
+    fn transparent_frames_have_straight_alpha() {
+        let (film, options) = (edge(), PngOptions::default());
+        let transparent = frame(&film, &options, true);
+        assert_eq!(transparent, rgba8(&film, &options));
+        assert_eq!(transparent[3], 128);
+        assert!(transparent[0] > frame(&film, &options, false)[0]);
+    }
+
+    #[test]
+    fn a_side_of_one_pixel_is_refused() {
+        let video =
+            Video { path: "a.mp4".into(), format: VideoFormat::Mp4, frames_a_second: 24.0, running: None };
+        assert!(video.check_size(1, 9).is_err() && video.check_size(9, 1).is_err());
+        assert!(video.check_size(2, 2).is_ok());
+    }
 }

@@ -108,6 +108,8 @@ fn packages_are_laid_out() {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let mut command = Command::new(root.join("tools/packaging/install.sh"));
     command.arg(env!("CARGO_BIN_EXE_oscura")).env("DESTDIR", folder.path()).env("PREFIX", "/usr");
+    // Packages are built without a home.
+    command.env_remove("HOME").env_remove("XDG_DATA_HOME");
     let output = command.output().expect("a shell");
     assert!(output.status.success(), "{}", stderr(&output));
     let read = |name: &str| {
@@ -125,4 +127,23 @@ fn packages_are_laid_out() {
     assert!(read("mime/packages/oscura.xml").contains("model/gltf-binary"));
     assert!(read("doc/oscura/LICENSE-MIT").contains("MIT"));
     assert!(folder.path().join("usr/bin/oscura").is_file());
+}
+
+/// A program that fails anywhere is not packaged.
+#[test]
+#[cfg(target_os = "linux")]
+fn a_failing_program_fails_the_recipe_for_packages() {
+    use std::os::unix::fs::PermissionsExt;
+    let folder = tempfile::tempdir().unwrap();
+    let script = Path::new(env!("CARGO_MANIFEST_DIR")).join("tools/packaging/install.sh");
+    let program = folder.path().join("program");
+    for failing in ["--help", "man", "completions", "install-thumbnailer"] {
+        let real = env!("CARGO_BIN_EXE_oscura");
+        let text = format!("#!/bin/sh\n[ \"$1\" = {failing} ] && exit 3\nexec '{real}' \"$@\"\n");
+        fs::write(&program, text).unwrap();
+        fs::set_permissions(&program, fs::Permissions::from_mode(0o755)).unwrap();
+        let root = folder.path().join(failing);
+        let output = Command::new(&script).arg(&program).env("DESTDIR", root).output().expect("a shell");
+        assert!(!output.status.success(), "{failing}");
+    }
 }

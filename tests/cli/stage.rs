@@ -129,3 +129,38 @@ fn thumbnails_of_many_models_list_those_that_fail() {
     let twice = oscura(folder.path(), &["thumb", "a.obj", "x/a.obj", "-o", "thumbs"]);
     assert_eq!(code(&twice), 2, "{}", stderr(&twice));
 }
+
+#[test]
+fn thumbnails_replace_nothing_that_a_model_is_made_of() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let file = |name: &str| folder.path().join(name);
+    let model = fs::read(file("a.obj")).unwrap();
+    let textured =
+        "mtllib q.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 0 1\nf 1/1 2/2 3/3\n";
+    fs::write(file("q.obj"), textured).unwrap();
+    fs::write(file("q.mtl"), "newmtl m\nmap_Kd q.png\n").unwrap();
+    image::RgbImage::from_pixel(2, 2, image::Rgb([200, 30, 30])).save(file("q.png")).unwrap();
+    let texture = fs::read(file("q.png")).unwrap();
+    fs::write(file("b.blend"), "BLENDER").unwrap();
+    fs::write(file("b.png"), "a texture").unwrap();
+    for words in [
+        &["thumb", "a.obj", "--file", "./a.obj"][..],
+        &["thumb", "q.obj"],
+        &["thumb", "q.obj", "--file", "q.mtl"],
+        &["thumb", "b.blend"],
+    ] {
+        let output = oscura(folder.path(), &[words, &["--size", "16", "--spp", "1"]].concat());
+        assert_eq!(code(&output), 2, "{words:?}: {}", stderr(&output));
+        assert!(stderr(&output).contains("give another place by"), "{}", stderr(&output));
+    }
+    assert_eq!(fs::read(file("a.obj")).unwrap(), model);
+    assert_eq!(fs::read(file("q.png")).unwrap(), texture);
+    assert_eq!(fs::read_to_string(file("b.png")).unwrap(), "a texture");
+    let output = oscura(folder.path(), &["thumb", "q.obj", "-o", "small", "--size", "16", "--spp", "1"]);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    // A picture that is no part of its model is made anew.
+    for _ in 0..2 {
+        assert_eq!(code(&oscura(folder.path(), &["thumb", "a.obj", "--size", "16", "--spp", "1"])), 0);
+    }
+}

@@ -116,3 +116,16 @@ fn what_is_no_terminal_is_refused_before_work_starts() {
     assert_eq!(code(&nothing), 2);
     assert!(stderr(&nothing).contains("--output"), "{}", stderr(&nothing));
 }
+
+#[test]
+#[cfg(unix)]
+fn parts_are_not_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = cornell();
+    for part in [["--region", "0,0,8,8"], ["--sample-range", "0..8"]] {
+        let words = [&["render", &scene, "--show"], &part[..], &SMALL].concat();
+        let Some((code, said)) = in_terminal(folder.path(), "xterm-256color", &words) else { return };
+        assert_eq!(code, 2, "{said}");
+        assert!(said.contains("-o NAME.part"), "{said}");
+    }
+}

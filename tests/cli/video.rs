@@ -135,13 +135,16 @@ fn a_video_that_is_interrupted_is_not_there() {
     encoder(programs.path(), "/bin/cat > \"$0.frames\"");
     let mut command = command(programs.path(), folder.path(), "100000");
     let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("it starts");
-    let lines = BufReader::new(child.stderr.take().expect("its messages")).lines();
-    let third = lines.map_while(Result::ok).find(|line| line.starts_with("frame    2 of"));
+    let mut lines = BufReader::new(child.stderr.take().expect("its messages")).lines().map_while(Result::ok);
+    let third = lines.by_ref().find(|line| line.starts_with("frame    2 of"));
     assert!(third.is_some(), "frames are rendered");
     assert_eq!(names(folder.path()).len(), 1, "the encoder's own file, under a name of its own");
     let status = Command::new("kill").args(["-INT", &child.id().to_string()]).status();
     assert!(status.expect("kill runs").success());
+    let said = lines.collect::<Vec<_>>().join("\n");
     assert_eq!(child.wait().expect("it ends").code(), Some(130));
+    assert!(said.contains("a.mp4 is not written, as not all frames are there"), "{said}");
+    assert!(!said.contains("the pictures hold"), "{said}");
     assert!(names(folder.path()).is_empty(), "{:?}", names(folder.path()));
     let frame = 63 * 48 * 4;
     let frames = fs::metadata(programs.path().join("ffmpeg.frames")).expect("what was sent").len();

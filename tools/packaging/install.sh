@@ -13,10 +13,12 @@ install -Dm755 "$program" "${DESTDIR:-}$prefix/bin/oscura"
 
 mkdir -p "$share/man/man1"
 "$program" man > "$share/man/man1/oscura.1"
-"$program" --help | awk '/^Commands:/ { on = 1; next } /^$/ { on = 0 } on && /^  [a-z]/ { print $1 }' |
-    while read -r command; do
-        "$program" man "$command" > "$share/man/man1/oscura-$command.1"
-    done
+# The program stands on no left side of a pipe: its failures there would be lost.
+help=$("$program" --help)
+commands=$(printf '%s\n' "$help" | awk '/^Commands:/ { on = 1; next } /^$/ { on = 0 } on && /^  [a-z]/ { print $1 }')
+for command in ${commands:?no commands in the help of the program}; do
+    "$program" man "$command" > "$share/man/man1/oscura-$command.1"
+done
 
 completions() {
     mkdir -p "$share/$2"
@@ -28,12 +30,16 @@ completions zsh zsh/site-functions _oscura
 
 # The system's own step after installing, update-mime-database, is the package manager's.
 mkdir -p "$share/thumbnailers" "$share/mime/packages"
-"$program" install-thumbnailer --print | awk -v share="$share" -v program="$prefix/bin/oscura" '
+files=$("$program" install-thumbnailer --print)
+printf '%s\n' "$files" | awk -v share="$share" -v program="$prefix/bin/oscura" '
     /^# .*\/thumbnailers\// { file = share "/thumbnailers/oscura.thumbnailer"; next }
     /^# .*\/mime\// { file = share "/mime/packages/oscura.xml"; next }
     /^TryExec=/ { $0 = "TryExec=" program }
     /^Exec=/ { sub(/"[^"]*"/, "\"" program "\"") }
     NF { print > file }'
+for file in thumbnailers/oscura.thumbnailer mime/packages/oscura.xml; do
+    [ -s "$share/$file" ] || { echo "install.sh: $file was not made" >&2; exit 1; }
+done
 
 for name in LICENSE-APACHE LICENSE-MIT README.md CHANGELOG.md; do
     install -Dm644 "$sources/$name" "$share/doc/oscura/$name"

@@ -1,10 +1,7 @@
 //! Two pixels a character: the upper half block in one colour on a ground of another.
 
-use super::scaled::Pixels;
+use super::scaled::{OPAQUE, Pixels};
 use std::fmt::Write;
-
-/// Alpha from which on a pixel is drawn.
-const OPAQUE: u8 = 128;
 
 /// The picture in characters; in 256 colours where the terminal hasn't all.
 pub(super) fn text(picture: &Pixels, has_all_colors: bool) -> String {

@@ -2,6 +2,9 @@
 
 use oscura::color::{linear_from_srgb, srgb_from_linear};
 
+/// Alpha from which on a pixel is drawn.
+pub(super) const OPAQUE: u8 = 128;
+
 /// Display-referred RGBA with straight alpha, row by row from the top.
 pub(super) struct Pixels {
     pub size: (u32, u32),

@@ -1,6 +1,6 @@
 //! Sixel graphics (DEC VT340 manual, chapter 14): bands of six rows, colour by colour.
 
-use super::scaled::Pixels;
+use super::scaled::{OPAQUE, Pixels};
 use std::fmt::Write;
 
 /// Pixels of a character as far as it is known: few terminals have fewer.
@@ -11,9 +11,6 @@ const LEVELS: [u32; 3] = [6, 7, 6];
 
 /// Thresholds in sixteenths (Bayer 1973), which hide the steps between the levels.
 const BAYER: [[u32; 4]; 4] = [[0, 8, 2, 10], [12, 4, 14, 6], [3, 11, 1, 9], [15, 7, 13, 5]];
-
-/// Alpha from which on a pixel is drawn.
-const OPAQUE: u8 = 128;
 
 /// The picture; what is transparent stays as it is on the screen.
 pub(super) fn text(picture: &Pixels) -> String {

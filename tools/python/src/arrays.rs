@@ -71,7 +71,16 @@ pub fn image(name: &str, pixels: &Bound<'_, PyAny>, is_srgb: Option<bool>) -> Py
         return Err(usage(format!("{name} is {height} x {width} x {channels}; it needs 1 to 4 channels")));
     }
     let size = |edge: usize| u32::try_from(edge).map_err(|_| usage(format!("{name} is too large")));
-    let is_bytes = array.getattr("dtype")?.getattr("name")?.extract::<String>()? == "uint8";
+    let dtype = array.getattr("dtype")?;
+    let kind: String = dtype.getattr("kind")?.extract()?;
+    let dtype: String = dtype.getattr("name")?.extract()?;
+    let is_bytes = dtype == "uint8";
+    if !is_bytes && kind != "f" {
+        // What white is among them can't be told.
+        return Err(usage(format!(
+            "{name} is an array of {dtype}; give bytes (uint8), or floats of which 1 is white: numpy.float32(pixels) / 255, or / 65535"
+        )));
+    }
     let flat = array.call_method0("ravel")?;
     let stored = match is_bytes {
         true => Pixels::U8(flat.cast::<numpy::PyArray1<u8>>()?.to_vec()?),

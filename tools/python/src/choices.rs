@@ -8,6 +8,9 @@ use oscura::output::ViewTransform;
 use pyo3::PyResult;
 use std::str::FromStr;
 
+/// As many as the program takes.
+const MOST_THREADS: usize = 1024;
+
 /// What a word stands for in a list of choices.
 fn choose<T: Clone>(argument: &str, word: &str, choices: &[(&str, T)]) -> PyResult<T> {
     let found = choices.iter().find(|(name, _)| *name == word).map(|(_, value)| value.clone());
@@ -76,4 +79,12 @@ where
     T::Err: std::fmt::Display,
 {
     word.parse().map_err(|error| usage(format!("{argument}='{word}': {error}")))
+}
+
+/// A number of threads, if it is one that can be.
+pub fn checked_threads(count: Option<usize>) -> PyResult<Option<usize>> {
+    match count.is_none_or(|count| (1..=MOST_THREADS).contains(&count)) {
+        true => Ok(count),
+        false => Err(usage(format!("threads must be 1 to {MOST_THREADS}"))),
+    }
 }

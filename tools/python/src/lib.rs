@@ -1,4 +1,4 @@
-//! The Python module `oscura._oscura`: scenes, rendering, and the program. `python/oscura/__init__.pyi` documents it for users.
+//! The Python module `oscura._oscura`: scenes, rendering, and the program. `python/oscura/_oscura.pyi` documents it for users.
 
 mod arrays;
 mod choices;

@@ -107,6 +107,7 @@ pub fn load(
         no_sidecar: !sidecar,
         ..LoadOptions::default()
     };
+    let threads = choices::checked_threads(threads)?;
     let loaded = watched(py, &CancelHandle::new(), None, |_news| {
         in_pool(threads, || oscura::load::load(&path, &options)).and_then(|loaded| loaded)
     })?;

@@ -1,6 +1,6 @@
 //! Rendering.
 
-use super::choices::parsed;
+use super::choices::{checked_threads, parsed};
 use super::errors::{raised, usage};
 use super::picture::Picture;
 use super::scene::Scene;
@@ -80,6 +80,10 @@ pub fn render(
     };
     if samples == Some(0) || !(1..=64).contains(&crypto_levels) {
         return Err(usage("samples must be 1 or more, crypto_levels 1 to 64"));
+    }
+    let threads = checked_threads(threads)?;
+    if exposure.is_some_and(|stops| !(-100.0..=100.0).contains(&stops)) {
+        return Err(usage("exposure must be -100 to 100 stops"));
     }
     let time_limit = time_limit.map(Duration::try_from_secs_f64).transpose();
     let time_limit = time_limit.map_err(|_| usage("time_limit must be seconds, 0 or more"))?;

@@ -289,3 +289,27 @@ def test_aovs_are_listed():
     scene = furnace()
     picture = oscura.render(scene, samples=2, width=8, height=8, aovs=["all"])
     assert set(picture) == {"color", *names}
+
+
+@pytest.mark.parametrize("dtype", ["int64", "int8", "uint16", "bool", "complex64"])
+def test_textures_of_other_numbers_are_refused(dtype):
+    scene = oscura.Scene()
+    pixels = np.ones((2, 2, 3), dtype=dtype)
+    with pytest.raises(oscura.UsageError, match=rf"{dtype}.*uint8.*float32\(pixels\) / 255"):
+        scene.add_texture(pixels)
+    with pytest.raises(oscura.UsageError, match=dtype):
+        scene.set_environment(image=pixels)
+    for fine in ["uint8", "float16", "float32", "float64"]:
+        scene.add_texture(pixels.real.astype(fine))
+
+
+def test_numbers_that_make_no_sense_are_refused():
+    scene = furnace()
+    for threads in (0, 1025):
+        with pytest.raises(oscura.UsageError, match="threads must be 1 to 1024"):
+            oscura.render(scene, samples=1, width=8, threads=threads)
+        with pytest.raises(oscura.UsageError, match="threads must be 1 to 1024"):
+            oscura.load(BOX, threads=threads)
+    for exposure in (float("nan"), float("inf"), 101):
+        with pytest.raises(oscura.UsageError, match="exposure must be"):
+            oscura.render(scene, samples=1, width=8, exposure=exposure)

@@ -39,6 +39,20 @@ def test_exit_codes():
     assert run("--help").returncode == 0 and "Usage: oscura" in run("--help").stdout
 
 
+def test_it_runs_twice_in_a_process(tmp_path):
+    script = """
+import sys
+from oscura._oscura import run_program
+for name in ["a.png", "b.png"]:
+    words = ["oscura", "render", sys.argv[1], "-o", name, "--width", "8", "--spp", "1", "--quiet"]
+    assert run_program(words) == 0, name
+"""
+    words = [sys.executable, "-c", script, str(BOX)]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["a.png", "b.png"]
+
+
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are sent otherwise there")
 def test_control_c_writes_what_is_there(tmp_path):
     picture = tmp_path / "a.png"

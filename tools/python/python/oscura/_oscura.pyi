@@ -81,7 +81,7 @@ def load(
     A model without camera and light is framed and lit, as `oscura render` does: `stage`, `ground`, `background`,
     `view_from` (a name such as "front", or azimuth and elevation such as "30,20"), `zoom` (0.001 to 1000) and `fov` (vertical,
     degrees) choose how. `background` is "transparent" or linear red, green, blue. The other arguments are the options of
-    `oscura render` of the same names. `threads`: one a core unless given.
+    `oscura render` of the same names. `threads`: 1 to 1024, one a core unless given.
 
     Raises `InputError` with all problems of the file. Ctrl-C takes effect when loading has ended.
     """
@@ -168,7 +168,8 @@ class Scene:
         name: str = "texture",
     ) -> int:
         """A picture, H x W or H x W x C numbers, C from 1 to 4, rows from the top; returns its id. Bytes (uint8) are 0..1
-        and sRGB unless `srgb` is False, as it must be for normals, roughness and metalness; other numbers are linear."""
+        and sRGB unless `srgb` is False, as it must be for normals, roughness and metalness; floats are linear. Arrays of other
+        numbers are refused: make them bytes, or floats of which 1 is white (`numpy.float32(pixels) / 255`)."""
     def add_pbr(
         self,
         name: str = "",
