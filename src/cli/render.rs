@@ -27,16 +27,26 @@ fn run_all(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
     if let Some(count) = args.orbit {
         return orbit::run(args, count, cancel);
     }
-    let Some(frames) = args.frames else {
-        let targets = Targets::check(&args.output)?;
-        let start = Instant::now();
-        scene_path::check(&args.scene)?;
-        limits::before_loading(args)?;
-        let environment = EnvironmentOverride::load(args)?;
-        let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
-        let mut kept = Kept::new(args, Compiler::single())?;
-        return run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept);
-    };
+    match args.frames {
+        None => run_picture(args, cancel),
+        Some(frames) => run_frames(args, frames, cancel),
+    }
+}
+
+/// Renders one picture.
+fn run_picture(args: &RenderArgs, cancel: &CancelHandle) -> Result<Outcome> {
+    let targets = Targets::check(&args.output)?;
+    let start = Instant::now();
+    scene_path::check(&args.scene)?;
+    limits::before_loading(args)?;
+    let environment = EnvironmentOverride::load(args)?;
+    let mut loaded = load_scene(args, cancel, &load_options(args)?)?;
+    let mut kept = Kept::new(args, Compiler::single())?;
+    run_one(args, cancel, &targets, Some(&environment), &mut loaded, start, &mut kept)
+}
+
+/// Renders the frames of a sequence that are missing.
+fn run_frames(args: &RenderArgs, frames: Frames, cancel: &CancelHandle) -> Result<Outcome> {
     let moving = Some(MovingPictures::new(args)?);
     let still = still(&args.output);
     let file = |number| still.iter().map(|path| Frames::file(path, number)).collect::<Vec<_>>();

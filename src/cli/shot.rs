@@ -111,9 +111,7 @@ pub(super) fn run_one(
     preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
-    if args.frames.is_some() && rendering.statistics().interrupted {
-        // With --resume it would pass for a finished one.
-        say!("the frame that was being rendered is not written");
+    if is_unfinished_frame(args, &rendering) {
         return Ok(Outcome::Interrupted);
     }
     let (denoise_s, noisy) = denoising.run(&mut rendering, said);
@@ -148,6 +146,15 @@ pub(super) fn run_one(
     show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.
+fn is_unfinished_frame(args: &RenderArgs, rendering: &Rendering) -> bool {
+    let is_unfinished = args.frames.is_some() && rendering.statistics().interrupted;
+    if is_unfinished {
+        say!("the frame that was being rendered is not written");
+    }
+    is_unfinished
 }
 
 /// Says what came up while pictures were encoded. Who stops a run wants what is there, `--strict` or not.
