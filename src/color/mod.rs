@@ -8,6 +8,12 @@ pub use primaries::Primaries;
 pub use rgb::Rgb;
 pub use white_balance::white_balance;
 
+/// A colour by a matrix between spaces, in doubles on the way.
+#[inline]
+pub fn converted(matrix: &[[f64; 3]; 3], rgb: [f32; 3]) -> [f32; 3] {
+    white_balance::apply(matrix, rgb.map(f64::from)).map(|value| value as f32)
+}
+
 /// Relative luminance of a linear Rec. 709 colour (ITU-R BT.709-6, Y row of the RGB to XYZ matrix).
 #[inline(always)]
 pub fn luminance(rgb: [f32; 3]) -> f32 {

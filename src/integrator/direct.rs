@@ -105,8 +105,6 @@ impl Integrator<'_> {
     }
 }
 
-// The shadows of first surfaces are in `shadow.rs`.
-
 /// What the light samples bring to all classes of vertices; with softened shadow terminators or without.
 fn direct<const SOFT: bool>(branches: f32, guided: bool, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;

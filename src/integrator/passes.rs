@@ -13,7 +13,7 @@ use crate::color::Rgb;
 use crate::math::{Frame, Vec3};
 
 /// The share of `whole` that `part` is, by channel.
-pub(super) fn share(part: Rgb, whole: Rgb) -> Rgb {
+fn share(part: Rgb, whole: Rgb) -> Rgb {
     let (part, whole) = (part.to_array(), whole.to_array());
     let of = |c: usize| {
         let share = part[c] / whole[c];
@@ -21,6 +21,16 @@ pub(super) fn share(part: Rgb, whole: Rgb) -> Rgb {
         if share > 0.0 { share.min(1.0) } else { 0.0 }
     };
     Rgb::from_array([of(0), of(1), of(2)])
+}
+
+impl FirstBounce {
+    /// Of a BSDF about the normal `ns` of a surface whose own is `ng`, but for specular lobes.
+    pub fn of(bsdf: &Bsdf, [ns, ng]: [Vec3; 2], wo: Vec3, wi: Vec3) -> FirstBounce {
+        let frame = Frame::from_normal(ns);
+        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
+        let (wo, wi) = (frame.to_local(wo), frame.to_local(wi));
+        FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+    }
 }
 
 impl Integrator<'_> {
@@ -41,11 +51,8 @@ impl Integrator<'_> {
             let diffuse = MetalRoughClass.closure(v, i).diffuse_share(wi);
             return FirstBounce { diffuse, crosses: false };
         }
-        let (wo, ng) = (get(&v.wo, i), get(&v.ng, i));
-        let (bsdf, frame) = (&bsdfs[i - sorted.general().start], Frame::from_normal(get(&v.ns, i)));
-        let crosses = wi.dot(ng) * wo.dot(ng) < 0.0;
-        let (wo, wi) = (frame.to_local(wo), frame.to_local(wi));
-        FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+        let bsdf = &bsdfs[i - sorted.general().start];
+        FirstBounce::of(bsdf, [get(&v.ns, i), get(&v.ng, i)], get(&v.wo, i), wi)
     }
 
     /// The way of light that the light sample of vertex `i` brings.

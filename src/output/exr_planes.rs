@@ -2,7 +2,7 @@
 
 use super::exr_colors::{FACTORS, WorkingSpace, is_color};
 use super::exr_options::{ExrOptions, layer_of};
-use crate::color::Primaries;
+use crate::color::{Primaries, converted};
 use crate::film::{Film, Plane, Values};
 
 /// The planes of a film, colours in the space that is chosen.
@@ -25,15 +25,13 @@ pub(super) fn planes<'a>(film: &'a Film, options: &ExrOptions) -> Vec<Plane<'a>>
 
 /// Applies a matrix to red, green and blue.
 fn convert(planes: &mut [Plane], matrix: &[[f64; 3]; 3]) {
-    let [Values::Float(red), Values::Float(green), Values::Float(blue)] =
-        [0, 1, 2].map(|c| std::mem::replace(&mut planes[c].values, Values::Float(Vec::new())))
+    let [red, green, blue] = planes else { return };
+    let (Values::Float(red), Values::Float(green), Values::Float(blue)) =
+        (&mut red.values, &mut green.values, &mut blue.values)
     else {
         return;
     };
-    for (plane, row) in planes.iter_mut().zip(matrix) {
-        let of = |((r, g), b): ((&f32, &f32), &f32)| {
-            (row[0] * f64::from(*r) + row[1] * f64::from(*g) + row[2] * f64::from(*b)) as f32
-        };
-        plane.values = Values::Float(red.iter().zip(&green).zip(&blue).map(of).collect());
+    for ((r, g), b) in red.iter_mut().zip(green).zip(blue) {
+        [*r, *g, *b] = converted(matrix, [*r, *g, *b]);
     }
 }

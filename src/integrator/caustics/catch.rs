@@ -5,7 +5,6 @@ use super::super::group::Group;
 use super::super::interior::{AroundCamera, Interior};
 use super::super::layers::{FirstBounce, Way};
 use super::super::normals::{scattering_normal, terminator};
-use super::super::passes::share;
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
 use super::passage::STILL;
@@ -135,13 +134,9 @@ impl Integrator<'_> {
             return [(None, Rgb::ZERO); 3];
         }
         let Catcher { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
-        let first = if *is_lambert {
-            FirstBounce::DIFFUSE
-        } else {
-            let frame = Frame::from_normal(scattering_normal(*ns, *ng, *wo));
-            let crosses = wi.dot(*ng) * wo.dot(*ng) < 0.0;
-            let (wo, wi) = (frame.to_local(*wo), frame.to_local(*wi));
-            FirstBounce { diffuse: share(bsdf.diffuse_part(wo, wi), bsdf.eval(wo, wi).f_cos), crosses }
+        let first = match is_lambert {
+            true => FirstBounce::DIFFUSE,
+            false => FirstBounce::of(bsdf, [scattering_normal(*ns, *ng, *wo), *ng], *wo, *wi),
         };
         let [a, b] = self.layers.shares(Way::Indirect(first));
         let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));

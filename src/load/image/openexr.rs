@@ -2,7 +2,7 @@
 
 use super::limits;
 use super::source::Source;
-use crate::color::Primaries;
+use crate::color::{Primaries, converted};
 use crate::error::{Result, Warning};
 use crate::image::{Encoding, Image, Pixels};
 use exr::image::{AnyChannel, AnyChannels, FlatSamples, Layer};
@@ -51,10 +51,8 @@ pub(super) fn decode(
     let space = image.attributes.chromaticities.filter(|_| is_color && colour.color.len() == 3);
     if let Some(matrix) = space.and_then(|c| primaries(&c).to_rec709()) {
         for pixel in values.chunks_exact_mut(planes.len()) {
-            let from = [0, 1, 2].map(|c| f64::from(pixel[c]));
-            for (value, row) in pixel.iter_mut().zip(&matrix) {
-                *value = (row[0] * from[0] + row[1] * from[1] + row[2] * from[2]) as f32;
-            }
+            let color = converted(&matrix, [pixel[0], pixel[1], pixel[2]]);
+            pixel[..3].copy_from_slice(&color);
         }
     }
     Ok(Image {

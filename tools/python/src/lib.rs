@@ -10,6 +10,7 @@ mod objects;
 mod picture;
 mod render;
 mod scene;
+mod stage;
 mod watch;
 
 use pyo3::prelude::*;

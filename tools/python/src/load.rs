@@ -1,61 +1,16 @@
 //! Scenes from files.
 
 use super::choices;
-use super::errors::{raised, usage};
+use super::errors::raised;
 use super::scene::Scene;
+use super::stage::{BackgroundArgument, Stage};
 use super::watch::watched;
 use oscura::load::LoadOptions;
 use oscura::load::blender::{BlenderOptions, default_cache};
 use oscura::load::gltf::GltfOptions;
-use oscura::load::stage::{Background, StageOptions};
 use oscura::render::{CancelHandle, in_pool};
 use pyo3::prelude::*;
 use std::path::PathBuf;
-
-/// What is behind everything, from Python.
-#[derive(FromPyObject)]
-pub enum BackgroundArgument {
-    Word(String),
-    Color([f32; 3]),
-}
-
-/// How bare models are shown, by words.
-pub struct Stage<'a> {
-    pub stage: &'a str,
-    pub ground: Option<&'a str>,
-    pub background: Option<BackgroundArgument>,
-    pub view_from: Option<&'a str>,
-    pub zoom: f64,
-    pub fov: f64,
-}
-
-impl Stage<'_> {
-    pub fn options(self) -> PyResult<StageOptions> {
-        let light = choices::stage(self.stage)?;
-        if !(0.001..=1000.0).contains(&self.zoom) || !(0.1..=170.0).contains(&self.fov) {
-            return Err(usage("zoom must be 0.001 to 1000 and fov 0.1 to 170 degrees"));
-        }
-        let background = match self.background {
-            None => None,
-            Some(BackgroundArgument::Color(color)) => Some(Background::Color(color)),
-            Some(BackgroundArgument::Word(word)) if word == "transparent" => Some(Background::Transparent),
-            Some(BackgroundArgument::Word(word)) => {
-                let message = "is neither 'transparent' nor three numbers (linear red, green, blue)";
-                return Err(usage(format!("background='{word}' {message}")));
-            }
-        };
-        Ok(StageOptions {
-            light,
-            ground: self.ground.map(choices::ground).transpose()?,
-            background,
-            view: self.view_from.map(choices::view_from).transpose()?.unwrap_or_default(),
-            is_view_chosen: self.view_from.is_some(),
-            zoom: self.zoom,
-            vfov_degrees: self.fov,
-            ..StageOptions::default()
-        })
-    }
-}
 
 /// Loads a scene: .gltf, .glb, .obj, .ply, .toml or .blend.
 #[pyfunction]
@@ -88,7 +43,8 @@ pub fn load(
     blender: Option<PathBuf>,
     threads: Option<usize>,
 ) -> PyResult<Scene> {
-    let is_view_open = stage != "white" && !matches!(background, Some(BackgroundArgument::Color(_)));
+    let stage = Stage { stage, ground, background, view_from, zoom, fov };
+    let is_view_open = stage.is_view_open();
     let options = LoadOptions {
         allow_external,
         blender: BlenderOptions { program: blender, cache: default_cache(), ..BlenderOptions::default() },
@@ -103,7 +59,7 @@ pub fn load(
         },
         point_radius,
         up: choices::up(up)?,
-        stage: Stage { stage, ground, background, view_from, zoom, fov }.options()?,
+        stage: stage.options()?,
         no_sidecar: !sidecar,
         ..LoadOptions::default()
     };

@@ -1,7 +1,7 @@
 //! The class of scenes; what is put into them stands in `materials.rs`, `objects.rs` and `lights.rs`.
 
 use super::errors::{InputError, texts, usage};
-use super::load::{BackgroundArgument, Stage};
+use super::stage::{BackgroundArgument, Stage};
 use oscura::load::Loaded;
 use oscura::load::stage;
 use pyo3::prelude::*;
@@ -115,8 +115,9 @@ impl Scene {
         zoom: f64,
         fov: f64,
     ) -> PyResult<()> {
-        let is_view_open = stage != "white" && !matches!(background, Some(BackgroundArgument::Color(_)));
-        let options = Stage { stage, ground, background, view_from, zoom, fov }.options()?;
+        let shown = Stage { stage, ground, background, view_from, zoom, fov };
+        let is_view_open = shown.is_view_open();
+        let options = shown.options()?;
         self.validate()?;
         stage::complete(self.loaded_mut()?, &options, false);
         self.is_view_open = is_view_open;
