@@ -12,8 +12,9 @@ const CELLS: usize = 256;
 const RANGES: [(f32, f32); 3] = [(1.0, 1.0 / 16.0), (1.0 / 16.0, 1.0 / 256.0), (1.0 / 256.0, 0.0)];
 /// Steps between two values of the table of values.
 const VALUES: usize = 512;
-/// Steps of the numerical integral of a filter over half its width.
-const STEPS: usize = 1 << 15;
+/// Steps of the numerical integral of a filter over half its width: offsets are right to 2e-7 pixels. Eight times as many would
+/// take longer than all else that comes before the first ray of a small scene.
+const STEPS: usize = 1 << 12;
 
 /// Draws offsets from a pixel's centre, one axis at a time (all filters are separable and symmetric).
 ///
@@ -111,8 +112,9 @@ const fn scale_of(range: usize) -> f32 {
 
 /// The 4-term Blackman-Harris window (Harris 1978, "On the Use of Windows", table I, -92 dB) at `x` in -1..1.
 fn blackman_harris(x: f64) -> f64 {
-    let phase = std::f64::consts::PI * x;
-    0.35875 + 0.48829 * cosine(phase) + 0.14128 * cosine(2.0 * phase) + 0.01168 * cosine(3.0 * phase)
+    // cos(2 t) and cos(3 t) by cos(t).
+    let c = cosine(std::f64::consts::PI * x);
+    0.35875 + 0.48829 * c + 0.14128 * (2.0 * c * c - 1.0) + 0.01168 * (4.0 * c * c - 3.0) * c
 }
 
 /// cos(x) by its Taylor series, for |x| below 10 or so. Library versions differ in the last bit between platforms,

@@ -2,25 +2,12 @@
 
 use super::lanes::{Lanes, WAVE};
 use crate::color::Rgb;
-use crate::light::{
-    AreaLight, AreaShape, Beam, Edges, EnvironmentLight, ImageMap, Lights, Radiance, solid_angle_density,
-};
-use crate::math::{Vec3, offset_ray_origin};
-use crate::shape::SphericalRectangle;
+use crate::light::{EnvironmentLight, EvenRectangle, ImageMap, LightDirection, Lights, solid_angle_density};
+use crate::math::Vec3;
 
 /// Has the scene a single light that is sampled without a choice?
 pub(super) fn has_vector_sampler(lights: &Lights) -> bool {
     RectangleSampler::of(lights).is_some() || EnvironmentSampler::of(lights).is_some()
-}
-
-/// A direction towards a light.
-pub(super) struct LightDirection {
-    /// Unit length.
-    pub wi: Vec3,
-    /// Where a shadow ray ends; of no use for lights infinitely far away.
-    pub target: Vec3,
-    /// Density per solid angle; 0 where the light can't be reached.
-    pub pdf_solid_angle: f32,
 }
 
 /// A light that is sampled at many vertices at a time. The steps are loops of one kind each: together they would not
@@ -41,28 +28,21 @@ pub(super) trait VectorSampler {
 }
 
 /// A rectangle of constant radiance, by solid angle.
-pub(super) struct RectangleSampler<'a> {
-    light: &'a AreaLight,
-    edges: Edges,
-    radiance: Rgb,
+pub(super) struct RectangleSampler {
+    rectangle: EvenRectangle,
 }
 
-impl<'a> RectangleSampler<'a> {
+impl RectangleSampler {
     /// The scene's light, if it has just one that is such a rectangle.
-    pub fn of(lights: &'a Lights) -> Option<Self> {
-        match lights.area() {
-            [light] if lights.len() == 1 => match (light.shape, light.radiance) {
-                (AreaShape::Rectangle(edges), Radiance::Constant(radiance)) if light.beam == Beam::Even => {
-                    Some(RectangleSampler { light, edges, radiance })
-                }
-                _ => None,
-            },
+    pub fn of(lights: &Lights) -> Option<Self> {
+        match lights.rectangles()? {
+            [numbers] => Some(RectangleSampler { rectangle: EvenRectangle::unpack(*numbers) }),
             _ => None,
         }
     }
 }
 
-impl VectorSampler for RectangleSampler<'_> {
+impl VectorSampler for RectangleSampler {
     const IS_INFINITE: bool = false;
 
     #[inline(always)]
@@ -70,22 +50,12 @@ impl VectorSampler for RectangleSampler<'_> {
 
     #[inline(always)]
     fn radiance(&self, _uv: [f32; 2]) -> Rgb {
-        self.radiance
+        self.rectangle.radiance
     }
 
     #[inline(always)]
     fn direction(&self, p: Vec3, uv: [f32; 2], _pdf: f32) -> LightDirection {
-        let Edges { corner, edge_u, edge_v } = self.edges;
-        let (normal, error) = (self.light.normal, self.light.point_error());
-        let s = SphericalRectangle::new(corner, edge_u, edge_v, p).sample(uv);
-        let to_light = s.point - p;
-        let distance = to_light.length();
-        let is_lit = (self.light.two_sided | (to_light.dot(normal) < 0.0)) & !self.light.is_level_with(p);
-        LightDirection {
-            wi: to_light / if distance > 0.0 { distance } else { 1.0 },
-            target: offset_ray_origin(s.point, error, normal, -to_light),
-            pdf_solid_angle: if is_lit & (distance > 0.0) { s.pdf_solid_angle } else { 0.0 },
-        }
+        self.rectangle.direction(p, uv)
     }
 }
 

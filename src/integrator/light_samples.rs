@@ -9,10 +9,10 @@ use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler}
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
-use crate::light::{LightSample, Lights, Receiver};
+use crate::light::{EvenRectangle, LightSample, Lights, RECTANGLE_NUMBERS, Receiver};
 use crate::math::Vec3;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, Table, dispatch};
 
 impl Integrator<'_> {
     /// Chooses a point of a light for each vertex that light can reach.
@@ -27,6 +27,9 @@ impl Integrator<'_> {
         }
         let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
         dispatch(SelectLights { wave, count, opaque, lights, dimensions });
+        if let Some(rectangles) = lights.rectangles() {
+            return dispatch(SampleRectangles { wave, count, rectangles: Table::new(rectangles) });
+        }
         let Wave { vertices: v, paths, scratch: [u0, u1, ..] } = wave;
         for i in 0..count {
             let (index, pdf_discrete) = (v.light.index[i], v.light.pdf_discrete[i]);
@@ -81,6 +84,53 @@ impl Kernel for SelectLights<'_> {
             let receiver = Receiver { p: get(&v.p, i), normal };
             let chosen = self.lights.select(&receiver, [choice0[i], choice1[i]]);
             (v.light.index[i], v.light.pdf_discrete[i]) = (chosen.index, chosen.pdf_discrete);
+        }
+    }
+}
+
+/// Vertices whose rectangles are fetched together; what is beyond the last vertex counts for nothing.
+const TOGETHER: usize = 16;
+
+const _: () = assert!(WAVE.is_multiple_of(TOGETHER));
+
+/// Points of the lights that were selected, which are all rectangles.
+pub(super) struct SampleRectangles<'a> {
+    pub wave: &'a mut Wave,
+    pub count: usize,
+    pub rectangles: Table<'a, [f32; RECTANGLE_NUMBERS]>,
+}
+
+impl Kernel for SampleRectangles<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { vertices: v, scratch: [u0, u1, ..], .. } = self.wave;
+        let light = &mut v.light;
+        for first in (0..self.count.min(WAVE)).step_by(TOGETHER) {
+            let mut numbers = [[0.0; TOGETHER]; RECTANGLE_NUMBERS];
+            for lane in 0..TOGETHER {
+                let rectangle = self.rectangles.at(light.index[first + lane]);
+                for k in 0..RECTANGLE_NUMBERS {
+                    numbers[k][lane] = rectangle[k];
+                }
+            }
+            for lane in 0..TOGETHER {
+                let i = first + lane;
+                let mut of_lane = [0.0; RECTANGLE_NUMBERS];
+                for k in 0..RECTANGLE_NUMBERS {
+                    of_lane[k] = numbers[k][lane];
+                }
+                let rectangle = EvenRectangle::unpack(of_lane);
+                let direction = rectangle.direction(get(&v.p, i), [u0[i], u1[i]]);
+                let pdf_discrete = light.pdf_discrete[i];
+                let pdf = direction.pdf_solid_angle * pdf_discrete;
+                set_rgb(&mut light.radiance, i, rectangle.radiance);
+                set(&mut light.wi, i, direction.wi);
+                set(&mut light.target, i, direction.target);
+                light.pdf[i] = if pdf_discrete > 0.0 { pdf } else { 0.0 };
+                light.is_infinite[i] = 0.0;
+            }
         }
     }
 }

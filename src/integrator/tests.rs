@@ -5,7 +5,7 @@ use super::closure_metal_rough::{self, MetalRoughClass, store_material};
 use super::direct::Direct;
 use super::lanes::{get, get_rgb, set, set_rgb};
 use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler};
-use super::light_samples::SampleLight;
+use super::light_samples::{SampleLight, SampleRectangles};
 use super::normals::scattering_normal;
 use super::roulette::How;
 use super::scatter::Scatter;
@@ -18,7 +18,7 @@ use crate::math::Vec3;
 use crate::sampling::chi2::Random;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
 use crate::scene::{EnergyCompensation, Environment, FresnelModel, ImageId};
-use crate::simd::{Kernel, dispatch};
+use crate::simd::{Kernel, Table, dispatch};
 use crate::texture::CompiledTextures;
 
 /// Vertices of a test.
@@ -168,12 +168,21 @@ fn compare_samples(sampler: impl VectorSampler, sample: impl Fn(Vec3, [f32; 2]) 
     let mut wave = random_wave(&mut random);
     let dimensions = &Dimensions::new(1);
     dispatch(SampleLight { wave: &mut wave, count: COUNT, dimensions, sampler });
+    let reached = compare_light(&wave, |i| {
+        let path = &wave.paths.carried;
+        let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
+        sample(get(&wave.vertices.p, i), [a, b])
+    });
+    assert!(reached > COUNT / 4, "{reached} reached");
+}
+
+/// Light samples beside those that one vertex at a time gives, with the probability of the light in the density: at how
+/// many vertices there is light.
+fn compare_light(wave: &Wave, one: impl Fn(usize) -> LightSample) -> usize {
     let v = &wave.vertices;
     let mut reached = 0;
     for i in 0..COUNT {
-        let path = &wave.paths.carried;
-        let [a, b, ..] = SobolPoint::from_parts(path.seed[i], path.shuffled[i]).sample_4d(dimensions);
-        let one = sample(get(&v.p, i), [a, b]);
+        let one = one(i);
         let (pdf, expected) = (v.light.pdf[i], one.pdf_solid_angle);
         assert!((pdf - expected).abs() <= 1e-4 * expected, "pdf {i}: {pdf} {expected}");
         if expected > 0.0 {
@@ -186,7 +195,7 @@ fn compare_samples(sampler: impl VectorSampler, sample: impl Fn(Vec3, [f32; 2]) 
             }
         }
     }
-    assert!(reached > COUNT / 4, "{reached} reached");
+    reached
 }
 
 #[test]
@@ -198,6 +207,37 @@ fn many_samples_of_a_rectangle_are_as_single_ones() {
     let lights = Lights::new(vec![light], Vec::new(), None, &textures, 5.0);
     let sampler = RectangleSampler::of(&lights).expect("one rectangle");
     compare_samples(sampler, |p, u| light.sample(&textures, p, u));
+}
+
+#[test]
+fn many_samples_of_many_rectangles_are_as_single_ones() {
+    let mut random = Random::new(29);
+    let mut area = Vec::new();
+    for k in 0..7 {
+        let mut vector = || Vec3::new(random.next(), random.next(), random.next());
+        let (corner, color) = (vector() * 8.0 - 4.0, vector());
+        let (along, across) = vector().any_orthonormal_pair();
+        let (width, height) = (0.1 + random.next(), 0.1 + random.next());
+        let edges = Edges { corner, edge_u: along * width, edge_v: across * height };
+        let radiance = Radiance::Constant(Rgb::new(color.x, color.y, color.z));
+        area.push(AreaLight::new(AreaShape::Rectangle(edges), k % 2 == 0, radiance));
+    }
+    let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+    let lights = Lights::new(area, Vec::new(), None, &textures, 5.0);
+    let rectangles = Table::new(lights.rectangles().expect("nothing but rectangles"));
+    let mut wave = random_wave(&mut random);
+    for i in 0..COUNT {
+        wave.vertices.light.index[i] = i as u32 % 7;
+        wave.vertices.light.pdf_discrete[i] = if i % 5 == 0 { 0.0 } else { random.next() };
+        (wave.scratch[0][i], wave.scratch[1][i]) = (random.next(), random.next());
+    }
+    dispatch(SampleRectangles { wave: &mut wave, count: COUNT, rectangles });
+    let reached = compare_light(&wave, |i| {
+        let (v, u) = (&wave.vertices.light, [wave.scratch[0][i], wave.scratch[1][i]]);
+        let sample = lights.sample(&textures, v.index[i], get(&wave.vertices.p, i), u);
+        LightSample { pdf_solid_angle: sample.pdf_solid_angle * v.pdf_discrete[i], ..sample }
+    });
+    assert!(reached > COUNT / 8, "{reached} reached");
 }
 
 #[test]

@@ -1,8 +1,8 @@
 //! All lights of a scene and the choice of one of them.
 
 use super::{
-    AreaLight, EnvironmentLight, LightBounds, LightMotions, LightSample, LightTree, PunctualLight, Receiver,
-    Sun,
+    AreaLight, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample, LightTree,
+    PunctualLight, RECTANGLE_NUMBERS, Receiver, Sun,
 };
 use crate::math::Vec3;
 use crate::sampling::AliasTable;
@@ -25,6 +25,8 @@ pub struct Lights {
     /// What the table's entries are.
     entries: Vec<Entry>,
     suns: Vec<SelectedSun>,
+    /// All lights, if they are nothing but such rectangles; else empty.
+    rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
     motions: LightMotions,
 }
 
@@ -106,10 +108,20 @@ impl Lights {
         let (entries, powers): (Vec<Entry>, Vec<f32>) = far.into_iter().unzip();
         let tree = LightTree::new(&bounds);
         let table = AliasTable::new(if powers.is_empty() { &[1.0] } else { &powers });
+        let (suns, rectangles) = (Vec::new(), Vec::new());
         let mut lights =
-            Lights { area, punctual, environment, tree, table, entries, suns: Vec::new(), motions };
+            Lights { area, punctual, environment, tree, table, entries, suns, rectangles, motions };
         lights.suns = lights.find_suns();
+        lights.rectangles = lights.find_rectangles();
         lights
+    }
+
+    fn find_rectangles(&self) -> Vec<[f32; RECTANGLE_NUMBERS]> {
+        if self.area.len() < self.len() || self.are_moving() {
+            return Vec::new();
+        }
+        let rectangles = self.area.iter().map(|light| Some(EvenRectangle::of(light)?.pack()));
+        rectangles.collect::<Option<_>>().unwrap_or_default()
     }
 
     fn find_suns(&self) -> Vec<SelectedSun> {
@@ -153,6 +165,12 @@ impl Lights {
     #[inline(always)]
     pub fn suns(&self) -> &[SelectedSun] {
         &self.suns
+    }
+
+    /// The numbers of all lights, by index, if all are [`EvenRectangle`]s that stand still.
+    #[inline(always)]
+    pub fn rectangles(&self) -> Option<&[[f32; RECTANGLE_NUMBERS]]> {
+        (!self.rectangles.is_empty()).then_some(&self.rectangles)
     }
 
     /// The environment.

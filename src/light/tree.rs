@@ -134,7 +134,7 @@ impl LightTree {
         self.nodes.push(Node::EMPTY);
         let groups = split_into_groups(items, depth >= HALVING_DEPTH);
         let mut rest = items;
-        for (place, (count, bounds)) in groups.into_iter().enumerate() {
+        for (place, Group { count, bounds, .. }) in groups.into_iter().enumerate() {
             let (group, others) = rest.split_at_mut(count);
             rest = others;
             let trail = trail | (place as u64) << (PLACE_BITS * depth);
@@ -245,31 +245,41 @@ struct Item {
     bounds: LightBounds,
 }
 
-fn bounds_of(items: &[Item]) -> LightBounds {
-    items[1..].iter().fold(items[0].bounds, |sum, i| sum.union(&i.bounds))
+/// Lights that will share a place of a node.
+struct Group {
+    /// How many.
+    count: usize,
+    bounds: LightBounds,
+    /// Of looking here.
+    cost: f32,
 }
 
-/// Reorders lights into at most eight groups: how many each has, and its bounds. The dearest group is cut first. Groups
-/// that fit a node stay whole, so that nodes are full.
-fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<(usize, LightBounds)> {
+impl Group {
+    fn of(items: &[Item]) -> Group {
+        let bounds = items[1..].iter().fold(items[0].bounds, |sum, i| sum.union(&i.bounds));
+        let extent = bounds.bounds.extent();
+        let cost = bounds.cost(extent.max_element(), extent.max_position()).max(f32::MIN_POSITIVE);
+        Group { count: items.len(), bounds, cost }
+    }
+}
+
+/// Reorders lights into at most eight groups. The dearest group is cut first. Groups that fit a node stay whole, so that
+/// nodes are full.
+fn split_into_groups(items: &mut [Item], halve: bool) -> Vec<Group> {
     let fits = if items.len() > WIDTH { WIDTH } else { 1 };
-    let mut groups = vec![(items.len(), bounds_of(items))];
+    let mut groups = vec![Group::of(items)];
     while groups.len() < WIDTH {
-        let cost = |g: &(usize, LightBounds)| {
-            let longest = g.1.bounds.extent().max_element();
-            g.1.cost(longest, g.1.bounds.extent().max_position()).max(f32::MIN_POSITIVE)
-        };
-        let dearest = (0..groups.len()).filter(|&i| groups[i].0 > fits).max_by(|&a, &b| {
-            let by_size = groups[a].0.cmp(&groups[b].0).then(b.cmp(&a));
-            cost(&groups[a]).total_cmp(&cost(&groups[b])).then(by_size)
+        let dearest = (0..groups.len()).filter(|&i| groups[i].count > fits).max_by(|&i, &k| {
+            let (a, b) = (&groups[i], &groups[k]);
+            a.cost.total_cmp(&b.cost).then(a.count.cmp(&b.count)).then(k.cmp(&i))
         });
         let Some(at) = dearest else { break };
-        let start: usize = groups[..at].iter().map(|g| g.0).sum();
-        let group = &mut items[start..start + groups[at].0];
+        let start: usize = groups[..at].iter().map(|g| g.count).sum();
+        let group = &mut items[start..start + groups[at].count];
         let left = cut(group, halve);
         let (a, b) = group.split_at(left);
-        groups[at] = (a.len(), bounds_of(a));
-        groups.insert(at + 1, (b.len(), bounds_of(b)));
+        groups[at] = Group::of(a);
+        groups.insert(at + 1, Group::of(b));
     }
     groups
 }
@@ -311,8 +321,14 @@ fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
             let bin = &mut bins[(bin as usize).min(BINS - 1)];
             *bin = Some(bin.map_or(item.bounds, |b| b.union(&item.bounds)));
         }
+        // What lies before each cut and what behind it.
+        let (mut before, mut behind) = (bins, bins);
         for k in 1..BINS {
-            let (Some(a), Some(b)) = (union_of(&bins[..k]), union_of(&bins[k..])) else { continue };
+            before[k] = union(before[k - 1], before[k]);
+            behind[BINS - 1 - k] = union(behind[BINS - 1 - k], behind[BINS - k]);
+        }
+        for k in 1..BINS {
+            let (Some(a), Some(b)) = (before[k - 1], behind[k]) else { continue };
             let cost = a.cost(longest, axis) + b.cost(longest, axis);
             if best.is_none_or(|(least, ..)| cost < least) {
                 best = Some((cost, axis, centers.min[axis] + k as f32 / scale));
@@ -322,8 +338,11 @@ fn best_cut(items: &[Item], centers: &Bounds3) -> Option<(usize, f32)> {
     best.map(|(_, axis, position)| (axis, position))
 }
 
-fn union_of(bins: &[Option<LightBounds>]) -> Option<LightBounds> {
-    bins.iter().flatten().copied().reduce(|a, b| a.union(&b))
+fn union(a: Option<LightBounds>, b: Option<LightBounds>) -> Option<LightBounds> {
+    match (a, b) {
+        (Some(a), Some(b)) => Some(a.union(&b)),
+        (a, b) => a.or(b),
+    }
 }
 
 #[cfg(test)]

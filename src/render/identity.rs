@@ -13,7 +13,7 @@ use std::fmt::{self, Debug, Write};
 use std::mem::take;
 
 /// Changes when the same scene and options give another picture.
-const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 2");
+const PICTURES: &str = concat!(env!("CARGO_PKG_VERSION"), ", pictures 3");
 
 /// What the picture of a scene by settled options depends on: everything in the scene, and all options that change pixels.
 /// The scene is afterwards as it was.
