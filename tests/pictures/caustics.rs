@@ -180,6 +180,7 @@ fn plain(options: RenderOptions) -> RenderOptions {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn caustics_change_no_mean() {
     let things: [(&str, Scene); 6] = [
         ("glass", stage(ball(glass(1.5)))),
@@ -196,6 +197,7 @@ fn caustics_change_no_mean() {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn caustics_seen_by_a_lens_or_through_a_filter_are_the_same() {
     let mut scene = stage(ball(glass(1.5)));
     scene.cameras[0].lens =
@@ -242,6 +244,7 @@ fn nothing_happens_without_caustics() {
 /// Light passes and groups of lights have their share: they add up to the picture, have the means that paths from the camera give
 /// them, and change nothing of the picture.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn layers_have_their_share_of_caustics() {
     let mut scene = stage(ball(glass(1.5)));
     // Its diffuse and its glossy part both show caustics.

@@ -66,6 +66,7 @@ fn assert_alike(what: &str, scene: &Scene, options: &RenderOptions) {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn guiding_changes_no_mean() {
     for (what, scene, samples) in
         [("room", room(false), 64), ("things", room(true), 64), ("box", cornell(), 32)]
@@ -80,6 +81,7 @@ fn guiding_changes_no_mean() {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
     let (scene, options) = (room(false), plain(options(40, 64, 100)));
     let split = options.splitting(Splitting::Into(4));
@@ -94,6 +96,7 @@ fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
 
 /// In a closed box that emits e and reflects p everywhere, L = e + p L, however dense directions are.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_closed_box_has_its_closed_form() {
     let (emitted, albedo) = (0.3f32, 0.6f32);
     let mut scene = Scene::default();
@@ -108,6 +111,7 @@ fn a_closed_box_has_its_closed_form() {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_room_lit_through_a_slit_is_less_noisy() {
     let (scene, options) = (room(false), plain(options(96, 64, 100)));
     let [off, on] = [options, guided(options)].map(|options| noise(&scene, &options));

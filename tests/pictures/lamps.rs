@@ -36,6 +36,7 @@ fn light_of_ball(radiance: f64, center: DVec3, radius: f64) -> f64 {
 
 /// A lamp behind another lights as if that weren't there, and one before the camera hides nothing.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn lamps_that_stop_no_light() {
     let (high, low, near) = (DVec3::new(0.0, 3.0, 0.0), DVec3::new(0.0, 1.5, 0.0), 0.5 * EYE);
     let truth = light_of_ball(2.0, high, 0.5) + light_of_ball(1.0, low, 0.3) + light_of_ball(5.0, near, 0.1);

@@ -313,6 +313,7 @@ fn pictures_with_media_have_the_same_bits_everywhere() {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn splitting_keeps_the_picture_of_media() {
     use oscura::render::Splitting;
     let mut scene = lit_all_around();

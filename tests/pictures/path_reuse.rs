@@ -104,6 +104,7 @@ const EDGE: u32 = 40;
 /// Blocks of pictures with and without shared paths have the same means: differences are as large as their standard
 /// errors say. Blocks are as large as groups or larger, so that correlation within groups is in those errors.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn sharing_changes_no_mean() {
     for (name, scene) in [("room", room()), ("waves", waves()), ("steep", steep())] {
         for (depth, shape) in [(100, "4x4/2"), (2, "2x2/1"), (4, "8x8/4"), (3, "2x1/1")] {
@@ -116,6 +117,7 @@ fn sharing_changes_no_mean() {
 
 /// In a closed box that emits e and reflects p everywhere, L = e + p L, shared or not.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_closed_box_has_its_closed_form() {
     for shape in ["1x2/1", "2x2/1", "4x4/4", "8x8/2"] {
         let mut scene = Scene::default();

@@ -107,6 +107,7 @@ fn behind_sheets(sheet: &Material, is_sampled: bool) -> Scene {
 
 /// Light sampling and scattering share out what comes through sheets: the sum is what scattering alone finds.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn light_through_sheets_counts_once() {
     let half = PbrMaterial { transmission: FloatSlot::constant(0.6), ..thin([0.9, 0.5, 0.2]) };
     let coat =

@@ -47,6 +47,7 @@ fn plain(options: RenderOptions) -> RenderOptions {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn splitting_changes_no_mean() {
     let scene = yard();
     for (depth, branches) in [(100, 4), (1, 2), (3, 16)] {
