@@ -78,14 +78,18 @@ impl LightTree {
                 return None;
             }
             let target = u * f64::from(sum);
-            let (mut place, mut before, mut total) = (0, 0.0, 0.0);
-            for (i, &e) in estimates.iter().enumerate() {
-                // The last one that starts at or before the target.
-                let is_reached = (e > 0.0) & (total <= target);
-                place = if is_reached { i } else { place };
-                before = if is_reached { total } else { before };
-                total += f64::from(e);
+            // Where each begins; the one that is chosen is the last that begins at or before the target.
+            let (mut starts, mut total) = ([0.0; WIDTH], 0.0);
+            for i in 0..WIDTH {
+                starts[i] = total;
+                total += f64::from(estimates[i]);
             }
+            let mut place = 0;
+            for i in 0..WIDTH {
+                let is_reached = (estimates[i] > 0.0) & (starts[i] <= target);
+                place = if is_reached { i } else { place };
+            }
+            let before = starts[place];
             let chosen = estimates[place];
             pdf *= chosen / sum;
             u = ((target - before) / f64::from(chosen)).min(1.0f64.next_down());
