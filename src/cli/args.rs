@@ -10,6 +10,7 @@ use super::guiding_args::GuidingArgs;
 use super::long_args::LongArgs;
 use super::numbers::{number, stops};
 use super::picture_args::{PictureArgs, views};
+use super::preview_arg::PreviewArg;
 use super::show_arg::ShowArg;
 use super::shutter_args::ShutterArgs;
 use super::stage_args::StageArgs;
@@ -118,15 +119,6 @@ pub(crate) enum TerminatorArg {
     Off,
 }
 
-/// Where a running render is shown.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum PreviewArg {
-    /// On a page that a browser opens.
-    Page,
-    /// On a page whose address is printed only.
-    Address,
-}
-
 #[derive(Args, Clone, Debug)]
 pub(crate) struct RenderArgs {
     /// The scenes, one or more: .gltf, .glb, .obj, .ply, .toml or .blend.
@@ -196,8 +188,8 @@ pub(crate) struct RenderArgs {
     /// Reconstruction filter [default: blackman-harris].
     #[arg(long)]
     pub filter: Option<FilterArg>,
-    /// Show the picture in the browser while it renders; =address prints the page's address only.
-    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page", hide_possible_values = true)]
+    /// Show the picture in the browser while it renders; =address prints the page's address only, =tev (or =tev:HOST:PORT) has a running tev show it.
+    #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "page")]
     pub preview: Option<PreviewArg>,
     /// Draw the finished picture in the terminal: =blocks, =kitty or =sixel in place of what the terminal is known for.
     #[arg(long, value_name = "HOW", num_args = 0..=1, require_equals = true, default_missing_value = "auto", hide_possible_values = true)]

@@ -6,9 +6,9 @@ use super::checkpoint::Keeper;
 use super::denoising::Denoising;
 use super::environment::EnvironmentOverride;
 use super::moving::MovingPictures;
-use super::page::Preview;
 use super::pictures::{Pictures, Shot, Targets};
 use super::prepared::{Prepared, Wants, prepare};
+use super::preview::Preview;
 use super::process::peak_memory;
 use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
@@ -66,7 +66,7 @@ pub(super) struct Kept {
     pub compiler: Compiler,
     /// Moving pictures so far, where there are to be any.
     pub moving: Option<MovingPictures>,
-    /// The page that shows it.
+    /// What shows it on the way.
     pub preview: Option<Preview>,
 }
 
@@ -74,9 +74,9 @@ impl Kept {
     /// At the start of a run.
     ///
     /// # Errors
-    /// If the page that is asked for can't be shown.
+    /// If what is to show it isn't there.
     pub fn new(args: &RenderArgs, compiler: Compiler) -> Result<Kept> {
-        let preview = args.preview.map(|_| Preview::open(args)).transpose()?;
+        let preview = args.preview.as_ref().map(|how| Preview::open(args, how)).transpose()?;
         Ok(Kept { said: Said::default(), compiler, moving: None, preview })
     }
 }
@@ -108,7 +108,7 @@ pub(super) fn run_one(
     let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
-    preview.iter_mut().for_each(|page| page.begin(&rendering, png, &camera, build.triangles));
+    preview.iter_mut().for_each(|shown| shown.begin(&rendering, png, &camera, build.triangles, said));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
     if is_unfinished_frame(args, &rendering) {
@@ -230,7 +230,7 @@ fn take_picture<'a>(
         if rendering.next_pass() != PassOutcome::Progressed {
             break;
         }
-        preview.iter_mut().for_each(|page| page.show(&rendering, false));
+        preview.iter_mut().for_each(|shown| shown.show(&rendering, false, said));
         if args.long.save_every.is_some_and(|pause| saved.elapsed() >= pause) {
             // A disk that is full for a while is no reason to lose the rest.
             if let Err(error) = encode(Shot::from(&rendering)).write() {
@@ -239,7 +239,7 @@ fn take_picture<'a>(
             saved = Instant::now();
         }
     }
-    preview.iter_mut().for_each(|page| page.show(&rendering, true));
+    preview.iter_mut().for_each(|shown| shown.show(&rendering, true, said));
     progress.finish(rendering.is_complete());
     let kept = keeper.finish(&mut rendering);
     Ok((rendering, kept))

@@ -104,6 +104,7 @@ impl Kernel for SampleRectangles<'_> {
     type Output = ();
 
     #[inline(always)]
+    #[allow(clippy::needless_range_loop)]
     fn run(self) {
         let Wave { vertices: v, scratch: [u0, u1, ..], .. } = self.wave;
         let light = &mut v.light;

@@ -26,6 +26,7 @@ mod signals;
 mod stage;
 mod teaching;
 mod terminal;
+mod tev;
 mod video;
 #[cfg(target_os = "linux")]
 mod view;

@@ -13,7 +13,7 @@ mod told;
 
 pub(super) use frame::{Frame, Look};
 pub(super) use pose::Pose;
-pub(super) use preview::Preview;
+pub(super) use preview::PagePreview;
 pub(super) use server::{Page, bind};
 pub(super) use state::{Facts, Order, Shared, Wish};
 pub(super) use told::own_command;

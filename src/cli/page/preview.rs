@@ -5,7 +5,7 @@ use super::pose::Pose;
 use super::server::{Page, bind};
 use super::state::{Facts, Shared, Wish};
 use super::told;
-use crate::cli::args::{PreviewArg, RenderArgs};
+use crate::cli::args::RenderArgs;
 use oscura::error::Result;
 use oscura::film::Aov;
 use oscura::output::PngOptions;
@@ -19,17 +19,17 @@ const PAUSE: Duration = Duration::from_millis(250);
 const FAREWELL: Duration = Duration::from_millis(300);
 
 /// A page that looks on.
-pub(crate) struct Preview {
+pub(crate) struct PagePreview {
     page: Page,
     shown: Option<Instant>,
 }
 
-impl Preview {
-    /// Opens the page.
+impl PagePreview {
+    /// Opens the page, in a browser too if that is wanted.
     ///
     /// # Errors
     /// A usage error if this machine has no port for it.
-    pub fn open(args: &RenderArgs) -> Result<Preview> {
+    pub fn open(args: &RenderArgs, opens: bool) -> Result<PagePreview> {
         let server = bind(0)?;
         let pose = Pose::new(Camera::look_at([0.0, 0.0, 1.0], [0.0; 3], 30.0), 1.0);
         let wish = Wish { pose, camera: 0, size: (1, 1), rotation: None, aov: None, loads: 0 };
@@ -40,8 +40,7 @@ impl Preview {
         };
         let look = Look { png: PngOptions::default(), aov: None };
         let shared = Shared::new(wish, look, facts, Vec::new());
-        let opens = args.preview == Some(PreviewArg::Page);
-        Ok(Preview { page: Page::open(server, shared, opens, args.quiet), shown: None })
+        Ok(PagePreview { page: Page::open(server, shared, opens, args.quiet), shown: None })
     }
 
     /// A picture begins.
@@ -75,7 +74,7 @@ impl Preview {
     }
 }
 
-impl Drop for Preview {
+impl Drop for PagePreview {
     fn drop(&mut self) {
         if self.shown.is_some() {
             std::thread::sleep(FAREWELL);
