@@ -1,7 +1,8 @@
 //! Dielectric layers of glTF materials: how much they reflect, against Fresnel's equations in double precision, and what
 //! they leave to what is below.
 
-use super::furnace::{albedo, assert_white_at};
+use super::albedo::albedo;
+use super::furnace::assert_white_at;
 use super::lobes::{Cases, coat, direction, film, number, pbr, resolved, resolved_with};
 use oscura::bsdf::ShadingModel;
 use oscura::math::DVec3;
