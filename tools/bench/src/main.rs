@@ -1,21 +1,31 @@
 //! Time against error: renders scenes at a ladder of sample counts, measures time and error against a converged
 //! reference, and writes a CSV, a markdown table and an SVG plot.
 //!
-//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N] [--noise]`
+//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N]
+//! [--against CSV] [--noise | --techniques | --growth]`
 //!
-//! Without scenes it measures the Cornell box, glass and metal, an environment picture, and a model of 160,000 triangles.
-//! `--quick` sets a width of 96, the ladder 1,4,16 and a reference of 256 samples: a try in seconds. Results go into
-//! FOLDER, which must exist.
+//! Without scenes it measures fifteen: boxes, environments, a thousand lamps, light through a slit, caustics, leaves cut out by alpha, ten
+//! thousand instances, thirty materials, a place far from the origin. `--quick` sets a width of 96, the ladder 1,4,16 and a
+//! reference of 256 samples. `--against` compares with the `time-to-error.csv` of another build. Results go into FOLDER, which is made
+//! if need be.
 //!
 //! `--noise` measures instead how well the estimate of `oscura render --noise` holds: scenes are rendered to the last step of the
 //! ladder with `--seeds N` seeds (3), and after each pass the estimated error stands beside the true one.
 //!
+//! `--techniques` measures instead what each technique brings, with `--seeds N` seeds (3) at the middle step of the ladder.
+//!
+//! `--growth` measures instead how time and memory grow with triangles (up to `--triangles N`, 10 million), lights, pixels, depth and
+//! threads.
+//!
 //! The reference is made here, by two renders with other seeds whose difference tells its own noise.
 
 mod calibrate;
+mod growth;
 mod measure;
 mod scenes;
 mod tables;
+mod techniques;
+mod trends;
 
 use calibrate::calibrate;
 use measure::{Point, Setup, measure};
@@ -29,8 +39,22 @@ struct Arguments {
     folder: PathBuf,
     scenes: Vec<PathBuf>,
     setup: Setup,
-    /// Seeds of the calibration, where that is what is measured.
-    seeds: Option<u32>,
+    what: What,
+    /// Seeds of the calibration and of techniques.
+    seeds: u32,
+    /// Most triangles of what grows.
+    triangles: u64,
+    /// Results of another build.
+    against: Option<PathBuf>,
+}
+
+/// What is measured.
+#[derive(Clone, Copy, PartialEq)]
+enum What {
+    Ladder,
+    Noise,
+    Techniques,
+    Growth,
 }
 
 fn main() -> ExitCode {
@@ -44,6 +68,14 @@ fn main() -> ExitCode {
 }
 
 fn run(arguments: &Arguments) -> Result<()> {
+    let (setup, seeds) = (&arguments.setup, arguments.seeds);
+    if arguments.what == What::Growth {
+        let rows = growth::measure(setup, arguments.triangles)?;
+        let table = growth::markdown(&rows);
+        write(arguments, &[("growth.csv", growth::csv(&rows)), ("growth.md", table.clone())])?;
+        print!("{table}");
+        return Ok(());
+    }
     let generated;
     let scenes = if arguments.scenes.is_empty() {
         generated = scenes::Generated::new()?;
@@ -51,16 +83,31 @@ fn run(arguments: &Arguments) -> Result<()> {
     } else {
         arguments.scenes.clone()
     };
-    let setup = &arguments.setup;
-    if let Some(seeds) = arguments.seeds {
-        let texts = |runs: &[calibrate::Run]| {
-            let (csv, table) = (calibrate::csv(runs), calibrate::markdown(runs));
-            write(arguments, &[("noise.csv", csv), ("noise.md", table.clone())]).map(|()| table)
-        };
-        return of_all(&scenes, setup, |scene| calibrate(scene, setup, seeds), texts);
+    match arguments.what {
+        What::Noise => {
+            let texts = |runs: &[calibrate::Run]| {
+                let (csv, table) = (calibrate::csv(runs), calibrate::markdown(runs));
+                write(arguments, &[("noise.csv", csv), ("noise.md", table.clone())]).map(|()| table)
+            };
+            of_all(&scenes, setup, |scene| calibrate(scene, setup, seeds), texts)
+        }
+        What::Techniques => {
+            let texts = |all: &[techniques::Comparison]| {
+                let (csv, table) = (techniques::csv(all), techniques::markdown(all));
+                write(arguments, &[("techniques.csv", csv), ("techniques.md", table.clone())]).map(|()| table)
+            };
+            of_all(&scenes, setup, |scene| techniques::compare(scene, setup, seeds), texts)
+        }
+        What::Ladder | What::Growth => climb(arguments, &scenes),
     }
+}
+
+/// Time against error.
+fn climb(arguments: &Arguments, scenes: &[PathBuf]) -> Result<()> {
+    let (setup, against) = (&arguments.setup, &arguments.against);
+    let earlier = against.as_ref().map(trends::read).transpose()?;
     let texts = |points: &[Point]| {
-        let table = tables::markdown(points);
+        let table = format!("{}\n{}", tables::markdown(points), trends::markdown(points, earlier.as_ref()));
         let texts = [
             ("time-to-error.csv", tables::csv(points)),
             ("time-to-error.md", table.clone()),
@@ -68,7 +115,7 @@ fn run(arguments: &Arguments) -> Result<()> {
         ];
         write(arguments, &texts).map(|()| table)
     };
-    of_all(&scenes, setup, |scene| measure(scene, setup), texts)
+    of_all(scenes, setup, |scene| measure(scene, setup), texts)
 }
 
 /// Measures all scenes, one after another. After each, `write` writes down all that there is until then, and gives a table,
@@ -94,43 +141,57 @@ fn write(arguments: &Arguments, texts: &[(&str, String)]) -> Result<()> {
 }
 
 fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
-    let mut setup =
+    let setup =
         Setup { width: 256, ladder: vec![1, 4, 16, 64, 256], reference: 4096, depth: 100, threads: None };
-    let (mut paths, mut seeds): (Vec<PathBuf>, Option<u32>) = (Vec::new(), None);
+    let mut all = Arguments {
+        folder: PathBuf::new(),
+        scenes: Vec::new(),
+        setup,
+        what: What::Ladder,
+        seeds: 3,
+        triangles: 10_000_000,
+        against: None,
+    };
     while let Some(argument) = arguments.next() {
-        if !argument.starts_with("--") {
-            paths.push(argument.into());
-            continue;
-        }
-        if argument == "--noise" {
-            seeds = seeds.or(Some(3));
-            continue;
-        }
-        if argument == "--quick" {
-            setup = Setup { width: 96, ladder: vec![1, 4, 16], reference: 256, ..setup };
-            continue;
-        }
-        let value = arguments.next().ok_or_else(|| Error::usage(format!("{argument} needs a value")))?;
+        let setup = &mut all.setup;
         match argument.as_str() {
-            "--width" => setup.width = number(&argument, &value)?,
-            "--reference" => setup.reference = number(&argument, &value)?,
-            "--depth" => setup.depth = number(&argument, &value)?,
-            "--seeds" => seeds = Some(number(&argument, &value)?),
-            "--threads" => setup.threads = Some(number(&argument, &value)? as usize),
-            "--ladder" => {
-                setup.ladder =
-                    value.split(',').map(|v| number(&argument, v)).collect::<Result<Vec<u32>>>()?;
+            "--noise" => all.what = What::Noise,
+            "--techniques" => all.what = What::Techniques,
+            "--growth" => all.what = What::Growth,
+            "--quick" => (setup.width, setup.ladder, setup.reference) = (96, vec![1, 4, 16], 256),
+            option if option.starts_with("--") => {
+                let value =
+                    arguments.next().ok_or_else(|| Error::usage(format!("{argument} needs a value")))?;
+                set(&mut all, option, &value)?;
             }
-            _ => return Err(Error::usage(format!("unknown option {argument}"))),
+            path => all.scenes.push(path.into()),
         }
     }
-    if paths.is_empty() {
+    if all.scenes.is_empty() {
         return Err(Error::usage("needs a folder for the results"));
     }
-    let folder = paths.remove(0);
-    std::fs::create_dir_all(&folder).map_err(|e| Error::output(&folder, format!("can't be created: {e}")))?;
-    oscura::output::check_target(folder.join("time-to-error.csv"))?;
-    Ok(Arguments { folder, scenes: paths, setup, seeds })
+    all.folder = all.scenes.remove(0);
+    let failed = |e| Error::output(&all.folder, format!("can't be created: {e}"));
+    std::fs::create_dir_all(&all.folder).map_err(failed)?;
+    oscura::output::check_target(all.folder.join("time-to-error.csv"))?;
+    Ok(all)
+}
+
+/// Takes an option with a value.
+fn set(all: &mut Arguments, option: &str, value: &str) -> Result<()> {
+    let setup = &mut all.setup;
+    match option {
+        "--width" => setup.width = number(option, value)?,
+        "--reference" => setup.reference = number(option, value)?,
+        "--depth" => setup.depth = number(option, value)?,
+        "--threads" => setup.threads = Some(number(option, value)? as usize),
+        "--ladder" => setup.ladder = value.split(',').map(|v| number(option, v)).collect::<Result<_>>()?,
+        "--seeds" => all.seeds = number(option, value)?,
+        "--triangles" => all.triangles = number(option, value)?.into(),
+        "--against" => all.against = Some(value.into()),
+        _ => return Err(Error::usage(format!("unknown option {option}"))),
+    }
+    Ok(())
 }
 
 fn number(option: &str, text: &str) -> Result<u32> {

@@ -75,9 +75,19 @@ impl Subject {
 
     /// A rendering of it that has not begun.
     pub fn rendering(&self, samples: u32, seed: u32, noise: Option<f32>) -> Result<Rendering> {
+        self.rendering_with(samples, seed, |options| options.noise(noise))
+    }
+
+    /// The same with other options.
+    pub fn rendering_with(
+        &self,
+        samples: u32,
+        seed: u32,
+        change: impl Fn(RenderOptions) -> RenderOptions,
+    ) -> Result<Rendering> {
         let [width, height] = self.size;
         let options = RenderOptions::default().size(width, height).samples(samples).seed(seed);
-        let options = options.max_depth(self.depth).filter(Filter::Box).noise(noise);
+        let options = change(options.max_depth(self.depth).filter(Filter::Box));
         Rendering::new(self.scene.clone(), &self.camera, options)
     }
 
