@@ -105,6 +105,11 @@ fn warn_of_endless_fog(scene: &Scene, warnings: &mut Vec<Warning>) {
     }
 }
 
+/// Does nothing come through from infinitely far away?
+pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
+    fog.radius.is_infinite() && fog.medium.extinction.iter().all(|&extinction| extinction > 0.0)
+}
+
 /// What surrounds a scene; the world's origin moves to `anchor`.
 fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };

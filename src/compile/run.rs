@@ -3,7 +3,7 @@
 use super::blur;
 use super::classes::{self, Classes};
 use super::emitters;
-use super::geometry::{Geometries, Transform};
+use super::geometry::Geometries;
 use super::groups::LightGroups;
 use super::material::CompiledMaterial;
 use super::media;
@@ -16,7 +16,7 @@ use super::vectors::Vectors;
 use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
-use crate::math::{Bounds3, DVec3};
+use crate::math::DVec3;
 use crate::scene::{RayKinds, Scene, ShadingModel};
 use crate::texture::CompiledTextures;
 use std::time::Instant;
@@ -72,9 +72,11 @@ pub(super) fn compile_after(
         Some(environment) => environment,
         None => EnvironmentLight::new(&scene.environment, &scene.images, true),
     };
-    let radius = scene_radius(&geometries);
     let all = (emitters.lights.clone(), punctual);
-    let lights = Lights::moving(all, motions, environment, &textures, radius);
+    let mut lights = Lights::moving(all, motions, environment, &textures);
+    if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
+        lights.hide_far();
+    }
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
@@ -192,23 +194,4 @@ fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
     warn(dropped.not_finite, "primitive", "with coordinates that are not finite or beyond 1e18 m");
     warn(dropped.degenerate, "primitive", "without area");
     warn(dropped.instances, "placement", "with singular transforms");
-}
-
-/// Half the diagonal of the box around everything, at least a little.
-fn scene_radius(geometries: &Geometries) -> f32 {
-    let mut world = geometries.world.bounds;
-    for placement in &geometries.placements {
-        let object = geometries.shared[placement.geometry as usize].bounds;
-        if !object.is_empty() {
-            let mut add = |Transform { linear, translation, .. }: Transform| {
-                let place = |p| linear * p + translation;
-                world = object.corners().into_iter().map(place).fold(world, Bounds3::with);
-            };
-            add(placement.world_from_object);
-            let keys = placement.motion.map(|motion| &geometries.motions[motion as usize]);
-            keys.into_iter().flat_map(|keys| keys.iter()).for_each(|key| add(Transform::of(key)));
-        }
-    }
-    let radius = 0.5 * world.extent().length();
-    if radius > 0.0 && radius.is_finite() { radius } else { 1.0 }
 }

@@ -1,14 +1,16 @@
 //! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
 
 use super::Integrator;
-use super::lanes::{LENGTH, WAVE, get, get_rgb};
+use super::lanes::{LENGTH, Lanes3, WAVE, get, get_rgb};
 use super::layers::{Origin, Way, way_of_path};
 use super::surface::HitPoint;
 use super::wave::Scratch;
 use super::workspace::Workspace;
 use crate::bsdf::Slots;
 use crate::color::Rgb;
-use crate::light::{EnvironmentLight, ImageMap, Receiver, SelectedSun, TexelPosition, solid_angle_density};
+use crate::light::{
+    EnvironmentLight, ImageMap, Lights, Receiver, SelectedSun, TexelPosition, solid_angle_density,
+};
 use crate::math::{Ray, Vec3};
 use crate::sampling::power_heuristic;
 use crate::scene::RayKinds;
@@ -61,12 +63,14 @@ impl Integrator<'_> {
     /// Adds the light of the suns in whose directions paths left the scene.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
         for SelectedSun { sun, selected } in self.scene.lights.suns() {
-            let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
                 if self.parts.kinds && !self.brings_light(bounce, i, selected.index, &w.arriving) {
                     continue;
                 }
+                let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
+                let pdf_discrete = selected.pdf_discrete * self.scene.lights.far_pdf_discrete(&receiver);
+                let pdf = sun.pdf_solid_angle() * pdf_discrete;
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
                 if self.is_left_to_lamps(bounce, i, Some(selected.index), w) {
                     continue;
@@ -97,13 +101,19 @@ impl Integrator<'_> {
         }
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, scratch);
-        let [_, _, _, _, _, r, g, b, pdf] = scratch;
+        if lights.use_tree() {
+            let (rays, escaped, normals) = (&w.rays, &w.escaped, &w.arriving.receiver_normal);
+            dispatch(FarShares { lights, rays, escaped, normals, scratch });
+        } else {
+            scratch[0][..w.escaped.len()].fill(1.0);
+        }
+        let [far, _, _, _, _, r, g, b, pdf] = scratch;
         let pdf_discrete = lights.environment_pdf_discrete();
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let weight = match path.pdf[i] {
-                scattered if scattered > 0.0 => power_heuristic(scattered, pdf[k] * pdf_discrete),
+                scattered if scattered > 0.0 => power_heuristic(scattered, pdf[k] * pdf_discrete * far[k]),
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
@@ -114,6 +124,29 @@ impl Integrator<'_> {
             if bounce == 0 {
                 w.sink.cover(path.sample[i]);
             }
+        }
+    }
+}
+
+/// The probabilities of choosing among the lights infinitely far away, where rays that left came from: to the first lane of the
+/// scratch memory.
+struct FarShares<'a> {
+    lights: &'a Lights,
+    rays: &'a [Ray],
+    escaped: &'a [u32],
+    normals: &'a Lanes3,
+    scratch: &'a mut Scratch,
+}
+
+impl Kernel for FarShares<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let FarShares { lights, rays, escaped, normals, scratch: [far, ..] } = self;
+        for (far, &i) in far.iter_mut().zip(escaped) {
+            let (p, normal) = (rays[i as usize].origin, get(normals, i as usize));
+            *far = lights.far_pdf_discrete(&Receiver { p, normal });
         }
     }
 }

@@ -55,8 +55,8 @@ impl Emission {
         let of_area = |light: &AreaLight| light.power(textures) / PI * towards(light.middle());
         let of_punctual = |light: &PunctualLight| match light.source() {
             // Of spots and points the power is over all directions.
-            Source::At(p) => light.power(1.0) / (4.0 * PI) * towards(p),
-            Source::Far(_) | Source::Disk(_) => light.power(1.0) / PI * across,
+            Source::At(p) => light.power() / (4.0 * PI) * towards(p),
+            Source::Far(_) | Source::Disk(_) => light.power() / PI * across,
         };
         let mut weights: Vec<f32> = lights.area().iter().map(of_area).collect();
         weights.extend(lights.punctual().iter().map(of_punctual));

@@ -102,15 +102,21 @@ impl PunctualLight {
         }
     }
 
-    /// Luminous power in relative units; a directional light's is what falls on a disk of the scene's radius.
-    pub fn power(&self, scene_radius: f32) -> f32 {
+    /// Luminous power in relative units; a directional light's is what falls on a disk of radius 1.
+    pub fn power(&self) -> f32 {
         let solid_angle = match &self.kind {
             Kind::Point(_) => 4.0 * PI,
             Kind::Spot { cone, .. } => cone.solid_angle(),
             Kind::Profiled(profiled) => 4.0 * PI * profiled.mean,
-            Kind::Directional { .. } | Kind::Sun(_) => PI * scene_radius * scene_radius,
+            Kind::Directional { .. } | Kind::Sun(_) => PI,
         };
         self.intensity.luminance() * solid_angle
+    }
+
+    /// Luminance of the irradiance of a surface that faces it, if it is infinitely far away.
+    pub fn irradiance(&self) -> Option<f32> {
+        let is_far = matches!(self.kind, Kind::Directional { .. } | Kind::Sun(_));
+        is_far.then(|| self.intensity.luminance())
     }
 
     /// Where it is; `None` for one infinitely far away.

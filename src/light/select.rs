@@ -11,8 +11,8 @@ use std::f32::consts::PI;
 
 /// All lights; their indices run through the area lights, the punctual ones, then the environment.
 ///
-/// First it is chosen by power between the lights at some place, all together, and each of those infinitely far away;
-/// among the former then by a [`LightTree`].
+/// First it is chosen between the lights at some place and those infinitely far away, by estimates of the irradiance that
+/// they bring to the receiver; then among the former by a [`LightTree`], among the latter by their irradiance.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,
@@ -20,10 +20,14 @@ pub struct Lights {
     environment: Option<EnvironmentLight>,
     /// Over the lights at some place.
     tree: LightTree,
-    /// The tree (if there are such lights), then each light infinitely far away.
-    table: AliasTable,
-    /// What the table's entries are.
-    entries: Vec<Entry>,
+    /// Is there any such light?
+    has_near: bool,
+    /// The lights infinitely far away.
+    far: Vec<u32>,
+    /// By their irradiance.
+    far_table: AliasTable,
+    /// Luminance of the irradiance that all of these bring.
+    far_irradiance: f32,
     suns: Vec<SelectedSun>,
     /// All lights, if they are nothing but such rectangles; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
@@ -35,15 +39,13 @@ pub struct Lights {
 pub struct SelectedSun {
     /// The sun.
     pub sun: Sun,
-    /// Its index and the probability of choosing it.
+    /// Its index and the probability of choosing it among the lights infinitely far away.
     pub selected: Selected,
 }
 
-#[derive(Clone, Copy, Debug, PartialEq)]
-enum Entry {
-    Tree,
-    Light(u32),
-}
+/// Lights at some place, and lights infinitely far away, are chosen with at least this probability where they may bring light: how
+/// much of it something is in the way of, the estimates don't know.
+const LEAST_SHARE: f32 = 0.1;
 
 /// A chosen light.
 #[derive(Clone, Copy, Debug)]
@@ -59,15 +61,14 @@ impl Selected {
 }
 
 impl Lights {
-    /// Prepares the choice. The power of environments and directional lights is what falls on a disk of `scene_radius`.
+    /// Prepares the choice.
     pub fn new(
         area: Vec<AreaLight>,
         punctual: Vec<PunctualLight>,
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
-        scene_radius: f32,
     ) -> Lights {
-        Lights::moving((area, punctual), LightMotions::default(), environment, textures, scene_radius)
+        Lights::moving((area, punctual), LightMotions::default(), environment, textures)
     }
 
     /// The same with lights some of which move.
@@ -76,44 +77,55 @@ impl Lights {
         motions: LightMotions,
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
-        scene_radius: f32,
     ) -> Lights {
-        let (mut bounds, mut power_of_tree) = (Vec::new(), 0.0);
-        let mut far: Vec<(Entry, f32)> = Vec::new();
+        let (mut bounds, mut far, mut irradiances) = (Vec::new(), Vec::new(), Vec::new());
         for (i, light) in area.iter().enumerate() {
             let moving = motions.area.get(&i);
             bounds.push(moving.map_or_else(|| light.bounds(textures), |m| m.bounds(textures)));
-            power_of_tree += moving.map_or_else(|| light.power(textures), |m| m.power(textures));
         }
         for (i, light) in punctual.iter().enumerate() {
-            let power = light.power(scene_radius);
-            match motions.punctual.get(&i).map_or_else(|| light.bounds(), |m| m.bounds()) {
-                Some(b) => {
-                    bounds.push(b);
-                    power_of_tree += power;
-                }
-                None => {
-                    // Its place in the tree stays dark.
-                    bounds.push(LightBounds::DARK);
-                    far.push((Entry::Light((area.len() + i) as u32), power));
-                }
+            let of_light = motions.punctual.get(&i).map_or_else(|| light.bounds(), |m| m.bounds());
+            // The place in the tree of one that is infinitely far away stays dark.
+            bounds.push(of_light.unwrap_or(LightBounds::DARK));
+            if let Some(irradiance) = light.irradiance() {
+                far.push((area.len() + i) as u32);
+                irradiances.push(irradiance);
             }
         }
-        let index = (area.len() + punctual.len()) as u32;
-        let disk = PI * scene_radius * scene_radius;
-        far.extend(environment.iter().map(|e| (Entry::Light(index), e.mean_luminance() * 4.0 * PI * disk)));
-        if far.len() < bounds.len() + usize::from(environment.is_some()) {
-            far.insert(0, (Entry::Tree, power_of_tree));
-        }
-        let (entries, powers): (Vec<Entry>, Vec<f32>) = far.into_iter().unzip();
+        let has_near = far.len() < bounds.len();
+        // Of a hemisphere of its mean radiance.
+        irradiances.extend(environment.iter().map(|e| e.mean_luminance() * PI));
+        far.extend(environment.iter().map(|_| (area.len() + punctual.len()) as u32));
         let tree = LightTree::new(&bounds);
-        let table = AliasTable::new(if powers.is_empty() { &[1.0] } else { &powers });
+        let far_table = AliasTable::new(if far.is_empty() { &[1.0] } else { &irradiances });
+        let far_irradiance = irradiances.iter().sum();
         let (suns, rectangles) = (Vec::new(), Vec::new());
-        let mut lights =
-            Lights { area, punctual, environment, tree, table, entries, suns, rectangles, motions };
+        let mut lights = Lights {
+            area,
+            punctual,
+            environment,
+            tree,
+            has_near,
+            far,
+            far_table,
+            far_irradiance,
+            suns,
+            rectangles,
+            motions,
+        };
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
         lights
+    }
+
+    fn find_suns(&self) -> Vec<SelectedSun> {
+        let sun = |(i, light): (usize, &PunctualLight)| {
+            let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
+            let entry = self.far.iter().position(|&far| far == index)?;
+            let selected = Selected { index, pdf_discrete: self.far_table.pdf_discrete(entry) };
+            Some(SelectedSun { sun, selected })
+        };
+        self.punctual.iter().enumerate().filter_map(sun).collect()
     }
 
     fn find_rectangles(&self) -> Vec<[f32; RECTANGLE_NUMBERS]> {
@@ -124,14 +136,9 @@ impl Lights {
         rectangles.collect::<Option<_>>().unwrap_or_default()
     }
 
-    fn find_suns(&self) -> Vec<SelectedSun> {
-        let sun = |(i, light): (usize, &PunctualLight)| {
-            let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
-            let entry = self.entries.iter().position(|e| *e == Entry::Light(index))?;
-            let pdf_discrete = if self.len() == 1 { 1.0 } else { self.table.pdf_discrete(entry) };
-            Some(SelectedSun { sun, selected: Selected { index, pdf_discrete } })
-        };
-        self.punctual.iter().enumerate().filter_map(sun).collect()
+    /// Nothing arrives from infinitely far away: it is chosen only where no other light arrives either.
+    pub fn hide_far(&mut self) {
+        self.far_irradiance = 0.0;
     }
 
     /// Gives up all but the environment.
@@ -142,7 +149,7 @@ impl Lights {
     /// Is there nothing to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.entries.is_empty()
+        self.len() == 0
     }
 
     /// How many there are, the environment included.
@@ -181,7 +188,7 @@ impl Lights {
 
     /// Does the choice depend on the receiver? It doesn't for a single light.
     pub fn use_tree(&self) -> bool {
-        self.len() > 1 && self.entries.contains(&Entry::Tree)
+        self.len() > 1 && self.has_near
     }
 
     /// Chooses a light by two numbers in 0..1.
@@ -190,21 +197,37 @@ impl Lights {
         if self.len() == 1 {
             return Selected { index: 0, pdf_discrete: 1.0 };
         }
-        let (entry, probability, rest) = match &self.entries[..] {
-            [only] => (*only, 1.0, u[1]),
-            entries => {
-                let chosen = self.table.sample(u[1]);
-                (entries[chosen.index], chosen.pdf_discrete, chosen.remapped)
-            }
-        };
-        match entry {
-            Entry::Light(index) => Selected { index, pdf_discrete: probability },
+        let share = self.near_share(receiver);
+        if u[1] < share {
             // The second number adds digits below the first one's 24.
-            Entry::Tree => {
-                match self.tree.sample(receiver, f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24)) {
-                    Some((index, pdf)) => Selected { index, pdf_discrete: probability * pdf },
-                    None => Selected::NONE,
+            let rest = (u[1] / share).min(1.0f32.next_down());
+            return match self.tree.sample(receiver, f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24)) {
+                Some((index, pdf)) => Selected { index, pdf_discrete: share * pdf },
+                None => Selected::NONE,
+            };
+        }
+        let chosen = self.far_table.sample(((u[1] - share) / (1.0 - share)).min(1.0f32.next_down()));
+        Selected { index: self.far[chosen.index], pdf_discrete: (1.0 - share) * chosen.pdf_discrete }
+    }
+
+    /// The probability of choosing among the lights at some place.
+    #[inline(always)]
+    fn near_share(&self, receiver: &Receiver) -> f32 {
+        match (self.has_near, self.far.is_empty()) {
+            (true, true) => 1.0,
+            (false, _) => 0.0,
+            (true, false) => {
+                let near = self.tree.irradiance(receiver);
+                // Nothing is 0 where light arrives.
+                if near <= 0.0 {
+                    return 0.0;
                 }
+                if self.far_irradiance <= 0.0 {
+                    return 1.0;
+                }
+                let share = near / (near + self.far_irradiance);
+                let share = if share > LEAST_SHARE { share } else { LEAST_SHARE };
+                if share < 1.0 - LEAST_SHARE { share } else { 1.0 - LEAST_SHARE }
             }
         }
     }
@@ -215,13 +238,19 @@ impl Lights {
         if self.len() == 1 {
             return 1.0;
         }
-        self.table.pdf_discrete(0) * self.tree.pdf_discrete(receiver, index)
+        self.near_share(receiver) * self.tree.pdf_discrete(receiver, index)
     }
 
-    /// The probability of choosing the environment.
+    /// The probability of choosing among the lights infinitely far away.
+    #[inline(always)]
+    pub fn far_pdf_discrete(&self, receiver: &Receiver) -> f32 {
+        1.0 - self.near_share(receiver)
+    }
+
+    /// The probability of choosing the environment among the lights infinitely far away.
     #[inline(always)]
     pub fn environment_pdf_discrete(&self) -> f32 {
-        self.table.pdf_discrete(self.table.len() - 1)
+        self.far_table.pdf_discrete(self.far_table.len() - 1)
     }
 
     /// The middle of a light; `None` for one infinitely far away.
@@ -292,5 +321,69 @@ impl Lights {
             radiance: s.radiance,
             pdf_solid_angle: s.pdf_solid_angle,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::color::Rgb;
+    use crate::light::{AreaShape, Edges, Radiance};
+    use crate::math::DVec3;
+    use crate::sampling::chi2::Random;
+    use crate::scene::{Environment, Light, LightKind};
+
+    /// Lamps on a ceiling, a distant light and an even sky.
+    fn mixed() -> Lights {
+        let lamp = |x: f32| {
+            let edges =
+                Edges { corner: Vec3::new(x, 3.0, 0.0), edge_u: Vec3::X * 0.2, edge_v: Vec3::Z * 0.2 };
+            AreaLight::new(AreaShape::Rectangle(edges), true, Radiance::Constant(Rgb::splat(40.0)))
+        };
+        let sun = Light::new(LightKind::Directional { direction: DVec3::NEG_Y }, [2.0; 3]);
+        let sky = EnvironmentLight::new(&Environment::Constant([0.5; 3]), &[], true);
+        let textures = CompiledTextures::new(&[], &[], Vec3::ZERO);
+        let area = (0..5).map(|i| lamp(i as f32)).collect();
+        Lights::new(area, vec![PunctualLight::new(&sun, DVec3::ZERO)], sky, &textures)
+    }
+
+    #[test]
+    fn lights_are_chosen_as_often_as_their_probabilities_say() {
+        const N: usize = 40_000;
+        let (lights, mut random) = (mixed(), Random::new(3));
+        for _ in 0..20 {
+            let p = Vec3::new(12.0 * random.next() - 4.0, 5.0 * random.next(), 8.0 * random.next() - 4.0);
+            let receiver = Receiver { p, normal: random.direction() };
+            let far = lights.far_pdf_discrete(&receiver);
+            let expected = |index: u32| match index {
+                6 => far * lights.environment_pdf_discrete(),
+                5 => far * (1.0 - lights.environment_pdf_discrete()),
+                _ => lights.pdf_discrete(&receiver, index),
+            };
+            let mut counts = [0; 7];
+            for _ in 0..N {
+                let chosen = lights.select(&receiver, [random.next(), random.next()]);
+                if chosen.pdf_discrete > 0.0 {
+                    let pdf = expected(chosen.index);
+                    assert!((chosen.pdf_discrete - pdf).abs() <= 1e-5, "{}: {pdf}", chosen.index);
+                    counts[chosen.index as usize] += 1;
+                }
+            }
+            for (index, count) in (0..).zip(counts) {
+                let (pdf, share) = (expected(index), count as f32 / N as f32);
+                let deviation = (pdf * (1.0 - pdf) / N as f32).sqrt();
+                assert!((share - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {share} {pdf}");
+            }
+            assert!(far >= LEAST_SHARE - 1e-6);
+        }
+    }
+
+    #[test]
+    fn hidden_lights_are_not_asked_where_others_arrive() {
+        let mut lights = mixed();
+        lights.hide_far();
+        let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };
+        assert_eq!(lights.far_pdf_discrete(&below), 0.0);
+        assert!((0..100).all(|i| lights.select(&below, [0.5, i as f32 / 100.0]).index < 5));
     }
 }

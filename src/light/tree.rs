@@ -101,6 +101,12 @@ impl LightTree {
         }
     }
 
+    /// An estimate of the luminance of the irradiance that all lights bring to a point; 0 only where none reaches it.
+    #[inline(always)]
+    pub fn irradiance(&self, receiver: &Receiver) -> f32 {
+        self.nodes.first().map_or(0.0, |root| sum(&root.estimates(receiver)))
+    }
+
     /// The probability of choosing a light.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, light: u32) -> f32 {

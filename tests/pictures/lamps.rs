@@ -3,8 +3,8 @@
 use crate::support::{assert_radiance, camera, disk, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, Lamp, Light, LightKind, Material, Model, RayKinds, Scene,
-    SpotFade,
+    Beam, ColorSlot, Environment, FloatSlot, Fog, Lamp, Light, LightKind, Material, Medium, Model, RayKinds,
+    Scene, SpotFade,
 };
 use std::f64::consts::PI;
 
@@ -54,6 +54,40 @@ fn lamps_that_stop_no_light() {
         sphere(&mut scene, near.into(), 0.1, c);
         assert_radiance(what, &scene, &options(16, 256, 1), truth, 4e-3);
     }
+}
+
+/// A lamp under a sky is as clean on a large floor as on a small one: neither is chosen by the scene's size.
+#[test]
+fn a_lamp_and_a_sky_over_floors_of_all_sizes() {
+    let (center, radius, sky) = (DVec3::new(0.0, 3.0, 0.0), 0.5, 1.0);
+    let hidden = radius * radius / center.length_squared();
+    let truth = light_of_ball(30.0, center, radius) + 0.8 * sky * (1.0 - hidden);
+    for half in [5.0, 500.0, 50_000.0] {
+        let mut scene = Scene { environment: Environment::Constant([sky as f32; 3]), ..Scene::default() };
+        let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+        quad(&mut scene, [-half, 0.0, half], [2.0 * half, 0.0, 0.0], [0.0, 0.0, -2.0 * half], grey);
+        scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
+        let bulb = lamp(&mut scene, 30.0, Lamp::default());
+        sphere(&mut scene, center.into(), radius, bulb);
+        assert_radiance(&format!("half width {half}"), &scene, &options(16, 64, 1), truth, 1e-3);
+    }
+}
+
+/// Fog without an end hides the sky, which takes no light samples from the lamp.
+#[test]
+fn an_endless_fog_leaves_light_samples_to_lamps() {
+    let mut scene = floor();
+    scene.environment = Environment::Constant([1000.0; 3]);
+    let density = 0.05;
+    let medium = Medium { albedo: [0.0; 3], ..Medium::scattering([density; 3]) };
+    scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: f64::INFINITY });
+    let (center, radius) = (DVec3::new(0.0, 3.0, 0.0), 0.05);
+    let bulb = lamp(&mut scene, 300.0, Lamp::default());
+    sphere(&mut scene, center.into(), radius, bulb);
+    // The visible half of a ball, seen from afar, is two thirds of its radius nearer than the middle on average.
+    let passed = (-f64::from(density) * (EYE.length() + center.y - 2.0 / 3.0 * radius)).exp();
+    let truth = passed * light_of_ball(300.0, center, radius);
+    assert_radiance("fog", &scene, &options(16, 64, 1), truth, 2e-3);
 }
 
 /// An obstacle shades, seen or not.
