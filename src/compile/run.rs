@@ -68,13 +68,21 @@ pub(super) fn compile_after(
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
-    let environment = match kept.environment.take() {
+    let mut environment = match kept.environment.take() {
         Some(environment) => environment,
         None => EnvironmentLight::new(&scene.environment, &scene.images, true),
     };
+    match &mut environment {
+        Some(environment) => environment.set_portals(&scene.portals, anchor),
+        None if scene.portals.is_empty() => {}
+        None => report
+            .warnings
+            .push(Warning::general("portals change nothing: there is no environment to come through them")),
+    }
     let radius = scene_radius(&geometries);
     let all = (emitters.lights.clone(), punctual);
-    let lights = Lights::moving(all, motions, environment, &textures, radius);
+    let mut lights = Lights::moving(all, motions, environment, &textures, radius);
+    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
@@ -134,6 +142,7 @@ fn features(
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1 || is_foggy,
+        priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),

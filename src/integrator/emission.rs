@@ -60,7 +60,8 @@ impl Integrator<'_> {
 
     /// Adds the light of the suns in whose directions paths left the scene.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
-        for SelectedSun { sun, selected } in self.scene.lights.suns() {
+        let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
+        for SelectedSun { sun, selected, .. } in suns {
             let pdf = sun.pdf_solid_angle() * selected.pdf_discrete;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
@@ -87,10 +88,10 @@ impl Integrator<'_> {
             if self.parts.clear {
                 self.see_through(w);
             }
-            self.add_suns(bounce, w);
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
         }
+        self.add_suns(bounce, w);
         let Some(environment) = lights.environment() else { return };
         if self.parts.kinds {
             self.keep_visible_escapes(bounce, w);
@@ -98,6 +99,11 @@ impl Integrator<'_> {
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, scratch);
         let [_, _, _, _, _, r, g, b, pdf] = scratch;
+        if environment.has_portals() {
+            for (pdf, ray) in pdf.iter_mut().zip(w.escaped.iter().map(|&i| &w.rays[i as usize])) {
+                *pdf = environment.pdf_from(ray.origin, ray.direction);
+            }
+        }
         let pdf_discrete = lights.environment_pdf_discrete();
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {

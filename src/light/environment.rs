@@ -1,5 +1,6 @@
 //! Light from infinitely far: constant, gradient or image.
 
+use super::portals::Portals;
 use crate::color::{Rgb, luminance};
 use crate::image::Image;
 use crate::math::{Vec3, Vec4, poly};
@@ -26,6 +27,7 @@ pub struct EnvironmentSample {
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
     kind: Kind,
+    pub(super) portals: Portals,
 }
 
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ impl EnvironmentLight {
         match &kind {
             Kind::Constant(c) if *c == Rgb::ZERO => None,
             Kind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => None,
-            _ => Some(EnvironmentLight { kind }),
+            _ => Some(EnvironmentLight { kind, portals: Portals::default() }),
         }
     }
 
@@ -422,7 +424,7 @@ mod tests {
 
     #[test]
     fn one_reading_gives_what_the_map_says() {
-        let EnvironmentLight { kind: Kind::Image(image) } = sunny(64, 32, 0.3, true) else {
+        let EnvironmentLight { kind: Kind::Image(image), .. } = sunny(64, 32, 0.3, true) else {
             panic!("an image");
         };
         let mut random = Random::new(21);

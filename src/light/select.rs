@@ -35,6 +35,8 @@ pub struct SelectedSun {
     pub sun: Sun,
     /// Its index and the probability of choosing it.
     pub selected: Selected,
+    /// Do cameras see it?
+    pub is_seen: bool,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -117,9 +119,15 @@ impl Lights {
             let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
             let entry = self.entries.iter().position(|e| *e == Entry::Light(index))?;
             let pdf_discrete = if self.len() == 1 { 1.0 } else { self.table.pdf_discrete(entry) };
-            Some(SelectedSun { sun, selected: Selected { index, pdf_discrete } })
+            Some(SelectedSun { sun, selected: Selected { index, pdf_discrete }, is_seen: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
+    }
+
+    /// Lets cameras see one of the punctual lights, a sun.
+    pub fn show_sun(&mut self, punctual: u32) {
+        let index = self.area.len() as u32 + punctual;
+        self.suns.iter_mut().filter(|s| s.selected.index == index).for_each(|s| s.is_seen = true);
     }
 
     /// Gives up all but the environment.
@@ -265,7 +273,7 @@ impl Lights {
             return light.sample(reference, u);
         }
         let Some(environment) = &self.environment else { return LightSample::NONE };
-        let s = environment.sample(u);
+        let s = environment.sample_from(reference, u);
         LightSample {
             wi: s.direction,
             target: Vec3::ZERO,

@@ -20,6 +20,7 @@ mod saved;
 pub mod scene_file;
 mod shapes;
 mod shutter;
+pub mod sky;
 pub mod stage;
 mod upright;
 mod uri;

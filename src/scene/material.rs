@@ -103,6 +103,9 @@ pub struct Material {
     pub use_vertex_colors: bool,
     /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
     pub medium: Option<Medium>,
+    /// Which of several solids counts where they overlap: the one of the highest priority, and among equals the one that light
+    /// entered last.
+    pub priority: i32,
     /// What is special about a surface that shines; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
@@ -122,6 +125,7 @@ impl Material {
             normal_map: None,
             use_vertex_colors: false,
             medium: None,
+            priority: 0,
             lamp: None,
             light_group: String::new(),
         }
@@ -149,7 +153,8 @@ impl Parameters for Lamp {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp, light_group,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, priority, lamp,
+        light_group,
     }
     Emission { radiance, two_sided }
 }

@@ -29,6 +29,7 @@ mod model;
 mod motion;
 mod outline;
 mod pbr;
+mod portal;
 mod profile;
 mod settings;
 mod shape;
@@ -52,6 +53,7 @@ pub use motion::{Moving, SceneMotion, Vertices};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
+pub use portal::Portal;
 pub use profile::LightProfile;
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
@@ -94,6 +96,11 @@ pub struct Scene {
     pub backdrop: Option<Backdrop>,
     /// The environment's group of lights; empty for the default one.
     pub environment_group: String,
+    /// Openings through which light of the environment is looked for.
+    pub portals: Vec<Portal>,
+    /// Which of the lights, a [`LightKind::Sun`], is the environment's sun: unlike other suns cameras see it, if they see the
+    /// environment.
+    pub environment_sun: Option<u32>,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
     /// Which objects move while the picture is taken.

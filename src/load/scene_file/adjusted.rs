@@ -2,6 +2,7 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
+use super::materials::priority;
 use super::media;
 use super::pbr;
 use super::textures::Textures;
@@ -41,6 +42,7 @@ pub(super) fn adjusted<'a>(
         let lamp = material.lamp.unwrap_or_default();
         material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
     }
+    material.priority = priority(fields).unwrap_or(material.priority);
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })
 }

@@ -13,6 +13,10 @@
 //!
 //! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
 //!
+//! Those with an inside, `"dielectric"`, `"medium"` and `"pbr"`, may have a `priority`, a whole number (0). Where solids overlap, the
+//! one of the highest priority counts: glass of priority 1 around a liquid that reaches into its wall ends where the glass says. Among
+//! equals the one that light entered last counts, so that ice in water and air in glass need none.
+//!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
 //! between the result and the mirror direction is `1 - f^2 / 3` (integrate `(1 + f m) / sqrt(1 + f^2 + 2 f m)` over m in
@@ -206,8 +210,16 @@ fn read<'a>(
         }
     };
     material.light_group = light_group;
+    if let Kind::Dielectric | Kind::Medium | Kind::Pbr = kind {
+        material.priority = priority(fields).unwrap_or(0);
+    }
     fields.finish();
     Some(material)
+}
+
+/// Which of several solids counts where they overlap.
+pub(super) fn priority(fields: &Fields) -> Option<i32> {
+    fields.has("priority").then(|| fields.number_in("priority", -1000.0..1000.0, 0.0) as i32)
 }
 
 fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {

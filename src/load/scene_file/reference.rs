@@ -30,6 +30,7 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("transform", &[include_str!("transform.rs")]),
     chapter("motion", &[include_str!("motion.rs")]),
     chapter("[[lights]]", &[include_str!("lights.rs")]),
+    chapter("[[portals]]", &[include_str!("portals.rs")]),
     chapter("sidecar", &[include_str!("sidecar.rs")]),
 ];
 

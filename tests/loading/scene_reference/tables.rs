@@ -142,6 +142,20 @@ pub const TABLES: &[Table] = &[
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
         &[("sky", "{ nadir = [1, 0, 0], zenith = [0, 0, 1] }", "{ nadir = [1, 1, 0], zenith = [0, 0, 1] }")],
     ),
+    Table {
+        about: "environment",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nsky = { sun_elevation = 30, ",
+        between: ", ",
+        after: concat!(" }", "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n"),
+        keys: &[
+            ("sun_azimuth", "10", "20"),
+            ("turbidity", "2", "4"),
+            ("ground_albedo", "[0.1, 0.2, 0.3]", "0.4"),
+            ("sun", "true", "false"),
+            ("sun_size", "1", "2"),
+            ("strength", "0.5", "2"),
+        ],
+    },
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
@@ -177,7 +191,7 @@ pub const TABLES: &[Table] = &[
     lines(
         "dielectric",
         before!(material "dielectric"),
-        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }")],
+        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }"), ("priority", "1", "-2")],
     ),
     lines(
         "medium",
@@ -191,7 +205,7 @@ pub const TABLES: &[Table] = &[
             ("max", "[1, 1, 1]", "[2, 1, 1]"),
         ],
     ),
-    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4")]),
+    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4"), ("priority", "1", "-2")]),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
         "emissive",
@@ -237,7 +251,7 @@ pub const TABLES: &[Table] = &[
     lines(
         "pbr",
         concat!(before!(material "pbr"), "transmission = 1\nvolume = true\n"),
-        &[("medium", "{ density = 1 }", "{ density = 2 }")],
+        &[("medium", "{ density = 1 }", "{ density = 2 }"), ("priority", "1", "-2")],
     ),
     lines(
         "pbr",
