@@ -68,17 +68,7 @@ pub(super) fn compile_after(
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
-    let mut environment = match kept.environment.take() {
-        Some(environment) => environment,
-        None => EnvironmentLight::new(&scene.environment, &scene.images, true),
-    };
-    match &mut environment {
-        Some(environment) => environment.set_portals(&scene.portals, anchor),
-        None if scene.portals.is_empty() => {}
-        None => report
-            .warnings
-            .push(Warning::general("portals change nothing: there is no environment to come through them")),
-    }
+    let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let radius = scene_radius(&geometries);
     let all = (emitters.lights.clone(), punctual);
     let mut lights = Lights::moving(all, motions, environment, &textures, radius);
@@ -108,6 +98,26 @@ pub(super) fn compile_after(
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
+}
+
+/// The environment with its portals; `kept` is that of an earlier moment, if it is the same.
+fn environment(
+    scene: &Scene,
+    kept: Option<Option<EnvironmentLight>>,
+    anchor: DVec3,
+    warnings: &mut Vec<Warning>,
+) -> Option<EnvironmentLight> {
+    let new = || EnvironmentLight::new(&scene.environment, &scene.images, true);
+    let mut environment = kept.unwrap_or_else(new);
+    match &mut environment {
+        Some(environment) => environment.set_portals(&scene.portals, anchor),
+        None if scene.portals.is_empty() => {}
+        None => {
+            let message = "portals change nothing: there is no environment to come through them";
+            warnings.push(Warning::general(message));
+        }
+    }
+    environment
 }
 
 /// The materials, with the copies that objects have for themselves; the media of solids; and which objects have copies.

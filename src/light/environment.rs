@@ -3,9 +3,9 @@
 use super::portals::Portals;
 use crate::color::{Rgb, luminance};
 use crate::image::Image;
-use crate::math::{Vec3, Vec4, poly};
+use crate::math::{DVec3, Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
-use crate::scene::Environment;
+use crate::scene::{self, Environment};
 use crate::simd::{Table, prefer_huge_pages};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -139,6 +139,37 @@ impl EnvironmentLight {
             Kind::Image(map) => Some(map),
             _ => None,
         }
+    }
+
+    /// Looks for light through portals from here on; the world's origin moves to `anchor`.
+    pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
+        self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
+    }
+
+    /// Does what is chosen depend on the point that is lit?
+    #[inline(always)]
+    pub fn has_portals(&self) -> bool {
+        !self.portals.is_empty()
+    }
+
+    /// [`EnvironmentLight::sample`] for a point, through a portal where it is in front of one.
+    #[inline]
+    pub fn sample_from(&self, p: Vec3, u: [f32; 2]) -> EnvironmentSample {
+        if !self.has_portals() {
+            return self.sample(u);
+        }
+        match self.portals.sample(p, u) {
+            Some((direction, pdf_solid_angle)) => {
+                EnvironmentSample { direction, radiance: self.radiance(direction), pdf_solid_angle }
+            }
+            None => self.sample(u),
+        }
+    }
+
+    /// Density per solid angle with which [`EnvironmentLight::sample_from`] chooses a direction.
+    pub fn pdf_from(&self, p: Vec3, direction: Vec3) -> f32 {
+        let through = self.portals.pdf_solid_angle(p, direction);
+        through.unwrap_or_else(|| self.pdf_solid_angle(direction))
     }
 
     /// Mean luminance over all directions; the power that reaches a scene is in proportion.

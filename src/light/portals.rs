@@ -6,9 +6,7 @@
 //! several portals one is chosen by what comes through each. A point in front of none samples the whole environment; what
 //! no portal shows is left to scattered rays, which multiple importance sampling weighs fully there.
 
-use super::EnvironmentLight;
-use super::environment::EnvironmentSample;
-use crate::color::luminance;
+use crate::color::{Rgb, luminance};
 use crate::math::{DVec3, Vec3, poly};
 use crate::scene;
 use rayon::prelude::*;
@@ -55,15 +53,18 @@ struct Window {
 #[derive(Debug)]
 struct SummedArea {
     sums: Vec<f64>,
+    /// Sums of each column from its first texel up to each corner, one column after another.
+    columns: Vec<f64>,
 }
 
 impl Portals {
-    /// Places portals before an environment; the world's origin moves to `anchor`. Tables of `before` that fit are used again.
+    /// Places portals before an environment of a radiance by direction; the world's origin moves to `anchor`. Tables of `before`
+    /// that fit are used again.
     pub fn new(
         portals: &[scene::Portal],
-        environment: &EnvironmentLight,
+        radiance: impl Fn(Vec3) -> Rgb + Sync,
         anchor: DVec3,
-        before: Portals,
+        before: &Portals,
     ) -> Portals {
         let place = |portal: &scene::Portal| {
             let axes = Axes::of(portal)?;
@@ -72,7 +73,7 @@ impl Portals {
                 corner: (portal.corner - anchor).as_vec3(),
                 size: [portal.edge_u.length() as f32, portal.edge_v.length() as f32],
                 axes,
-                table: known.unwrap_or_else(|| Arc::new(SummedArea::new(environment, &axes))),
+                table: known.unwrap_or_else(|| Arc::new(SummedArea::new(&radiance, &axes))),
             })
         };
         Portals { list: portals.iter().filter_map(place).collect() }
@@ -84,12 +85,16 @@ impl Portals {
 
     /// A direction from `p` through a portal with its density per solid angle; `None` where `p` is in front of none.
     pub fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<(Vec3, f32)> {
-        let total = self.total(p);
-        if total <= 0.0 {
-            return None;
+        if let [only] = &self.list[..] {
+            let window = only.window(p).filter(|window| window.sum > 0.0)?;
+            let place = [f64::from(u[0]) * window.sum, f64::from(u[1])];
+            let (at, value) = only.table.sample(&window, place);
+            let (direction, stretch) = only.axes.direction(at);
+            let pdf = (value / window.sum * PER_ANGLE) as f32 / stretch;
+            return Some((direction, if pdf.is_finite() { pdf } else { 0.0 }));
         }
-        let mut rest = f64::from(u[0]) * total;
-        let mut chosen = None;
+        let total = self.total(p);
+        let (mut chosen, mut rest) = (None, f64::from(u[0]) * total);
         for portal in &self.list {
             let Some(window) = portal.window(p).filter(|window| window.sum > 0.0) else { continue };
             chosen = Some((portal, window));
@@ -98,16 +103,20 @@ impl Portals {
             }
             rest -= window.sum;
         }
-        let (portal, window) = chosen?;
-        let at = portal.table.sample(&window, [rest, f64::from(u[1])]);
-        let direction = portal.axes.direction(at);
-        // The density of all portals that show the direction.
+        let (portal, window) = chosen.filter(|_| total > 0.0)?;
+        let (at, _) = portal.table.sample(&window, [rest, f64::from(u[1])]);
+        let (direction, _) = portal.axes.direction(at);
+        // That of all portals which show the direction.
         let pdf = self.pdf_of(p, direction, total);
-        (pdf > 0.0).then_some((direction, pdf))
+        Some((direction, if pdf.is_finite() { pdf } else { 0.0 }))
     }
 
     /// Density per solid angle with which [`Portals::sample`] chooses a direction; `None` where `p` is in front of no portal.
     pub fn pdf_solid_angle(&self, p: Vec3, direction: Vec3) -> Option<f32> {
+        if let [only] = &self.list[..] {
+            let window = only.window(p).filter(|window| window.sum > 0.0)?;
+            return Some((only.share(&window, direction) / window.sum) as f32);
+        }
         let total = self.total(p);
         (total > 0.0).then(|| self.pdf_of(p, direction, total))
     }
@@ -117,23 +126,13 @@ impl Portals {
     }
 
     fn pdf_of(&self, p: Vec3, direction: Vec3, total: f64) -> f32 {
-        let mut pdf = 0.0;
-        for portal in &self.list {
-            let (Some(window), Some((at, stretch))) = (portal.window(p), portal.axes.angles(direction)) else {
-                continue;
-            };
-            if (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]) {
-                pdf += portal.table.texel(at) / total * per_angle() / f64::from(stretch);
-            }
-        }
-        pdf as f32
+        let share = |portal: &Portal| portal.window(p).map_or(0.0, |window| portal.share(&window, direction));
+        (self.list.iter().map(share).sum::<f64>() / total) as f32
     }
 }
 
 /// Texels per square radian.
-fn per_angle() -> f64 {
-    (SIZE as f64 / std::f64::consts::PI).powi(2)
-}
+const PER_ANGLE: f64 = (SIZE * SIZE) as f64 / (std::f64::consts::PI * std::f64::consts::PI);
 
 impl Portal {
     /// `None` behind the portal and in its plane.
@@ -155,6 +154,15 @@ impl Portal {
     }
 }
 
+impl Portal {
+    /// What a direction has of a window's sum, per solid angle; 0 where it leads past it.
+    fn share(&self, window: &Window, direction: Vec3) -> f64 {
+        let Some((at, stretch)) = self.axes.angles(direction) else { return 0.0 };
+        let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);
+        if is_inside { self.table.texel(at) * PER_ANGLE / f64::from(stretch) } else { 0.0 }
+    }
+}
+
 impl Axes {
     fn of(portal: &scene::Portal) -> Option<Axes> {
         let x = portal.edge_u.try_normalize()?;
@@ -163,12 +171,15 @@ impl Axes {
         Some(Axes { x: x.as_vec3(), y: y.as_vec3(), out: -x.cross(y).as_vec3() })
     }
 
-    /// The unit direction of two angles in steps.
-    fn direction(&self, at: [f64; 2]) -> Vec3 {
+    /// The unit direction of two angles in steps, and the solid angle per square radian there.
+    fn direction(&self, at: [f64; 2]) -> (Vec3, f32) {
         let angle = |k: usize| ((at[k] / SIZE as f64 - 0.5) * std::f64::consts::PI) as f32;
         let ((sine_x, cosine_x), (sine_y, cosine_y)) = (poly::sin_cos(angle(0)), poly::sin_cos(angle(1)));
         let (x, y, z) = (sine_x * cosine_y, sine_y * cosine_x, cosine_x * cosine_y);
-        (self.x * x + self.y * y + self.out * z).normalize()
+        // With 1 + u^2 = 1 / cos^2, see below; the length of (x, y, z) is that of (u, v, 1) times both cosines.
+        let length = (x * x + y * y + z * z).sqrt();
+        let stretch = z / (length * length * length);
+        ((self.x * x + self.y * y + self.out * z) / length, stretch)
     }
 
     /// The angles of a direction in steps, and the solid angle per square radian there; `None` for the half that leads inwards.
@@ -189,14 +200,13 @@ impl Axes {
 }
 
 impl SummedArea {
-    fn new(environment: &EnvironmentLight, axes: &Axes) -> SummedArea {
+    fn new(radiance: impl Fn(Vec3) -> Rgb + Sync, axes: &Axes) -> SummedArea {
         let texel = |i: usize| {
             let (column, row) = (i % SIZE, i / SIZE);
             let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
             let values = points.map(|[x, y]| {
-                let direction = axes.direction([column as f64 + x, row as f64 + y]);
-                let light = f64::from(luminance(environment.radiance(direction).to_array()));
-                axes.angles(direction).map_or(0.0, |(_, stretch)| light * f64::from(stretch))
+                let (direction, stretch) = axes.direction([column as f64 + x, row as f64 + y]);
+                f64::from(luminance(radiance(direction).to_array())) * f64::from(stretch.max(0.0))
             });
             values.iter().sum::<f64>() / 4.0
         };
@@ -211,19 +221,32 @@ impl SummedArea {
                 sums[(row + 1) * (SIZE + 1) + column + 1] = sums[row * (SIZE + 1) + column + 1] + of_row;
             }
         }
-        SummedArea { sums }
+        let mut columns = Vec::with_capacity(SIZE * (SIZE + 1));
+        for column in 0..SIZE {
+            let mut sum = 0.0;
+            columns.push(sum);
+            for row in 0..SIZE {
+                sum += values[row * SIZE + column];
+                columns.push(sum);
+            }
+        }
+        SummedArea { sums, columns }
     }
 
     fn corner(&self, column: usize, row: usize) -> f64 {
         self.sums[row * (SIZE + 1) + column]
     }
 
+    fn up_to(&self, column: usize, row: usize) -> f64 {
+        self.columns[column * (SIZE + 1) + row]
+    }
+
     /// The sum over a column of texels between two heights.
     fn column(&self, column: usize, low: f64, high: f64) -> f64 {
         let up_to = |y: f64| {
             let row = (y as usize).min(SIZE - 1);
-            let of = |row: usize| self.corner(column + 1, row) - self.corner(column, row);
-            of(row) + (of(row + 1) - of(row)) * (y - row as f64)
+            let (a, b) = (self.up_to(column, row), self.up_to(column, row + 1));
+            a + (b - a) * (y - row as f64)
         };
         up_to(high) - up_to(low)
     }
@@ -252,12 +275,11 @@ impl SummedArea {
     /// The value of the texel at a place.
     fn texel(&self, at: [f64; 2]) -> f64 {
         let [column, row] = at.map(|x| (x as usize).min(SIZE - 1));
-        let of = |column: usize| self.corner(column, row + 1) - self.corner(column, row);
-        of(column + 1) - of(column)
+        self.up_to(column, row + 1) - self.up_to(column, row)
     }
 
-    /// A place of a window, by the sum to the left of it, and a number in 0..1.
-    fn sample(&self, window: &Window, [left, u]: [f64; 2]) -> [f64; 2] {
+    /// A place of a window, by the sum to the left of it, and a number in 0..1; and the value of its texel.
+    fn sample(&self, window: &Window, [left, u]: [f64; 2]) -> ([f64; 2], f64) {
         let Window { low, high, .. } = *window;
         let wanted = self.left_of(low[0], low[1], high[1]) + left;
         let (mut first, mut last) = (low[0] as usize, (high[0] as usize).min(SIZE - 1));
@@ -285,40 +307,7 @@ impl SummedArea {
         let texel = self.texel([column as f64, first as f64]);
         let rest = target - self.column(column, low[1], start);
         let y = start + if texel > 0.0 { rest / texel } else { 0.5 };
-        [x, y.clamp(low[1], high[1])]
-    }
-}
-
-impl EnvironmentLight {
-    /// Looks for light through portals from here on.
-    pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
-        let before = std::mem::take(&mut self.portals);
-        self.portals = Portals::new(portals, self, anchor, before);
-    }
-
-    /// Does what is chosen depend on the point that is lit?
-    #[inline(always)]
-    pub fn has_portals(&self) -> bool {
-        !self.portals.is_empty()
-    }
-
-    /// [`EnvironmentLight::sample`] for a point, through a portal where it is in front of one.
-    pub fn sample_from(&self, p: Vec3, u: [f32; 2]) -> EnvironmentSample {
-        if !self.has_portals() {
-            return self.sample(u);
-        }
-        match self.portals.sample(p, u) {
-            Some((direction, pdf_solid_angle)) => {
-                EnvironmentSample { direction, radiance: self.radiance(direction), pdf_solid_angle }
-            }
-            None => self.sample(u),
-        }
-    }
-
-    /// Density per solid angle with which [`EnvironmentLight::sample_from`] chooses a direction.
-    pub fn pdf_from(&self, p: Vec3, direction: Vec3) -> f32 {
-        let through = self.portals.pdf_solid_angle(p, direction);
-        through.unwrap_or_else(|| self.pdf_solid_angle(direction))
+        ([x, y.clamp(low[1], high[1])], texel)
     }
 }
 
@@ -326,6 +315,7 @@ impl EnvironmentLight {
 mod tests {
     use super::*;
     use crate::image::Image;
+    use crate::light::EnvironmentLight;
     use crate::sampling::chi2::{Chi2, Random, Square};
     use crate::scene::{Environment, ImageId};
 
@@ -385,6 +375,7 @@ mod tests {
     fn samples_lead_through_a_portal_and_have_their_density() {
         let light = room(true);
         let mut random = Random::new(3);
+        let mut differ = 0;
         for _ in 0..20_000 {
             let p = Vec3::new(1.8 * random.next(), 2.8 * random.next(), 2.0 * random.next());
             let sample = light.sample_from(p, [random.next(), random.next()]);
@@ -395,8 +386,10 @@ mod tests {
             let is_through = d.x > 0.0 && within(at_side.y, 0.5, 1.5) && within(at_side.z, 1.0, 2.5)
                 || d.y > 0.0 && within(at_top.x, -1.0, 0.0) && within(at_top.z, -2.0, 0.0);
             assert!(is_through, "{p} {d}");
-            assert_eq!(sample.pdf_solid_angle, light.pdf_from(p, d));
+            // Rounding may lead to the texel beside.
+            differ += u32::from((sample.pdf_solid_angle / light.pdf_from(p, d) - 1.0).abs() > 1e-3);
         }
+        assert!(differ < 100, "{differ} of 20,000");
     }
 
     /// With a table that is as fine as the light, radiance over density hardly varies: what a vertex sees is chosen by luminance.
@@ -452,8 +445,10 @@ mod tests {
         for i in 0..n * n {
             let angle = |k: i32| ((f64::from(k) + 0.5) / f64::from(n) * 2.0 - 1.0) * widest;
             let at = [i % n, i / n].map(|k| (angle(k) / std::f64::consts::PI + 0.5) * SIZE as f64);
-            let (back, stretch) = axes.angles(axes.direction(at)).expect("outwards");
+            let (direction, density) = axes.direction(at);
+            let (back, stretch) = axes.angles(direction).expect("outwards");
             assert!((0..2).all(|k| (back[k] - at[k]).abs() < 2e-2), "{at:?} {back:?}");
+            assert!((density / stretch - 1.0).abs() < 1e-3, "{density} {stretch}");
             total += f64::from(stretch) * (2.0 * widest / f64::from(n)).powi(2);
         }
         let truth = 4.0 * widest.sin().powi(2).asin();

@@ -35,6 +35,7 @@ mod settings;
 mod shape;
 mod slot;
 mod texture;
+mod turning;
 mod validate;
 mod visibility;
 
@@ -46,7 +47,7 @@ pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
-pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
+pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
 pub use medium::{Fog, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
 pub use motion::{Moving, SceneMotion, Vertices};

@@ -43,7 +43,10 @@ fn level_ground_reflects_what_sun_and_sky_bring() {
         let truth = 0.5 * (direct + green(irradiance(&sky))) / PI;
         let (mean, error) = measure(&scene, &options(16, 1024, 1));
         // The picture of the sky is bilinear between its texels.
-        assert!((mean / truth - 1.0).abs() < 1e-3 && error < 2e-4 * truth, "{elevation}: {mean} {error} {truth}");
+        assert!(
+            (mean / truth - 1.0).abs() < 1e-3 && error < 2e-4 * truth,
+            "{elevation}: {mean} {error} {truth}"
+        );
     }
 }
 

@@ -5,8 +5,8 @@ use crate::support::{assert_radiance, camera, material, measure, options, quad};
 use oscura::math::{DAffine3, DVec3};
 use oscura::render::Caustics;
 use oscura::scene::{
-    Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial, Projection,
-    Scene,
+    Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model, PbrMaterial,
+    Projection, Scene,
 };
 use std::f64::consts::PI;
 
@@ -43,11 +43,9 @@ fn slab(scene: &mut Scene, [low, high]: [f64; 2], half: f64, material: MaterialI
 /// Beer's law through two slabs of air that absorb, from above and from below: 3 m in all, of which 1 m belongs to both.
 #[test]
 fn the_overlap_belongs_to_the_higher_priority() {
-    for (upper, lower, truth) in [
-        (1, 0, 0.5f64.powi(2) * 0.25),
-        (0, 1, 0.5 * 0.25f64.powi(2)),
-        (7, -7, 0.5f64.powi(2) * 0.25),
-    ] {
+    for (upper, lower, truth) in
+        [(1, 0, 0.5f64.powi(2) * 0.25), (0, 1, 0.5 * 0.25f64.powi(2)), (7, -7, 0.5f64.powi(2) * 0.25)]
+    {
         for from_above in [true, false] {
             let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
             let half = glass(&mut scene, 1.0, 0.5, upper);
@@ -103,9 +101,8 @@ fn reflectance(from: f64, to: f64, sine: f64) -> f64 {
 
 /// What comes back of light of 1 from all around glass over water that touch, by all reflections within.
 fn closed_form(sine: f64) -> f64 {
-    let way = |(ior, left): (f64, f64), thickness: f64| {
-        left.powf(thickness / (1.0 - (sine / ior).powi(2)).sqrt())
-    };
+    let way =
+        |(ior, left): (f64, f64), thickness: f64| left.powf(thickness / (1.0 - (sine / ior).powi(2)).sqrt());
     let (glass, water) = (way(GLASS, 0.5), way(WATER, 0.8));
     let faces = [(1.0, GLASS.0), (GLASS.0, WATER.0), (WATER.0, 1.0)].map(|(a, b)| reflectance(a, b, sine));
     // What is reflected and let pass by all below a face, from the last one up.
@@ -123,7 +120,8 @@ fn closed_form(sine: f64) -> f64 {
 fn overlapping_solids_look_like_ones_that_touch() {
     for sine in [0.0f64, 0.8] {
         for depth in [0.001, 0.4] {
-            let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..glass_over_water(depth, 1) };
+            let mut scene =
+                Scene { environment: Environment::Constant([1.0; 3]), ..glass_over_water(depth, 1) };
             let eye = DVec3::new(sine, (1.0 - sine * sine).sqrt(), 0.0) * 9.0;
             // The middle of the picture: where the ray arrives, far from the sides.
             let at = DVec3::new(0.0, 1.5, 0.0);

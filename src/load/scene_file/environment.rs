@@ -75,7 +75,8 @@ const PHYSICAL: [&str; 7] =
 /// A clear sky, as an image and a light.
 fn add_physical(build: &mut Build, sky: &Fields) {
     if sky.has("nadir") || sky.has("zenith") {
-        let message = "'nadir' and 'zenith' make a blend, 'sun_elevation' and the like a clear sky: give one of both";
+        let message =
+            "'nadir' and 'zenith' make a blend, 'sun_elevation' and the like a clear sky: give one of both";
         sky.problems.push(sky.span(), message);
     }
     let elevation = sky.number_in("sun_elevation", 0.0..90.0, 45.0);

@@ -7,7 +7,7 @@
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
-//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `min`, `max`, see `media` |
+//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `grid_name`, `up`, `min`, `max`, see `media` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
@@ -28,7 +28,7 @@ use super::build::Build;
 use super::fields::{Fields, named};
 use super::light_traits::group;
 use super::textures::Textures;
-use super::{adjusted, media, metals, pbr};
+use super::{adjusted, displaced, media, metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };
@@ -210,16 +210,12 @@ fn read<'a>(
         }
     };
     material.light_group = light_group;
+    material.displacement = displaced::read(build, fields);
     if let Kind::Dielectric | Kind::Medium | Kind::Pbr = kind {
-        material.priority = priority(fields).unwrap_or(0);
+        material.priority = media::priority(fields).unwrap_or(0);
     }
     fields.finish();
     Some(material)
-}
-
-/// Which of several solids counts where they overlap.
-pub(super) fn priority(fields: &Fields) -> Option<i32> {
-    fields.has("priority").then(|| fields.number_in("priority", -1000.0..1000.0, 0.0) as i32)
 }
 
 fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {

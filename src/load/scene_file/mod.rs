@@ -19,6 +19,7 @@ mod adjusted;
 mod assets;
 mod build;
 mod camera;
+mod displaced;
 mod environment;
 mod fields;
 mod light_shapes;

@@ -24,7 +24,12 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[textures]", &[include_str!("textures.rs")]),
     chapter(
         "[materials]",
-        &[include_str!("materials.rs"), include_str!("metals.rs"), include_str!("pbr.rs")],
+        &[
+            include_str!("materials.rs"),
+            include_str!("metals.rs"),
+            include_str!("pbr.rs"),
+            include_str!("displaced.rs"),
+        ],
     ),
     chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),

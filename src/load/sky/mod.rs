@@ -106,9 +106,7 @@ impl PhysicalSky {
     }
 
     fn channels(&self) -> [Channel; 3] {
-        std::array::from_fn(|c| {
-            sky_channel(self.turbidity, self.ground_albedo[c], self.sun_elevation_rad, c)
-        })
+        std::array::from_fn(|c| sky_channel(self.turbidity, self.ground_albedo[c], self.sun_elevation_rad, c))
     }
 
     fn check(&self) -> Result<()> {

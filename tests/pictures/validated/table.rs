@@ -6,11 +6,11 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
-    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping, Material,
-    MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
-    PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture,
-    TextureId, TextureTransform, ThinLens, Wrap,
+    Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid,
+    GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping,
+    Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
+    PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade,
+    Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -60,9 +60,10 @@ structs! {
     Shape { name, kind, center, radius, rotation, material, traits }
     Quad { name, corner, edge_u, edge_v, material, traits }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, priority,
-        lamp, light_group,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, displacement,
+        priority, lamp, light_group,
     }
+    Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
     Lamp { visible_to, is_obstacle, beam }
     ColorSlot { factor, texture }
