@@ -27,6 +27,10 @@ impl EnvironmentOverride {
     /// Replaces or adjusts a scene's environment; gives all warnings about it.
     pub fn apply(&self, args: &RenderArgs, scene: &mut Scene) -> Vec<Warning> {
         let mut warnings = self.warnings.clone();
+        if args.env.is_some() {
+            scene.scale_environment_sun(0.0);
+            scene.environment_sun = None;
+        }
         if let Some(image) = &self.image {
             scene.images.push(image.clone());
             let image = ImageId((scene.images.len() - 1) as u32);
@@ -36,9 +40,14 @@ impl EnvironmentOverride {
         }
         let factor = args.env_strength;
         match &mut scene.environment {
-            Environment::Image { strength, rotation_rad, .. } => {
-                *strength = factor.unwrap_or(*strength);
-                *rotation_rad = args.env_rotation.map_or(*rotation_rad, f64::to_radians);
+            Environment::Image { strength, .. } => {
+                let before = *strength;
+                *strength = factor.unwrap_or(before);
+                let ratio = if before > 0.0 { *strength / before } else { 1.0 };
+                scene.scale_environment_sun(ratio);
+                if let Some(degrees) = args.env_rotation {
+                    scene.turn_environment(degrees.to_radians());
+                }
                 return warnings;
             }
             Environment::Constant(color) => *color = color.map(|v| v * factor.unwrap_or(1.0)),

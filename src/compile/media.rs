@@ -47,6 +47,7 @@ pub(super) fn number(
         match u16::try_from(media.len()) {
             Ok(index) => {
                 material.medium_index = index;
+                medium.priority = scene.materials[id].priority;
                 if let Some(scattering) = &mut medium.scattering {
                     let grid = scene.materials[id].medium.and_then(|m| m.grid);
                     scattering.grid = grid.map(|grid| grids[grid.index()].clone());

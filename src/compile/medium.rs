@@ -19,12 +19,14 @@ pub struct Medium {
     pub scattering: Option<Scattering>,
     /// It is bounded by no surface.
     pub is_boundary: bool,
+    /// Where solids overlap the one of the highest priority counts.
+    pub priority: i32,
 }
 
 impl Medium {
     /// What surrounds the scene.
     pub const AIR: Medium =
-        Medium { iors: Some([1.0; 3]), absorption: None, scattering: None, is_boundary: false };
+        Medium { iors: Some([1.0; 3]), absorption: None, scattering: None, is_boundary: false, priority: 0 };
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {

@@ -68,12 +68,10 @@ pub(super) fn compile_after(
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
-    let environment = match kept.environment.take() {
-        Some(environment) => environment,
-        None => EnvironmentLight::new(&scene.environment, &scene.images, true),
-    };
+    let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let all = (emitters.lights.clone(), punctual);
     let mut lights = Lights::moving(all, motions, environment, &textures);
+    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
         lights.hide_far();
     }
@@ -102,6 +100,26 @@ pub(super) fn compile_after(
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
+}
+
+/// The environment with its portals; `kept` is that of an earlier moment, if it is the same.
+fn environment(
+    scene: &Scene,
+    kept: Option<Option<EnvironmentLight>>,
+    anchor: DVec3,
+    warnings: &mut Vec<Warning>,
+) -> Option<EnvironmentLight> {
+    let new = || EnvironmentLight::new(&scene.environment, &scene.images, true);
+    let mut environment = kept.unwrap_or_else(new);
+    match &mut environment {
+        Some(environment) => environment.set_portals(&scene.portals, anchor),
+        None if scene.portals.is_empty() => {}
+        None => {
+            let message = "portals change nothing: there is no environment to come through them";
+            warnings.push(Warning::general(message));
+        }
+    }
+    environment
 }
 
 /// The materials, with the copies that objects have for themselves; the media of solids; and which objects have copies.
@@ -136,6 +154,7 @@ fn features(
         bent_normals: geometries.has_normals() || materials.iter().any(|m| m.normal_map.is_some()),
         footprints: textures.use_footprints(),
         media: media.len() > 1 || is_foggy,
+        priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),

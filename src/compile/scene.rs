@@ -110,6 +110,8 @@ pub struct Features {
     pub scattering: bool,
     /// Some medium scatters within a solid that has a surface.
     pub walks: bool,
+    /// Some solids displace others wherever they overlap.
+    pub priorities: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
     /// Rays that see the environment.

@@ -62,7 +62,8 @@ impl Integrator<'_> {
 
     /// Adds the light of the suns in whose directions paths left the scene.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
-        for SelectedSun { sun, selected } in self.scene.lights.suns() {
+        let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
+        for SelectedSun { sun, selected, .. } in suns {
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
                 if self.parts.kinds && !self.brings_light(bounce, i, selected.index, &w.arriving) {
@@ -91,10 +92,10 @@ impl Integrator<'_> {
             if self.parts.clear {
                 self.see_through(w);
             }
-            self.add_suns(bounce, w);
         } else if !self.scene.features.environment_visible_to.contains(RayKinds::CAMERA) {
             return;
         }
+        self.add_suns(bounce, w);
         let Some(environment) = lights.environment() else { return };
         if self.parts.kinds {
             self.keep_visible_escapes(bounce, w);
@@ -108,6 +109,11 @@ impl Integrator<'_> {
             scratch[0][..w.escaped.len()].fill(1.0);
         }
         let [far, _, _, _, _, r, g, b, pdf] = scratch;
+        if environment.has_portals() {
+            for (pdf, ray) in pdf.iter_mut().zip(w.escaped.iter().map(|&i| &w.rays[i as usize])) {
+                *pdf = environment.pdf_from(ray.origin, ray.direction);
+            }
+        }
         let pdf_discrete = lights.environment_pdf_discrete();
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {

@@ -1,6 +1,6 @@
 //! The solids that a path is inside of.
 
-use crate::compile::{CompiledScene, View};
+use crate::compile::{CompiledScene, Medium, View};
 use crate::math::{Ray, Vec3};
 use bytemuck::Zeroable;
 
@@ -25,6 +25,19 @@ impl Interior {
     #[inline(always)]
     pub fn entered(self, medium: u16) -> Interior {
         Interior(self.0 << BITS | u64::from(medium))
+    }
+
+    /// After entering a solid of a medium where those of higher priorities stay in front of it.
+    #[inline]
+    pub fn entered_by_priority(self, medium: u16, media: &[Medium]) -> Interior {
+        let own = media[usize::from(medium)].priority;
+        let is_below = |&shift: &u32| {
+            let other = (self.0 >> shift) as u16;
+            other == 0 || media[usize::from(other)].priority <= own
+        };
+        let Some(shift) = (0..u64::BITS).step_by(BITS as usize).find(is_below) else { return self };
+        let inner = self.0 & ((1 << shift) - 1);
+        Interior((self.0 >> shift << BITS | u64::from(medium)) << shift | inner)
     }
 
     /// Without the solid of that medium entered last, if there is one.
@@ -57,7 +70,11 @@ impl Interior {
         let is_around = |m: &u16| around.iter().filter(|list| list.contains(m)).count() >= 2;
         let first = around.iter().find(|list| list.iter().any(is_around));
         let solids = first.into_iter().flatten().filter(|m| is_around(m));
-        solids.fold(Interior::AIR, |interior, &m| interior.entered(m))
+        let enter = |interior: Interior, &m: &u16| match scene.features.priorities {
+            true => interior.entered_by_priority(m, &scene.media),
+            false => interior.entered(m),
+        };
+        solids.fold(Interior::AIR, enter)
     }
 }
 
@@ -139,6 +156,19 @@ mod tests {
         assert_eq!(three.left(9), Interior::AIR.entered(7).entered(7));
         assert_eq!(three.left(8), three);
         assert_eq!(three.left(7).left(9).left(7), Interior::AIR);
+    }
+
+    #[test]
+    fn solids_of_higher_priority_stay_in_front() {
+        let media: Vec<Medium> =
+            [0, 1, 5, 1, -2, 9].map(|priority| Medium { priority, ..Medium::AIR }).to_vec();
+        let enter = |inside: Interior, medium| inside.entered_by_priority(medium, &media);
+        let some = [1, 2, 3].into_iter().fold(Interior::AIR, enter);
+        assert_eq!(some, Interior::AIR.entered(1).entered(3).entered(2));
+        assert_eq!(enter(some, 4), Interior::AIR.entered(4).entered(1).entered(3).entered(2));
+        assert_eq!(enter(enter(some, 4), 5), some.entered(5));
+        assert_eq!(enter(enter(enter(some, 4), 3), 4).left(2).medium(), 3);
+        assert_eq!(enter(enter(some, 5), 4), some.entered(5), "none of the four is of a lower priority");
     }
 
     #[test]

@@ -1,10 +1,10 @@
 //! Solids that light passes: which of them a path is inside of, what they absorb, and what lies on either side of their
 //! surfaces.
 //!
-//! A path carries a list of the solids that it has entered and not left. Light is absorbed, and refracted, by the one
-//! entered last. So a solid inside another displaces it, two bodies of one material that overlap are one, and where a
-//! liquid overlaps its glass the boundary that is hit first counts (Schmidt, Budge 2002 settle such overlaps by priorities,
-//! which scene formats don't have).
+//! A path carries a list of the solids that it has entered and not left. Light is absorbed, and refracted, by the one of the
+//! highest priority, and among equals by the one entered last (Schmidt, Budge 2002, "Simple Nested Dielectrics in Ray Traced
+//! Images"). So, without priorities, a solid inside another displaces it, two bodies of one material that overlap are one, and
+//! where a liquid overlaps its glass the boundary that is hit first counts.
 
 use super::Integrator;
 use super::group::Sorted;
@@ -105,6 +105,14 @@ impl Integrator<'_> {
         }
     }
 
+    /// What a path is inside of after entering a solid.
+    pub(super) fn entered(&self, here: Interior, medium: u16) -> Interior {
+        match self.scene.features.priorities {
+            true => here.entered_by_priority(medium, &self.scene.media),
+            false => here.entered(medium),
+        }
+    }
+
     /// What a path finds at the surface of a solid of this material.
     pub(super) fn boundary(
         &self,
@@ -119,14 +127,14 @@ impl Integrator<'_> {
         // A body may have several materials, one where it is entered and another where it is left: then what was entered
         // last is left.
         let medium = if is_back && !here.contains(own) { here.medium() } else { own };
-        let beyond = if is_back { here.left(medium) } else { here.entered(medium) };
-        let outer = if is_back { beyond } else { here };
-        let is_displaced = is_back && here.medium() != medium;
-        // Within other solids of the same medium nothing is there. Within one that displaces it a solid ends unseen, but
-        // its colour, which began where it was entered, is that of the light that has left it.
+        let beyond = if is_back { here.left(medium) } else { self.entered(here, medium) };
+        let (inner, outer) = if is_back { (here, beyond) } else { (beyond, here) };
+        let is_displaced = inner.medium() != medium;
+        // Within other solids of the same medium nothing is there. Within one that displaces it a solid begins and ends unseen,
+        // but its colour is that of the light that has been in it.
         if is_displaced || outer.medium() == medium {
-            let ends = is_displaced && !beyond.contains(medium);
-            let tint = if ends { bsdf.crossing_tint() } else { Rgb::ONE };
+            let is_edge = is_displaced && !outer.contains(medium);
+            let tint = if is_edge { bsdf.crossing_tint() } else { Rgb::ONE };
             return Boundary { bsdf: hidden(tint), is_inverted: false, beyond };
         }
         let media = &self.scene.media;

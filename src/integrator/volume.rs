@@ -237,7 +237,7 @@ impl Integrator<'_> {
             true if self.scene.media[usize::from(here.medium())].is_boundary => here.left(here.medium()),
             true => here,
             false if is_at_last && here.medium() == own => here,
-            false => here.entered(own),
+            false => self.entered(here, own),
         })
     }
 

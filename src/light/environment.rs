@@ -1,10 +1,11 @@
 //! Light from infinitely far: constant, gradient or image.
 
+use super::portals::Portals;
 use crate::color::{Rgb, luminance};
 use crate::image::Image;
-use crate::math::{Vec3, Vec4, poly};
+use crate::math::{DVec3, Vec3, Vec4, poly};
 use crate::sampling::{BilinearMap, MapSample, MapSamples, warp};
-use crate::scene::Environment;
+use crate::scene::{self, Environment};
 use crate::simd::{Table, prefer_huge_pages};
 use std::f32::consts::{FRAC_1_PI, PI};
 
@@ -26,6 +27,7 @@ pub struct EnvironmentSample {
 #[derive(Clone, Debug)]
 pub struct EnvironmentLight {
     kind: Kind,
+    pub(super) portals: Portals,
 }
 
 #[derive(Clone, Debug)]
@@ -91,7 +93,7 @@ impl EnvironmentLight {
         match &kind {
             Kind::Constant(c) if *c == Rgb::ZERO => None,
             Kind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => None,
-            _ => Some(EnvironmentLight { kind }),
+            _ => Some(EnvironmentLight { kind, portals: Portals::default() }),
         }
     }
 
@@ -137,6 +139,37 @@ impl EnvironmentLight {
             Kind::Image(map) => Some(map),
             _ => None,
         }
+    }
+
+    /// Looks for light through portals from here on; the world's origin moves to `anchor`.
+    pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
+        self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
+    }
+
+    /// Does what is chosen depend on the point that is lit?
+    #[inline(always)]
+    pub fn has_portals(&self) -> bool {
+        !self.portals.is_empty()
+    }
+
+    /// [`EnvironmentLight::sample`] for a point, through a portal where it is in front of one.
+    #[inline]
+    pub fn sample_from(&self, p: Vec3, u: [f32; 2]) -> EnvironmentSample {
+        if !self.has_portals() {
+            return self.sample(u);
+        }
+        match self.portals.sample(p, u) {
+            Some((direction, pdf_solid_angle)) => {
+                EnvironmentSample { direction, radiance: self.radiance(direction), pdf_solid_angle }
+            }
+            None => self.sample(u),
+        }
+    }
+
+    /// Density per solid angle with which [`EnvironmentLight::sample_from`] chooses a direction.
+    pub fn pdf_from(&self, p: Vec3, direction: Vec3) -> f32 {
+        let through = self.portals.pdf_solid_angle(p, direction);
+        through.unwrap_or_else(|| self.pdf_solid_angle(direction))
     }
 
     /// Mean luminance over all directions; the power that reaches a scene is in proportion.
@@ -422,7 +455,7 @@ mod tests {
 
     #[test]
     fn one_reading_gives_what_the_map_says() {
-        let EnvironmentLight { kind: Kind::Image(image) } = sunny(64, 32, 0.3, true) else {
+        let EnvironmentLight { kind: Kind::Image(image), .. } = sunny(64, 32, 0.3, true) else {
             panic!("an image");
         };
         let mut random = Random::new(21);

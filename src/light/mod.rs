@@ -6,6 +6,7 @@ mod bounds;
 mod emission;
 mod environment;
 mod moving;
+mod portals;
 mod profiled;
 mod punctual;
 mod rectangles;

@@ -41,6 +41,8 @@ pub struct SelectedSun {
     pub sun: Sun,
     /// Its index and the probability of choosing it among the lights infinitely far away.
     pub selected: Selected,
+    /// Do cameras see it?
+    pub is_seen: bool,
 }
 
 /// Lights at some place, and lights infinitely far away, are chosen with at least this probability where they may bring light: how
@@ -123,7 +125,7 @@ impl Lights {
             let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
             let entry = self.far.iter().position(|&far| far == index)?;
             let selected = Selected { index, pdf_discrete: self.far_table.pdf_discrete(entry) };
-            Some(SelectedSun { sun, selected })
+            Some(SelectedSun { sun, selected, is_seen: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
     }
@@ -139,6 +141,12 @@ impl Lights {
     /// Nothing arrives from infinitely far away: it is chosen only where no other light arrives either.
     pub fn hide_far(&mut self) {
         self.far_irradiance = 0.0;
+    }
+
+    /// Lets cameras see one of the punctual lights, a sun.
+    pub fn show_sun(&mut self, punctual: u32) {
+        let index = self.area.len() as u32 + punctual;
+        self.suns.iter_mut().filter(|s| s.selected.index == index).for_each(|s| s.is_seen = true);
     }
 
     /// Gives up all but the environment.
@@ -312,7 +320,7 @@ impl Lights {
             return light.sample(reference, u);
         }
         let Some(environment) = &self.environment else { return LightSample::NONE };
-        let s = environment.sample(u);
+        let s = environment.sample_from(reference, u);
         LightSample {
             wi: s.direction,
             target: Vec3::ZERO,

@@ -1,9 +1,10 @@
-//! Grid files: the `.vol` format of Mitsuba, version 3.
+//! Grid files: OpenVDB's (see `vdb`), and the `.vol` format of Mitsuba, version 3.
 //!
 //! Bytes 0 to 2 are `VOL`, byte 3 the version 3. Little-endian numbers follow: the encoding (u32; 1 is f32), voxels along x, y and z
 //! (u32 each), channels (u32; 1 is read), the least and the greatest corner of the box (six f32), then the values (f32), those
 //! along x one after another, then those along y, then z.
 
+use super::vdb;
 use crate::math::DVec3;
 use crate::scene::Grid;
 use std::path::Path;
@@ -11,11 +12,34 @@ use std::sync::Arc;
 
 const HEADER: usize = 48;
 
+/// What is chosen of a file of OpenVDB; others have one grid and y up.
+#[derive(Clone, Copy, Default)]
+pub(super) struct Choice<'a> {
+    /// The name of the grid; by default `density`, or the only one.
+    pub name: Option<&'a str>,
+    /// The file's z points up, and becomes y.
+    pub is_z_up: bool,
+}
+
 /// Reads a grid file; an error is a sentence.
-pub(super) fn read(path: &Path) -> Result<Grid, String> {
+pub(super) fn read(path: &Path, choice: Choice) -> Result<Grid, String> {
     let name = path.display().to_string();
+    let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
-    parse(&bytes, &name).map_err(|e| format!("{name}: {e}"))
+    let grid = match extension.as_str() {
+        "vdb" => vdb::parse(&bytes, &name, choice.name).map(|grid| match choice.is_z_up {
+            true => vdb::from_z_up(grid),
+            false => grid,
+        }),
+        "nvdb" => {
+            Err("is a file of NanoVDB, which is not read: convert it by nanovdb_convert to .vdb".into())
+        }
+        _ if choice.name.is_some() || choice.is_z_up => {
+            Err("is no .vdb file, which 'grid_name' and 'up' are about".into())
+        }
+        _ => parse(&bytes, &name),
+    };
+    grid.map_err(|e| format!("{name}: {e}"))
 }
 
 fn parse(bytes: &[u8], name: &str) -> Result<Grid, String> {

@@ -3,6 +3,7 @@
 
 pub mod blender;
 mod decoders;
+mod displace;
 mod far;
 mod formats;
 pub mod gltf;
@@ -20,9 +21,11 @@ mod saved;
 pub mod scene_file;
 mod shapes;
 mod shutter;
+pub mod sky;
 pub mod stage;
 mod upright;
 mod uri;
+mod vdb;
 mod words;
 
 pub use formats::extensions;
@@ -178,6 +181,7 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
     if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, loaded, true);
     }
+    displace::apply(loaded);
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }

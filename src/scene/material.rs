@@ -80,6 +80,19 @@ pub enum Beam {
     },
 }
 
+/// Heights by which the surface of a mesh is moved along its normals.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Displacement {
+    /// An image by texture coordinates, and the channel that holds the heights.
+    pub texture: (TextureId, u8),
+    /// How far a height of 1 lies above one of 0, in the units of the mesh.
+    pub scale: f32,
+    /// The height that stays where the mesh is.
+    pub midlevel: f32,
+    /// Longest edge of triangles, in the units of the mesh; 0 is 1/256 of the diagonal of the mesh's box.
+    pub edge: f32,
+}
+
 /// A material.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Material {
@@ -103,6 +116,11 @@ pub struct Material {
     pub use_vertex_colors: bool,
     /// What fills its solids, beside what the model says of their inside; only where the model lets light in.
     pub medium: Option<Medium>,
+    /// Moves the surface. Loading a file applies it; a scene that is built in code is rendered without.
+    pub displacement: Option<Displacement>,
+    /// Which of several solids counts where they overlap: the one of the highest priority, and among equals the one that light
+    /// entered last.
+    pub priority: i32,
     /// What is special about a surface that shines; only where it is absent nowhere.
     pub lamp: Option<Lamp>,
     /// The group of lights that what it emits belongs to, which pictures may hold apart; empty for the default one.
@@ -122,6 +140,8 @@ impl Material {
             normal_map: None,
             use_vertex_colors: false,
             medium: None,
+            displacement: None,
+            priority: 0,
             lamp: None,
             light_group: String::new(),
         }
@@ -149,8 +169,10 @@ impl Parameters for Lamp {}
 
 parameters_of_fields! {
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp, light_group,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, displacement,
+        priority, lamp, light_group,
     }
+    Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
 }
 

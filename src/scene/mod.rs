@@ -29,11 +29,13 @@ mod model;
 mod motion;
 mod outline;
 mod pbr;
+mod portal;
 mod profile;
 mod settings;
 mod shape;
 mod slot;
 mod texture;
+mod turning;
 mod validate;
 mod visibility;
 
@@ -45,13 +47,14 @@ pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
-pub use material::{AlphaMode, Beam, Emission, Lamp, Material};
+pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
 pub use medium::{Fog, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
 pub use motion::{Moving, SceneMotion, Vertices};
 pub(crate) use outline::encloses;
 pub use outline::{Outline, outline};
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
+pub use portal::Portal;
 pub use profile::LightProfile;
 pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
@@ -94,6 +97,11 @@ pub struct Scene {
     pub backdrop: Option<Backdrop>,
     /// The environment's group of lights; empty for the default one.
     pub environment_group: String,
+    /// Openings through which light of the environment is looked for.
+    pub portals: Vec<Portal>,
+    /// Which of the lights, a [`LightKind::Sun`], is the environment's sun: unlike other suns cameras see it, if they see the
+    /// environment.
+    pub environment_sun: Option<u32>,
     /// Cameras found; the first is used unless the user chooses another.
     pub cameras: Vec<Camera>,
     /// Which objects move while the picture is taken.

@@ -152,6 +152,7 @@ parameter! {
 }
 
 impl Parameters for bool {}
+impl Parameters for i32 {}
 impl Parameters for String {}
 impl Parameters for [f32; 3] {}
 

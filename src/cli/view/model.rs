@@ -15,7 +15,7 @@ use oscura::load::{LoadOptions, Loaded, SavedFiles};
 use oscura::math::DVec3;
 use oscura::output::PngOptions;
 use oscura::render::{CancelHandle, Settled};
-use oscura::scene::{Camera, Environment, instance_extents, scene_extent};
+use oscura::scene::{Camera, Environment, Scene, instance_extents, scene_extent};
 use std::sync::Arc;
 use std::time::Instant;
 
@@ -180,12 +180,12 @@ impl Model {
         if wanted == self.rotation && !view.needs_new_anchor(&self.compiled) {
             return Ok(());
         }
-        turn(&mut self.loaded.scene.environment, wanted);
+        turn(&mut self.loaded.scene, wanted);
         let size = (self.settled.options.width, self.settled.options.height);
         match self.compiler.compile(&self.loaded.scene, self.settled.shading, camera, size) {
             Ok((compiled, _)) => (self.compiled, self.rotation) = (compiled, wanted),
             Err(error) => {
-                turn(&mut self.loaded.scene.environment, self.rotation);
+                turn(&mut self.loaded.scene, self.rotation);
                 return Err(error);
             }
         }
@@ -194,9 +194,9 @@ impl Model {
 }
 
 /// Turns an environment's picture to an angle, degrees.
-fn turn(environment: &mut Environment, wanted: Option<f64>) {
-    if let (Environment::Image { rotation_rad, .. }, Some(degrees)) = (environment, wanted) {
-        *rotation_rad = degrees.to_radians();
+fn turn(scene: &mut Scene, wanted: Option<f64>) {
+    if let Some(degrees) = wanted {
+        scene.turn_environment(degrees.to_radians());
     }
 }
 

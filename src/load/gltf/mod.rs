@@ -30,6 +30,7 @@ mod opener;
 mod options;
 mod place;
 mod pointers;
+mod portals;
 mod repair;
 mod report;
 mod samplers;

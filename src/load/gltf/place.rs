@@ -10,7 +10,7 @@ use super::traits;
 use super::transform::Family;
 use super::vertices::Deformation;
 use super::{animation::Pose, images};
-use super::{cameras, ies_lights};
+use super::{cameras, ies_lights, portals};
 use crate::math::DAffine3;
 use crate::scene::{Instance, MeshId, Motion, Scene};
 use serde_json::Value;
@@ -76,6 +76,7 @@ impl<'b, 'a> Builder<'b, 'a> {
             if let Some(index) = node.light {
                 self.scene.lights.extend(cameras::light(self.doc, node, index, report));
             }
+            self.scene.portals.extend(portals::portal(self.doc, node, report));
             if let Some(light) = ies_lights::light(self.doc, node, &mut self.kept.profiles, report) {
                 self.scene.lights.extend(light);
             }

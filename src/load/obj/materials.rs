@@ -12,6 +12,7 @@
 //! | `Ks`, `map_Ks` otherwise | dielectric reflection of index `Ni` (1.5) in the hue of `Ks`; the glTF model |
 //! | `illum` 4, 6, 7, 9 with `Ni` above 1 | smooth glass of index `Ni`, tinted by `Tf` |
 //! | `d` or 1 - `Tr` below 1, `map_d` | alpha; the map's alpha channel if it has one |
+//! | `disp` with `-bm` | displacement: white lies so far above black, which stays; without `-bm` it is ignored, with a warning |
 //! | `norm`, `bump` | normal map; a `bump` of grey heights is converted |
 //! | other maps | ignored, with a warning |
 
@@ -21,8 +22,8 @@ use crate::error::Warning;
 use crate::load::Loaded;
 use crate::load::image::Use;
 use crate::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Emission, FloatSlot, FresnelModel, Material, Model,
-    PbrMaterial, Sheen,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, Displacement, Emission, FloatSlot, FresnelModel, Material,
+    Model, PbrMaterial, Sheen,
 };
 use std::path::Path;
 
@@ -47,6 +48,7 @@ pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mu
         convert.warn_of_glass();
         return material;
     }
+    material.displacement = convert.displacement();
     let map = convert.number_map("map_d", true);
     if opacity < 1.0 || map.is_some() {
         material.alpha_mode = AlphaMode::Blend;
@@ -171,8 +173,19 @@ impl Conversion<'_, '_> {
         self.maps.number(&map, self.library, alpha_first, self.loaded)
     }
 
+    /// Displacement of a height that is given; black stays where it is.
+    fn displacement(&mut self) -> Option<Displacement> {
+        let scale = self.source.map("disp").filter(|map| map.has_bump)?.bump;
+        let texture = self.number_map("disp", false)?;
+        Some(Displacement { texture, scale, midlevel: 0.0, edge: 0.0 })
+    }
+
     fn warn_of_maps(&mut self) {
-        for key in ["map_Ns", "map_Tr", "disp", "decal", "refl", "map_RMA"] {
+        if self.source.map("disp").is_some_and(|map| !map.has_bump) {
+            let message = "is ignored: it doesn't say by '-bm' how high white lies over black, in the units of the model";
+            self.warn_of_map("disp", message);
+        }
+        for key in ["map_Ns", "map_Tr", "decal", "refl", "map_RMA"] {
             self.warn_of_map(key, "is not supported, ignored");
         }
         if self.source.map("norm").is_some() {

@@ -71,6 +71,8 @@ pub(super) struct Map {
     pub clamp: bool,
     /// `-bm`: factor on heights.
     pub bump: f32,
+    /// It was given.
+    pub has_bump: bool,
     /// `-imfchan r|g|b|m`: the channel of numbers.
     pub channel: Option<u8>,
 }
@@ -195,6 +197,7 @@ fn map(statement: &str, line: usize) -> (Map, Vec<String>) {
         scale: [1.0; 2],
         clamp: false,
         bump: 1.0,
+        has_bump: false,
         channel: None,
     };
     let mut ignored = Vec::new();
@@ -234,7 +237,7 @@ fn apply(map: &mut Map, option: &str, values: &[&str]) -> bool {
         "-o" | "-s" | "-bm" if number(0).is_none() => return false,
         "-o" => map.offset = [number(0).unwrap_or(0.0), number(1).unwrap_or(0.0)],
         "-s" => map.scale = [number(0).unwrap_or(1.0), number(1).unwrap_or(1.0)],
-        "-bm" => map.bump = number(0).unwrap_or(1.0),
+        "-bm" => (map.bump, map.has_bump) = (number(0).unwrap_or(1.0), true),
         "-clamp" => {
             map.clamp = values == ["on"];
             return matches!(values, ["on" | "off"]);

@@ -1,6 +1,7 @@
 //! What the file beside a model changes of the model's own materials.
 
 use super::build::Build;
+use super::displaced;
 use super::fields::{Fields, nearest};
 use super::media;
 use super::pbr;
@@ -41,6 +42,8 @@ pub(super) fn adjusted<'a>(
         let lamp = material.lamp.unwrap_or_default();
         material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
     }
+    material.displacement = displaced::read(build, fields).or(material.displacement);
+    material.priority = media::priority(fields).unwrap_or(material.priority);
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })
 }

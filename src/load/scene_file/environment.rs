@@ -2,7 +2,15 @@
 //!
 //! - `background = [r, g, b]`: the same radiance from everywhere,
 //! - `sky = { nadir = [r, g, b], zenith = [r, g, b] }`: a vertical blend (default: white below, `[.5, .7, 1]` above),
+//! - `sky = { sun_elevation = 30 }`: a clear sky with its sun (Hosek, Wilkie 2012), see below,
 //! - `image = "file"`: equirectangular, with `rotation` (degrees counter-clockwise seen from above; 0) and `strength` (1).
+//!
+//! The clear sky is given by `sun_elevation` (degrees above the horizon, 0 to 90) and, optionally, `sun_azimuth` (degrees clockwise
+//! seen from above, from -z towards x; 0), `turbidity` (1 is the clearest air, 3 a clear day, 10 haze; 3), `ground_albedo` (a colour from 0 to
+//! 1, also what is seen below the horizon; 0.2), `sun` (`false` leaves the disk out, not its glow), `sun_size` (its diameter in degrees; 0.5358;
+//! larger ones soften shadows and bring as much light) and `strength` (1: W/sr/m2, 683 cd/m2 each). At strength 1 a white wall in
+//! the sun has a radiance of some 50: `exposure = -5` in `[render]` suits it. The sun is a light of its own, which cameras and
+//! mirrors see.
 //!
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
@@ -16,6 +24,7 @@ use super::media;
 use super::textures::read_image;
 use super::visibility::visible_to;
 use crate::load::image::Use;
+use crate::load::sky::{PhysicalSky, SUN_ANGLE_RAD};
 use crate::scene::{Environment, RayKinds};
 
 pub(super) fn read(build: &mut Build, fields: &Fields) {
@@ -44,13 +53,48 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
     if let Some(c) = background {
         *environment = Environment::Constant(c.value);
     } else if let Some(sky) = sky {
+        let is_physical = PHYSICAL.into_iter().any(|key| sky.has(key));
         let nadir = sky.color("nadir").map_or([1.0; 3], |c| c.value);
         let zenith = sky.color("zenith").map_or([0.5, 0.7, 1.0], |c| c.value);
+        if is_physical {
+            add_physical(build, &sky);
+        } else {
+            *environment = Environment::Gradient { nadir, zenith };
+        }
         sky.finish();
-        *environment = Environment::Gradient { nadir, zenith };
     } else if let Some(file) = image
         && let Some(image) = read_image(build, file.value, file.span, Use::Environment)
     {
         build.loaded.scene.environment = Environment::Image { image, strength, rotation_rad };
+    }
+}
+
+const PHYSICAL: [&str; 7] =
+    ["sun_elevation", "sun_azimuth", "turbidity", "ground_albedo", "sun", "sun_size", "strength"];
+
+/// A clear sky, as an image and a light.
+fn add_physical(build: &mut Build, sky: &Fields) {
+    if sky.has("nadir") || sky.has("zenith") {
+        let message =
+            "'nadir' and 'zenith' make a blend, 'sun_elevation' and the like a clear sky: give one of both";
+        sky.problems.push(sky.span(), message);
+    }
+    let elevation = sky.number_in("sun_elevation", 0.0..90.0, 45.0);
+    sky.require("sun_elevation", sky.has("sun_elevation").then_some(()));
+    let albedo = sky.color("ground_albedo");
+    if let Some(color) = albedo.as_ref().filter(|c| c.value.iter().any(|v| *v > 1.0)) {
+        sky.problems.push(color.span.clone(), "'ground_albedo' must be from 0 to 1");
+    }
+    let physical = PhysicalSky {
+        sun_elevation_rad: elevation.to_radians(),
+        sun_azimuth_rad: sky.number("sun_azimuth").map_or(0.0, |a| a.value.to_radians()),
+        turbidity: sky.number_in("turbidity", 1.0..10.0, 3.0),
+        ground_albedo: albedo.map_or([0.2; 3], |c| c.value.map(|v| f64::from(v.min(1.0)))),
+        sun_angle_rad: sky.number_in("sun_size", 0.01..90.0, SUN_ANGLE_RAD.to_degrees()).to_radians(),
+        has_sun: sky.flag("sun", true),
+        strength: sky.number_in("strength", 0.0..1e9, 1.0),
+    };
+    if let Err(error) = physical.add_to(&mut build.loaded.scene) {
+        sky.problems.push(sky.span(), error.to_string());
     }
 }

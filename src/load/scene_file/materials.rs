@@ -7,11 +7,15 @@
 //! | `"phong"` | `diffuse` (0.5), `specular` (0.5), `exponent` from 0 (30) |
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
-//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `min`, `max`, see `media` |
+//! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `grid_name`, `up`, `min`, `max`, see `media` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
 //! Those that may shine, `"emissive"` and `"pbr"`, may have a `light_group`, whose light `--light-groups` keeps apart.
+//!
+//! Those with an inside, `"dielectric"`, `"medium"` and `"pbr"`, may have a `priority`, a whole number (0). Where solids overlap, the
+//! one of the highest priority counts: glass of priority 1 around a liquid that reaches into its wall ends where the glass says. Among
+//! equals the one that light entered last counts, so that ice in water and air in glass need none.
 //!
 //! ## Fuzz
 //! The thesis adds `fuzz * u` to the mirror direction, u uniform on the unit sphere. At normal incidence the mean cosine
@@ -24,7 +28,7 @@ use super::build::Build;
 use super::fields::{Fields, named};
 use super::light_traits::group;
 use super::textures::Textures;
-use super::{adjusted, media, metals, pbr};
+use super::{adjusted, displaced, media, metals, pbr};
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
 };
@@ -206,6 +210,10 @@ fn read<'a>(
         }
     };
     material.light_group = light_group;
+    material.displacement = displaced::read(build, fields);
+    if let Kind::Dielectric | Kind::Medium | Kind::Pbr = kind {
+        material.priority = media::priority(fields).unwrap_or(0);
+    }
     fields.finish();
     Some(material)
 }

@@ -7,8 +7,14 @@
 //! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
 //! | `emission` | 0 | radiance that each metre adds |
-//! | `grid` | none | `.vol` file of factors on the density, in solids only; `density` is one number then and there is no `emission` |
+//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, in solids only; `density` is one number then and there is no `emission` |
+//! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
+//! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
 //! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |
+//!
+//! Files of OpenVDB hold one or more grids of floats (f32, f64 or f16; plain, zlib or Blosc with LZ4, as OpenVDB, Blender and Houdini write
+//! them), along the axes of the world and in boxes of up to 2^29 voxels. Level sets, vectors and NanoVDB's own files are not read.
+//! The solid that has the medium must enclose the grid: a box, say.
 //!
 //! A `.vol` file is a grid as Mitsuba reads it: `VOL` and the byte 3, then little-endian u32: 1 (for 32-bit floats), voxels along
 //! x, y and z, 1 (channel); six f32: the least and the greatest corner of the box; then the values as f32, x fastest, z
@@ -43,16 +49,19 @@ const MOST_DENSITY: f32 = 1e9;
 pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     let medium = medium(fields);
     let corners = [fields.vector("min"), fields.vector("max")];
+    let name = fields.string("grid_name").map(|name| name.value);
+    let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
     let Some(file) = fields.string("grid") else {
-        if corners.iter().any(Option::is_some) {
-            fields.problems.push(fields.span(), "'min' and 'max' are the corners of a 'grid'");
+        if corners.iter().any(Option::is_some) || name.is_some() || is_z_up {
+            let message = "'min', 'max', 'grid_name' and 'up' are about a 'grid'";
+            fields.problems.push(fields.span(), message);
         }
         return medium;
     };
     let path = build.file.parent().unwrap_or(build.file).join(file.value);
     let [min, max] = corners.map(|c| c.map(|c| c.value));
     build.options.files.note(&path);
-    match grid::read(&path) {
+    match grid::read(&path, grid::Choice { name, is_z_up }) {
         Ok(grid) => {
             let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };
             Medium { grid: Some(build.loaded.scene.add_grid(grid)), ..medium }
@@ -108,6 +117,11 @@ pub(super) fn table(build: &mut Build, fields: &Fields, key: &'static str) -> Op
     let medium = filling(build, &table);
     table.finish();
     Some(medium)
+}
+
+/// Which of several solids counts where they overlap.
+pub(super) fn priority(fields: &Fields) -> Option<i32> {
+    fields.has("priority").then(|| fields.number_in("priority", -1000.0..1000.0, 0.0) as i32)
 }
 
 /// `fog` of the environment.

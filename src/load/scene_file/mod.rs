@@ -9,6 +9,7 @@
 //! | `[materials.NAME]` | `materials` |
 //! | `[[objects]]` | `objects`, `transform`, `motion` |
 //! | `[[lights]]` | `lights` |
+//! | `[[portals]]` | `portals` |
 //!
 //! Angles are in degrees, lengths in metres, colours linear Rec. 709, and paths relative to the scene file. Every
 //! problem of the file is reported at once, with its line and, for a misspelt name, the nearest one that exists.
@@ -18,6 +19,7 @@ mod adjusted;
 mod assets;
 mod build;
 mod camera;
+mod displaced;
 mod environment;
 mod fields;
 mod light_shapes;
@@ -33,6 +35,7 @@ mod overrides;
 mod parts;
 mod pbr;
 mod placement;
+mod portals;
 mod profiled;
 pub mod reference;
 mod round;

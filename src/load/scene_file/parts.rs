@@ -5,7 +5,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::materials::Materials;
 use super::textures::Textures;
-use super::{environment, lights, objects, settings};
+use super::{environment, lights, objects, portals, settings};
 use crate::error::{Error, Problem, Result};
 use crate::load::LoadOptions;
 use std::path::Path;
@@ -40,12 +40,14 @@ pub(super) fn read_parts<'a>(
     }
     let mut textures = Textures::new(root.table("textures"));
     let mut materials = Materials::new(root.table("materials"));
-    if let Some(fields) = root.table("environment") {
-        environment::read(build, &fields);
-    }
     materials.override_model(build, &mut textures);
     objects::read(build, root, &mut materials, &mut textures, assets);
     lights::read(build, root);
+    portals::read(build, root);
+    // After what may leave lights out: it may add one that it remembers by its place.
+    if let Some(fields) = root.table("environment") {
+        environment::read(build, &fields);
+    }
     camera(build, assets);
     root.finish();
     materials.check_unused(build, &mut textures);

@@ -24,12 +24,18 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[textures]", &[include_str!("textures.rs")]),
     chapter(
         "[materials]",
-        &[include_str!("materials.rs"), include_str!("metals.rs"), include_str!("pbr.rs")],
+        &[
+            include_str!("materials.rs"),
+            include_str!("metals.rs"),
+            include_str!("pbr.rs"),
+            include_str!("displaced.rs"),
+        ],
     ),
     chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
     chapter("motion", &[include_str!("motion.rs")]),
     chapter("[[lights]]", &[include_str!("lights.rs")]),
+    chapter("[[portals]]", &[include_str!("portals.rs")]),
     chapter("sidecar", &[include_str!("sidecar.rs")]),
 ];
 

@@ -10,6 +10,7 @@
 //! | `[camera]` with `look_from` | a camera before those of the model |
 //! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
+//! | `[[portals]]` | windows through which light of the environment is looked for |
 //! | `[render]` | settings of rendering |
 
 use super::assets::Assets;
@@ -75,7 +76,7 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
     });
     *loaded = build.loaded;
     loaded.scene.settings = loaded.scene.settings.or(&own);
-    let parts: Vec<&str> = ["environment", "materials", "lights", "objects", "camera", "render"]
+    let parts: Vec<&str> = ["environment", "materials", "lights", "portals", "objects", "camera", "render"]
         .into_iter()
         .filter(|p| root.has(p))
         .collect();

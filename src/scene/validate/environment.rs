@@ -1,16 +1,34 @@
 //! The environment.
 
-use super::findings::Findings;
-use crate::scene::{Backdrop, Environment, Scene};
+use super::findings::{Findings, Place};
+use crate::scene::{Backdrop, Environment, LightKind, Scene};
 
 /// Most texels of an environment's image: tables over it have 32-bit indices.
 const MOST_TEXELS: u64 = 1 << 29;
+
+/// Places of portals, metres.
+const FARTHEST: f64 = 1e18;
 
 const PLACE: &str = "environment";
 
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     if let Some(Backdrop::Color(rgb)) = &scene.backdrop {
         findings.require_color(rgb, "backdrop", "Color");
+    }
+    if let Some(sun) = scene.environment_sun {
+        let kind = scene.lights.get(sun as usize).map(|light| light.kind);
+        let is_met = matches!(kind, Some(LightKind::Sun { .. }));
+        findings.require(is_met, PLACE, "sun", sun, "one of the scene's lights, a sun");
+    }
+    for (index, portal) in scene.portals.iter().enumerate() {
+        let place = Place { list: "portals", index, name: &portal.name };
+        let [u, v] = [portal.edge_u, portal.edge_v];
+        let is_finite = portal.corner.is_finite() && portal.corner.length() < FARTHEST;
+        findings.require(is_finite, place, "corner", portal.corner, "a finite point");
+        let is_rectangle = [u, v].iter().all(|e| (1e-9..FARTHEST).contains(&e.length()))
+            && u.normalize_or_zero().dot(v.normalize_or_zero()).abs() < 1e-3;
+        let rule = "edges at right angles, longer than 0";
+        findings.require(is_rectangle, place, "edge_u, edge_v", [u, v], rule);
     }
     match &scene.environment {
         Environment::Black => {}

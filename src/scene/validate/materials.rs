@@ -28,6 +28,8 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             check_medium(medium, &scene.grids, place, findings);
             check_attenuation(medium, &material.model, place, findings);
         }
+        let heights = material.displacement.map(|displacement| displacement.texture);
+        check_channel(&heights, "displacement", place, findings);
         check_beam(material.lamp.map(|lamp| lamp.beam), place, findings);
     }
 }
@@ -83,7 +85,7 @@ fn check_parameter(
         Parameter::Constant(&x) => {
             let (is_met, allowed) = match field {
                 "attenuation_distance" => (x > 0.0, "above 0, or infinite"),
-                "rotation_rad" | "scale" => (x.is_finite(), FINITE),
+                "rotation_rad" | "scale" | "midlevel" => (x.is_finite(), FINITE),
                 _ => (x.is_finite() && x >= 0.0, FROM_ZERO),
             };
             findings.require(is_met, place, field, x, allowed);

@@ -361,3 +361,36 @@ fn traits_are_those_of_one_node() {
     let group = |i: usize| scene.instances[i].light_group.as_deref();
     assert_eq!([group(0), group(1)], [Some("key"), None]);
 }
+
+/// Custom properties of Blender: portals of nodes, priorities of materials.
+#[test]
+fn extras_make_portals_and_priorities() {
+    let asset = triangle_with(|a| {
+        a["materials"] = json!([{"extras": {"priority": 3}}, {"extras": {"priority": 0.5}}]);
+        a["meshes"][0]["primitives"][0]["material"] = json!(0);
+        let second = a["meshes"][0]["primitives"][0].clone();
+        a["meshes"][0]["primitives"].as_array_mut().expect("a list").push(second);
+        a["meshes"][0]["primitives"][1]["material"] = json!(1);
+        a["nodes"] = json!([
+            {"mesh": 0},
+            {"name": "Window", "extras": {"portal": [2.0, 1.0]}, "translation": [1, 2, 3], "scale": [1, 3, 1]},
+            {"extras": {"portal": true}, "rotation": [0, 1, 0, 0]},
+            {"extras": {"portal": false}},
+            {"extras": {"portal": [1.0, 0.0]}},
+        ]);
+        a["scenes"][0]["nodes"] = json!([0, 1, 2, 3, 4]);
+    });
+    let loaded = at(&asset, &[], None).unwrap_or_else(|e| panic!("{e}"));
+    let priorities: Vec<i32> = loaded.scene.materials.iter().map(|m| m.priority).collect();
+    assert_eq!(priorities, [3, 0]);
+    let [window, other] = &loaded.scene.portals[..] else { panic!("{:?}", loaded.scene.portals) };
+    assert_eq!(window.name, "Window");
+    let middle = window.corner + (window.edge_u + window.edge_v) / 2.0;
+    assert!(middle.distance(DVec3::new(1.0, 2.0, 3.0)) < 1e-9, "{window:?}");
+    // Light comes in along -z of the node, as u x v points.
+    assert!(window.edge_u.cross(window.edge_v).distance(DVec3::new(0.0, 0.0, -6.0)) < 1e-9, "{window:?}");
+    assert!(other.edge_u.cross(other.edge_v).distance(DVec3::Z) < 1e-6, "{other:?}");
+    let warnings: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    let warned = |words: &str| warnings.iter().filter(|w| w.contains(words)).count();
+    assert_eq!([warned("extras/priority"), warned("extras/portal")], [1, 1], "{warnings:?}");
+}

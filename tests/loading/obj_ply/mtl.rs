@@ -181,3 +181,20 @@ fn the_same_image_is_decoded_once_and_a_missing_one_is_a_warning_with_its_line()
     let missing = loaded.warnings.iter().find(|w| w.message.contains("none.png")).expect("a warning");
     assert_eq!(missing.place, "line 4");
 }
+
+/// Green is 200 of 255, red 10: that much of 0.5 along the normal.
+#[test]
+fn displacement_of_a_known_height_moves_the_mesh() {
+    let placed = |statements: &str| {
+        let loaded = with_material(statements);
+        let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
+        let warned = loaded.warnings.iter().any(|w| w.to_string().contains("-bm"));
+        (mesh.triangles.len(), mesh.positions.iter().map(|p| p[2]).fold(0.0, f32::max), warned)
+    };
+    let (triangles, height, warned) = placed("disp -bm 0.5 maps/wood grain.png\n");
+    assert!(triangles > 10_000 && !warned, "{triangles}");
+    assert!((height - 0.5 * 10.0 / 255.0).abs() < 1e-6, "{height}");
+    let (_, height, _) = placed("disp -bm 0.5 -imfchan g maps/wood grain.png\n");
+    assert!((height - 0.5 * 200.0 / 255.0).abs() < 1e-6, "{height}");
+    assert_eq!(placed("disp maps/wood grain.png\n"), (1, 0.0, true));
+}

@@ -123,6 +123,8 @@ fn objects_and_transforms_are_explained() {
     assert!(shapes.is_subset(&object), "{shapes:?} {object:?}");
     let light = known_keys(&format!("[[lights]]\n{WRONG} = 1\npoint = {{}}\n[[objects]]\n"));
     assert_explained(&light, "lights", "a light");
+    let portal = known_keys(&format!("[[portals]]\n{WRONG} = 1\n[[objects]]\n"));
+    assert_explained(&portal, "portals", "a portal");
     for shape in first_column(&chapter("lights"), "Shape") {
         assert!(light.contains(&shape), "{shape} {light:?}");
         let scene = format!("[[lights]]\n{shape} = {{ {WRONG} = 1 }}\n[[objects]]\n");

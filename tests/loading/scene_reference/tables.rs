@@ -129,6 +129,40 @@ pub const TABLES: &[Table] = &[
             ("fog", "{ density = 0.1 }", "{ density = 0.2 }"),
         ],
     ),
+    Table {
+        about: "portal",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\n[[portals]]\n",
+        between: "\n",
+        after: BALL,
+        keys: &[
+            ("name", "\"window\"", "\"door\""),
+            ("center", "[0, 1, 0]", "[0, 2, 0]"),
+            ("direction", "[0, 0, 1]", "[1, 0, 0]"),
+            ("up", "[0, 1, 0]", "[0.5, 1, 0]"),
+            ("size", "[1, 2]", "[2, 2]"),
+        ],
+    },
+    Table {
+        about: "portal",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\n[[portals]]\n",
+        between: "\n",
+        after: BALL,
+        keys: &[
+            ("corner", "[0, 1, 0]", "[0, 2, 0]"),
+            ("u", "[1, 0, 0]", "[-1, 0, 0]"),
+            ("v", "[0, 1, 0]", "[0, 2, 0]"),
+        ],
+    },
+    Table {
+        about: "portal",
+        before: concat!(
+            "[materials]\na = { type = \"lambert\" }\n[environment]\nbackground = 1\n[[portals]]\n",
+            "center = [0, 1, 0]\nsize = [1, 1]\n"
+        ),
+        between: "\n",
+        after: BALL,
+        keys: &[("target", "[0, 0, 1]", "[1, 0, 0]")],
+    },
     fog(&[
         ("density", "0.3", "[0.1, 0.2, 0.3]"),
         ("color", "0.3", "[0.1, 0.2, 0.3]"),
@@ -142,12 +176,43 @@ pub const TABLES: &[Table] = &[
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
         &[("sky", "{ nadir = [1, 0, 0], zenith = [0, 0, 1] }", "{ nadir = [1, 1, 0], zenith = [0, 0, 1] }")],
     ),
+    Table {
+        about: "environment",
+        before: "[materials]\na = { type = \"lambert\" }\n[environment]\nsky = { sun_elevation = 30, ",
+        between: ", ",
+        after: concat!(
+            " }",
+            "\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n"
+        ),
+        keys: &[
+            ("sun_azimuth", "10", "20"),
+            ("turbidity", "2", "4"),
+            ("ground_albedo", "[0.1, 0.2, 0.3]", "0.4"),
+            ("sun", "true", "false"),
+            ("sun_size", "1", "2"),
+            ("strength", "0.5", "2"),
+        ],
+    },
     lines(
         "environment",
         "[materials]\na = { type = \"lambert\" }\n[environment]\n",
         &[("image", "\"one.png\"", "\"two.png\""), ("rotation", "10", "20"), ("strength", "0.5", "2")],
     ),
     lines("lambert", before!(material "lambert"), &[("color", "[0.1, 0.2, 0.3]", "0.4")]),
+    Table {
+        about: "displacement",
+        before: concat!(before!(material "lambert"), "displacement = { "),
+        between: ", ",
+        after: " }\n[[objects]]\nquad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }\nmaterial = \"a\"\n",
+        keys: &[
+            ("image", "\"one.png\"", "\"two.png\""),
+            ("scale", "0.5", "-0.2"),
+            ("midlevel", "0.1", "0.2"),
+            ("edge", "0.1", "0.3"),
+            ("wrap", "\"mirror\"", "\"clamp\""),
+            ("repeat", "[2, 1]", "[1, 3]"),
+        ],
+    },
     lines(
         "oren-nayar",
         before!(material "oren-nayar"),
@@ -177,7 +242,7 @@ pub const TABLES: &[Table] = &[
     lines(
         "dielectric",
         before!(material "dielectric"),
-        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }")],
+        &[("medium", "{ density = 1 }", "{ density = 1, color = 0.5 }"), ("priority", "1", "-2")],
     ),
     lines(
         "medium",
@@ -191,7 +256,12 @@ pub const TABLES: &[Table] = &[
             ("max", "[1, 1, 1]", "[2, 1, 1]"),
         ],
     ),
-    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4")]),
+    lines(
+        "medium",
+        concat!(before!(material "medium"), "grid = \"smoke.vdb\"\n"),
+        &[("grid_name", "\"density\"", "\"temperature\""), ("up", "\"y\"", "\"z\"")],
+    ),
+    lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4"), ("priority", "1", "-2")]),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
         "emissive",
@@ -237,7 +307,7 @@ pub const TABLES: &[Table] = &[
     lines(
         "pbr",
         concat!(before!(material "pbr"), "transmission = 1\nvolume = true\n"),
-        &[("medium", "{ density = 1 }", "{ density = 2 }")],
+        &[("medium", "{ density = 1 }", "{ density = 2 }"), ("priority", "1", "-2")],
     ),
     lines(
         "pbr",

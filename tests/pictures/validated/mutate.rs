@@ -48,6 +48,7 @@ numbers! {
         std::f64::consts::FRAC_PI_2, -now, 2.0 * now, now * 1e-3, now * 1e4, dice.tame().into(), dice.tame().into(),
         dice.tame().into(),
     ];
+    i32: 1, |now, _| vec![0, 1, -1, 1000, i32::MIN, i32::MAX, now.wrapping_add(1), now.wrapping_neg()];
     u32: 1, |now, _| vec![
         0, 1, 2, 3, 4, 5, 7, 64, 1000, 65_535, 65_536, 1 << 24, i32::MAX as u32, 1 << 31, u32::MAX - 1, u32::MAX,
         now.wrapping_add(1), now.wrapping_sub(1), now / 2, now.wrapping_mul(2),

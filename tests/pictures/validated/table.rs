@@ -6,11 +6,11 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid, GridId, ImageId,
-    Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping, Material,
-    MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
-    PbrMaterial, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture,
-    TextureId, TextureTransform, ThinLens, Wrap,
+    Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid,
+    GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping,
+    Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
+    PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade,
+    Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -51,17 +51,19 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
-        backdrop, environment_group, cameras, motion, settings,
+        backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
     Instance { name, mesh, world_from_object, material, motion, traits, light_group }
+    Portal { name, corner, edge_u, edge_v }
     Shape { name, kind, center, radius, rotation, material, traits }
     Quad { name, corner, edge_u, edge_v, material, traits }
     Material {
-        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, lamp,
-        light_group,
+        name, model, emission, double_sided, alpha_mode, alpha, normal_map, use_vertex_colors, medium, displacement,
+        priority, lamp, light_group,
     }
+    Displacement { texture, scale, midlevel, edge }
     Emission { radiance, two_sided }
     Lamp { visible_to, is_obstacle, beam }
     ColorSlot { factor, texture }

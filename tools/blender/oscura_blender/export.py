@@ -150,6 +150,10 @@ def _settings(scene, found, options, report):
     empties, shining = [], []
     for number, (obj, matrix) in enumerate(found.lights):
         name = f"light {number}: {obj.name}"
+        window = lights.portal(obj, name, obj.data)
+        if window is not None:
+            empties.append((name, matrix))
+            shining.append(("[[portals]]", window))
         entries = lights.entries(obj, name, obj.data, report)
         if entries is not None:
             empties.append((name, matrix))

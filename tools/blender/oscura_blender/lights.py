@@ -31,6 +31,14 @@ def entries(obj, name, light, report):
     return found
 
 
+def portal(obj, name, light):
+    """The entries of [[portals]] for an area light at the node `name` that is one; round ones become rectangles around them."""
+    if light.type != "AREA" or not light.cycles.is_portal:
+        return None
+    size = light.size, (light.size_y if light.shape in ("RECTANGLE", "ELLIPSE") else light.size)
+    return {"name": obj.name, "node": name, "size": [max(s, 1e-9) for s in size]}
+
+
 def _point(light, energy, _scale):
     return "point", {"radius": light.shadow_soft_size, "power": energy * _area_factor(light, _ball(light))}
 

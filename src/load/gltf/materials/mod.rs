@@ -18,6 +18,7 @@ use super::report::{Report, Sound};
 use super::textures::Textures;
 use crate::scene::{AlphaMode, Emission, FloatSlot, Material, MaterialId, Model};
 use builder::Builder;
+use serde_json::Value;
 use std::collections::HashMap;
 
 /// The materials found so far.
@@ -91,6 +92,17 @@ impl Materials {
     }
 }
 
+/// The whole number `priority` of a material's `extras`, as Blender writes custom properties: which of several solids counts where
+/// they overlap.
+fn priority(raw: &Value, at: &str, report: &mut Report) -> i32 {
+    let Some(value) = raw.get("extras").and_then(|extras| extras.get("priority")) else { return 0 };
+    let whole = value.as_f64().filter(|v| v.fract() == 0.0 && v.abs() <= 1000.0);
+    if whole.is_none() {
+        report.warn(format!("{at}/extras/priority"), "is no whole number from -1000 to 1000; ignored");
+    }
+    whole.unwrap_or(0.0) as i32
+}
+
 /// What glTF gives to primitives without a material.
 fn default_material() -> Material {
     let model = Model::Pbr(Box::default());
@@ -128,6 +140,7 @@ fn build(
         ..Material::new(name, Model::Black)
     };
     material.light_group = cameras::light_group(raw, &builder.at, builder.report).unwrap_or_default();
+    material.priority = priority(raw, &builder.at, builder.report);
     material.alpha_mode = builder.alpha_mode(&json);
     if material.alpha_mode == AlphaMode::Opaque {
         material.alpha = FloatSlot::constant(1.0);

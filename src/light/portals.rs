@@ -1,0 +1,457 @@
+//! The environment seen through windows: directions are chosen by its luminance among those that lead from a point through a
+//! portal (Bitterli, Novak, Jarosz 2015, "Portal-Masked Environment Map Sampling").
+//!
+//! In the frame of a portal directions have two angles, the arc tangents of their slopes. A rectangle as seen from any point is
+//! a rectangle of these angles, so a table of sums over them tells what comes through it, and inverts to directions. Of
+//! several portals one is chosen by what comes through each. A point in front of none samples the whole environment; what
+//! no portal shows is left to scattered rays, which multiple importance sampling weighs fully there.
+
+use crate::color::{Rgb, luminance};
+use crate::math::{DVec3, Vec3, poly};
+use crate::scene;
+use rayon::prelude::*;
+use std::f32::consts::FRAC_1_PI;
+use std::sync::Arc;
+
+/// Steps of each of the two angles over half a turn: a third of a degree.
+const SIZE: usize = 512;
+/// Texels of this share of the mean are chosen at least: what is darker may have a bright spot between the samples.
+const LEAST_SHARE: f64 = 1e-3;
+
+/// The portals of a scene, ready for rendering.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Portals {
+    list: Vec<Portal>,
+}
+
+#[derive(Clone, Debug)]
+struct Portal {
+    corner: Vec3,
+    size: [f32; 2],
+    axes: Axes,
+    table: Arc<SummedArea>,
+}
+
+/// The sides of a portal and the way out, of unit length.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Axes {
+    x: Vec3,
+    y: Vec3,
+    out: Vec3,
+}
+
+/// What a portal shows from a point: a rectangle in steps of the angles.
+#[derive(Clone, Copy, Debug)]
+struct Window {
+    low: [f64; 2],
+    high: [f64; 2],
+    /// The sum over it.
+    sum: f64,
+}
+
+/// Sums of luminance from the first texel up to each corner of texels.
+#[derive(Debug)]
+struct SummedArea {
+    sums: Vec<f64>,
+    /// Sums of each column from its first texel up to each corner, one column after another.
+    columns: Vec<f64>,
+}
+
+impl Portals {
+    /// Places portals before an environment of a radiance by direction; the world's origin moves to `anchor`. Tables of `before`
+    /// that fit are used again.
+    pub fn new(
+        portals: &[scene::Portal],
+        radiance: impl Fn(Vec3) -> Rgb + Sync,
+        anchor: DVec3,
+        before: &Portals,
+    ) -> Portals {
+        let place = |portal: &scene::Portal| {
+            let axes = Axes::of(portal)?;
+            let known = before.list.iter().find(|other| other.axes == axes).map(|other| other.table.clone());
+            Some(Portal {
+                corner: (portal.corner - anchor).as_vec3(),
+                size: [portal.edge_u.length() as f32, portal.edge_v.length() as f32],
+                axes,
+                table: known.unwrap_or_else(|| Arc::new(SummedArea::new(&radiance, &axes))),
+            })
+        };
+        Portals { list: portals.iter().filter_map(place).collect() }
+    }
+
+    pub fn is_empty(&self) -> bool {
+        self.list.is_empty()
+    }
+
+    /// A direction from `p` through a portal with its density per solid angle; `None` where `p` is in front of none.
+    pub fn sample(&self, p: Vec3, u: [f32; 2]) -> Option<(Vec3, f32)> {
+        if let [only] = &self.list[..] {
+            let window = only.window(p).filter(|window| window.sum > 0.0)?;
+            let place = [f64::from(u[0]) * window.sum, f64::from(u[1])];
+            let (at, value) = only.table.sample(&window, place);
+            let (direction, stretch) = only.axes.direction(at);
+            let pdf = (value / window.sum * PER_ANGLE) as f32 / stretch;
+            return Some((direction, if pdf.is_finite() { pdf } else { 0.0 }));
+        }
+        let total = self.total(p);
+        let (mut chosen, mut rest) = (None, f64::from(u[0]) * total);
+        for portal in &self.list {
+            let Some(window) = portal.window(p).filter(|window| window.sum > 0.0) else { continue };
+            chosen = Some((portal, window));
+            if rest < window.sum {
+                break;
+            }
+            rest -= window.sum;
+        }
+        let (portal, window) = chosen.filter(|_| total > 0.0)?;
+        let (at, _) = portal.table.sample(&window, [rest, f64::from(u[1])]);
+        let (direction, _) = portal.axes.direction(at);
+        // That of all portals which show the direction.
+        let pdf = self.pdf_of(p, direction, total);
+        Some((direction, if pdf.is_finite() { pdf } else { 0.0 }))
+    }
+
+    /// Density per solid angle with which [`Portals::sample`] chooses a direction; `None` where `p` is in front of no portal.
+    pub fn pdf_solid_angle(&self, p: Vec3, direction: Vec3) -> Option<f32> {
+        if let [only] = &self.list[..] {
+            let window = only.window(p).filter(|window| window.sum > 0.0)?;
+            return Some((only.share(&window, direction) / window.sum) as f32);
+        }
+        let total = self.total(p);
+        (total > 0.0).then(|| self.pdf_of(p, direction, total))
+    }
+
+    fn total(&self, p: Vec3) -> f64 {
+        self.list.iter().filter_map(|portal| portal.window(p)).map(|window| window.sum).sum()
+    }
+
+    fn pdf_of(&self, p: Vec3, direction: Vec3, total: f64) -> f32 {
+        let share = |portal: &Portal| portal.window(p).map_or(0.0, |window| portal.share(&window, direction));
+        (self.list.iter().map(share).sum::<f64>() / total) as f32
+    }
+}
+
+/// Texels per square radian.
+const PER_ANGLE: f64 = (SIZE * SIZE) as f64 / (std::f64::consts::PI * std::f64::consts::PI);
+
+impl Portal {
+    /// `None` behind the portal and in its plane.
+    fn window(&self, p: Vec3) -> Option<Window> {
+        let to = self.corner - p;
+        let depth = to.dot(self.axes.out);
+        if depth.is_nan() || depth <= 0.0 {
+            return None;
+        }
+        let steps = |slope: f32| {
+            let at = (poly::atan2(slope, depth) * FRAC_1_PI + 0.5) * SIZE as f32;
+            f64::from(at).clamp(0.0, SIZE as f64)
+        };
+        let first = [to.dot(self.axes.x), to.dot(self.axes.y)];
+        let low = first.map(steps);
+        let high = [steps(first[0] + self.size[0]), steps(first[1] + self.size[1])];
+        let sum = self.table.sum(low, high);
+        Some(Window { low, high, sum })
+    }
+}
+
+impl Portal {
+    /// What a direction has of a window's sum, per solid angle; 0 where it leads past it.
+    fn share(&self, window: &Window, direction: Vec3) -> f64 {
+        let Some((at, stretch)) = self.axes.angles(direction) else { return 0.0 };
+        let is_inside = (0..2).all(|k| window.low[k] <= at[k] && at[k] <= window.high[k]);
+        if is_inside { self.table.texel(at) * PER_ANGLE / f64::from(stretch) } else { 0.0 }
+    }
+}
+
+impl Axes {
+    fn of(portal: &scene::Portal) -> Option<Axes> {
+        let x = portal.edge_u.try_normalize()?;
+        let y = (portal.edge_v - x * portal.edge_v.dot(x)).try_normalize()?;
+        // Out is against the way light comes in.
+        Some(Axes { x: x.as_vec3(), y: y.as_vec3(), out: -x.cross(y).as_vec3() })
+    }
+
+    /// The unit direction of two angles in steps, and the solid angle per square radian there.
+    fn direction(&self, at: [f64; 2]) -> (Vec3, f32) {
+        let angle = |k: usize| ((at[k] / SIZE as f64 - 0.5) * std::f64::consts::PI) as f32;
+        let ((sine_x, cosine_x), (sine_y, cosine_y)) = (poly::sin_cos(angle(0)), poly::sin_cos(angle(1)));
+        let (x, y, z) = (sine_x * cosine_y, sine_y * cosine_x, cosine_x * cosine_y);
+        // With 1 + u^2 = 1 / cos^2, see below; the length of (x, y, z) is that of (u, v, 1) times both cosines.
+        let length = (x * x + y * y + z * z).sqrt();
+        let stretch = z / (length * length * length);
+        ((self.x * x + self.y * y + self.out * z) / length, stretch)
+    }
+
+    /// The angles of a direction in steps, and the solid angle per square radian there; `None` for the half that leads inwards.
+    ///
+    /// With slopes u and v the solid angle of du dv is (1 + u^2 + v^2)^(-3/2), and du is 1 + u^2 times the angle's step.
+    fn angles(&self, direction: Vec3) -> Option<([f64; 2], f32)> {
+        let local = [direction.dot(self.x), direction.dot(self.y), direction.dot(self.out)];
+        if local[2] <= 0.0 {
+            return None;
+        }
+        let steps = |x: f32| f64::from((poly::atan2(x, local[2]) * FRAC_1_PI + 0.5) * SIZE as f32);
+        let (u, v) = (local[0] / local[2], local[1] / local[2]);
+        let square = 1.0 + u * u + v * v;
+        let stretch = (1.0 + u * u) * (1.0 + v * v) / (square * square.sqrt());
+        let is_usable = stretch.is_finite() && stretch > 0.0;
+        is_usable.then_some(([steps(local[0]), steps(local[1])], stretch))
+    }
+}
+
+impl SummedArea {
+    fn new(radiance: impl Fn(Vec3) -> Rgb + Sync, axes: &Axes) -> SummedArea {
+        let texel = |i: usize| {
+            let (column, row) = (i % SIZE, i / SIZE);
+            let points = [[0.25, 0.25], [0.75, 0.25], [0.25, 0.75], [0.75, 0.75]];
+            let values = points.map(|[x, y]| {
+                let (direction, stretch) = axes.direction([column as f64 + x, row as f64 + y]);
+                f64::from(luminance(radiance(direction).to_array())) * f64::from(stretch.max(0.0))
+            });
+            values.iter().sum::<f64>() / 4.0
+        };
+        let mut values: Vec<f64> = (0..SIZE * SIZE).into_par_iter().map(texel).collect();
+        let least = LEAST_SHARE * values.iter().sum::<f64>() / values.len() as f64;
+        values.iter_mut().for_each(|value| *value = value.max(least));
+        let mut sums = vec![0.0; (SIZE + 1) * (SIZE + 1)];
+        for row in 0..SIZE {
+            let mut of_row = 0.0;
+            for column in 0..SIZE {
+                of_row += values[row * SIZE + column];
+                sums[(row + 1) * (SIZE + 1) + column + 1] = sums[row * (SIZE + 1) + column + 1] + of_row;
+            }
+        }
+        let mut columns = Vec::with_capacity(SIZE * (SIZE + 1));
+        for column in 0..SIZE {
+            let mut sum = 0.0;
+            columns.push(sum);
+            for row in 0..SIZE {
+                sum += values[row * SIZE + column];
+                columns.push(sum);
+            }
+        }
+        SummedArea { sums, columns }
+    }
+
+    fn corner(&self, column: usize, row: usize) -> f64 {
+        self.sums[row * (SIZE + 1) + column]
+    }
+
+    fn up_to(&self, column: usize, row: usize) -> f64 {
+        self.columns[column * (SIZE + 1) + row]
+    }
+
+    /// The sum over a column of texels between two heights.
+    fn column(&self, column: usize, low: f64, high: f64) -> f64 {
+        let up_to = |y: f64| {
+            let row = (y as usize).min(SIZE - 1);
+            let (a, b) = (self.up_to(column, row), self.up_to(column, row + 1));
+            a + (b - a) * (y - row as f64)
+        };
+        up_to(high) - up_to(low)
+    }
+
+    /// The sum over all texels left of `x`, where it lies at a column, between two heights.
+    fn left(&self, x: usize, low: f64, high: f64) -> f64 {
+        let up_to = |y: f64| {
+            let row = (y as usize).min(SIZE - 1);
+            let (a, b) = (self.corner(x, row), self.corner(x, row + 1));
+            a + (b - a) * (y - row as f64)
+        };
+        up_to(high) - up_to(low)
+    }
+
+    /// The same for any `x`.
+    fn left_of(&self, x: f64, low: f64, high: f64) -> f64 {
+        let column = (x as usize).min(SIZE - 1);
+        self.left(column, low, high) + self.column(column, low, high) * (x - column as f64)
+    }
+
+    fn sum(&self, low: [f64; 2], high: [f64; 2]) -> f64 {
+        let sum = self.left_of(high[0], low[1], high[1]) - self.left_of(low[0], low[1], high[1]);
+        sum.max(0.0)
+    }
+
+    /// The value of the texel at a place.
+    fn texel(&self, at: [f64; 2]) -> f64 {
+        let [column, row] = at.map(|x| (x as usize).min(SIZE - 1));
+        self.up_to(column, row + 1) - self.up_to(column, row)
+    }
+
+    /// A place of a window, by the sum to the left of it, and a number in 0..1; and the value of its texel.
+    fn sample(&self, window: &Window, [left, u]: [f64; 2]) -> ([f64; 2], f64) {
+        let Window { low, high, .. } = *window;
+        let wanted = self.left_of(low[0], low[1], high[1]) + left;
+        let (mut first, mut last) = (low[0] as usize, (high[0] as usize).min(SIZE - 1));
+        while first < last {
+            let middle = (first + last).div_ceil(2);
+            match self.left(middle, low[1], high[1]) <= wanted {
+                true => first = middle,
+                false => last = middle - 1,
+            }
+        }
+        let column = first;
+        let whole = self.column(column, low[1], high[1]);
+        let share = if whole > 0.0 { (wanted - self.left(column, low[1], high[1])) / whole } else { 0.5 };
+        let x = (column as f64 + share).clamp(low[0], high[0]);
+        let target = u * whole;
+        let (mut first, mut last) = (low[1] as usize, (high[1] as usize).min(SIZE - 1));
+        while first < last {
+            let middle = (first + last).div_ceil(2);
+            match self.column(column, low[1], middle as f64) <= target {
+                true => first = middle,
+                false => last = middle - 1,
+            }
+        }
+        let start = low[1].max(first as f64);
+        let texel = self.texel([column as f64, first as f64]);
+        let rest = target - self.column(column, low[1], start);
+        let y = start + if texel > 0.0 { rest / texel } else { 0.5 };
+        ([x, y.clamp(low[1], high[1])], texel)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::image::Image;
+    use crate::light::EnvironmentLight;
+    use crate::sampling::chi2::{Chi2, Random, Square};
+    use crate::scene::{Environment, ImageId};
+
+    fn window(corner: [f64; 3], edge_u: [f64; 3], edge_v: [f64; 3]) -> scene::Portal {
+        let [corner, edge_u, edge_v] = [corner, edge_u, edge_v].map(DVec3::from_array);
+        scene::Portal { name: "window".to_string(), corner, edge_u, edge_v }
+    }
+
+    /// A window in the wall x = 2 of the half space below it, one in the ceiling, under a sky with a bright side.
+    fn room(is_image: bool) -> EnvironmentLight {
+        let rgb = (0..64 * 32).flat_map(|i| {
+            let (x, y) = (i % 64, i / 64);
+            [if (30..34).contains(&x) && y < 16 { 30.0 } else { 0.2 + 0.02 * (i % 5) as f32 }; 3]
+        });
+        let image = Image::from_linear_rgb("sky", 64, 32, rgb.collect());
+        let environment = match is_image {
+            true => Environment::Image { image: ImageId(0), strength: 1.0, rotation_rad: 0.4 },
+            false => Environment::Gradient { nadir: [0.1; 3], zenith: [1.0; 3] },
+        };
+        let mut light = EnvironmentLight::new(&environment, &[image], true).expect("it shines");
+        let side = window([2.0, 0.5, 1.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.5]);
+        let above = window([-1.0, 3.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -2.0]);
+        light.set_portals(&[flipped(side), flipped(above)], DVec3::ZERO);
+        assert!(light.has_portals());
+        light
+    }
+
+    /// Such that it serves the other side.
+    fn flipped(portal: scene::Portal) -> scene::Portal {
+        let (edge_u, edge_v) = (portal.edge_v, portal.edge_u);
+        scene::Portal { edge_u, edge_v, ..portal }
+    }
+
+    #[test]
+    fn portals_face_the_room() {
+        let light = room(false);
+        let ways_out: Vec<Vec3> = light.portals.list.iter().map(|portal| portal.axes.out).collect();
+        assert_eq!(ways_out, [Vec3::X, Vec3::Y]);
+    }
+
+    #[test]
+    fn directions_pass_chi_square() {
+        for is_image in [false, true] {
+            let light = room(is_image);
+            for (i, p) in [[0.0, 0.3, 0.2], [1.7, 0.9, 1.4], [-0.5, 2.6, -0.3]].into_iter().enumerate() {
+                let p = Vec3::from_array(p);
+                Chi2::new(&format!("portals {is_image} {i}"), 1).assert_directions(
+                    &Square::sphere(),
+                    |u| Some(light.sample_from(p, [u[0], u[1]]).direction),
+                    |d| light.pdf_from(p, d),
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn samples_lead_through_a_portal_and_have_their_density() {
+        let light = room(true);
+        let mut random = Random::new(3);
+        let mut differ = 0;
+        for _ in 0..20_000 {
+            let p = Vec3::new(1.8 * random.next(), 2.8 * random.next(), 2.0 * random.next());
+            let sample = light.sample_from(p, [random.next(), random.next()]);
+            let d = sample.direction;
+            let at_side = p + d * ((2.0 - p.x) / d.x);
+            let at_top = p + d * ((3.0 - p.y) / d.y);
+            let within = |x: f32, low: f32, high: f32| low - 1e-4 <= x && x <= high + 1e-4;
+            let is_through = d.x > 0.0 && within(at_side.y, 0.5, 1.5) && within(at_side.z, 1.0, 2.5)
+                || d.y > 0.0 && within(at_top.x, -1.0, 0.0) && within(at_top.z, -2.0, 0.0);
+            assert!(is_through, "{p} {d}");
+            // Rounding may lead to the texel beside.
+            differ += u32::from((sample.pdf_solid_angle / light.pdf_from(p, d) - 1.0).abs() > 1e-3);
+        }
+        assert!(differ < 100, "{differ} of 20,000");
+    }
+
+    /// With a table that is as fine as the light, radiance over density hardly varies: what a vertex sees is chosen by luminance.
+    #[test]
+    fn light_through_a_window_is_estimated_with_little_noise() {
+        let light = room(true);
+        let p = Vec3::new(0.4, 1.0, 0.5);
+        let mut random = Random::new(8);
+        let values: Vec<f64> = (0..50_000)
+            .map(|_| {
+                let sample = light.sample_from(p, [random.next(), random.next()]);
+                f64::from(sample.radiance.luminance() / sample.pdf_solid_angle)
+            })
+            .collect();
+        let mean = values.iter().sum::<f64>() / values.len() as f64;
+        let variance = values.iter().map(|v| (v - mean).powi(2)).sum::<f64>() / values.len() as f64;
+        assert!(variance < 0.01 * mean * mean, "{mean} {variance}");
+        // By quadrature over the portals.
+        let steps = 600;
+        let mut truth = 0.0;
+        for portal in &light.portals.list {
+            let area = f64::from(portal.size[0] * portal.size[1]) / f64::from(steps * steps);
+            for k in 0..steps * steps {
+                let [u, v] = [k % steps, k / steps].map(|i| (i as f32 + 0.5) / steps as f32);
+                let at = portal.corner
+                    + portal.axes.x * (u * portal.size[0])
+                    + portal.axes.y * (v * portal.size[1]);
+                let to = at - p;
+                let cosine = f64::from(to.normalize().dot(portal.axes.out));
+                let light = f64::from(light.radiance(to.normalize()).luminance());
+                truth += light * cosine * area / f64::from(to.length_squared());
+            }
+        }
+        assert!((mean / truth - 1.0).abs() < 2e-3, "{mean} {truth}");
+    }
+
+    #[test]
+    fn points_in_front_of_no_portal_sample_the_whole_environment() {
+        let light = room(true);
+        let p = Vec3::new(9.0, 9.0, 0.0);
+        assert!(light.portals.pdf_solid_angle(p, Vec3::X).is_none());
+        for u in [[0.1, 0.3], [0.8, 0.9]] {
+            assert_eq!(light.sample_from(p, u).direction, light.sample(u).direction);
+        }
+    }
+
+    #[test]
+    fn angles_and_directions_belong_together() {
+        let axes = Axes { x: Vec3::X, y: Vec3::Y, out: Vec3::Z };
+        // The pyramid whose sides lean by up to 80 degrees has the solid angle 4 asin(sin^2 80).
+        let widest = f64::to_radians(80.0);
+        let (mut total, n) = (0.0, 300);
+        for i in 0..n * n {
+            let angle = |k: i32| ((f64::from(k) + 0.5) / f64::from(n) * 2.0 - 1.0) * widest;
+            let at = [i % n, i / n].map(|k| (angle(k) / std::f64::consts::PI + 0.5) * SIZE as f64);
+            let (direction, density) = axes.direction(at);
+            let (back, stretch) = axes.angles(direction).expect("outwards");
+            assert!((0..2).all(|k| (back[k] - at[k]).abs() < 2e-2), "{at:?} {back:?}");
+            assert!((density / stretch - 1.0).abs() < 1e-3, "{density} {stretch}");
+            total += f64::from(stretch) * (2.0 * widest / f64::from(n)).powi(2);
+        }
+        let truth = 4.0 * widest.sin().powi(2).asin();
+        assert!((total / truth - 1.0).abs() < 1e-4, "{total} {truth}");
+    }
+}

@@ -1,0 +1,102 @@
+//! Triangles cut in halves until no edge is longer than wanted. Whether an edge is cut depends on its ends alone, so that triangles
+//! on both sides of it agree and no cracks open.
+
+use crate::math::Vec3;
+use crate::scene::{Mesh, MeshPart};
+use std::collections::HashMap;
+
+/// The mesh, without tangents, its parts cut to the lengths that are given; and the longest edge that is left where it would have
+/// more triangles than allowed.
+pub(super) fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Mesh, Option<f32>) {
+    let mut fine = Mesh { tangents: Vec::new(), triangles: Vec::new(), parts: Vec::new(), ..mesh.clone() };
+    let mut longest = None;
+    for (part, edge) in mesh.parts.iter().zip(edges) {
+        let first = part.first_triangle as usize;
+        let mut triangles = mesh.triangles[first..first + part.triangle_count as usize].to_vec();
+        while let Some(edge) = *edge {
+            let is_long = |a: u32, b: u32| length(&fine, a, b) > edge;
+            let cuts: usize =
+                triangles.iter().map(|t| sides(t).filter(|&[a, b]| is_long(a, b)).count()).sum();
+            if cuts == 0 {
+                break;
+            }
+            if fine.triangles.len() + triangles.len() + cuts > most {
+                let left = triangles.iter().flat_map(sides).map(|[a, b]| length(&fine, a, b));
+                longest = Some(left.fold(longest.unwrap_or(0.0), f32::max));
+                break;
+            }
+            triangles = cut(&mut fine, &triangles, edge);
+        }
+        fine.parts.push(MeshPart {
+            first_triangle: fine.triangles.len() as u32,
+            triangle_count: triangles.len() as u32,
+            material: part.material,
+        });
+        fine.triangles.append(&mut triangles);
+    }
+    (fine, longest)
+}
+
+fn sides(triangle: &[u32; 3]) -> impl Iterator<Item = [u32; 2]> + use<> {
+    let [a, b, c] = *triangle;
+    [[a, b], [b, c], [c, a]].into_iter()
+}
+
+fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
+    let [a, b] = [a, b].map(|i| Vec3::from_array(mesh.positions[i as usize]));
+    // The same from both ends.
+    (a - b).abs().length()
+}
+
+/// Cuts all edges longer than `edge` once.
+fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
+    let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
+    let mut finer = Vec::with_capacity(2 * triangles.len());
+    for triangle in triangles {
+        let middle = sides(triangle).map(|[a, b]| {
+            (length(mesh, a, b) > edge)
+                .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_middle(mesh, a, b)))
+        });
+        let middle: Vec<Option<u32>> = middle.collect();
+        // Turned so that cut sides come first.
+        let turn = match [middle[0].is_some(), middle[1].is_some(), middle[2].is_some()] {
+            [false, true, _] => 1,
+            [_, false, true] => 2,
+            _ => 0,
+        };
+        let [a, b, c] = [0, 1, 2].map(|k| triangle[(k + turn) % 3]);
+        let [ab, bc, ca] = [0, 1, 2].map(|k| middle[(k + turn) % 3]);
+        match (ab, bc, ca) {
+            (Some(ab), Some(bc), Some(ca)) => {
+                finer.extend([[a, ab, ca], [ab, b, bc], [ca, bc, c], [ab, bc, ca]]);
+            }
+            (Some(ab), Some(bc), None) => finer.extend([[ab, b, bc], [a, ab, bc], [a, bc, c]]),
+            (Some(ab), None, _) => finer.extend([[a, ab, c], [ab, b, c]]),
+            _ => finer.push(*triangle),
+        }
+    }
+    finer
+}
+
+/// A vertex half way between two.
+fn add_middle(mesh: &mut Mesh, a: u32, b: u32) -> u32 {
+    let (a, b) = (a as usize, b as usize);
+    let index = mesh.positions.len() as u32;
+    mesh.positions.push(mean(mesh.positions[a], mesh.positions[b]));
+    if !mesh.normals.is_empty() {
+        let sum = mean(mesh.normals[a], mesh.normals[b]);
+        let unit = Vec3::from_array(sum).try_normalize().map_or(mesh.normals[a], |n| n.to_array());
+        mesh.normals.push(unit);
+    }
+    for set in mesh.uv_sets.iter_mut().filter(|set| !set.is_empty()) {
+        set.push(mean(set[a], set[b]));
+    }
+    if !mesh.colors.is_empty() {
+        mesh.colors.push(mean(mesh.colors[a], mesh.colors[b]));
+    }
+    index
+}
+
+fn mean<const N: usize>(a: [f32; N], b: [f32; N]) -> [f32; N] {
+    std::array::from_fn(|k| 0.5 * a[k] + 0.5 * b[k])
+}

@@ -1,0 +1,205 @@
+//! OpenVDB files (`.vdb`), in the versions 222 to 224 that OpenVDB writes since 2013: one grid of floats, with its values stored plainly, or
+//! packed by zlib or Blosc, as f64, f32 or f16. It becomes a dense grid over the box of its active voxels.
+
+mod blosc;
+mod bytes;
+mod map;
+mod tree;
+mod values;
+
+use crate::math::DVec3;
+use crate::scene::Grid;
+use bytes::Bytes;
+use map::Map;
+use std::sync::Arc;
+use tree::{Cube, Voxels};
+use values::{Number, Values};
+
+const MAGIC: i64 = 0x5644_4220;
+const VERSIONS: std::ops::RangeInclusive<u32> = 222..=224;
+/// Most voxels of the box: two GiB.
+const MOST_VOXELS: u64 = 1 << 29;
+/// Characters of a file's unique name.
+const UUID: usize = 36;
+
+/// A grid in a file.
+struct Entry {
+    name: String,
+    /// Such as `Tree_float_5_4_3`.
+    kind: String,
+    /// It shares the tree of another.
+    instance_of: String,
+    at: i64,
+}
+
+/// Reads the grid of a name, or `density`, or the only one; an error is a sentence.
+pub(super) fn parse(bytes: &[u8], file: &str, wanted: Option<&str>) -> Result<Grid, String> {
+    let mut from = Bytes::new(bytes);
+    let entries = entries(&mut from)?;
+    let entry = chosen(&entries, wanted)?;
+    let (map, cubes) = grid(&mut from, entry)?;
+    dense(&map, &cubes, format!("{file} ({})", entry.name))
+}
+
+/// What grids the file has.
+fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
+    if from.i64().unwrap_or(0) != MAGIC {
+        return Err("is no OpenVDB file: it does not begin with its magic number".into());
+    }
+    let version = from.u32()?;
+    if !VERSIONS.contains(&version) {
+        let (first, last) = (VERSIONS.start(), VERSIONS.end());
+        return Err(format!("is of version {version}, but only {first} to {last} are read"));
+    }
+    from.take(8)?;
+    if from.u8()? == 0 {
+        return Err("has no offsets of its grids (it was streamed): write it to a file by OpenVDB".into());
+    }
+    from.take(UUID)?;
+    metadata(from)?;
+    let count = from.u32()?;
+    let mut entries = Vec::new();
+    for _ in 0..count {
+        let name = from.text()?;
+        let (kind, instance_of) = (from.text()?, from.text()?);
+        let (at, _, end) = (from.i64()?, from.i64()?, from.i64()?);
+        // Grids of the same name have a number behind a separator.
+        let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
+        entries.push(Entry { name, kind, instance_of, at });
+        from.seek(end)?;
+    }
+    Ok(entries)
+}
+
+/// Names, types and bytes of a map of metadata; those of text.
+fn metadata(from: &mut Bytes) -> Result<Vec<(String, String)>, String> {
+    let count = from.u32()?;
+    let mut texts = Vec::new();
+    for _ in 0..count {
+        let (name, kind, length) = (from.text()?, from.text()?, from.u32()?);
+        let value = from.take(length as usize)?;
+        if kind == "string" {
+            texts.push((name, String::from_utf8_lossy(value).into_owned()));
+        }
+    }
+    Ok(texts)
+}
+
+fn chosen<'a>(entries: &'a [Entry], wanted: Option<&str>) -> Result<&'a Entry, String> {
+    let named = |name: &str| entries.iter().find(|entry| entry.name == name);
+    let names = || {
+        let names: Vec<String> = entries.iter().map(|entry| format!("'{}'", entry.name)).collect();
+        if names.is_empty() { "none".to_string() } else { names.join(", ") }
+    };
+    match (wanted, entries) {
+        (Some(wanted), _) => named(wanted).ok_or_else(|| format!("has no grid '{wanted}', but {}", names())),
+        (None, [only]) => Ok(only),
+        (None, _) => named("density")
+            .ok_or_else(|| format!("has no grid 'density': 'grid_name' must be one of {}", names())),
+    }
+}
+
+/// Reads what a grid's entry says is there.
+fn grid(from: &mut Bytes, entry: &Entry) -> Result<(Map, Vec<Cube>), String> {
+    let number = match entry.kind.as_str() {
+        "Tree_float_5_4_3" => Number::Float,
+        "Tree_float_5_4_3_HalfFloat" => Number::Half,
+        "Tree_double_5_4_3" => Number::Double,
+        kind => {
+            return Err(format!("has the grid '{}' of the kind {kind}: only floats are read", entry.name));
+        }
+    };
+    if !entry.instance_of.is_empty() {
+        let message = format!("has the grid '{}' as an instance of '{}'", entry.name, entry.instance_of);
+        return Err(message + ", which is not read: name that one");
+    }
+    from.seek(entry.at)?;
+    let compression = from.u32()?;
+    let about = metadata(from)?;
+    if about.iter().any(|(key, value)| key == "class" && value == "level set") {
+        return Err(format!("has a level set in '{}', which are distances and no densities", entry.name));
+    }
+    let map = Map::read(from)?;
+    let mut values = Values { number, compression, background: 0.0 };
+    Ok((map, tree::read(from, &mut values)?))
+}
+
+/// Puts cubes into one box.
+fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
+    let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
+    for cube in cubes {
+        for k in 0..3 {
+            low[k] = low[k].min(cube.origin[k].into());
+            high[k] = high[k].max(i64::from(cube.origin[k]) + i64::from(cube.edge));
+        }
+    }
+    if cubes.is_empty() {
+        return Err(format!("{name} has no active voxels"));
+    }
+    let size = [0, 1, 2].map(|k| (high[k] - low[k]) as u64);
+    let voxels = size.iter().try_fold(1u64, |product, &n| product.checked_mul(n));
+    let [x, y, z] = size;
+    if voxels.is_none_or(|voxels| voxels > MOST_VOXELS) {
+        let message = format!("spans {x} x {y} x {z} voxels, more than {MOST_VOXELS}");
+        return Err(message + ": resample it to a lower resolution");
+    }
+    let mut values = vec![0.0f32; (x * y * z) as usize];
+    for cube in cubes {
+        let first = [0, 1, 2].map(|k| (i64::from(cube.origin[k]) - low[k]) as usize);
+        let edge = cube.edge as usize;
+        for (i, j, k) in (0..edge * edge * edge).map(|n| (n / (edge * edge), n / edge % edge, n % edge)) {
+            let value = match &cube.voxels {
+                Voxels::Same(value) => *value,
+                Voxels::Each(all) => all[(i * edge + j) * edge + k],
+            };
+            if !value.is_finite() {
+                return Err(format!("{name} holds values that are no numbers"));
+            }
+            let at = ((first[2] + k) * y as usize + first[1] + j) * x as usize + first[0] + i;
+            values[at] = value.max(0.0);
+        }
+    }
+    let corner = |of: [i64; 3]| {
+        let middle = DVec3::from_array(of.map(|c| c as f64 - 0.5));
+        middle * map.scale + map.origin
+    };
+    let (a, b) = (corner(low), corner(high));
+    let grid =
+        Grid { name, size: size.map(|n| n as u32), values: Arc::new(values), min: a.min(b), max: a.max(b) };
+    Ok(mirrored(grid, map.scale))
+}
+
+/// Turns the order of voxels along axes whose scale is below 0.
+fn mirrored(grid: Grid, scale: DVec3) -> Grid {
+    if scale.min_element() > 0.0 {
+        return grid;
+    }
+    let [x, y, z] = grid.size.map(|n| n as usize);
+    let flip = |at: usize, count: usize, scale: f64| if scale < 0.0 { count - 1 - at } else { at };
+    let from = |n: usize| {
+        let (i, j, k) = (n % x, n / x % y, n / (x * y));
+        (flip(k, z, scale.z) * y + flip(j, y, scale.y)) * x + flip(i, x, scale.x)
+    };
+    let values = (0..grid.values.len()).map(|n| grid.values[from(n)]).collect();
+    Grid { values: Arc::new(values), ..grid }
+}
+
+/// Stands a grid of a world whose z points up in one whose y does: what was along y is along -z.
+pub(super) fn from_z_up(grid: Grid) -> Grid {
+    let [x, y, z] = grid.size.map(|n| n as usize);
+    let mut values = Vec::with_capacity(grid.values.len());
+    // The new z runs from the greatest old y down.
+    for j in (0..y).rev() {
+        for k in 0..z {
+            let row = (k * y + j) * x;
+            values.extend_from_slice(&grid.values[row..row + x]);
+        }
+    }
+    let turn = |v: DVec3| DVec3::new(v.x, v.z, -v.y);
+    let (a, b) = (turn(grid.min), turn(grid.max));
+    let size = [grid.size[0], grid.size[2], grid.size[1]];
+    Grid { size, values: Arc::new(values), min: a.min(b), max: a.max(b), ..grid }
+}
+
+#[cfg(test)]
+mod tests;

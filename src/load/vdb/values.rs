@@ -1,0 +1,130 @@
+//! The values of a node: only those that are active where the file leaves out the others, packed by zlib or Blosc.
+
+use super::blosc;
+use super::bytes::{Bytes, Mask};
+use flate2::read::ZlibDecoder;
+use half::f16;
+use std::io::Read;
+
+const ZIP: u32 = 1;
+const ACTIVE_MASK: u32 = 2;
+const BLOSC: u32 = 4;
+
+/// How a grid's values are stored.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Number {
+    Half,
+    Float,
+    Double,
+}
+
+/// What reading values of a grid needs to know.
+pub(super) struct Values {
+    pub number: Number,
+    /// Flags: packed by zlib (1), active values only (2), packed by Blosc (4).
+    pub compression: u32,
+    /// The value where nothing is.
+    pub background: f64,
+}
+
+/// What a node says of its inactive values, which it may leave out.
+mod inactive {
+    /// They are the background; negated it is 1.
+    pub const MINUS_BACKGROUND: u8 = 1;
+    pub const ONE: u8 = 2;
+    pub const MASKED_SIGNS: u8 = 3;
+    pub const MASKED_ONE: u8 = 4;
+    pub const MASKED_TWO: u8 = 5;
+    /// All are there.
+    pub const ALL: u8 = 6;
+}
+
+impl Values {
+    /// One number in full width.
+    pub fn single(&self, from: &mut Bytes) -> Result<f64, String> {
+        match self.number {
+            Number::Double => from.f64(),
+            Number::Half | Number::Float => Ok(f64::from(f32::from_bits(from.u32()?))),
+        }
+    }
+
+    /// The values of a node, as many as its mask has bits.
+    pub fn read(&self, from: &mut Bytes, active: &Mask) -> Result<Vec<f32>, String> {
+        let kind = from.u8()?;
+        if kind > inactive::ALL {
+            return Err(format!("has values of the unknown kind {kind}"));
+        }
+        let mut others = [self.background, self.background];
+        if kind == inactive::MINUS_BACKGROUND || kind == inactive::MASKED_SIGNS {
+            others[0] = -self.background;
+        }
+        if [inactive::ONE, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind) {
+            others[0] = self.single(from)?;
+        }
+        if kind == inactive::MASKED_TWO {
+            others[1] = self.single(from)?;
+        }
+        let is_masked = [inactive::MASKED_SIGNS, inactive::MASKED_ONE, inactive::MASKED_TWO].contains(&kind);
+        let selection = if is_masked { Some(Mask::read(from, active.len())?) } else { None };
+        let leaves_out = self.compression & ACTIVE_MASK != 0 && kind != inactive::ALL;
+        let stored = self.numbers(from, if leaves_out { active.count_on() } else { active.len() })?;
+        if !leaves_out {
+            return Ok(stored);
+        }
+        let mut stored = stored.into_iter();
+        let value = |index: usize| match active.is_on(index) {
+            true => stored.next().unwrap_or(0.0),
+            false => {
+                let is_second = selection.as_ref().is_some_and(|mask| mask.is_on(index));
+                others[usize::from(is_second)] as f32
+            }
+        };
+        Ok((0..active.len()).map(value).collect())
+    }
+
+    /// Numbers as they are packed.
+    fn numbers(&self, from: &mut Bytes, count: usize) -> Result<Vec<f32>, String> {
+        let width = match self.number {
+            Number::Half => 2,
+            Number::Float => 4,
+            Number::Double => 8,
+        };
+        if count == 0 && self.number == Number::Half {
+            return Ok(Vec::new());
+        }
+        let bytes = self.unpacked(from, count * width)?;
+        let numbers = bytes.chunks_exact(width);
+        Ok(match self.number {
+            Number::Half => numbers.map(|b| f16::from_le_bytes([b[0], b[1]]).to_f32()).collect(),
+            Number::Float => numbers.map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect(),
+            Number::Double => numbers
+                .map(|b| f64::from_le_bytes([b[0], b[1], b[2], b[3], b[4], b[5], b[6], b[7]]) as f32)
+                .collect(),
+        })
+    }
+
+    fn unpacked(&self, from: &mut Bytes, wanted: usize) -> Result<Vec<u8>, String> {
+        if self.compression & (BLOSC | ZIP) == 0 {
+            return Ok(from.take(wanted)?.to_vec());
+        }
+        // What did not become shorter is stored as it is, behind its length below zero.
+        let length = from.i64()?;
+        if length <= 0 {
+            let stored = from.take(usize::try_from(-(length as i128)).unwrap_or(usize::MAX))?;
+            return match stored.len() == wanted {
+                true => Ok(stored.to_vec()),
+                false => Err(format!("holds {} bytes where {wanted} should be", stored.len())),
+            };
+        }
+        let packed = from.take(usize::try_from(length).unwrap_or(usize::MAX))?;
+        if self.compression & BLOSC != 0 {
+            return blosc::unpack(packed, wanted);
+        }
+        let mut bytes = Vec::with_capacity(wanted);
+        let unpacked = ZlibDecoder::new(packed).take(wanted as u64 + 1).read_to_end(&mut bytes);
+        match unpacked {
+            Ok(length) if length == wanted => Ok(bytes),
+            _ => Err("holds values that zlib can't unpack".into()),
+        }
+    }
+}
