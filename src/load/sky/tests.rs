@@ -1,10 +1,10 @@
 use super::*;
 
+type Sky = (f64, f64, f64, f64, f64, [f64; 3]);
+
 /// What another program (Mitsuba 3.7's `sunsky`, from the same coefficients in double precision) gives for a sun in the
 /// direction of the azimuth 0: turbidity, albedo, elevation, the angle to the zenith, the azimuth, radiance.
 #[rustfmt::skip]
-type Sky = (f64, f64, f64, f64, f64, [f64; 3]);
-
 const SKIES: &[Sky] = &[
     (1.0, 0.0, 10.0, 0.0, 0.0, [0.7366, 1.5935, 2.8955]),
     (1.0, 0.0, 10.0, 60.0, 0.0, [3.4118, 5.5761, 7.7758]),
