@@ -25,5 +25,6 @@ mod plan;
 mod send;
 mod trace;
 
+pub(super) use follow::leaves_light;
 pub use path::CausticTally;
 pub use plan::CausticPlan;
