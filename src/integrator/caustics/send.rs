@@ -1,4 +1,4 @@
-//! Light goes on at smooth glass, mirrors and polished metal.
+//! Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
 
 use super::super::Integrator;
 use super::super::lanes::{get_rgb, set_rgb};
