@@ -8,7 +8,7 @@ use oscura::math::{DAffine3, DVec3};
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
     AlphaMode, ColorSlot, FloatSlot, FresnelModel, Instance, Interpolation, Light, LightKind, Material, Mesh,
-    Model, Projection, Scene,
+    Model, NoiseKind, PbrMaterial, Projection, Scene, Texture, TextureId,
 };
 
 /// Nothing but caustics differs.
@@ -112,6 +112,22 @@ fn cluttered() -> Scene {
     scene
 }
 
+/// With a ball of polished metal that a texture colours.
+fn colored_metal() -> Scene {
+    let mut scene = room(lambert, glass());
+    let kind = NoiseKind::Turbulence;
+    let (low, high) = ([0.9, 0.3, 0.2], [0.3, 0.8, 0.9]);
+    scene.textures.push(Texture::Noise { kind, frequency: 4.0, octaves: 2, low, high, seed: 0 });
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::texture(TextureId(0)),
+        roughness: FloatSlot::constant(0.1),
+        ..PbrMaterial::default()
+    };
+    let metal = material(&mut scene, Material::new("colored metal", Model::Pbr(Box::new(pbr))));
+    scene.shapes[0].material = metal;
+    scene
+}
+
 #[test]
 fn rooms_keep_their_means() {
     let polished = || pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2);
@@ -124,8 +140,12 @@ fn rooms_keep_their_means() {
         ("leaning plastic", lean(room(lambert, glass()), plastic([0.8; 3]))),
         ("cluttered", cluttered()),
         ("painted", painted()),
+        ("colored metal", colored_metal()),
     ];
     for (what, scene) in &scenes {
+        let mut first = rendering(scene, &options(8, 1, 10).caustics(Caustics::On));
+        first.run();
+        assert!(first.statistics().lamp_paths.is_some(), "{what}: there are caustics");
         let off = plain(options(32, 32, 10)).caustics(Caustics::Off);
         assert_same_means(what, scene, [&off, &off.caustics(Caustics::On)], 64);
     }
