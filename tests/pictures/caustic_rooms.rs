@@ -87,14 +87,18 @@ fn painted() -> Scene {
     scene
 }
 
-/// Stripes narrower than groups of pixels are wide, by turns of a surface that catches light and of one that does not for sure.
+/// A wall is a mirror. On the floor are stripes narrower than groups of pixels are wide, by turns of a bright surface that catches
+/// light and of a dark one that does not for sure: what the ones got of the others' light, or lost to them, would show.
 fn striped() -> Scene {
-    let mut scene = room(lambert, glass());
-    let shiny = material(&mut scene, pbr("shiny", [0.7, 0.6, 0.5], 0.0, 0.3));
+    let mut scene = room(lambert, pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2));
+    let silver = material(&mut scene, mirror());
+    quad(&mut scene, [0.98, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0], silver);
+    let shiny = material(&mut scene, pbr("shiny", [0.05; 3], 0.0, 0.3));
     for i in 0..24 {
         let x = -1.0 + f64::from(i) / 12.0;
         quad(&mut scene, [x, -0.99, 1.0], [1.0 / 24.0, 0.0, 0.0], [0.0, 0.0, -2.0], shiny);
     }
+    scene.cameras[0] = camera(DVec3::new(-0.4, 0.5, 0.2), DVec3::new(-0.4, -1.0, 0.2), DVec3::Z, 45.0);
     scene
 }
 
