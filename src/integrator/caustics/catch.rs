@@ -25,7 +25,7 @@ pub(super) struct Caught {
     /// What a pixel gets whose filter is 1 there.
     value: Rgb,
     /// What of it belongs to layers.
-    parts: [(Option<usize>, Rgb); 3],
+    parts: Option<[(Option<usize>, Rgb); 3]>,
     /// What a path from the camera that found this light would bring; infinite where none can.
     brought_from_camera: f32,
     salt: u32,
@@ -136,9 +136,9 @@ impl Integrator<'_> {
     }
 
     /// The layers that light of a lamp belongs to, and its shares there.
-    fn parts_of(&self, at: &Catcher, light: u32) -> [(Option<usize>, Rgb); 3] {
+    fn parts_of(&self, at: &Catcher, light: u32) -> Option<[(Option<usize>, Rgb); 3]> {
         if self.layers.count() == 0 {
-            return [(None, Rgb::ZERO); 3];
+            return None;
         }
         let Catcher { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
         let first = match is_lambert {
@@ -147,7 +147,7 @@ impl Integrator<'_> {
         };
         let [a, b] = self.layers.shares(Way::Indirect(first));
         let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));
-        [a, b, (group, Rgb::ONE)]
+        Some([a, b, (group, Rgb::ONE)])
     }
 
     /// Brings the light that nothing is in the way of to the pixels that show it.
@@ -181,10 +181,11 @@ impl Integrator<'_> {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
                     let rgb = caught.value * weight;
-                    let parts = caught.parts.map(|(layer, share)| match layer {
+                    let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
                         Some(layer) => SplatPart { layer: layer as u16, rgb: (rgb * share).to_array() },
                         None => SplatPart::NONE,
-                    });
+                    };
+                    let parts = caught.parts.map(|parts| Box::new(parts.map(of_layer)));
                     splats.push(Splat { x, y, rgb: rgb.to_array(), parts });
                 }
             }
