@@ -16,8 +16,9 @@ pub(super) fn views() -> impl TypedValueParser<Value = ViewTransform> {
 
 #[derive(Args, Clone, Debug)]
 pub(crate) struct PictureArgs {
-    /// Find caustics from the lamp, by smooth glass, mirrors and polished metal, on diffuse surfaces that the camera sees directly:
-    /// auto where the picture gains by it; on; off. Nothing else finds what points, spots and suns without a size send so.
+    /// Find caustics from the lamp, by smooth glass, mirrors and polished metal, and what they light in turn, on diffuse surfaces that
+    /// the camera sees directly: auto where the picture gains by it; on; off. Nothing else finds what points, spots and suns without
+    /// a size send so.
     #[arg(long, value_name = "C", default_value = "auto")]
     pub caustics: Caustics,
     /// Take the noise out of the finished picture, its light passes and light groups. (Pictures on the way, of --save-every,

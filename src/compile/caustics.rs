@@ -6,6 +6,7 @@ use super::scene::CompiledScene;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram};
 use crate::light::{Ball, Targets};
 use crate::math::{Bounds3, Vec3};
+use crate::scene::FloatSlot;
 use crate::shape::Shape;
 use std::collections::BTreeMap;
 
@@ -38,7 +39,9 @@ impl CompiledMaterial {
             Black => Role::Neither,
             Dielectric => Role::Sends,
             MetalRough if self.catches() => Role::Catches,
-            MetalRough | SchlickMetal | Conductor if self.is_polished() => Role::Sends,
+            MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
+                Role::Sends
+            }
             _ => match self.constant {
                 Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Sends,
                 _ => Role::Neither,
@@ -54,6 +57,20 @@ impl CompiledMaterial {
     fn is_polished(&self) -> bool {
         let look = self.constant.map(|bsdf| bsdf.look());
         look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MOST_ROUGHNESS)
+    }
+
+    /// Is it a metal as smooth as that, whatever colours its textures show?
+    fn is_painted_metal(&self) -> bool {
+        let is_smooth =
+            |roughness: FloatSlot| roughness.texture.is_none() && roughness.factor <= MOST_ROUGHNESS;
+        match &self.program {
+            BsdfProgram::MetalRough(program) => {
+                let metallic = program.metallic();
+                metallic.texture.is_none() && metallic.factor >= 1.0 && is_smooth(program.roughness())
+            }
+            BsdfProgram::SchlickMetal(program) => is_smooth(program.roughness),
+            _ => false,
+        }
     }
 
     /// Is it a rough dielectric, whatever its textures show?

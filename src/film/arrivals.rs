@@ -91,7 +91,7 @@ mod tests {
     fn splat(x: u32, y: u32, value: f32) -> Splat {
         let rgb = [value, 0.5 * value, 0.0];
         let part = |layer, share: f32| SplatPart { layer, rgb: rgb.map(|v| share * v) };
-        Splat { x, y, rgb, parts: [part(0, 1.0), part(2, 0.5), SplatPart::NONE] }
+        Splat { x, y, rgb, parts: Some(Box::new([part(0, 1.0), part(2, 0.5), SplatPart::NONE])) }
     }
 
     /// Three light passes, and the variance.

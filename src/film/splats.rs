@@ -7,7 +7,7 @@ use super::exact::{self, HalfSum, SumList};
 use super::sums::Layout;
 
 /// Light that a path from a lamp brings to a pixel.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub struct Splat {
     /// Column and row in the picture.
     pub x: u32,
@@ -15,8 +15,8 @@ pub struct Splat {
     pub y: u32,
     /// Radiance, linear, as its share of the mean over all paths from lamps that stand for one sample of each pixel.
     pub rgb: [f32; 3],
-    /// The parts of it that belong to layers: two light passes at most, and a group of lights.
-    pub parts: [SplatPart; 3],
+    /// The parts of it that belong to layers, if there are some: two light passes at most, and a group of lights.
+    pub parts: Option<Box<[SplatPart; 3]>>,
 }
 
 /// What a layer has of a splat.
@@ -67,7 +67,8 @@ impl Splats {
 
     /// Adds one to a pixel; nothing if one of its numbers is not finite, which is told by `false`.
     pub fn add(&mut self, pixel: usize, splat: &Splat, is_of_first_half: bool) -> bool {
-        let parts = splat.parts.iter().flat_map(|part| &part.rgb);
+        let of_layers = splat.parts.iter().flat_map(|parts| &**parts);
+        let parts = of_layers.clone().flat_map(|part| &part.rgb);
         if splat.rgb.iter().chain(parts).any(|value| !value.is_finite()) {
             return false;
         }
@@ -76,7 +77,7 @@ impl Splats {
         if let Some(sum) = self.first_half.get_mut(pixel).filter(|_| is_of_first_half) {
             sum.add_exactly(splat.rgb);
         }
-        for part in &splat.parts {
+        for part in of_layers {
             if let Some(layer) = self.layers.get_mut(usize::from(part.layer)) {
                 add(layer.get_or_insert_with(|| Splats::list(pixels)), pixel, part.rgb.map(f64::from));
             }

@@ -25,11 +25,14 @@ const LEAST_TRIED: f64 = 1.0 / 4.0;
 /// The share of pixels, the noisiest, that don't count there: what is left to paths from the camera is noisy enough.
 const LEFT_OUT: f64 = 0.01;
 
+/// So many are left out at least.
+const LEAST_LEFT_OUT: usize = 12;
+
 /// Numbers of paths from lamps for each pixel and sample.
 const SHARES: [f64; 6] = [0.0625, 0.125, 0.25, 0.5, 1.0, 2.0];
 
 /// They must make the picture more efficient by this factor.
-const LEAST_GAIN: f64 = 1.15;
+const LEAST_GAIN: f64 = 1.3;
 
 /// Where nothing else finds the light, it must be this part of the picture's.
 const LEAST_LIGHT: f64 = 1e-5;
@@ -180,7 +183,8 @@ impl Trial<'_> {
         }
         let count = squares.len().max(1) as f64;
         squares.sort_by(f64::total_cmp);
-        squares.truncate((count * (1.0 - LEFT_OUT)).ceil() as usize);
+        let kept = (count * (1.0 - LEFT_OUT)).ceil() as usize;
+        squares.truncate(kept.min(squares.len().saturating_sub(LEAST_LEFT_OUT)));
         let scale = self.pixels() / count;
         let rays = (w.ray_counts.all - before) as f64 * 0.5 * scale;
         Rest { squares: squares.iter().sum::<f64>() * scale, light: light * scale, rays }

@@ -125,17 +125,29 @@ impl PassWork<'_> {
             self.progress.add(0, tally.rays, self.stopwatch.wall(), self.listener);
             Some(splats)
         };
+        let trace = |sample: u32| -> Option<Vec<Vec<Splat>>> {
+            starts.par_iter().map(|start| one(sample, start)).collect()
+        };
         let Pass { first_sample, samples } = self.pass;
-        (first_sample..first_sample + samples).all(|sample| {
-            let splats: Option<Vec<Vec<Splat>>> = starts.par_iter().map(|start| one(sample, start)).collect();
-            let is_of_first_half = self.is_of_first_half(sample);
-            splats.is_some_and(|all| {
-                let mut film = lock(&self.film);
-                all.iter().for_each(|splats| film.add_splats(splats, is_of_first_half));
-                film.count_splats(1, is_of_first_half);
-                true
-            })
-        })
+        let mut traced: Option<(u32, Vec<Vec<Splat>>)> = None;
+        for sample in first_sample..first_sample + samples {
+            // One thread adds what the others have traced while they go on.
+            let last = traced.take();
+            let (splats, ()) = rayon::join(|| trace(sample), || self.add_splats(last));
+            let Some(splats) = splats else { return false };
+            traced = Some((sample, splats));
+        }
+        self.add_splats(traced);
+        true
+    }
+
+    /// Adds all splats of a sample.
+    fn add_splats(&self, traced: Option<(u32, Vec<Vec<Splat>>)>) {
+        let Some((sample, splats)) = traced else { return };
+        let is_of_first_half = self.is_of_first_half(sample);
+        let mut film = lock(&self.film);
+        splats.iter().for_each(|splats| film.add_splats(splats, is_of_first_half));
+        film.count_splats(1, is_of_first_half);
     }
 
     fn is_of_first_half(&self, sample: u32) -> bool {

@@ -4,6 +4,7 @@ mod adaptive;
 mod blur;
 mod blur_beside;
 mod catcher;
+mod caustic_rooms;
 mod caustics;
 mod closed_form;
 mod compile_scene;

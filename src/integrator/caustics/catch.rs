@@ -10,7 +10,6 @@ use super::super::workspace::Workspace;
 use super::passage::STILL;
 use super::path::{CausticTally, LampPath};
 use crate::bsdf::{Bsdf, BsdfEval};
-use crate::camera::Sight;
 use crate::color::Rgb;
 use crate::film::{Splat, SplatPart};
 use crate::math::{Frame, Ray, Vec3, offset_along};
@@ -26,23 +25,32 @@ pub(super) struct Caught {
     /// What a pixel gets whose filter is 1 there.
     value: Rgb,
     /// What of it belongs to layers.
-    parts: [(Option<usize>, Rgb); 3],
+    parts: Option<[(Option<usize>, Rgb); 3]>,
     /// What a path from the camera that found this light would bring; infinite where none can.
     brought_from_camera: f32,
     salt: u32,
 }
 
-/// A surface that scatters light to the camera.
-struct Catcher {
-    bsdf: Bsdf,
-    is_lambert: bool,
+/// A surface that scatters light to a viewer.
+#[derive(Clone, Copy)]
+pub(super) struct Catcher {
+    pub bsdf: Bsdf,
+    pub is_lambert: bool,
     /// Only on the viewer's side.
-    is_opaque: bool,
-    ng: Vec3,
-    ns: Vec3,
-    /// Towards the camera and towards where the light came from.
-    wo: Vec3,
-    wi: Vec3,
+    pub is_opaque: bool,
+    pub ng: Vec3,
+    pub ns: Vec3,
+    /// Towards the viewer and towards where the light came from.
+    pub wo: Vec3,
+    pub wi: Vec3,
+}
+
+impl Catcher {
+    /// The same from where it is seen and lit.
+    pub fn seen(self, wo: Vec3, wi: Vec3) -> Catcher {
+        let side = if self.is_opaque && wo.dot(self.ng) < 0.0 { -1.0 } else { 1.0 };
+        Catcher { ng: self.ng * side, ns: self.ns * side, wo, wi, ..self }
+    }
 }
 
 impl Integrator<'_> {
@@ -59,7 +67,11 @@ impl Integrator<'_> {
         if is_hidden || at.material.is_absent_from_behind && is_behind {
             return None;
         }
-        let catcher = self.catcher(path, at, material, &sight);
+        // As wide as what the camera sees there.
+        let (width, spread) = self.view.camera.pixel_cone();
+        let (wo, wi) = (sight.direction, -path.ray.direction);
+        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo);
+        let catcher = self.catcher(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher)?;
         let Catcher { ng, wo, wi, .. } = catcher;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
@@ -83,27 +95,22 @@ impl Integrator<'_> {
             film: sight.film,
             value,
             parts: self.parts_of(&catcher, path.light),
-            brought_from_camera: if path.is_delta { f32::INFINITY } else { found },
+            brought_from_camera: if path.is_only_way { f32::INFINITY } else { found },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
     }
 
-    fn catcher(&self, path: &LampPath, at: &HitPoint<'_>, material: u32, sight: &Sight) -> Catcher {
+    /// A surface with this BSDF and these normals, for shading and geometric.
+    pub(super) fn catcher(&self, material: u32, bsdf: Bsdf, [ns, ng]: [Vec3; 2]) -> Catcher {
         let group = self.groups[material as usize];
         let is_lambert = matches!(group, Group::Plain | Group::Lambert);
         let is_opaque =
             is_lambert || matches!(group, Group::PlainMetalRough | Group::Textured | Group::MetalRough);
-        // As wide as what the camera sees there.
-        let (width, spread) = self.view.camera.pixel_cone();
-        let (wo, wi) = (sight.direction, -path.ray.direction);
-        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo);
-        let ng = at.surface.ng;
-        let side = if is_opaque && wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-        Catcher { bsdf, is_lambert, is_opaque, ng: ng * side, ns: ns * side, wo, wi }
+        Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo: ng, wi: ng }
     }
 
-    /// What a surface scatters to the camera, and how often paths from there would go to where the light comes from.
-    fn scattered(&self, at: &Catcher) -> Option<BsdfEval> {
+    /// What a surface scatters to its viewer, and how often paths from there would go to where the light comes from.
+    pub(super) fn scattered(&self, at: &Catcher) -> Option<BsdfEval> {
         let Catcher { bsdf, is_lambert, is_opaque, ng, ns, wo, wi } = at;
         let height = wi.dot(*ng);
         let crosses = height * wo.dot(*ng) < 0.0;
@@ -129,9 +136,9 @@ impl Integrator<'_> {
     }
 
     /// The layers that light of a lamp belongs to, and its shares there.
-    fn parts_of(&self, at: &Catcher, light: u32) -> [(Option<usize>, Rgb); 3] {
+    fn parts_of(&self, at: &Catcher, light: u32) -> Option<[(Option<usize>, Rgb); 3]> {
         if self.layers.count() == 0 {
-            return [(None, Rgb::ZERO); 3];
+            return None;
         }
         let Catcher { bsdf, is_lambert, ng, ns, wo, wi, .. } = at;
         let first = match is_lambert {
@@ -140,7 +147,7 @@ impl Integrator<'_> {
         };
         let [a, b] = self.layers.shares(Way::Indirect(first));
         let group = self.layers.of_group(usize::from(self.scene.light_groups.of_light(light)));
-        [a, b, (group, Rgb::ONE)]
+        Some([a, b, (group, Rgb::ONE)])
     }
 
     /// Brings the light that nothing is in the way of to the pixels that show it.
@@ -174,10 +181,11 @@ impl Integrator<'_> {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
                     let rgb = caught.value * weight;
-                    let parts = caught.parts.map(|(layer, share)| match layer {
+                    let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
                         Some(layer) => SplatPart { layer: layer as u16, rgb: (rgb * share).to_array() },
                         None => SplatPart::NONE,
-                    });
+                    };
+                    let parts = caught.parts.map(|parts| Box::new(parts.map(of_layer)));
                     splats.push(Splat { x, y, rgb: rgb.to_array(), parts });
                 }
             }

@@ -10,16 +10,23 @@ use crate::compile::Role;
 use crate::math::Vec3;
 use crate::shape::Surface;
 
-/// The path came here by a surface that catches caustics, the first that it met, and then by ones that send light on only.
+// What a path's chain tells of where it came from, and in higher bits of where it goes on.
+
+/// It came by a surface that catches light, the first that it met, and then by such ones and by ones that send it on.
 const CAME: u32 = 1;
-/// The same, with the surface where it is.
-const GOES: u32 = 2;
+/// And the last of them sends light on.
+const CAME_BY_SENDER: u32 = 2;
+/// How many bits these are.
+const BITS: u32 = 2;
+/// The same with the surface where it is.
+const GOES: u32 = CAME << BITS;
+const GOES_BY_SENDER: u32 = CAME_BY_SENDER << BITS;
 
 impl Integrator<'_> {
     /// Paths arrive: what held where they are going holds where they came.
     pub(in super::super) fn arrive_in_chains(&self, w: &mut Workspace) {
         if self.parts.chains {
-            w.arriving.chains[..w.rays.len()].iter_mut().for_each(|chain| *chain >>= 1);
+            w.arriving.chains[..w.rays.len()].iter_mut().for_each(|chain| *chain >>= BITS);
         }
     }
 
@@ -29,11 +36,13 @@ impl Integrator<'_> {
         for (i, hit) in w.hits.iter().enumerate() {
             let role = if hit.is_hit() { plan.role(w.materials[i]) } else { Role::Neither };
             let chain = &mut w.arriving.chains[i];
-            let goes = match bounce {
-                0 => role == Role::Catches,
-                _ => role == Role::Sends && *chain & CAME != 0,
+            let came = *chain & (CAME | CAME_BY_SENDER);
+            let is_taken = bounce == 0 || came != 0;
+            *chain = match role {
+                Role::Catches if is_taken => came | GOES,
+                Role::Sends if came != 0 => came | GOES | GOES_BY_SENDER,
+                _ => came,
             };
-            *chain = (*chain & CAME) | if goes { GOES } else { 0 };
         }
     }
 
@@ -48,10 +57,10 @@ impl Integrator<'_> {
     ) {
         if bounce >= 1
             && self.scene.features.bent_normals
-            && chains[i] & GOES != 0
+            && chains[i] & GOES_BY_SENDER != 0
             && bent_normal(surface.ns, surface.ng, wo).1
         {
-            chains[i] &= !GOES;
+            chains[i] &= !(GOES | GOES_BY_SENDER);
         }
     }
 
@@ -59,8 +68,9 @@ impl Integrator<'_> {
     pub(in super::super) fn end_bent_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.metal_rough() {
-                if w.wave.vertices.is_bent[i] != 0.0 {
-                    w.wave.paths.chains[i] &= !GOES;
+                let chain = &mut w.wave.paths.chains[i];
+                if w.wave.vertices.is_bent[i] != 0.0 && *chain & GOES_BY_SENDER != 0 {
+                    *chain &= !(GOES | GOES_BY_SENDER);
                 }
             }
         }
@@ -70,8 +80,10 @@ impl Integrator<'_> {
     pub(in super::super) fn end_stretched_chains(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
         if bounce >= 1 && self.parts.chains && self.scene.features.bent_normals {
             for i in sorted.all() {
-                if is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i)) {
-                    w.wave.paths.chains[i] &= !GOES;
+                let is_sender = w.wave.paths.chains[i] & GOES_BY_SENDER != 0;
+                if is_sender && is_stretched_at(&w.wave.vertices, i, get(&w.wave.vertices.next_direction, i))
+                {
+                    w.wave.paths.chains[i] &= !(GOES | GOES_BY_SENDER);
                 }
             }
         }
@@ -87,7 +99,9 @@ impl Integrator<'_> {
         w: &Workspace,
     ) -> bool {
         let Some(plan) = self.options.caustics else { return false };
-        bounce >= 2 && w.arriving.chains[i] & CAME != 0 && light.is_some_and(|light| plan.takes(light))
+        bounce >= 2
+            && w.arriving.chains[i] & CAME_BY_SENDER != 0
+            && light.is_some_and(|light| plan.takes(light))
     }
 
     /// Takes back the light samples that are left to paths from lamps.
@@ -95,12 +109,19 @@ impl Integrator<'_> {
         let Some(plan) = self.options.caustics.filter(|_| bounce >= 1) else { return };
         let (chains, v) = (&w.wave.paths.chains, &mut w.wave.vertices);
         for i in sorted.lit() {
-            let is_left = chains[i] & GOES != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
+            let is_left =
+                chains[i] & GOES_BY_SENDER != 0 && plan.takes(self.only_light.unwrap_or(v.light.index[i]));
             if is_left && !is_stretched_at(v, i, get(&v.light.wi, i)) {
                 v.light.pdf[i] = 0.0;
             }
         }
     }
+}
+
+/// Does a path with this chain at a surface leave light to paths from lamps that the next surface scatters?
+#[inline(always)]
+pub(in super::super) fn leaves_light(chain: u32) -> bool {
+    chain & GOES != 0
 }
 
 /// Largest [`stretch`] of the light that paths from lamps take.

@@ -18,14 +18,14 @@ pub(super) struct LampPath {
     /// Its random numbers, and those that choose the point of the lens.
     pub point: SobolPoint,
     pub lens: [f32; 2],
-    /// Surfaces that sent it on.
+    /// Surfaces that sent it on or scattered it.
     pub bounces: u32,
-    /// All of them were perfectly smooth.
-    pub is_specular: bool,
+    /// All of them have a role.
+    pub has_roles: bool,
     /// The lamp.
     pub light: u32,
-    /// It has no size.
-    pub is_delta: bool,
+    /// It has no size, and where its light went first is perfectly smooth: no path from the camera finds it.
+    pub is_only_way: bool,
 }
 
 /// What paths from lamps have brought, to judge them.

@@ -1,16 +1,18 @@
-//! Light goes on at smooth glass, mirrors and polished metal.
+//! Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
 
 use super::super::Integrator;
 use super::super::lanes::{get_rgb, set_rgb};
-use super::super::normals::{bent_normal, terminator};
+use super::super::normals::{bent_normal, scattering_normal, terminator};
 use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
 use super::follow::is_stretched;
 use super::path::LampPath;
-use crate::bsdf::{Bsdf, BsdfSample};
+use crate::bsdf::{Bsdf, BsdfEval, BsdfSample};
 use crate::color::Rgb;
+use crate::compile::Role;
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::sampler::Dimensions;
+use crate::sampling::warp;
 
 /// From so many surfaces on, paths may end.
 const FIRST_ROULETTE: u32 = 8;
@@ -25,8 +27,8 @@ struct Sender {
     ns: Vec3,
     /// Towards where the light came from.
     wo: Vec3,
-    /// Paths from the camera never find this light by way of perfectly smooth surfaces.
-    is_only_way: bool,
+    /// Nothing else finds this light: nothing that is sent perfectly smoothly, or nothing at all.
+    is_only_way: [bool; 2],
 }
 
 /// How light goes on.
@@ -42,11 +44,14 @@ struct Sent {
 
 impl Integrator<'_> {
     /// The path behind a surface that it met; `None` if it ends.
-    pub(super) fn send(&self, path: &LampPath, at: &HitPoint<'_>, w: &mut Workspace) -> Option<LampPath> {
-        // One scattering is left for where the caustic shows.
-        if path.bounces + 2 > self.options.max_depth {
-            return None;
-        }
+    pub(super) fn go_on(
+        &self,
+        path: &LampPath,
+        at: &HitPoint<'_>,
+        role: Role,
+        material_index: u32,
+        w: &mut Workspace,
+    ) -> Option<LampPath> {
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
         arriving.interior[0] = path.interior;
         set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
@@ -56,7 +61,7 @@ impl Integrator<'_> {
             self.assume_inside(material, at.hit.t, 0, arriving);
         }
         let (bsdf, ns) = self.read_material(at, 0.0, wo);
-        let is_only_way = path.is_delta && path.is_specular;
+        let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
         let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
         let mut beyond = arriving.interior[0];
         if is_solid {
@@ -68,12 +73,21 @@ impl Integrator<'_> {
         }
         let radiance = get_rgb(&arriving.carried.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
-        let survival = if path.bounces >= FIRST_ROULETTE { SURVIVAL } else { 1.0 };
-        if roulette >= survival {
+        let sent = match role {
+            Role::Sends => self.scatter_light(&sender, [a, b, lobe])?,
+            _ => self.spread_light(&sender, material_index, [a, b, lobe])?,
+        };
+        let survival = match role {
+            Role::Sends if path.bounces < FIRST_ROULETTE => 1.0,
+            Role::Sends => SURVIVAL,
+            // So that those which go on bring as much as before.
+            _ => (sent.weight.max_element() * sent.scale).min(1.0),
+        };
+        let ng = at.surface.ng;
+        let is_lost = material.is_absent_from_behind && sent.direction.dot(ng) <= 0.0;
+        if roulette >= survival || is_lost {
             return None;
         }
-        let sent = self.scatter_light(&sender, [a, b, lobe])?;
-        let ng = at.surface.ng;
         let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
         Some(LampPath {
@@ -82,7 +96,8 @@ impl Integrator<'_> {
             scale: path.scale * sent.scale / survival,
             interior: if sent.is_transmission { beyond } else { arriving.interior[0] },
             bounces: path.bounces + 1,
-            is_specular: path.is_specular && sent.is_specular,
+            has_roles: path.has_roles && role != Role::Neither,
+            is_only_way: path.is_only_way && (path.bounces > 0 || sent.is_specular),
             ..*path
         })
     }
@@ -104,7 +119,7 @@ impl Integrator<'_> {
             let is_bent = self.scene.features.bent_normals && bent_normal(*ns, *ng, direction).1;
             is_bent || is_stretched(*ns, *ng, direction, *wo)
         };
-        if !(at.is_only_way && sample.is_specular) && is_left() {
+        if !at.is_only_way[usize::from(!sample.is_specular)] && is_left() {
             return None;
         }
         match sample.is_specular {
@@ -132,16 +147,55 @@ impl Integrator<'_> {
         if sample.is_transmission {
             return None;
         }
-        let frame = Frame::from_normal(*ns);
+        let ns = scattering_normal(*ns, *ng, direction);
+        let frame = Frame::from_normal(ns);
         let f_cos = bsdf.eval(frame.to_local(direction), frame.to_local(*wo)).f_cos;
         let side = if direction.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
-        let kept = if self.softens_terminator() { terminator(*ns * side, *ng * side, *wo) } else { 1.0 };
+        let kept = if self.softens_terminator() { terminator(ns * side, *ng * side, *wo) } else { 1.0 };
         Some(Sent {
             direction,
             weight: f_cos * (kept / sample.pdf_solid_angle),
             scale: (direction.dot(*ng) / wo.dot(*ng)).abs(),
             is_specular: false,
             is_transmission: false,
+        })
+    }
+
+    /// By any other surface: what it scatters to a viewer in the direction chosen.
+    fn spread_light(&self, at: &Sender, material: u32, [a, b, lobe]: [f32; 3]) -> Option<Sent> {
+        let Sender { bsdf, ng, ns, wo: wi, .. } = at;
+        let catcher = self.catcher(material, *bsdf, [*ns, *ng]);
+        let (direction, pdf) = if catcher.is_lambert || catcher.is_opaque && ns != ng {
+            // For viewers wherever they see the surface.
+            let side = if wi.dot(*ng) < 0.0 { -1.0 } else { 1.0 };
+            let local = warp::cosine_hemisphere([a, b]);
+            let direction = Frame::from_normal(*ng * side).to_world(local);
+            (direction, warp::cosine_hemisphere_pdf_solid_angle(local.z))
+        } else {
+            let frame = Frame::from_normal(scattering_normal(*ns, *ng, *wi));
+            let sample = bsdf.sample(frame.to_local(*wi), [a, b, lobe]);
+            let direction = frame.to_world(sample.wi);
+            let crosses = direction.dot(*ng) * wi.dot(*ng) < 0.0;
+            if crosses != sample.is_transmission {
+                return None;
+            }
+            if sample.is_specular && sample.pdf_solid_angle > 0.0 {
+                return Some(Self::send_on(at, &sample, direction));
+            }
+            (direction, sample.pdf_solid_angle)
+        };
+        let heights = [direction.dot(*ng), wi.dot(*ng)];
+        if pdf <= 0.0 || heights.contains(&0.0) {
+            return None;
+        }
+        let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher.seen(direction, *wi))?;
+        Some(Sent {
+            direction,
+            // What a path from the camera would be scattered with.
+            weight: f_cos / pdf_solid_angle,
+            scale: pdf_solid_angle / pdf * (heights[0] / heights[1]).abs(),
+            is_specular: false,
+            is_transmission: heights[0] * heights[1] < 0.0,
         })
     }
 }

@@ -70,9 +70,9 @@ impl Integrator<'_> {
                 point,
                 lens: [x, y],
                 bounces: 0,
-                is_specular: true,
+                has_roles: true,
                 light,
-                is_delta,
+                is_only_way: is_delta,
             })
         };
         paths.filter_map(start).collect()
@@ -96,24 +96,46 @@ impl Integrator<'_> {
         let Some(plan) = self.options.caustics.filter(|_| passage.meets) else { return };
         let material = self.scene.geometries.material(hit);
         let role = plan.role(material);
-        let is_shown = path.bounces > 0 && self.options.max_depth > path.bounces;
-        let shows = is_shown
-            && match role {
-                Role::Catches => true,
-                Role::Sends => false,
-                Role::Neither => path.is_delta && path.is_specular,
-            };
+        let Step { shows, goes_on } = self.step(path, role);
         let is_black = self.scene.materials[material as usize].class == BsdfClass::Black;
-        if is_black || !(shows || role == Role::Sends) {
+        if is_black || !(shows || goes_on) {
             return;
         }
         let at = self.point_of(&path.ray, *hit, material, STILL);
         let medium = &self.scene.media[usize::from(path.interior.medium())];
         let left = if self.scene.features.absorption { medium.transmittance(hit.t) } else { Rgb::ONE };
         let path = LampPath { radiance: path.radiance * left, ..*path };
-        match role {
-            Role::Sends => next.extend(self.send(&path, &at, w)),
-            _ => caught.extend(self.catch(&path, &at, material)),
+        if shows {
+            caught.extend(self.catch(&path, &at, material));
+        }
+        if goes_on {
+            next.extend(self.go_on(&path, &at, role, material, w));
         }
     }
+
+    /// What a path does where it met a surface of a role.
+    fn step(&self, path: &LampPath, role: Role) -> Step {
+        let (bounces, max_depth) = (path.bounces, self.options.max_depth);
+        // Light is sent on first.
+        let is_taken = path.has_roles
+            && match role {
+                Role::Sends => true,
+                Role::Catches => bounces > 0,
+                Role::Neither => false,
+            };
+        let is_free = path.is_only_way && bounces > 0;
+        Step {
+            shows: (is_free || is_taken && role == Role::Catches) && max_depth > bounces,
+            // One scattering is left for where the light shows.
+            goes_on: (is_free || is_taken) && max_depth > bounces.saturating_add(1),
+        }
+    }
+}
+
+/// What a path does where it met a surface.
+struct Step {
+    /// Its light is scattered to the camera.
+    shows: bool,
+    /// It goes on.
+    goes_on: bool,
 }

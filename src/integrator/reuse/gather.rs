@@ -20,8 +20,8 @@ const FAN: usize = 16;
 /// So do sets of at least this many rays.
 const LEAST_RAYS: u32 = 5;
 
-/// Bounce of prefixes for a suffix that isn't there.
-const NO_BOUNCE: u32 = u32::MAX;
+/// How prefixes end for a suffix that isn't there.
+const NO_END: u32 = u32::MAX;
 
 impl Integrator<'_> {
     /// Brings to every prefix what the suffixes of its group found.
@@ -216,10 +216,10 @@ impl Round {
             let sender = first + turn;
             let places = first..first + self.group;
             if s.class[sender] == NONE {
-                pairs.bounce[places].fill(NO_BOUNCE);
+                pairs.ends[places].fill(NO_END);
                 continue;
             }
-            pairs.bounce[places.clone()].fill(prefixes.bounce[sender]);
+            pairs.ends[places.clone()].fill(prefixes.ends[sender]);
             for c in 0..3 {
                 pairs.y[c][places.clone()].fill(s.p[c][sender]);
                 pairs.ng[c][places.clone()].fill(s.ng[c][sender]);

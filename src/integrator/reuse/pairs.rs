@@ -50,7 +50,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
                 // Paths without throughput end: a prefix can't have found what it gets nothing from.
                 let [r, g, b] = value.to_array();
                 let has_value = (r > 0.0) | (g > 0.0) | (b > 0.0);
-                let has_ended_there = prefixes.bounce[i] == pairs.bounce[i];
+                let has_ended_there = prefixes.ends[i] == pairs.ends[i];
                 let connects = faces & has_value & has_ended_there;
                 let is_own_class = prefixes.class[i] == class_id;
                 let density = if connects { eval.pdf_solid_angle * geometry } else { 0.0 };

@@ -1,6 +1,7 @@
 //! Paths are cut: vertices that end prefixes or start suffixes are kept.
 
 use super::super::Integrator;
+use super::super::caustics::leaves_light;
 use super::super::closure::VertexClass;
 use super::super::closure_metal_rough::{MetalRoughClass, copy_metal_rough};
 use super::super::group::Sorted;
@@ -49,6 +50,8 @@ impl Integrator<'_> {
             let is_in_air = !self.parts.interiors || paths.interior[i] == Interior::AIR;
             if bounce <= LAST_BOUNCE && is_in_air && spreads(v, i, class) {
                 prefixes.keep(k, class, bounce, v, i, get_rgb(&path.throughput, i));
+                let leaves = self.parts.chains && leaves_light(paths.chains[i]);
+                prefixes.ends[k] = if leaves { bounce + LAST_BOUNCE + 1 } else { bounce };
                 if self.parts.first_bounces {
                     let is_first = bounce == 0;
                     let first = if is_first { FirstBounce::DIFFUSE } else { paths.first_bounces.get(i) };

@@ -25,6 +25,8 @@ pub struct Prefixes {
     pub class: Words,
     /// How many times the path scattered before.
     pub bounce: Words,
+    /// That, and whether light that suffixes find is left to paths from lamps, as a number: only prefixes alike share suffixes.
+    pub ends: Words,
     /// How it scattered first; of prefixes that end there, diffusely. Where light passes are asked for.
     pub first_bounces: FirstBounces,
 }
@@ -81,8 +83,8 @@ pub struct Pairs {
     /// Where the suffix starts, and its normal.
     pub y: Lanes3,
     pub ng: Lanes3,
-    /// The bounce at which prefixes must have ended; none has where there is no suffix.
-    pub bounce: Words,
+    /// How prefixes must have ended (see [`Prefixes::ends`]); none has so where there is no suffix.
+    pub ends: Words,
     /// Density per area with which the prefix might have found the suffix.
     pub density: Lanes,
     /// Which share of the radiance from the suffix the layer there leaves towards the prefix.

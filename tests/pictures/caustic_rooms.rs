@@ -1,0 +1,265 @@
+//! Light that comes by glass or mirrors and is scattered by several surfaces before the one that the camera sees: found from the
+//! lamp, it has the expected values that paths from the camera find, and those of closed forms where these find none.
+
+use crate::support::differences::{assert_same_bits, assert_same_means, noise};
+use crate::support::sheet::{self, Variant};
+use crate::support::{camera, material, measure, options, pbr, quad, rendering, sphere, walls};
+use oscura::math::{DAffine3, DVec3};
+use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
+use oscura::scene::{
+    AlphaMode, ColorSlot, FloatSlot, FresnelModel, Instance, Interpolation, Light, LightKind, Material, Mesh,
+    Model, NoiseKind, PbrMaterial, Projection, Scene, Texture, TextureId,
+};
+
+/// Nothing but caustics differs.
+fn plain(options: RenderOptions) -> RenderOptions {
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+}
+
+fn glass() -> Material {
+    let tint = ColorSlot::constant([1.0; 3]);
+    Material::new("glass", Model::Dielectric { ior: 1.5, tint, fresnel: FresnelModel::Exact })
+}
+
+fn rough_diffuse(color: [f32; 3]) -> Material {
+    let (color, roughness) = (ColorSlot::constant(color), FloatSlot::constant(0.8));
+    Material::new("rough diffuse", Model::OrenNayar { color, roughness })
+}
+
+fn mirror() -> Material {
+    Material { double_sided: true, ..pbr("mirror", [0.9, 0.9, 1.0], 1.0, 0.0) }
+}
+
+/// Walls of `of` around a lamp and a ball.
+fn room(of: impl Fn([f32; 3]) -> Material, ball: Material) -> Scene {
+    let mut scene = Scene::default();
+    let colors = [[0.7, 0.4, 0.3], [0.6; 3], [0.5, 0.5, 0.7], [0.7; 3], [0.3, 0.6, 0.7], [0.6; 3]];
+    walls(&mut scene, [1.0; 3], |scene, i| material(scene, of(colors[i])));
+    let shine = material(&mut scene, Material::emitter("lamp", [3.0, 2.5, 2.0], true));
+    quad(&mut scene, [-0.5, 0.9, -0.5], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0], shine);
+    let ball = material(&mut scene, ball);
+    sphere(&mut scene, [0.2, -0.5, -0.2], 0.45, ball);
+    scene.cameras.push(camera(DVec3::new(-0.8, 0.5, 0.9), DVec3::new(0.1, -0.5, -0.2), DVec3::Y, 60.0));
+    scene
+}
+
+fn lambert(color: [f32; 3]) -> Material {
+    Material::lambert("wall", color)
+}
+
+/// A sheet that stands in the room, shaded with normals that lean up to 45 degrees.
+fn lean(mut scene: Scene, of: Material) -> Scene {
+    let of = material(&mut scene, of);
+    let corners = [[-1.0f32, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]];
+    let positions = corners.map(|[a, b]| [-0.5 + 0.3 * a, -0.4 + 0.5 * b, -0.7]).to_vec();
+    let mut mesh = Mesh::new("sheet", positions, vec![[0, 1, 2], [0, 2, 3]], of);
+    mesh.normals = corners
+        .map(|[a, b]| DVec3::new(0.7 * f64::from(a), 0.6 * f64::from(b), 1.0).normalize())
+        .map(|n| n.as_vec3().to_array())
+        .to_vec();
+    let mesh = scene.add_mesh(mesh);
+    scene.instances.push(Instance::new(mesh, DAffine3::IDENTITY));
+    scene
+}
+
+/// A painted and bumpy sheet in a room of its own.
+fn painted() -> Scene {
+    let variant = Variant {
+        colored: false,
+        smooth: true,
+        tangents: true,
+        mirrored: false,
+        from_behind: false,
+        interpolation: Interpolation::Trilinear,
+    };
+    let mut scene = sheet::scene(&variant);
+    scene.environment = Scene::default().environment;
+    if let Model::Pbr(pbr) = &mut scene.materials[0].model {
+        (pbr.roughness, pbr.metallic) = (FloatSlot::constant(0.6), FloatSlot::constant(0.0));
+    }
+    (scene.materials[0].emission, scene.materials[0].double_sided) = (None, true);
+    let wall = material(&mut scene, Material::lambert("wall", [0.7; 3]));
+    quad(&mut scene, [-1.0, -1.0, 0.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], wall);
+    let shine = material(&mut scene, Material::emitter("lamp", [3.0; 3], true));
+    quad(&mut scene, [-1.0, 1.2, 0.3], [2.0, 0.0, 0.0], [0.0, 0.0, 1.2], shine);
+    let clear = material(&mut scene, glass());
+    sphere(&mut scene, [0.2, -0.1, 0.6], 0.35, clear);
+    scene
+}
+
+/// A wall is a mirror. On the floor are stripes narrower than groups of pixels are wide, by turns of a bright surface that catches
+/// light and of a dark one that does not for sure: what the ones got of the others' light, or lost to them, would show.
+fn striped() -> Scene {
+    let mut scene = room(lambert, pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2));
+    let silver = material(&mut scene, mirror());
+    quad(&mut scene, [0.98, -1.0, -1.0], [0.0, 0.0, 2.0], [0.0, 2.0, 0.0], silver);
+    let shiny = material(&mut scene, pbr("shiny", [0.05; 3], 0.0, 0.3));
+    for i in 0..24 {
+        let x = -1.0 + f64::from(i) / 12.0;
+        quad(&mut scene, [x, -0.99, 1.0], [1.0 / 24.0, 0.0, 0.0], [0.0, 0.0, -2.0], shiny);
+    }
+    scene.cameras[0] = camera(DVec3::new(-0.4, 0.5, 0.2), DVec3::new(-0.4, -1.0, 0.2), DVec3::Z, 45.0);
+    scene
+}
+
+/// With partly transparent paper, and a plastic that is too smooth to catch light.
+fn cluttered() -> Scene {
+    let mut scene = room(lambert, mirror());
+    let mut paper = Material::lambert("paper", [0.7, 0.3, 0.3]);
+    (paper.alpha_mode, paper.alpha) = (AlphaMode::Blend, FloatSlot::constant(0.5));
+    let paper = material(&mut scene, Material { double_sided: true, ..paper });
+    quad(&mut scene, [-0.9, -0.9, -0.5], [0.8, 0.0, 0.2], [0.0, 1.0, 0.0], paper);
+    let smooth = material(&mut scene, pbr("smooth", [0.5, 0.6, 0.7], 0.0, 0.2));
+    quad(&mut scene, [-0.3, -0.98, 0.9], [1.2, 0.0, 0.0], [0.0, 0.0, -0.6], smooth);
+    let small = material(&mut scene, glass());
+    sphere(&mut scene, [-0.5, -0.75, 0.3], 0.2, small);
+    scene
+}
+
+/// With a ball of polished metal that a texture colours.
+fn colored_metal() -> Scene {
+    let mut scene = room(lambert, glass());
+    let kind = NoiseKind::Turbulence;
+    let (low, high) = ([0.9, 0.3, 0.2], [0.3, 0.8, 0.9]);
+    scene.textures.push(Texture::Noise { kind, frequency: 4.0, octaves: 2, low, high, seed: 0 });
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::texture(TextureId(0)),
+        roughness: FloatSlot::constant(0.1),
+        ..PbrMaterial::default()
+    };
+    let metal = material(&mut scene, Material::new("colored metal", Model::Pbr(Box::new(pbr))));
+    scene.shapes[0].material = metal;
+    scene
+}
+
+#[test]
+fn rooms_keep_their_means() {
+    let polished = || pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2);
+    let plastic = |color| pbr("plastic", color, 0.0, 0.45);
+    let scenes = [
+        ("diffuse", room(lambert, glass())),
+        ("rough diffuse", room(rough_diffuse, mirror())),
+        ("plastic", room(plastic, polished())),
+        ("leaning", lean(room(lambert, glass()), lambert([0.8; 3]))),
+        ("leaning plastic", lean(room(lambert, glass()), plastic([0.8; 3]))),
+        ("cluttered", cluttered()),
+        ("painted", painted()),
+        ("colored metal", colored_metal()),
+    ];
+    for (what, scene) in &scenes {
+        let mut first = rendering(scene, &options(8, 1, 10).caustics(Caustics::On));
+        first.run();
+        assert!(first.statistics().lamp_paths.is_some(), "{what}: there are caustics");
+        let off = plain(options(32, 32, 10)).caustics(Caustics::Off);
+        assert_same_means(what, scene, [&off, &off.caustics(Caustics::On)], 64);
+    }
+}
+
+#[test]
+fn rooms_keep_their_means_at_every_depth() {
+    let scene = room(lambert, glass());
+    for depth in [2, 3, 4] {
+        let off = plain(options(32, 32, depth)).caustics(Caustics::Off);
+        assert_same_means(&format!("depth {depth}"), &scene, [&off, &off.caustics(Caustics::On)], 32);
+    }
+}
+
+#[test]
+fn rooms_keep_their_means_however_paths_are_traced() {
+    let scene = striped();
+    let off = plain(options(64, 32, 10)).caustics(Caustics::Off);
+    let on = off.caustics(Caustics::On);
+    let shared = on.path_reuse(PathReuse::Groups("4x4/2".parse().expect("a shape")));
+    let ways = [
+        ("shared", shared),
+        ("split", on.splitting(Splitting::Into(4))),
+        ("guided", on.guiding(Guiding::On)),
+        ("guided and shared", shared.guiding(Guiding::On)),
+    ];
+    for (what, on) in &ways {
+        assert_same_means(what, &scene, [&off, on], 24);
+    }
+    // What was left out by mistake or taken twice would be less beside the noise of glass.
+    let diffuse = room(lambert, mirror());
+    assert_same_means("shared in a plain room", &diffuse, [&off, &shared], 24);
+}
+
+/// With a small lamp.
+fn dim_room() -> Scene {
+    let mut scene = room(lambert, glass());
+    let shine = material(&mut scene, Material::emitter("small lamp", [40.0, 30.0, 20.0], false));
+    // The lamp is the last of the quads.
+    scene.quads.pop();
+    quad(&mut scene, [-0.1, 0.9, -0.1], [0.2, 0.0, 0.0], [0.0, 0.0, 0.2], shine);
+    scene
+}
+
+#[test]
+fn rooms_are_less_noisy() {
+    let options = plain(options(64, 32, 12));
+    // Away from the ball: what is seen in that is left to paths from the camera.
+    let mut scene = dim_room();
+    scene.cameras[0] = camera(DVec3::new(-0.8, 0.6, -0.8), DVec3::new(0.2, 0.4, 1.0), DVec3::Y, 40.0);
+    let [auto, off] = [Caustics::Auto, Caustics::Off].map(|c| noise(&scene, &options.caustics(c)));
+    println!("auto {auto:.2e}, off {off:.2e}");
+    assert!(auto < 0.5 * off, "{auto} {off}");
+}
+
+#[test]
+fn rooms_have_the_same_bits_whatever_the_machine() {
+    let shape = "2x2/1".parse().expect("a shape");
+    let options = options(48, 9, 12).splitting(Splitting::OFF).path_reuse(PathReuse::Groups(shape));
+    assert_same_bits("room", &cluttered(), &plain(options).caustics(Caustics::On));
+    assert_same_bits("shared room", &striped(), &options.caustics(Caustics::On));
+}
+
+/// A lamp without size between a mirror and a screen, beyond which the camera looks: what it sees was scattered by surfaces that
+/// catch light and by one that does not for sure. `image` puts what the mirror shows in its place.
+fn behind_a_screen(image: bool) -> Scene {
+    let mut scene = Scene::default();
+    let floor = material(&mut scene, Material::lambert("floor", [0.8, 0.7, 0.6]));
+    let wall = material(&mut scene, Material { double_sided: true, ..pbr("wall", [0.8; 3], 0.0, 0.5) });
+    let shiny = material(&mut scene, Material { double_sided: true, ..pbr("shiny", [0.8; 3], 0.0, 0.3) });
+    // The mirror is the plane x = 1.
+    for flip in [1.0, -1.0].into_iter().take(if image { 2 } else { 1 }) {
+        let x = |x: f64| 1.0 - flip * (1.0 - x);
+        quad(&mut scene, [x(-3.0), 0.0, 3.0], [flip * 4.0, 0.0, 0.0], [0.0, 0.0, -6.0], floor);
+        quad(&mut scene, [x(0.4), 0.0, 3.0], [0.0, 0.0, -6.0], [0.0, 0.4, 0.0], wall);
+        quad(&mut scene, [x(-1.0), 0.0, 1.5], [0.0, 0.0, -3.0], [0.0, 2.0, 0.0], wall);
+        quad(&mut scene, [x(-1.0), 0.0, -0.6], [flip * 2.0, 0.0, 0.0], [0.0, 1.5, 0.0], shiny);
+        let position = DVec3::new(x(0.7), 0.3, 0.1);
+        scene.lights.push(Light::new(LightKind::Point { position }, [4.0; 3]));
+    }
+    if !image {
+        let mirror = Material { double_sided: true, ..pbr("mirror", [1.0; 3], 1.0, 0.0) };
+        let mirror = material(&mut scene, mirror);
+        quad(&mut scene, [1.0, -1.0, -9.0], [0.0, 0.0, 18.0], [0.0, 18.0, 0.0], mirror);
+    }
+    let mut view = camera(DVec3::new(-0.3, 1.8, 0.1), DVec3::new(-0.3, 0.0, 0.1), DVec3::Z, 1.0);
+    view.projection = Projection::Orthographic { half_height: 0.3 };
+    scene.cameras.push(view);
+    scene
+}
+
+/// Light of a lamp without size that a mirror sends around a room, over any surfaces: as if what the mirror shows was there.
+#[test]
+fn a_room_and_its_image_in_a_mirror() {
+    // In the image no bounce is spent on the mirror; what so many bounces leave out is nothing.
+    let plain = plain(options(16, 2048, 40));
+    let (truth, error_of_truth) = measure(&behind_a_screen(true), &plain);
+    let (found, error) = measure(&behind_a_screen(false), &plain);
+    let (without, _) = measure(&behind_a_screen(false), &plain.caustics(Caustics::Off));
+    let both = error.hypot(error_of_truth);
+    println!("{found:.5} +- {error:.5}, truth {truth:.5} +- {error_of_truth:.5}, without {without:.5}");
+    assert!(both < 4e-3 * truth && (found - truth).abs() < 4.5 * both, "{found} {truth} +- {both}");
+    assert!(without < 0.9 * truth);
+}
+
+/// Fewer paths than pixels are enough.
+#[test]
+fn a_room_takes_few_paths() {
+    let mut rendering = rendering(&dim_room(), &options(64, 8, 12));
+    rendering.run();
+    let paths = rendering.statistics().lamp_paths.expect("the picture gains");
+    assert!(paths < 64 * 64, "{paths}");
+}
