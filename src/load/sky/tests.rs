@@ -1,21 +1,19 @@
 use super::*;
 
-type Sky = (f64, f64, f64, f64, f64, [f64; 3]);
-
 /// What another program (Mitsuba 3.7's `sunsky`, from the same coefficients in double precision) gives for a sun in the
 /// direction of the azimuth 0: turbidity, albedo, elevation, the angle to the zenith, the azimuth, radiance.
 #[rustfmt::skip]
-const SKIES: &[Sky] = &[
-    (1.0, 0.0, 10.0, 0.0, 0.0, [0.7366, 1.5935, 2.8955]),
-    (1.0, 0.0, 10.0, 60.0, 0.0, [3.4118, 5.5761, 7.7758]),
-    (1.0, 0.0, 10.0, 80.0, 120.0, [6.0428, 8.5497, 9.1982]),
-    (3.0, 0.2, 45.0, 0.0, 0.0, [2.4143, 4.1849, 8.4824]),
-    (3.0, 0.2, 45.0, 60.0, 0.0, [16.6471, 20.4766, 25.7536]),
-    (2.5, 0.3, 45.0, 80.0, 120.0, [8.8691, 14.5642, 22.6139]),
-    (6.3, 0.8, 70.0, 0.0, 0.0, [18.8134, 20.9997, 26.4632]),
-    (6.3, 0.8, 70.0, 30.0, 200.0, [6.4053, 9.7559, 16.9940]),
-    (10.0, 0.1, 2.0, 60.0, 0.0, [4.6427, 3.0769, 2.0113]),
-    (10.0, 0.1, 2.0, 80.0, 120.0, [1.4403, 1.3485, 1.0799]),
+const SKIES: &[[f64; 8]] = &[
+    [1.0, 0.0, 10.0, 0.0, 0.0, 0.7366, 1.5935, 2.8955],
+    [1.0, 0.0, 10.0, 60.0, 0.0, 3.4118, 5.5761, 7.7758],
+    [1.0, 0.0, 10.0, 80.0, 120.0, 6.0428, 8.5497, 9.1982],
+    [3.0, 0.2, 45.0, 0.0, 0.0, 2.4143, 4.1849, 8.4824],
+    [3.0, 0.2, 45.0, 60.0, 0.0, 16.6471, 20.4766, 25.7536],
+    [2.5, 0.3, 45.0, 80.0, 120.0, 8.8691, 14.5642, 22.6139],
+    [6.3, 0.8, 70.0, 0.0, 0.0, 18.8134, 20.9997, 26.4632],
+    [6.3, 0.8, 70.0, 30.0, 200.0, 6.4053, 9.7559, 16.9940],
+    [10.0, 0.1, 2.0, 60.0, 0.0, 4.6427, 3.0769, 2.0113],
+    [10.0, 0.1, 2.0, 80.0, 120.0, 1.4403, 1.3485, 1.0799],
 ];
 
 /// Irradiance across the sun's light in W/m2, integrated over the disk and the observer in Python from the
@@ -35,7 +33,8 @@ fn sky(turbidity: f64, elevation: f64, albedo: f64) -> PhysicalSky {
 
 #[test]
 fn the_sky_has_the_published_radiance() {
-    for &(turbidity, albedo, elevation, zenith, azimuth, expected) in SKIES {
+    for &[turbidity, albedo, elevation, zenith, azimuth, red, green, blue] in SKIES {
+        let expected = [red, green, blue];
         let sky = sky(turbidity, elevation, albedo);
         let (sin, y) = f64::to_radians(zenith).sin_cos();
         let (x, z) = f64::to_radians(azimuth).sin_cos();
