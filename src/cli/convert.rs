@@ -13,8 +13,11 @@ use oscura::output::{
 pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     let format = Format::of(&args.output)?;
     if format == Format::Exr {
-        return Err(Error::usage(format!("{}: is an EXR as what it comes from", args.output.display()))
-            .with_help("end the name in .png, .jpg, .tif, .webp or .hdr"));
+        return Err(Error::usage(format!(
+            "{}: is an EXR, which 'convert' does not write",
+            args.output.display()
+        ))
+        .with_help("end the name in .png, .jpg, .tif, .webp or .hdr"));
     }
     if args.sheet && format == Format::Hdr {
         return Err(

@@ -19,14 +19,30 @@ pub(crate) fn run(args: &HelpArgs) -> Result<Outcome> {
     let text = match args.topic.as_deref() {
         None => command.render_long_help().to_string() + &topics(),
         Some(WHOLE) => CHAPTERS.iter().map(shown).collect::<Vec<_>>().join("\n"),
-        Some(topic) => match (Chapter::find(topic), subcommand(&command, topic)) {
-            (_, Some(mut found)) => found.render_long_help().to_string(),
+        Some(topic) => match (Chapter::find(meant(topic)), subcommand(&command, topic)) {
+            // A command and what scene files say about it.
+            (Some(chapter), Some(mut found)) => format!("{}\n{}", found.render_long_help(), shown(chapter)),
+            (None, Some(mut found)) => found.render_long_help().to_string(),
             (Some(chapter), None) => shown(chapter),
             (None, None) => return Err(unknown(topic, &command)),
         },
     };
     print_text(&text);
     Ok(Outcome::Done)
+}
+
+/// The topic that another word stands for.
+fn meant(word: &str) -> &str {
+    match word {
+        "pbr" | "material" | "metal" | "metals" | "glass" | "displacement" | "priority" => "materials",
+        "fog" | "subsurface" | "medium" | "volume" | "volumes" | "grid" => "media",
+        "light" | "lamp" | "lamps" | "sun" => "lights",
+        "object" | "mesh" | "shapes" => "objects",
+        "texture" => "textures",
+        "settings" => "render",
+        "sky" => "environment",
+        _ => word,
+    }
 }
 
 fn shown(chapter: &Chapter) -> String {

@@ -75,15 +75,18 @@ mod thumbnailer;
 mod view;
 
 use command_line::{Arguments, Command};
+use oscura::error::Error;
 use outcome::{Outcome, exit_code};
 use std::ffi::OsString;
 
 /// Runs the program with these arguments, the first of which is its own name. Returns the exit code: 0 done, 1 pictures
 /// disagree, 2 usage, 3 bad input, 4 output failed, 130 interrupted.
 pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
-    let arguments = match Arguments::read(arguments) {
+    let words: Vec<OsString> = arguments.collect();
+    let wants_json = words.iter().take_while(|word| *word != "--").any(|word| word == "--json");
+    let arguments = match Arguments::read(words.into_iter()) {
         Ok(arguments) => arguments,
-        Err(error) => return refuse(error),
+        Err(error) => return refuse(error, wants_json),
     };
     let (json, result) = match arguments.command {
         Command::Render(a) => (a.json, batch::run(&a)),
@@ -121,7 +124,7 @@ pub fn main(arguments: impl Iterator<Item = OsString>) -> u8 {
 }
 
 /// Says what is wrong with the arguments, or what they ask about the program. Returns the exit code.
-fn refuse(error: clap::Error) -> u8 {
+fn refuse(error: clap::Error, wants_json: bool) -> u8 {
     if let Some(table) = aov_arg::asked_for(&error) {
         report::print_text(table);
         return 0;
@@ -129,5 +132,13 @@ fn refuse(error: clap::Error) -> u8 {
     let error = scene_path::explain(error);
     // Nobody listening is no reason to end otherwise.
     let _ = error.print();
-    u8::try_from(error.exit_code()).unwrap_or(2)
+    let code = u8::try_from(error.exit_code()).unwrap_or(2);
+    if wants_json && error.use_stderr() {
+        // The lines after the first one are about usage.
+        let text = error.to_string();
+        let message = text.lines().next().unwrap_or_default();
+        let error = Error::usage(message.strip_prefix("error: ").unwrap_or(message));
+        json::print(&report_json::of_error(&error, code));
+    }
+    code
 }

@@ -7,7 +7,7 @@ use oscura::error::Warning;
 use oscura::load::Up;
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 /// What lights scenes without light.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -134,7 +134,14 @@ fn background(text: &str) -> Result<BackgroundArg, String> {
     if let Some(color) = named {
         return Ok(BackgroundArg::Color(color));
     }
-    let Some(digits) = text.strip_prefix('#') else { return Ok(BackgroundArg::File(text.into())) };
+    let Some(digits) = text.strip_prefix('#') else {
+        if Path::new(text).extension().is_none() && !Path::new(text).exists() {
+            return Err(
+                "is neither white, grey, black, a colour such as #e0e0e0, transparent, nor a picture".into(),
+            );
+        }
+        return Ok(BackgroundArg::File(text.into()));
+    };
     let is_hex = digits.len() == 6 && digits.bytes().all(|b| b.is_ascii_hexdigit());
     let value = u32::from_str_radix(digits, 16).ok().filter(|_| is_hex);
     let value = value.ok_or("a colour has six hexadecimal digits, such as #e0e0e0")?;

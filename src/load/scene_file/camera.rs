@@ -200,16 +200,34 @@ fn aperture(fields: &Fields) -> Aperture {
     }
 }
 
+/// What [`lens`] and [`aperture`] ask for.
+const KEYS_OF_LENS: [&str; 8] = [
+    "focus_distance",
+    "focus_at",
+    "defocus_angle",
+    "f_stop",
+    "focal_length",
+    "blades",
+    "blade_rotation",
+    "aperture_ratio",
+];
+
 fn placed(fields: &Fields) -> Option<Camera> {
+    fields.know(&KEYS_OF_LENS);
     let eye = fields.require("look_from", fields.vector("look_from"));
     let target = fields.require("look_at", fields.vector("look_at"));
-    let up = fields.vector("view_up").map_or(DVec3::Y, |v| v.value);
+    let up = fields.vector("view_up").map(|v| v.value);
     let vfov = fields.number_in("vfov", 1e-3..179.999, 40.0);
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let shift = shift(fields);
     let (eye, target) = (eye?, target?.value);
-    let Some(placement) = looking_at(eye.value, target, up) else {
-        let message = "the camera has no direction: 'look_from' and 'look_at' coincide, or 'view_up' points along the view";
+    // A camera that looks straight up or down has y along the view: the picture's top is where -z is then.
+    let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
+    let Some(placement) = ups.into_iter().find_map(|up| looking_at(eye.value, target, up)) else {
+        let message = match eye.value == target {
+            true => "the camera has no direction: 'look_from' and 'look_at' coincide",
+            false => "the camera has no upright: 'view_up' points along the view",
+        };
         fields.problems.push(eye.span, message);
         return None;
     };

@@ -87,6 +87,11 @@ impl<'a> Fields<'a> {
         self.raw(key).is_some()
     }
 
+    /// These keys are known, whether or not something comes to ask for them.
+    pub fn know(&self, keys: &[&'static str]) {
+        self.known.borrow_mut().extend(keys);
+    }
+
     /// The value of a key as parsed.
     pub fn raw(&self, key: &'static str) -> Option<&'a Spanned<DeValue<'a>>> {
         self.known.borrow_mut().push(key);

@@ -28,6 +28,7 @@ pub(super) enum Surface {
 
 /// Adds an area light.
 pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) {
+    fields.know(&["power", "radiance"]);
     let size = fields.require("size", fields.numbers::<2>("size"));
     let is_ellipse = fields.choice("shape", &[("rectangle", false), ("ellipse", true)]).unwrap_or(false);
     let spread = fields.number_in("spread", 0.1..180.0, 180.0);
