@@ -70,8 +70,12 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
 
 /// Leaves out what has no effect because no output is an EXR, with a warning.
 pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Vec<Warning>) -> Choices {
-    let given =
-        [("--aov", !args.aov.is_empty()), ("--light-groups", args.light_groups), ("--float", args.float)];
+    let given = [
+        ("--aov", !args.aov.is_empty()),
+        ("--light-groups", args.light_groups),
+        ("--float", args.float),
+        ("what --exr-... and --working-space say", args.exr.format.is_given()),
+    ];
     for (option, is_given) in given {
         if is_given {
             warnings.push(Warning::general(format!("{option} has no effect: no output is an EXR")));

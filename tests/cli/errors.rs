@@ -178,6 +178,11 @@ fn errors_are_json_too() {
     let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
     assert_eq!(value["error"]["exit_code"], 3);
     assert_eq!(value["error"]["file"], "missing.gltf");
+    // Also of arguments that can't be read.
+    let output = oscura(folder.path(), &["render", "a.gltf", "-o", "a.exr", "--json", "--spp", "0"]);
+    let value: serde_json::Value = serde_json::from_slice(&output.stdout).expect("one object");
+    assert_eq!((&value["error"]["exit_code"], code(&output)), (&2.into(), 2));
+    assert!(value.to_string().contains("--spp"), "{value}");
 }
 
 #[test]

@@ -215,3 +215,40 @@ fn damaged_scene_files_never_panic() {
     }
     assert!(refused > 200, "only {refused} of 600 were refused");
 }
+
+#[test]
+fn a_camera_may_look_straight_down() {
+    let text = with_camera("objects = [{ mesh = \"a.obj\" }]").replace("[0, 0, 5]", "[0, 5, 0]");
+    let loaded = load_text(&text).unwrap_or_else(|e| panic!("{e}"));
+    // The picture's top is where -z is.
+    let up = loaded.scene.cameras[0].world_from_camera.matrix3.y_axis;
+    assert!((up - DVec3::NEG_Z).length() < 1e-12, "{up}");
+    let wrong = text.replace("look_at = [0, 0, 0]", "look_at = [0, 0, 0], view_up = [0, 1, 0]");
+    let shown = load_text(&wrong).expect_err("the upright is lost").to_string();
+    assert!(shown.contains("no upright"), "{shown}");
+}
+
+#[test]
+fn a_mistake_makes_no_other_key_unknown() {
+    let text = "camera = { look_form = [0, 0, 5], look_at = [0, 0, 0], f_stop = 2, focus_at = [0, 0, 0], blades = 5 }\n\
+                [[lights]]\narea = { center = [0, 4, 0], direction = [0, -1, 0], size = [0, 1], power = 30 }\n";
+    let shown = load_text(text).expect_err("two mistakes").to_string();
+    for part in ["did you mean 'look_from'?", "needs 'look_from'", "'size' of an area light"] {
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+    for key in ["'f_stop'", "'focus_at'", "'blades'", "'power'"] {
+        assert!(!shown.contains(&format!("no key {key}")), "{shown}");
+    }
+}
+
+#[test]
+fn colours_of_bytes_are_warned_of() {
+    let materials = "materials.red = { type = \"lambert\", color = [200, 10, 10] }\n\
+                     materials.lamp = { type = \"emissive\", radiance = [200, 10, 10] }\n\
+                     materials.white = { type = \"pbr\", base_color = 1 }\n";
+    let objects = ["red", "lamp", "white"].map(|m| format!("{{ mesh = \"a.obj\", material = \"{m}\" }}"));
+    let text = with_camera(&format!("{materials}objects = [{}]", objects.join(", ")));
+    let loaded = load_text(&text).unwrap_or_else(|e| panic!("{e}"));
+    let warned: Vec<&str> = loaded.warnings.iter().map(|w| w.message.as_str()).collect();
+    assert!(matches!(warned[..], [one] if one.contains("'red' reflects more light")), "{warned:?}");
+}

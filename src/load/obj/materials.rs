@@ -50,6 +50,10 @@ pub(super) fn convert(source: &Mtl, library: &Path, maps: &mut Maps, loaded: &mu
     }
     material.displacement = convert.displacement();
     let map = convert.number_map("map_d", true);
+    if opacity <= 0.0 && map.is_none() {
+        let statement = if source.number("d").is_some() { "d 0" } else { "Tr 1" };
+        convert.warn("", format!("'{statement}' makes it invisible; where that is not meant, leave it out"));
+    }
     if opacity < 1.0 || map.is_some() {
         material.alpha_mode = AlphaMode::Blend;
         material.alpha = FloatSlot { factor: opacity, texture: map };

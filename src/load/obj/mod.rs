@@ -67,6 +67,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         add(object, &mut palette, &mut loaded, &mut repairs);
     }
     loaded.warnings.extend(repairs.warnings(path));
+    warn_of_missing_coordinates(path, &mut loaded);
     if !statements.points.is_empty() {
         cloud::add(path, &statements.points, origin, options, &mut loaded)?;
     }
@@ -83,6 +84,24 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         }
     }
     Ok(loaded)
+}
+
+/// Textures on faces without texture coordinates have the colour of one texel everywhere.
+fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
+    let scene = &loaded.scene;
+    let bare = scene.meshes.iter().filter(|mesh| mesh.uv_sets.is_empty()).flat_map(|mesh| &mesh.parts);
+    let mut ids: Vec<MaterialId> = bare.map(|part| part.material).collect();
+    ids.sort_unstable();
+    ids.dedup();
+    for material in ids.into_iter().map(|id| &scene.materials[id.0 as usize]) {
+        if material.textures().next().is_some() {
+            let message = format!(
+                "material '{}' has textures, but faces that it covers have no texture coordinates ('vt')",
+                material.name
+            );
+            loaded.warnings.push(Warning::new(path, "", message));
+        }
+    }
 }
 
 /// Does UTF-16 text begin like that? It has a mark of its byte order, or a zero beside each letter.

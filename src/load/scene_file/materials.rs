@@ -29,8 +29,10 @@ use super::fields::{Fields, named};
 use super::light_traits::group;
 use super::textures::Textures;
 use super::{adjusted, displaced, media, metals, pbr};
+use crate::error::Warning;
 use crate::scene::{
-    ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, ParameterMut, Parameters,
+    ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, Parameter, ParameterMut,
+    Parameters,
 };
 use std::collections::HashMap;
 use std::ops::Range;
@@ -215,7 +217,28 @@ fn read<'a>(
         material.priority = media::priority(fields).unwrap_or(0);
     }
     fields.finish();
+    warn_of_brightness(build, &material);
     Some(material)
+}
+
+/// Colours beyond 1, which were likely meant as 0 to 255, make more light than arrives.
+fn warn_of_brightness(build: &mut Build, material: &Material) {
+    let mut bright = None;
+    material.parameters(&mut |name, parameter| {
+        if let Parameter::Color(slot) = parameter
+            && matches!(name, "color" | "base_color" | "albedo" | "diffuse" | "tint")
+            && slot.factor.iter().any(|&c| c > 1.0)
+        {
+            bright.get_or_insert(slot.factor);
+        }
+    });
+    if let Some([r, g, b]) = bright {
+        let message = format!(
+            "material '{}' reflects more light than arrives by its colour [{r}, {g}, {b}]: colours are linear, from 0 to 1",
+            material.name
+        );
+        build.loaded.warnings.push(Warning::new(build.file, "", message));
+    }
 }
 
 fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {

@@ -198,3 +198,24 @@ fn displacement_of_a_known_height_moves_the_mesh() {
     assert!((height - 0.5 * 200.0 / 255.0).abs() < 1e-6, "{height}");
     assert_eq!(placed("disp maps/wood grain.png\n"), (1, 0.0, true));
 }
+
+#[test]
+fn what_is_made_invisible_and_textures_without_places_are_warned_of() {
+    for (statements, expected) in [("d 0", "'d 0' makes it invisible"), ("Tr 1", "'Tr 1' makes it invisible")]
+    {
+        let loaded = with_material(statements);
+        assert!(loaded.warnings.iter().any(|w| w.message.contains(expected)), "{:?}", loaded.warnings);
+    }
+    let mut bytes = std::io::Cursor::new(Vec::new());
+    let picture = DynamicImage::from(RgbImage::from_pixel(4, 4, Rgb([10, 200, 30])));
+    picture.write_to(&mut bytes, ImageFormat::Png).expect("encoded");
+    let (obj, mtl) =
+        ("mtllib a.mtl\nusemtl m\nv 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "newmtl m\nmap_Kd p.png\n");
+    let files: [(&str, &[u8]); 3] =
+        [("a.obj", obj.as_bytes()), ("a.mtl", mtl.as_bytes()), ("p.png", bytes.get_ref())];
+    let loaded = load_files(&files).unwrap_or_else(|e| panic!("{e}"));
+    let shown: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(shown.iter().any(|w| w.contains("'m'") && w.contains("('vt')")), "{shown:?}");
+    // With coordinates nothing is said.
+    assert!(with_material("map_Kd plain.png").warnings.iter().all(|w| !w.message.contains("('vt')")));
+}
