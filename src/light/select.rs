@@ -47,7 +47,7 @@ pub struct SelectedSun {
 
 /// Lights at some place, and lights infinitely far away, are chosen with at least this probability where they may bring light: how
 /// much of it something is in the way of, the estimates don't know.
-const LEAST_SHARE: f32 = 0.1;
+const LEAST_SHARE: f32 = 0.25;
 
 /// A chosen light.
 #[derive(Clone, Copy, Debug)]
