@@ -76,6 +76,7 @@ class EngineTest(unittest.TestCase):
         bpy.ops.extensions.package_install_files(filepath=str(package), repo="user_default", enable_on_install=True)
         cls.engine = sys.modules[f"{MODULE}.engine"]
         cls.exr = sys.modules[f"{MODULE}.exr"]
+        cls.mattes = sys.modules[f"{MODULE}.mattes"]
 
     @classmethod
     def tearDownClass(cls):
@@ -119,15 +120,7 @@ class EngineTest(unittest.TestCase):
         # Up is z in Blender: the plane's normal.
         self.assertGreater(passes["Normal"][: 48 * 4, 2].mean(), 0.99)
         # They arrive in Blender's own picture.
-        saved = self.folder / "saved.exr"
-        image = self.scene.render.image_settings
-        if hasattr(image, "media_type"):
-            image.media_type = "MULTI_LAYER_IMAGE"
-        image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
-        if hasattr(image, "use_exr_interleave"):
-            image.use_exr_interleave = True
-        bpy.data.images["Render Result"].save_render(str(saved))
-        written = self.exr.read(saved)
+        written = self.exr.read(self.saved_layers())
         for name, k in (("Combined.R", 0), ("Combined.B", 2), ("Depth.Z", 0), ("Normal.Z", 2), ("Albedo.G", 1)):
             ours = passes[name.split(".")[0]][:, k]
             np.testing.assert_array_equal(written[f"{layer.name}.{name}"].ravel(), ours)
@@ -139,6 +132,83 @@ class EngineTest(unittest.TestCase):
         node.scene = self.scene
         outputs = {socket.name for socket in node.outputs if socket.enabled}
         self.assertLessEqual({"Image", "Depth", "Normal", "Albedo"}, outputs)
+
+    def test_all_passes_are_those_of_the_command_line_and_light_adds_up(self):
+        layer = self.scene.view_layers[0]
+        table = sys.modules[f"{MODULE}.passes"].TABLE
+        for entry in table:
+            setattr(layer.oscura, f"use_{entry.option}", True)
+        bpy.ops.render.render()
+        expected = self.command_line("--aov", ",".join(entry.option for entry in table))
+        filled = self.filled[-1]
+        self.assertEqual(set(filled), {"Combined", *(entry.name for entry in table)})
+        for entry in table:
+            if not entry.is_direction:
+                for k, channel in enumerate(entry.channels):
+                    np.testing.assert_array_equal(filled[entry.name][:, k], expected[channel].ravel(), channel)
+        light = ("DiffDir", "DiffInd", "GlossDir", "GlossInd", "TransDir", "TransInd", "Emit", "Env")
+        np.testing.assert_allclose(sum(filled[name] for name in light), filled["Combined"][:, :3], rtol=1e-5, atol=1e-6)
+        self.assertTrue(all(filled[name].any() for name in ("DiffDir", "DiffInd", "DiffCol", "Env")))
+
+    def test_mattes_reach_blenders_cryptomatte_node(self):
+        layer = self.scene.view_layers[0]
+        layer.use_pass_cryptomatte_object, layer.pass_cryptomatte_depth = True, 4
+        self.composite_matte("Sphere")
+        bpy.ops.render.render()
+        expected = self.command_line("--aov", "crypto_object", "--crypto-levels", "4")
+        self.assertEqual(set(self.filled[-1]), {"Combined", "CryptoObject00", "CryptoObject01"})
+        wanted = np.array([self.mattes.hashed(b"Sphere")], np.uint32).view(np.float32)[0]
+        pairs = [(f"CryptoObject{k:02}.{id_name}", f"CryptoObject{k:02}.{share}") for k in (0, 1) for id_name, share in ("RG", "BA")]
+        truth = sum(np.where(expected[ids] == wanted, expected[share], 0) for ids, share in pairs)
+        self.assertGreater(truth.max(), 0.99)
+        self.assertTrue(((truth > 0.1) & (truth < 0.9)).any())
+        (written,) = self.folder.glob("matte*.exr")
+        np.testing.assert_allclose(next(iter(self.exr.read(written).values())), truth, atol=1e-6)
+        texts = self.exr.texts(self.saved_layers())
+        key = f"cryptomatte/{self.mattes.key_of(f'{layer.name}.CryptoObject')}"
+        self.assertEqual(texts[f"{key}/name"], f"{layer.name}.CryptoObject")
+        self.assertIn('"Sphere":"%08x"' % self.mattes.hashed(b"Sphere"), texts[f"{key}/manifest"])
+
+    def composite_matte(self, name):
+        """Has Blender's own node write the matte of a name as it renders."""
+        if bpy.app.version >= (5, 0, 0):
+            tree = self.scene.compositing_node_group = bpy.data.node_groups.new("mattes", "CompositorNodeTree")
+        else:
+            self.scene.use_nodes = True
+            tree = self.scene.node_tree
+            tree.nodes.clear()
+        node = tree.nodes.new("CompositorNodeCryptomatteV2")
+        node.source, node.scene = "RENDER", self.scene
+        node.layer_name, node.matte_id = f"{self.scene.view_layers[0].name}.CryptoObject", name
+        picture = tree.nodes.new("CompositorNodeRLayers")
+        picture.scene = self.scene
+        tree.links.new(picture.outputs["Image"], node.inputs["Image"])
+        file = tree.nodes.new("CompositorNodeOutputFile")
+        if bpy.app.version >= (5, 0, 0):
+            file.directory, file.file_name = str(self.folder), "matte"
+            file.format.media_type = "MULTI_LAYER_IMAGE"
+            file.file_output_items.clear()
+            file.file_output_items.new("FLOAT", "matte")
+        else:
+            file.base_path = str(self.folder / "matte")
+        file.format.file_format = "OPEN_EXR_MULTILAYER"
+        file.format.color_depth, file.format.exr_codec = "32", "ZIP"
+        if bpy.app.version < (5, 0, 0):
+            file.layer_slots.clear()
+            file.layer_slots.new("matte")
+        tree.links.new(node.outputs["Matte"], file.inputs["matte"])
+
+    def saved_layers(self):
+        """The render result as a file of all its layers."""
+        saved = self.folder / "layers.exr"
+        image = self.scene.render.image_settings
+        if hasattr(image, "media_type"):
+            image.media_type = "MULTI_LAYER_IMAGE"
+        image.file_format, image.color_depth, image.exr_codec = "OPEN_EXR_MULTILAYER", "32", "ZIP"
+        if hasattr(image, "use_exr_interleave"):
+            image.use_exr_interleave = True
+        bpy.data.images["Render Result"].save_render(str(saved))
+        return saved
 
     def test_the_files_settings_count(self):
         self.scene.oscura.seed = 3

@@ -6,7 +6,7 @@ from pathlib import Path
 import bpy
 import numpy as np
 
-from . import exr, passes, preferences, program
+from . import exr, mattes, passes, preferences, program
 
 # Time between two looks at the child, seconds.
 PAUSE = 0.1
@@ -22,7 +22,7 @@ class Engine(bpy.types.RenderEngine):
 
     def update_render_passes(self, scene=None, renderlayer=None):
         """Tells Blender which passes a view layer has."""
-        for entry in (passes.COMBINED, *renderlayer.oscura.chosen()):
+        for entry in (passes.COMBINED, *passes.chosen(renderlayer)):
             self.register_pass(scene, renderlayer, entry.name, len(entry.letters), entry.letters, entry.kind)
 
     def render(self, depsgraph):
@@ -55,6 +55,8 @@ class Engine(bpy.types.RenderEngine):
         self._tell(report, folder)
         if picture.exists():
             _fill(result, exr.read(picture), scene)
+            # The whole result, not the part that is being filled, keeps texts.
+            mattes.tell(self.get_result(), exr.texts(picture), depsgraph.view_layer)
         self.end_result(result)
 
     def _follow(self, child, picture, scene, layer):
@@ -85,9 +87,7 @@ class Engine(bpy.types.RenderEngine):
 def _command(blend, picture, scene, layer):
     command = program.arguments("render", blend, picture, scene)
     command += ["--view-layer", layer.name, "--float", "--json", "--save-every", f"{scene.oscura.refresh:.3f}"]
-    chosen = layer.oscura.chosen()
-    if chosen:
-        command += ["--aov", ",".join(entry.option for entry in chosen)]
+    command += passes.arguments(layer)
     if scene.oscura.time_limit > 0:
         command += ["--time-limit", f"{scene.oscura.time_limit:.6g}"]
     if scene.render.threads_mode == "FIXED":

@@ -18,10 +18,19 @@ class UnreadablePicture(Exception):
 
 def read(path):
     """The channels of a file by name: arrays of shape (height, width), the bottom row first as in Blender."""
+    return _open(path, _Reader.picture)
+
+
+def texts(path):
+    """The texts of a file's header by name."""
+    return _open(path, lambda reader: reader.texts)
+
+
+def _open(path, what):
     with open(path, "rb") as file:
         data = file.read()
     try:
-        return _Reader(data).picture()
+        return what(_Reader(data))
     except (struct.error, zlib.error, ValueError, IndexError, KeyError) as error:
         raise UnreadablePicture(f"{path} can't be read: {error}") from error
 
@@ -32,7 +41,11 @@ class _Reader:
         magic, flags = self._take("<iI")
         if magic != MAGIC or flags & 0x1A00:
             raise ValueError("it is no OpenEXR file of one part with scan lines")
-        header = dict(self._attributes())
+        header, self.texts = {}, {}
+        for name, kind, value in self._attributes():
+            header[name] = value
+            if kind == "string":
+                self.texts[name] = value.decode("latin-1")
         x0, y0, x1, y1 = struct.unpack("<4i", header["dataWindow"])
         self.width, self.height, self.top = x1 - x0 + 1, y1 - y0 + 1, y0
         self.compression = header["compression"][0]
@@ -51,9 +64,9 @@ class _Reader:
 
     def _attributes(self):
         while name := self._text():
-            self._text()  # its type
+            kind = self._text()
             (size,) = self._take("<i")
-            yield name, self.data[self.at : self.at + size]
+            yield name, kind, self.data[self.at : self.at + size]
             self.at += size
 
     def picture(self):

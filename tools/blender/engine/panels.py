@@ -65,6 +65,9 @@ class PassesPanel(OurPanel, bpy.types.Panel):
         column = self.column()
         for entry in passes.TABLE:
             column.prop(context.view_layer.oscura, f"use_{entry.option}")
+        for switch, _ in passes.MATTES.values():
+            column.prop(context.view_layer, switch)
+        column.prop(context.view_layer, "pass_cryptomatte_depth", text="Levels")
 
 
 def _panels():
