@@ -101,8 +101,7 @@ pub(super) fn prepare(
     let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
-    let png = png(args, settled.exposure, is_stage_lit);
+    let png = png(args, settled.exposure, loaded.is_stage_lit);
     Ok(Prepared {
         scene,
         labels,

@@ -22,6 +22,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::Stage => "--stage",
         Choice::Up => "--up AXIS",
         Choice::ViewFrom => "--view-from",
+        Choice::Zoom => "--zoom",
     }
 }
 

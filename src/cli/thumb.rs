@@ -103,7 +103,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     };
     let loaded = load(model, &options)?;
     refuse_part(model, target, &options.files.paths())?;
-    let is_stage_lit = loaded.turntable.is_some_and(|table| table.is_stage_lit());
+    let is_stage_lit = loaded.is_stage_lit;
     let (width, height) = size(args.size, &loaded);
     // Denoising does more for a few samples than what makes each of them better, in less time.
     let mut rendering = Renderer::new(loaded)

@@ -38,11 +38,13 @@ pub enum Choice {
     Up,
     /// From where a bare model is seen.
     ViewFrom,
+    /// How large a bare model is in the picture.
+    Zoom,
 }
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 16] = [
+    pub const ALL: [Choice; 17] = [
         Choice::AllowExternal,
         Choice::Aovs,
         Choice::Background,
@@ -59,6 +61,7 @@ impl Choice {
         Choice::Stage,
         Choice::Up,
         Choice::ViewFrom,
+        Choice::Zoom,
     ];
 }
 
@@ -82,6 +85,7 @@ impl fmt::Display for Choice {
             Choice::Stage => "`StageOptions::light`",
             Choice::Up => "`LoadOptions::up`",
             Choice::ViewFrom => "`StageOptions::view`",
+            Choice::Zoom => "`StageOptions::zoom`",
         })
     }
 }

@@ -64,6 +64,10 @@ pub struct Loaded {
     /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of
     /// their single floats are kept as sums with it. The scene stands where the file says.
     pub offset: DVec3,
+    /// It comes from a model as other programs write them, whose shining parts need not be meant as its light.
+    pub is_model: bool,
+    /// Its light is that of a stage, which loading added.
+    pub is_stage_lit: bool,
     /// What a camera that loading added goes around.
     pub turntable: Option<Turntable>,
 }

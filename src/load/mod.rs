@@ -182,6 +182,7 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
         upright::apply(path, options, loaded, true);
     }
     displace::apply(loaded);
+    loaded.is_model = matches!(formats::of(path), Format::Model(_));
     stage::complete(loaded, &options.stage, options.brings_environment);
     let problems = loaded.scene.validate();
     if problems.is_empty() { Ok(()) } else { Err(Error::input_problems(path, problems)) }

@@ -8,6 +8,7 @@ mod light;
 mod options;
 mod orbit;
 mod outline;
+mod shine;
 mod view;
 
 pub use direction::ViewFrom;
@@ -18,6 +19,7 @@ use super::Loaded;
 use crate::error::{Choice, Warning};
 use crate::scene::{Backdrop, Environment, Scene};
 use outline::Outline;
+use shine::Shine;
 
 /// Radiance of the soft sky straight down and straight up. The mean over the sphere of a blend linear in y is that
 /// of the two: (0.560, 0.6, 0.640), a luminance of 0.59. It is dark below, so that pale models stand out from what is
@@ -26,8 +28,9 @@ use outline::Outline;
 const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.224]);
 
 /// Adds what a scene lacks, and says so: a camera that frames the model, unless there is one; light, unless anything
-/// lights it or the caller brings an environment (parts that shine light a scene with a camera; a model without one is to
-/// be looked at, and is lit, too); ground and material by [`StageOptions`], where there is no camera either.
+/// lights it or the caller brings an environment; ground and material by [`StageOptions`], where there is no camera either.
+/// Parts that shine light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
+/// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let scene = &loaded.scene;
     if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
@@ -37,17 +40,31 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     let is_bare = scene.cameras.is_empty();
     // A black environment that a scene file asks for is a choice, and stays.
     let has_lamps = scene.environment != Environment::Black || !scene.lights.is_empty();
-    let is_lit = brings_environment || has_lamps;
+    let is_chosen = options.is_light_chosen && options.light.is_stage();
+    let is_lit = brings_environment || has_lamps && !is_chosen;
     if is_bare {
         set_up(loaded, options, is_lit);
     } else {
-        let is_lit = is_lit || has_shining_parts(&loaded.scene);
-        if !is_lit {
-            light_scene(loaded, options);
+        let shine = shine::of(&loaded.scene);
+        let is_dark = !is_lit && (is_chosen || lacks_light(loaded, shine));
+        if is_dark {
+            light_scene(loaded, options, shine);
         }
-        say_unused(loaded, options, is_lit);
+        say_unused(loaded, options, brings_environment);
     }
     background(loaded, options);
+}
+
+/// Does a scene with a camera but without lamps need light? One of little light says so.
+fn lacks_light(loaded: &mut Loaded, shine: Shine) -> bool {
+    if shine == Shine::Dim && loaded.is_model {
+        let message = format!(
+            "no light but parts that shine, of little power: the picture will be dark ({} adds light)",
+            Choice::Stage
+        );
+        loaded.warnings.push(Warning::general(message));
+    }
+    shine == Shine::None || shine == Shine::Glow && loaded.is_model
 }
 
 /// The whole stage around a model without a camera.
@@ -56,6 +73,7 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     let framed = view::frame(&outline, options, &loaded.scene.settings);
     let is_studio = !is_lit && options.light.is_stage();
     loaded.turntable = Some(Turntable::new(loaded.offset + framed.target, is_studio));
+    loaded.is_stage_lit = is_studio;
     let mut camera = framed.camera;
     camera.world_from_camera.translation += loaded.offset;
     loaded.scene.cameras.push(camera);
@@ -68,12 +86,14 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     } else if options.light == StageLight::Soft {
         let message = format!("no camera: the whole model is shown from {}", options.view);
         loaded.warnings.push(Warning::general(message));
-        soften(loaded, true);
+        soften(loaded);
     } else {
         let ground = options.ground_for(is_lit);
+        let lamps = lamps_in_words(&loaded.scene);
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
         let message = format!(
-            "no camera and no light: shown from {}, {}{} ({} and the options beside it change that)",
+            "no camera{}: shown from {}, {}{lamps}{} ({} and the options beside it change that)",
+            if lamps.is_empty() { " and no light" } else { "" },
             options.view,
             options.light,
             ground.in_words(),
@@ -85,21 +105,37 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
 }
 
 /// Light alone, for a scene that has a camera.
-fn light_scene(loaded: &mut Loaded, options: &StageOptions) {
+fn light_scene(loaded: &mut Loaded, options: &StageOptions, shine: Shine) {
     if options.is_light_chosen && options.light.is_stage() {
+        let message = match (lamps_in_words(&loaded.scene), shine) {
+            ("", Shine::None) => format!("no light: {}", options.light),
+            ("", _) => format!("no light but parts that shine: {}, too", options.light),
+            (lamps, _) => format!("{}{lamps}", options.light),
+        };
         loaded.scene.environment = light::environment(&mut loaded.scene, options);
-        loaded.notes.push(Warning::general(format!("no light: {}", options.light)));
+        loaded.is_stage_lit = true;
+        loaded.notes.push(Warning::general(message));
     } else if options.light != StageLight::None {
-        soften(loaded, false);
+        soften(loaded);
+    }
+}
+
+/// What becomes of a scene's lamps where a stage lights it.
+fn lamps_in_words(scene: &Scene) -> &'static str {
+    match (scene.environment == Environment::Black, scene.lights.is_empty()) {
+        (true, true) => "",
+        (true, false) => ", beside the lamps of the file",
+        (false, true) => ", in place of the environment of the file",
+        (false, false) => ", in place of the environment of the file and beside its lamps",
     }
 }
 
 /// The soft sky, with a warning.
-fn soften(loaded: &mut Loaded, is_bare: bool) {
+fn soften(loaded: &mut Loaded) {
     let scene = &mut loaded.scene;
-    let message = match has_shining_parts(scene) && is_bare {
-        false => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
-        true => format!(
+    let message = match shine::of(scene) {
+        Shine::None => "no light: lit by a soft default sky of mean radiance 0.6".to_string(),
+        _ => format!(
             "no light but parts that shine: lit by a soft default sky of mean radiance 0.6, too ({} for none)",
             Choice::Environment
         ),
@@ -109,16 +145,18 @@ fn soften(loaded: &mut Loaded, is_bare: bool) {
     loaded.warnings.push(Warning::general(message));
 }
 
-/// Says which choices about the stage change nothing, since the scene brings what they are about.
-fn say_unused(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
+/// Says which choices about the stage change nothing, since the scene or the caller brings what they are about.
+fn say_unused(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let mut say = |is_unused: bool, what: Choice, why: &str| {
         if is_unused {
-            loaded.warnings.push(Warning::general(format!("{what} changes nothing: the scene has {why}")));
+            loaded.warnings.push(Warning::general(format!("{what} changes nothing: {why}")));
         }
     };
-    say(options.is_light_chosen && is_lit, Choice::Stage, "light of its own");
-    say(options.is_view_chosen, Choice::ViewFrom, "a camera of its own");
-    say(options.ground.is_some_and(|g| g != Ground::None), Choice::Ground, "a camera of its own");
+    let own_camera = "the scene has a camera of its own";
+    say(options.is_light_chosen && brings_environment, Choice::Stage, "another environment is asked for");
+    say(options.is_view_chosen, Choice::ViewFrom, own_camera);
+    say(options.ground.is_some_and(|g| g != Ground::None), Choice::Ground, own_camera);
+    say(options.zoom != 1.0, Choice::Zoom, own_camera);
 }
 
 /// What the camera sees behind everything.
@@ -135,25 +173,6 @@ fn background(loaded: &mut Loaded, options: &StageOptions) {
             loaded.scene.backdrop = Some(Backdrop::Picture(picture.clone()));
         }
     }
-}
-
-/// Does any part of the scene shine? Materials count only where something uses them.
-fn has_shining_parts(scene: &Scene) -> bool {
-    let shines = |id: crate::scene::MaterialId| {
-        scene
-            .materials
-            .get(id.index())
-            .and_then(|m| m.emission)
-            .is_some_and(|e| e.radiance.factor != [0.0; 3])
-    };
-    scene.shapes.iter().any(|s| shines(s.material))
-        || scene.quads.iter().any(|q| shines(q.material))
-        || scene.instances.iter().any(|i| match i.material {
-            Some(material) => shines(material),
-            None => {
-                scene.meshes.get(i.mesh.index()).is_some_and(|m| m.parts.iter().any(|p| shines(p.material)))
-            }
-        })
 }
 
 #[cfg(test)]

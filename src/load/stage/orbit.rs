@@ -18,11 +18,6 @@ impl Turntable {
         Turntable { middle, turns_light }
     }
 
-    /// Does the light that loading added go around with the camera?
-    pub fn is_stage_lit(&self) -> bool {
-        self.turns_light
-    }
-
     /// The camera after an angle, radians, counter-clockwise seen from above. It stands still there.
     pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
         let turn = DAffine3::from_translation(self.middle)

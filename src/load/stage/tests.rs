@@ -103,6 +103,72 @@ fn parts_that_shine_light_scenes_but_not_bare_models() {
     assert_eq!((&without.scene.environment, without.warnings.len()), (&Environment::Black, 1));
 }
 
+/// A room of 4 m with a camera and a ball of this radius that shines.
+fn glowing(radius: f64, radiance: f32) -> Loaded {
+    let mut loaded = ball(DVec3::ZERO, radius, Material::emitter("led", [radiance; 3], false));
+    loaded.scene.materials.push(grey());
+    loaded.scene.shapes.push(Shape::sphere(DVec3::new(0.0, -2.0, 0.0), 2.0, MaterialId(1)));
+    loaded.scene.cameras.push(crate::scene::Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], 40.0));
+    loaded.is_model = true;
+    loaded
+}
+
+#[test]
+fn models_with_cameras_are_lit_unless_parts_of_them_are_lamps() {
+    let outcome = |mut loaded: Loaded| {
+        complete(&mut loaded, &StageOptions::studio(), false);
+        let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+        (loaded.scene.environment != Environment::Black, said.join("\n"))
+    };
+    let (is_lit, said) = outcome(glowing(0.05, 1.0));
+    assert!(is_lit && said.contains("parts that shine") && said.contains("soft default sky"), "{said}");
+    let (is_lit, said) = outcome(glowing(0.05, 9.0));
+    assert!(!is_lit && said.contains("will be dark") && said.contains("StageOptions::light"), "{said}");
+    // A lamp that lights the room, whether it is large or strong.
+    assert_eq!(outcome(glowing(0.7, 1.0)), (false, String::new()));
+    assert_eq!(outcome(glowing(0.05, 300.0)), (false, String::new()));
+    // Whoever writes scene files for this program means the light that they have.
+    assert_eq!(outcome(Loaded { is_model: false, ..glowing(0.05, 1.0) }), (false, String::new()));
+}
+
+#[test]
+fn the_mean_of_a_picture_tells_how_brightly_a_part_shines() {
+    for (value, expected) in [(0.0, Shine::Glow), (1.0, Shine::Light)] {
+        let mut loaded = glowing(0.7, 1.0);
+        let rgb = vec![value; 3 * 600 * 4];
+        let image = loaded.scene.add_image(crate::image::Image::from_linear_rgb("glow", 600, 4, rgb));
+        let texture = loaded.scene.add_texture(crate::scene::Texture::Image {
+            image,
+            wrap_u: Default::default(),
+            wrap_v: Default::default(),
+            interpolation: Default::default(),
+            mapping: Default::default(),
+        });
+        loaded.scene.materials[0].emission.as_mut().unwrap().radiance.texture = Some(texture);
+        assert_eq!(shine::of(&loaded.scene), expected);
+    }
+}
+
+#[test]
+fn a_chosen_light_reaches_scenes_with_a_camera() {
+    let chosen = StageOptions { is_light_chosen: true, ..StageOptions::studio() };
+    let lit = |mut loaded: Loaded, brings: bool| {
+        complete(&mut loaded, &chosen, brings);
+        let said = loaded.notes.iter().chain(&loaded.warnings).map(ToString::to_string).collect::<Vec<_>>();
+        (matches!(loaded.scene.environment, Environment::Image { .. }), said.join("\n"))
+    };
+    for radius in [0.05, 0.7] {
+        let (is_lit, said) = lit(glowing(radius, 1.0), false);
+        assert!(is_lit && said.contains("parts that shine: studio light, too"), "{said}");
+    }
+    let mut sunny = glowing(0.05, 1.0);
+    sunny.scene.environment = Environment::Constant([1.0; 3]);
+    let (is_lit, said) = lit(sunny, false);
+    assert!(is_lit && said.contains("in place of the environment"), "{said}");
+    let (is_lit, said) = lit(glowing(0.05, 1.0), true);
+    assert!(!is_lit && said.contains("changes nothing: another environment is asked for"), "{said}");
+}
+
 #[test]
 fn the_studio_is_for_bare_models_alone() {
     let mut bare = ball(DVec3::ZERO, 1.0, grey());

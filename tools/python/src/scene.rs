@@ -28,7 +28,7 @@ impl Scene {
 
     /// A stage lights it, and its pictures to look at are to have the filmic view.
     pub fn is_filmic(&self) -> bool {
-        self.is_view_open && self.loaded.turntable.is_some_and(|table| table.is_stage_lit())
+        self.is_view_open && self.loaded.is_stage_lit
     }
 
     /// To change it.
