@@ -21,6 +21,11 @@ use oscura::output::ViewTransform;
 use oscura::render::{Adaptive, PathReuse, Splitting};
 use std::path::PathBuf;
 
+/// Ranks of ids in Cryptomattes, unless the user says so.
+pub(crate) const CRYPTO_LEVELS: u32 = 6;
+/// Frames a second, unless the user says so.
+pub(crate) const FRAME_RATE: f64 = 24.0;
+
 /// Shells with completions.
 #[derive(Clone, Copy, Debug, ValueEnum)]
 pub(crate) enum ShellArg {
@@ -128,14 +133,14 @@ pub(crate) struct RenderArgs {
     #[arg(skip)]
     pub scene: PathBuf,
     /// File to write, .exr, .png, .jpg, .tif, .webp, .hdr or .part, of --orbit and --frames also .gif, .apng, .mp4 or .webm
-    /// (video takes the program ffmpeg); may be given several times. In a sequence, #### stands for the frame; {stem} stands for the scene's name without its extension.
+    /// (video takes the program ffmpeg); may be given several times. In a sequence, #### or %04d stands for the frame; {stem} or {name} stands for the scene's name without its extension.
     #[arg(short, long, required_unless_present = "show", value_name = "FILE")]
     pub output: Vec<PathBuf>,
     /// Render a sequence, such as 1-10 or 1-10x2: frame N shows the moment N / fps, of .blend files Blender's frame N.
     #[arg(long, value_name = "A-B", conflicts_with = "time")]
     pub frames: Option<Frames>,
     /// Frames a second of a sequence or a moving picture.
-    #[arg(long, value_name = "N", default_value = "24", value_parser = frames_per_second, allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = FRAME_RATE, value_parser = frames_per_second, allow_negative_numbers = true)]
     pub fps: f64,
     /// Render N pictures while the camera goes once around: numbered files, or one moving picture.
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(2..=100_000), conflicts_with = "frames", allow_negative_numbers = true)]
@@ -207,7 +212,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub light_groups: bool,
     /// Ranks of ids in Cryptomattes.
-    #[arg(long, value_name = "N", default_value = "6", value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
+    #[arg(long, value_name = "N", default_value_t = CRYPTO_LEVELS, value_parser = clap::value_parser!(u32).range(1..=64), allow_negative_numbers = true)]
     pub crypto_levels: u32,
     /// Microfacet model [default: multi].
     #[arg(long)]

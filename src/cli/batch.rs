@@ -11,7 +11,7 @@ use oscura::render::CancelHandle;
 use std::path::{Path, PathBuf};
 
 /// What stands for a scene's name in names of files.
-const STEM: &str = "{stem}";
+const STEMS: [&str; 2] = ["{stem}", "{name}"];
 
 /// Renders all scenes. Those that fail are told at the end, and the worst decides the exit code.
 pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
@@ -28,9 +28,13 @@ pub(crate) fn run(args: &RenderArgs) -> Result<Outcome> {
 /// The arguments about one of the scenes.
 fn of_scene(args: &RenderArgs, scene: &Path) -> RenderArgs {
     let stem = scene.file_stem().unwrap_or_default().to_string_lossy();
-    let named = |path: &PathBuf| PathBuf::from(path.to_string_lossy().replace(STEM, &stem));
-    let has_stem = |path: &PathBuf| path.to_string_lossy().contains(STEM);
-    let named = |path: &PathBuf| if has_stem(path) { named(path) } else { path.clone() };
+    let has_stem = |path: &PathBuf| STEMS.iter().any(|mark| path.to_string_lossy().contains(mark));
+    let named = |path: &PathBuf| match has_stem(path) {
+        true => PathBuf::from(
+            STEMS.iter().fold(path.to_string_lossy().into_owned(), |name, mark| name.replace(mark, &stem)),
+        ),
+        false => path.clone(),
+    };
     let mut own = args.clone();
     own.scene = scene.to_path_buf();
     own.output = args.output.iter().map(named).collect();

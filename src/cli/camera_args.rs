@@ -3,8 +3,9 @@
 use super::numbers::number;
 use clap::Args;
 use oscura::error::{Error, Result};
+use oscura::load::Loaded;
 use oscura::math::DVec3;
-use oscura::scene::{Aperture, Camera, Projection, Scene, ThinLens};
+use oscura::scene::{Aperture, Camera, Projection, ThinLens};
 
 /// What a lens without a distance of its own is focused at, if only its opening is given: the target, or this, metres.
 const DEFAULT_FOCUS: f64 = 10.0;
@@ -13,9 +14,9 @@ const DEFAULT_FOCUS: f64 = 10.0;
 #[command(next_help_heading = "Camera")]
 pub(crate) struct CameraArgs {
     /// Where the camera stands, metres.
-    #[arg(long, value_name = "X,Y,Z", requires = "target", conflicts_with = "orbit", allow_hyphen_values = true, value_parser = point)]
+    #[arg(long, value_name = "X,Y,Z", conflicts_with = "orbit", allow_hyphen_values = true, value_parser = point)]
     pub eye: Option<DVec3>,
-    /// What it is aimed at; y is up.
+    /// What it is aimed at; y is up [default: the middle of the scene].
     #[arg(long, value_name = "X,Y,Z", requires = "eye", allow_hyphen_values = true, value_parser = point)]
     pub target: Option<DVec3>,
     /// Visible height of a camera of parallel rays, metres.
@@ -30,15 +31,23 @@ pub(crate) struct CameraArgs {
 }
 
 impl CameraArgs {
-    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees.
+    /// Changes one of a scene's cameras, also to a vertical field of view, in degrees. `middle` tells what a camera is aimed at
+    /// that only has a place.
     ///
     /// # Errors
     /// A usage error for a camera that can't be aimed, or that is not of the kind that an argument is about.
-    pub fn apply(&self, scene: &mut Scene, number: usize, fov: Option<f64>) -> Result<()> {
-        let Some(camera) = scene.cameras.get_mut(number) else { return Ok(()) };
-        if let Some((eye, target)) = self.eye.zip(self.target) {
+    pub fn apply(
+        &self,
+        loaded: &mut Loaded,
+        number: usize,
+        fov: Option<f64>,
+        middle: impl Fn(&Loaded) -> DVec3,
+    ) -> Result<()> {
+        let target = self.eye.map(|_| self.target.unwrap_or_else(|| middle(loaded)));
+        let Some(camera) = loaded.scene.cameras.get_mut(number) else { return Ok(()) };
+        if let Some((eye, target)) = self.eye.zip(target) {
             if eye == target {
-                return Err(Error::usage("--eye and --target are the same point"));
+                return Err(self.no_direction());
             }
             camera.world_from_camera = Camera::look_at(eye, target, 30.0).world_from_camera;
             camera.motion = None;
@@ -59,15 +68,24 @@ impl CameraArgs {
                 return Err(Error::usage(message).with_help("give --view-height"));
             }
         }
-        self.open_lens(camera);
+        self.open_lens(camera, target);
         Ok(())
     }
 
-    fn open_lens(&self, camera: &mut Camera) {
+    /// The eye is where it should look.
+    fn no_direction(&self) -> Error {
+        match self.target {
+            Some(_) => Error::usage("--eye and --target are the same point"),
+            None => Error::usage("--eye is the middle of the scene, at which it would be aimed")
+                .with_help("say by --target what it is aimed at"),
+        }
+    }
+
+    fn open_lens(&self, camera: &mut Camera, target: Option<DVec3>) {
         if self.focus.is_none() && self.defocus.is_none() {
             return;
         }
-        let target = self.eye.zip(self.target).map(|(eye, target)| eye.distance(target));
+        let target = self.eye.zip(target).map(|(eye, target)| eye.distance(target));
         let closed = ThinLens {
             defocus_angle_rad: 0.0,
             focus_distance: target.unwrap_or(DEFAULT_FOCUS),
@@ -101,11 +119,12 @@ fn defocus(text: &str) -> std::result::Result<f64, String> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use oscura::scene::Scene;
 
-    fn scene(camera: Camera) -> Scene {
+    fn scene(camera: Camera) -> Loaded {
         let mut scene = Scene::default();
         scene.cameras.push(camera);
-        scene
+        scene.into()
     }
 
     #[test]
@@ -120,20 +139,28 @@ mod tests {
     fn only_what_is_given_changes() {
         let own = Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 40.0);
         let mut scene = scene(own.clone());
-        CameraArgs::default().apply(&mut scene, 0, None).unwrap();
-        assert_eq!(scene.cameras[0].world_from_camera, own.world_from_camera);
-        assert!(scene.cameras[0].lens.is_none());
+        CameraArgs::default().apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
+        assert_eq!(scene.scene.cameras[0].world_from_camera, own.world_from_camera);
+        assert!(scene.scene.cameras[0].lens.is_none());
         let aimed = CameraArgs {
             eye: Some(DVec3::new(3.0, 0.0, 0.0)),
             target: Some(DVec3::ZERO),
             defocus: Some(2.0),
             ..CameraArgs::default()
         };
-        aimed.apply(&mut scene, 0, None).unwrap();
-        let camera = &scene.cameras[0];
+        aimed.apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
+        let camera = &scene.scene.cameras[0];
         assert_eq!(camera.world_from_camera.translation, DVec3::new(3.0, 0.0, 0.0));
         assert_eq!(camera.projection, own.projection);
         assert_eq!(camera.lens.unwrap().focus_distance, 3.0);
+        // A place alone: aimed at the middle.
+        let placed = CameraArgs { eye: Some(DVec3::new(0.0, 1.0, 4.0)), ..CameraArgs::default() };
+        placed.apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
+        let back = scene.scene.cameras[0].world_from_camera.matrix3.z_axis;
+        assert!(back.distance(DVec3::Z) < 1e-12, "{back}");
+        let inside = CameraArgs { eye: Some(DVec3::Y), ..CameraArgs::default() };
+        let error = inside.apply(&mut scene, 0, None, |_| DVec3::Y).unwrap_err();
+        assert!(error.to_string().contains("--target"), "{error}");
     }
 
     #[test]
@@ -143,9 +170,9 @@ mod tests {
             ..Camera::look_at([0.0, 0.0, 5.0], [0.0; 3], 30.0)
         };
         let mut scene = scene(parallel);
-        assert!(CameraArgs::default().apply(&mut scene, 0, Some(30.0)).is_err());
+        assert!(CameraArgs::default().apply(&mut scene, 0, Some(30.0), |_| DVec3::Y).is_err());
         let args = CameraArgs { view_height: Some(6.0), ..CameraArgs::default() };
-        args.apply(&mut scene, 0, None).unwrap();
-        assert_eq!(scene.cameras[0].projection, Projection::Orthographic { half_height: 3.0 });
+        args.apply(&mut scene, 0, None, |_| DVec3::Y).unwrap();
+        assert_eq!(scene.scene.cameras[0].projection, Projection::Orthographic { half_height: 3.0 });
     }
 }

@@ -52,6 +52,7 @@ impl<'a> Keeper<'a> {
             deep: png.deep,
             exposure: png.exposure.to_bits(),
             dither: png.dither,
+            opaque: png.opaque,
             ..Finish::default()
         };
         let backdrop = if keeps { loaded.scene.backdrop.clone() } else { None };

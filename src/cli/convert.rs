@@ -32,6 +32,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
         white_balance: args.white_balance,
         dither: args.dither,
         deep: args.deep,
+        opaque: false,
     };
     let (bytes, invalid) = match args.sheet {
         true => (encode_sheet(&file, format, &options), None),

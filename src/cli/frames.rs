@@ -1,10 +1,14 @@
 //! Numbered sequences of pictures: `--frames 1-10x2`.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 /// Most pictures of one command; beyond, the range is surely a slip.
 const MOST: u64 = 1 << 20;
+
+/// Most digits of a number in a name.
+const MOST_DIGITS: usize = 20;
 
 /// A range of frames: first, last (included) and step.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -45,10 +49,11 @@ impl Frames {
         (self.first..=self.last).step_by(self.step as usize)
     }
 
-    /// The file for a frame: `#` in the name stand for the digits of its number; without any, `.####` comes before the
-    /// extension.
+    /// The file for a frame: `#` in the name stand for the digits of its number, as `%04d` does for four; without any,
+    /// `.####` comes before the extension.
     pub(crate) fn file(path: &Path, number: u32) -> PathBuf {
         let name = path.file_name().unwrap_or_default().to_string_lossy();
+        let name = with_marks(&name);
         let pattern = match name.contains('#') {
             true => name.to_string(),
             false => {
@@ -61,6 +66,19 @@ impl Frames {
         let (head, tail) = (&pattern[..start], &pattern[start + width..]);
         path.with_file_name(format!("{head}{number:0width$}{tail}"))
     }
+}
+
+/// A name with `#` in place of the first `%d`, `%4d` or `%04d` of C.
+fn with_marks(name: &str) -> Cow<'_, str> {
+    for (at, _) in name.match_indices('%') {
+        let rest = &name[at + 1..];
+        let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
+        let width = if digits == 0 { Some(1) } else { rest[..digits].parse().ok() };
+        if let (Some(tail), Some(width @ 1..=MOST_DIGITS)) = (rest[digits..].strip_prefix('d'), width) {
+            return Cow::Owned(format!("{}{}{tail}", &name[..at], "#".repeat(width)));
+        }
+    }
+    Cow::Borrowed(name)
 }
 
 #[cfg(test)]
@@ -84,5 +102,9 @@ mod tests {
         assert_eq!(file("a/out.exr", 7), "a/out.0007.exr");
         assert_eq!(file("a/out_##.exr", 7), "a/out_07.exr");
         assert_eq!(file("out.##.exr", 123), "out.123.exr");
+        assert_eq!(file("a%d/out.%04d.exr", 7), "a%d/out.0007.exr");
+        assert_eq!(file("out_%d.exr", 7), "out_7.exr");
+        assert_eq!(file("100%-%3d.exr", 7), "100%-007.exr");
+        assert_eq!(file("50%.exr", 7), "50%.0007.exr");
     }
 }

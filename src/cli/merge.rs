@@ -80,7 +80,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         float: args.float || finish.float,
         exr: args.exr.options(None),
     };
-    let pictures = Pictures::encode(&how, &targets, shot, png(finish), &earlier);
+    let pictures = Pictures::encode(&how, &targets, shot, png(args, finish), &earlier);
     earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
     let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
@@ -173,13 +173,15 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
     }
 }
 
-fn png(finish: &Finish) -> PngOptions {
+/// As the arguments say, else as the parts do.
+fn png(args: &MergeArgs, finish: &Finish) -> PngOptions {
     PngOptions {
-        view: ViewTransform::from_name(&finish.view).unwrap_or_default(),
+        view: args.view.or_else(|| ViewTransform::from_name(&finish.view)).unwrap_or_default(),
         white_balance: finish.white_balance.map(f32::from_bits),
         deep: finish.deep,
-        exposure: f32::from_bits(finish.exposure),
+        exposure: args.exposure.unwrap_or(f32::from_bits(finish.exposure)),
         dither: finish.dither,
+        opaque: finish.opaque,
     }
 }
 

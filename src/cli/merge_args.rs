@@ -2,7 +2,10 @@
 
 use super::denoiser_args::DenoiserArgs;
 use super::exr_args::ExrFormatArgs;
+use super::numbers::stops;
+use super::picture_args::views;
 use clap::Args;
+use oscura::output::ViewTransform;
 use std::path::PathBuf;
 
 #[derive(Args, Debug)]
@@ -27,6 +30,12 @@ pub(crate) struct MergeArgs {
     pub float: bool,
     #[command(flatten)]
     pub exr: ExrFormatArgs,
+    /// How PNGs and the like look [default: as when the parts were rendered].
+    #[arg(long, value_name = "VIEW", value_parser = views())]
+    pub view: Option<ViewTransform>,
+    /// Exposure of PNGs and the like in stops, -100 to 100 [default: as when the parts were rendered].
+    #[arg(long, value_name = "STOPS", allow_negative_numbers = true, value_parser = stops)]
+    pub exposure: Option<f32>,
     /// Leave times and dates out of the files, as when the parts were rendered so.
     #[arg(long)]
     pub reproducible: bool,

@@ -9,6 +9,7 @@ macro_rules! say {
     }};
 }
 
+mod alike;
 mod aov_arg;
 mod args;
 mod asset_args;
@@ -32,6 +33,7 @@ mod frames;
 mod glyphs;
 mod guiding_args;
 mod help;
+mod idle;
 mod info;
 mod inspect;
 mod json;

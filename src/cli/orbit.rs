@@ -12,9 +12,8 @@ use super::shot::{Kept, load_options, load_scene, run_one};
 use oscura::compile::Compiler;
 use oscura::error::{Error, Result};
 use oscura::load::Loaded;
-use oscura::load::stage::Turntable;
+use oscura::load::stage::{Turntable, middle};
 use oscura::render::CancelHandle;
-use oscura::scene::{instance_extents, scene_extent};
 use std::f64::consts::TAU;
 use std::time::Instant;
 
@@ -58,10 +57,5 @@ pub(super) fn run(args: &RenderArgs, count: u32, cancel: &CancelHandle) -> Resul
 
 /// About the model that loading framed, else about the middle of the scene.
 fn turntable(loaded: &Loaded) -> Turntable {
-    loaded.turntable.unwrap_or_else(|| {
-        let scene = &loaded.scene;
-        let bounds = scene_extent(scene, &instance_extents(scene)).0;
-        let middle = bounds.map_or_else(Default::default, |(min, max)| (min + max) * 0.5);
-        Turntable::new(middle, false)
-    })
+    loaded.turntable.unwrap_or_else(|| Turntable::new(middle(loaded), false))
 }

@@ -11,8 +11,9 @@ use oscura::compile::{CompileReport, CompiledScene, Compiler};
 use oscura::error::{Result, Warning};
 use oscura::film::{Aov, AovSet};
 use oscura::load::Loaded;
+use oscura::load::stage::middle;
 use oscura::output::PngOptions;
-use oscura::render::{Labels, Settled, denoising_guides};
+use oscura::render::{Labels, Settled, denoising_guides, shows_alpha};
 use oscura::scene::Camera;
 use std::sync::Arc;
 use std::time::Instant;
@@ -67,12 +68,7 @@ pub(super) fn prepare(
 ) -> Result<Prepared> {
     terms::in_loaded(loaded);
     let mut warnings = std::mem::take(&mut loaded.warnings);
-    let mut choices = choices(args);
-    if !wants.has_exr {
-        choices = without_exr(args, choices, &mut warnings);
-        loaded.scene.settings.aovs = None;
-    }
-    let mut settled = choices.settle(&loaded.scene)?;
+    let mut settled = settle(args, wants.has_exr, loaded)?;
     let kept_aovs = settled.options.aovs;
     if args.picture.denoise {
         settled.options = settled.options.aovs(kept_aovs.union(denoising_guides())).halves(true);
@@ -81,7 +77,7 @@ pub(super) fn prepare(
     check_glass(args, &loaded.scene)?;
     let load_s = start.elapsed().as_secs_f64();
 
-    args.place.apply(&mut loaded.scene, settled.camera.unwrap_or(0), args.stage.fov)?;
+    args.place.apply(loaded, settled.camera.unwrap_or(0), args.stage.fov, middle)?;
     let frame = (settled.options.width, settled.options.height);
     args.exr.format.check(settled.options.aovs.mattes().next().is_some())?;
     let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
@@ -98,10 +94,12 @@ pub(super) fn prepare(
     let (scene, mut build) = compiler.compile(&loaded.scene, settled.shading, &camera, size)?;
     drop(waiting);
     warnings.append(&mut build.warnings);
-    let (notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
+    let (mut notes, mut left_out) = (std::mem::take(&mut loaded.notes), std::mem::take(&mut loaded.left_out));
+    notes.extend(build.notes.iter().cloned());
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
-    let png = png(args, settled.exposure, loaded.is_stage_lit);
+    let opaque = !shows_alpha(&scene, &settled.options);
+    let png = png(args, settled.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {
         scene,
         labels,
@@ -116,4 +114,16 @@ pub(super) fn prepare(
         warnings,
         left_out,
     })
+}
+
+/// All options, without channels that no file could hold.
+fn settle(args: &RenderArgs, has_exr: bool, loaded: &mut Loaded) -> Result<Settled> {
+    if has_exr {
+        return choices(args).settle(&loaded.scene);
+    }
+    let mut settled = without_exr(choices(args)).settle(&loaded.scene)?;
+    // Those of the scene file have been checked, and go nowhere.
+    settled.options = settled.options.aovs(AovSet::NONE);
+    loaded.scene.settings.aovs = None;
+    Ok(settled)
 }

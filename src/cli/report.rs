@@ -1,5 +1,6 @@
 //! What the user reads: errors, warnings and the report at the end.
 
+use super::alike::{Line, shortened};
 use super::excerpt::Excerpt;
 use super::shapes::ShapeCounts;
 use miette::{Diagnostic, LabeledSpan, NamedSource, SourceCode};
@@ -50,7 +51,14 @@ pub(crate) fn error(error: &Error) {
         Some(file) => say!("error: {file}"),
         None => say!("error:"),
     }
-    for problem in &error.problems {
+    for line in shortened(&error.problems, |problem| &problem.message) {
+        let problem = match line {
+            Line::One(problem) => problem,
+            Line::More(count) => {
+                say!("  ... and {count} more of this kind");
+                continue;
+            }
+        };
         match (&error.source_text, &problem.span) {
             (Some(text), Some(_)) => {
                 say!("{}", snippet(problem, text, file.as_deref().unwrap_or("input")))
@@ -125,10 +133,12 @@ impl Said {
     }
 
     fn print(&mut self, kind: &str, list: &[Warning]) {
-        for line in list.iter().map(|what| format!("{kind}: {what}")) {
-            if !self.0.contains(&line) {
-                say!("{line}");
-                self.0.insert(line);
+        let new: Vec<Warning> =
+            list.iter().filter(|what| self.0.insert(format!("{kind}: {what}"))).cloned().collect();
+        for line in shortened(&new, |what| &what.message) {
+            match line {
+                Line::One(what) => say!("{kind}: {what}"),
+                Line::More(count) => say!("{kind}: ... and {count} more of this kind"),
             }
         }
     }

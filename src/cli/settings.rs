@@ -1,7 +1,7 @@
 //! What the command line says about a picture.
 
 use super::args::{FilterArg, FresnelArg, MicrofacetArg, RenderArgs, TerminatorArg, TreeArg};
-use oscura::error::{Error, Result, Warning};
+use oscura::error::{Error, Result};
 use oscura::film::AovSet;
 use oscura::output::{PngOptions, ViewTransform};
 use oscura::render::{Choices, TreeChoice};
@@ -68,19 +68,8 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
     }
 }
 
-/// Leaves out what has no effect because no output is an EXR, with a warning.
-pub(crate) fn without_exr(args: &RenderArgs, choices: Choices, warnings: &mut Vec<Warning>) -> Choices {
-    let given = [
-        ("--aov", !args.aov.is_empty()),
-        ("--light-groups", args.light_groups),
-        ("--float", args.float),
-        ("what --exr-... and --working-space say", args.exr.format.is_given()),
-    ];
-    for (option, is_given) in given {
-        if is_given {
-            warnings.push(Warning::general(format!("{option} has no effect: no output is an EXR")));
-        }
-    }
+/// Leaves out what has no effect because no output is an EXR.
+pub(crate) fn without_exr(choices: Choices) -> Choices {
     Choices { aovs: AovSet::NONE, light_groups: false, ..choices }
 }
 
@@ -98,7 +87,7 @@ pub(crate) fn check_glass(args: &RenderArgs, scene: &Scene) -> Result<()> {
 }
 
 /// How PNGs and the like look.
-pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool) -> PngOptions {
+pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: bool) -> PngOptions {
     let view = match args.view {
         Some(view) => view,
         None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
@@ -110,5 +99,6 @@ pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool) -> PngOp
         white_balance: args.picture.white_balance,
         dither: args.dither,
         deep: args.picture.deep,
+        opaque,
     }
 }

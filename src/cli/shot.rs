@@ -12,7 +12,7 @@ use super::preview::Preview;
 use super::process::peak_memory;
 use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
-use super::{json, report_json, show};
+use super::{idle, json, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
@@ -53,6 +53,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         shutter: args.shutter.options(args.fps, args.aov.iter().any(|aovs| aovs.contains(Aov::Motion))),
         point_radius: args.point_radius,
         up: args.stage.up,
+        smooth_rad: args.stage.smooth.map(f64::to_radians),
         stage,
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
@@ -92,10 +93,11 @@ pub(super) fn run_one(
     start: Instant,
     Kept { said, compiler, moving, preview }: &mut Kept,
 ) -> Result<Outcome> {
-    let wants = Wants::of_files(args, targets.has_exr());
-    let prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    let prepared = prepare_files(args, targets, environment, loaded, start, compiler)?;
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
+    // Files tell of all that is not in the picture, be it as it must.
+    let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     targets.check_size(settled.options.width, settled.options.height)?;
     let (width, height) = (settled.options.width, settled.options.height);
     moving.iter().try_for_each(|moving| moving.check_size(width, height))?;
@@ -104,8 +106,8 @@ pub(super) fn run_one(
     stop_before_pixels(cancel)?;
 
     let denoising = Denoising::of(args, targets, kept_aovs)?;
-    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &warnings);
-    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &warnings, denoising.kept())?;
+    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &told);
+    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &told, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
     preview.iter_mut().for_each(|shown| shown.begin(&rendering, png, &camera, build.triangles, said));
@@ -146,6 +148,22 @@ pub(super) fn run_one(
     show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Prepares a scene for files, and looks for options that these have no use for.
+fn prepare_files(
+    args: &RenderArgs,
+    targets: &Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    compiler: &mut Compiler,
+) -> Result<Prepared> {
+    let wants = Wants::of_files(args, targets.has_exr());
+    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    let idle = idle::warnings(args, &loaded.scene, &prepared);
+    prepared.warnings.extend(idle);
+    Ok(prepared)
 }
 
 /// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.

@@ -60,6 +60,10 @@ pub(crate) struct StageArgs {
     /// Axis of OBJ and PLY files that points up; auto goes by the file's writer and the model's shape.
     #[arg(long, value_name = "AXIS", default_value = "auto", value_parser = up(), allow_hyphen_values = true)]
     pub up: Up,
+    /// Give meshes of OBJ and PLY files without normals smooth ones; edges where faces meet at more than so many degrees stay
+    /// sharp [30 if none is given].
+    #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
+    pub smooth: Option<f64>,
 }
 
 /// What `--background` names.
@@ -112,6 +116,7 @@ impl StageArgs {
             vfov_degrees: self.fov.unwrap_or(StageOptions::default().vfov_degrees),
             aspect,
             is_orbit: false,
+            is_foretold: false,
         })
     }
 }
@@ -154,6 +159,10 @@ fn zoom(text: &str) -> Result<f64, String> {
 
 fn fov(text: &str) -> Result<f64, String> {
     number(text, |v| (0.1..=170.0).contains(&v), "a number of degrees from 0.1 to 170")
+}
+
+fn crease(text: &str) -> Result<f64, String> {
+    number(text, |v| (0.0..=180.0).contains(&v), "a number of degrees from 0 to 180")
 }
 
 /// Axes by name.

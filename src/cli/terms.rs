@@ -19,6 +19,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::LightUnits => "--light-units",
         Choice::NoSidecar => "--no-sidecar",
         Choice::PointRadius => "--point-radius METRES",
+        Choice::Smooth => "--smooth",
         Choice::Stage => "--stage",
         Choice::Up => "--up AXIS",
         Choice::ViewFrom => "--view-from",

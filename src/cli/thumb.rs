@@ -98,6 +98,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
     let options = LoadOptions {
         allow_external: args.allow_external,
         up: args.stage.up,
+        smooth_rad: args.stage.smooth.map(f64::to_radians),
         stage,
         ..LoadOptions::default()
     };

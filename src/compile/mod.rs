@@ -9,6 +9,7 @@ mod compiler;
 mod content;
 mod density;
 mod emitters;
+mod flat;
 mod fold;
 mod geometry;
 mod groups;

@@ -3,6 +3,7 @@
 use super::blur;
 use super::classes::{self, Classes};
 use super::emitters;
+use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
 use super::material::CompiledMaterial;
@@ -61,7 +62,7 @@ pub(super) fn compile_after(
     let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
-    report_accel(accel.stats(), &mut report);
+    report_accel(accel.stats(), &mut report, || flat::count(scene, &plan));
 
     let mut emitters = emitters::find(&geometries, &materials);
     moving_emitters::add(&mut emitters, &geometries, &materials);
@@ -198,19 +199,24 @@ fn check_size(scene: &Scene, plan: &Plan) -> Result<()> {
     )
 }
 
-fn report_accel(stats: &BuildStats, report: &mut CompileReport) {
+fn report_accel(stats: &BuildStats, report: &mut CompileReport, flat: impl Fn() -> u64) {
     (report.tree, report.bytes) = (stats.quality, stats.bytes);
     (report.triangles, report.quads, report.analytic) = (stats.triangles, stats.quads, stats.analytic);
     let dropped = stats.dropped;
-    let mut warn = |count: u64, what: &str, with: &str| {
+    let say = |list: &mut Vec<Warning>, count: u64, what: &str, with: &str| {
         let message = match count {
             0 => return,
             1 => format!("1 {what} {with} was dropped"),
             _ => format!("{count} {what}s {with} were dropped"),
         };
-        report.warnings.push(Warning::general(message));
+        list.push(Warning::general(message));
     };
-    warn(dropped.not_finite, "primitive", "with coordinates that are not finite or beyond 1e18 m");
-    warn(dropped.degenerate, "primitive", "without area");
-    warn(dropped.instances, "placement", "with singular transforms");
+    let far = "with coordinates that are not finite or beyond 1e18 m";
+    say(&mut report.warnings, dropped.not_finite, "primitive", far);
+    // The poles of spheres have such triangles, and nothing of them could be seen.
+    let without_area = if dropped.degenerate > 0 { flat().min(dropped.degenerate) } else { 0 };
+    say(&mut report.notes, without_area, "primitive", "without area");
+    let lost = "too small for single precision so far from the camera or the middle of its mesh";
+    say(&mut report.warnings, dropped.degenerate - without_area, "primitive", lost);
+    say(&mut report.warnings, dropped.instances, "placement", "with singular transforms");
 }

@@ -39,6 +39,8 @@ pub struct CompileReport {
     pub build_s: f64,
     /// What was repaired or ignored.
     pub warnings: Vec<Warning>,
+    /// What was left out, though nothing is amiss: triangles without area.
+    pub notes: Vec<Warning>,
     /// What the picture does not need, with what leaving it out saved.
     pub left_out: Vec<String>,
     /// Triangles that rays can hit; shared meshes count once.

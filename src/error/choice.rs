@@ -32,6 +32,8 @@ pub enum Choice {
     NoSidecar,
     /// The size of the points of a point cloud.
     PointRadius,
+    /// Normals for meshes without.
+    Smooth,
     /// What lights scenes without light.
     Stage,
     /// Which axis of a file points up.
@@ -44,7 +46,7 @@ pub enum Choice {
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 17] = [
+    pub const ALL: [Choice; 18] = [
         Choice::AllowExternal,
         Choice::Aovs,
         Choice::Background,
@@ -58,6 +60,7 @@ impl Choice {
         Choice::LightUnits,
         Choice::NoSidecar,
         Choice::PointRadius,
+        Choice::Smooth,
         Choice::Stage,
         Choice::Up,
         Choice::ViewFrom,
@@ -82,6 +85,7 @@ impl fmt::Display for Choice {
             Choice::LightUnits => "`GltfOptions::light_units`",
             Choice::NoSidecar => "`LoadOptions::no_sidecar`",
             Choice::PointRadius => "`LoadOptions::point_radius`",
+            Choice::Smooth => "`LoadOptions::smooth_rad`",
             Choice::Stage => "`StageOptions::light`",
             Choice::Up => "`LoadOptions::up`",
             Choice::ViewFrom => "`StageOptions::view`",

@@ -29,6 +29,9 @@ pub struct LoadOptions {
     pub geometry_only: bool,
     /// Which axis of an OBJ or PLY file points up: its model is turned to stand upright.
     pub up: Up,
+    /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to
+    /// which the edge between them is rounded. `None` shows their facets.
+    pub smooth_rad: Option<f64>,
     /// How long the shutter is open, and when.
     pub shutter: ShutterOptions,
     /// Names of empty nodes of the model where lights will be placed: the shutter needs as many keys as their ways. What a

@@ -22,6 +22,7 @@ pub mod scene_file;
 mod shapes;
 mod shutter;
 pub mod sky;
+mod smooth;
 pub mod stage;
 mod upright;
 mod uri;
@@ -34,7 +35,7 @@ pub use saved::SavedFiles;
 pub use shutter::{LONGEST_SHUTTER, ShutterOptions, ShutterPosition};
 pub use upright::{Up, UpHint};
 
-use crate::error::{Error, Result, Warning};
+use crate::error::{Choice, Error, Result, Warning};
 use formats::Format;
 use std::ops::ControlFlow;
 use std::path::Path;
@@ -63,10 +64,17 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
         loaded.warnings.push(Warning::new(path, "", message));
     }
     let is_of_other_model = matches!(format, Format::Model(model) if !model.is_gltf);
-    if is_of_other_model && options.gltf != gltf::GltfOptions::default() {
-        let message = "choices about glTF assets (a moment, a scene, a node, a variant, lights, glass) change nothing here";
+    if is_of_other_model && options.gltf.time_s.is_some() {
+        let message = "nothing moves in files of this type: every frame or moment is the same picture";
         loaded.warnings.push(Warning::new(path, "", message));
     }
+    let of_assets = gltf::GltfOptions { time_s: None, ..options.gltf.clone() };
+    if is_of_other_model && of_assets != gltf::GltfOptions::default() {
+        let message =
+            "choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here";
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
+    smoothed(path, options, is_of_other_model, &mut loaded);
     if matches!(format, Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, &mut loaded, false);
     } else if !matches!(options.up, Up::Auto | Up::Y) {
@@ -166,6 +174,22 @@ fn way_to_a_scene(extension: &str) -> String {
         }
     };
     way.to_string()
+}
+
+/// Gives meshes smooth normals if the caller asks for them; says so where there are none to be smoothed.
+fn smoothed(path: &Path, options: &LoadOptions, is_of_meshes: bool, loaded: &mut Loaded) {
+    let Some(crease_rad) = options.smooth_rad else { return };
+    let meshes = loaded.scene.meshes.iter_mut().filter(|_| is_of_meshes);
+    let count =
+        meshes.map(|mesh| smooth::smooth(mesh, crease_rad)).filter(|is_smoothed| *is_smoothed).count();
+    if count == 0 {
+        let why = match is_of_meshes {
+            true => "all meshes have normals of their own",
+            false => "it is for OBJ and PLY files; scene files have the key 'smooth' of objects",
+        };
+        let message = format!("{} changes nothing: {why}", Choice::Smooth);
+        loaded.warnings.push(Warning::new(path, "", message));
+    }
 }
 
 /// Adds what lies beside a model and what bare models lack, and checks the whole.

@@ -27,6 +27,8 @@ pub struct PngOptions {
     pub dither: bool,
     /// 16 bits a channel instead of 8, in PNG and TIFF.
     pub deep: bool,
+    /// Stand before black where the picture is transparent: no alpha.
+    pub opaque: bool,
 }
 
 /// Linear pixels with premultiplied alpha, row by row from the top.
@@ -59,10 +61,11 @@ pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> R
     }
     let alpha = match format {
         Format::Jpeg => false,
+        _ if options.opaque => false,
         _ => picture.rgba.iter().any(|pixel| byte(pixel[3]) != 255),
     };
     let depth = if options.deep && matches!(format, Format::Png | Format::Tiff) { 65535.0 } else { 255.0 };
-    let shape = Shape { alpha, straight: format != Format::Jpeg, most: depth };
+    let shape = Shape { alpha, straight: format != Format::Jpeg && !options.opaque, most: depth };
     let codes = codes(picture, options, shape);
     let (data, kind) = match (depth > 255.0, alpha) {
         (false, false) => (narrow(&codes), ExtendedColorType::Rgb8),
@@ -76,7 +79,12 @@ pub fn encode_shown(picture: &Linear, format: Format, options: &PngOptions) -> R
 /// The pixels as displays take them: RGBA with straight alpha, row by row from the top.
 pub fn rgba8(film: &Film, options: &PngOptions) -> Vec<u8> {
     let picture = Linear { width: film.width(), height: film.height(), rgba: &film.rgba() };
-    narrow(&codes(&picture, options, Shape { alpha: true, straight: true, most: 255.0 }))
+    let mut rgba =
+        narrow(&codes(&picture, options, Shape { alpha: true, straight: !options.opaque, most: 255.0 }));
+    if options.opaque {
+        rgba.as_chunks_mut::<4>().0.iter_mut().for_each(|pixel| pixel[3] = 255);
+    }
+    rgba
 }
 
 /// The same of other pixels.

@@ -1,11 +1,22 @@
 //! What files say about how a picture was made.
 
+use super::options::RenderOptions;
 use super::rendering::Rendering;
 use super::statistics::Statistics;
+use crate::compile::CompiledScene;
 use crate::error::Warning;
 use crate::math::DVec3;
 use crate::output::{Metadata, OutputOptions, PngOptions};
+use crate::scene::RayKinds;
 use std::time::SystemTime;
+
+/// Are pictures for looking at to be transparent where nothing is? Only where that is asked for: by an environment that
+/// cameras don't see, by transparent glass, holdouts or shadow catchers. Others stand before black; EXRs have alpha always.
+pub fn shows_alpha(scene: &CompiledScene, options: &RenderOptions) -> bool {
+    let features = &scene.features;
+    let is_hidden = !features.environment_visible_to.contains(RayKinds::CAMERA);
+    is_hidden || features.catchers || features.holdouts || options.transparent_glass
+}
 
 impl Rendering {
     /// How [`Rendering::save`] writes the picture so far.
@@ -36,7 +47,11 @@ impl Rendering {
             warnings: warnings.iter().map(Warning::to_string).collect(),
         };
         OutputOptions {
-            png: PngOptions { exposure: self.exposure, ..PngOptions::default() },
+            png: PngOptions {
+                exposure: self.exposure,
+                opaque: !shows_alpha(&self.scene, &self.options),
+                ..PngOptions::default()
+            },
             metadata,
             ..OutputOptions::default()
         }

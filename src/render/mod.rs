@@ -44,6 +44,7 @@ pub use guiding::guiding_bytes;
 pub use identity::identity;
 pub use labels::Labels;
 pub use layout::{film_bytes, splat_bytes};
+pub use metadata::shows_alpha;
 pub use options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
 pub use picture::Picture;
 pub use pool::in_pool;

@@ -234,6 +234,7 @@ impl Renderer {
         compiler.keep_uv(settled.options.aovs.contains(Aov::Uv));
         let (compiled, mut report) = compiler.compile(scene, settled.shading, camera, size)?;
         warnings.append(&mut report.warnings);
+        warnings.append(&mut report.notes);
         let labels = Labels::of(scene, &settled.options);
         let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
         let rendering = rendering.placed(scene.backdrop.clone(), *offset);

@@ -80,7 +80,9 @@ fn what_cannot_be_denoised_is_refused() {
 fn pictures_come_in_all_formats_and_views() {
     let folder = tempfile::tempdir().unwrap();
     let files = ["-o", "a.jpg", "-o", "a.tif", "-o", "a.webp", "-o", "a.hdr", "-o", "a.exr"];
-    render(folder.path(), "a.png", &[&files[..], &["--view", "agx", "--exposure", "1", "--deep"]].concat());
+    // With alpha, as the EXR has it.
+    let look = ["--view", "agx", "--exposure", "1", "--deep", "--transparent"];
+    render(folder.path(), "a.png", &[&files[..], &look].concat());
     let open = |name: &str| image::open(folder.path().join(name)).unwrap_or_else(|e| panic!("{name}: {e}"));
     let png = open("a.png").to_rgb16();
     assert!(png.pixels().any(|p| p[0] % 257 != 0), "more than 8 bits");

@@ -87,6 +87,18 @@ fn programs_get_the_same_as_json() {
     assert_eq!(json["left_out"].as_array().map(Vec::len), Some(1));
 }
 
+/// What `render` would add is told in its words, and is no part of what the file holds.
+#[test]
+fn the_light_that_rendering_adds_is_told() {
+    let folder = folder();
+    let shown = inspect(folder.path(), &["house.obj"]);
+    for part in ["environment none\n", "images     0\n", "no camera and no light: shown from", "studio light"]
+    {
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+    assert!(!shown.contains("soft default sky") && !shown.contains("ground'"), "{shown}");
+}
+
 #[test]
 fn the_cornell_box_is_told_by_its_nodes() {
     let shown = inspect(Path::new(env!("CARGO_MANIFEST_DIR")), &["assets/cornell-box.gltf"]);

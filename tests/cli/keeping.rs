@@ -96,6 +96,34 @@ fn a_merged_checkpoint_has_its_background() {
     let merged = oscura(folder, &["merge", "a.part", "-o", "b.png"]);
     assert_eq!(code(&merged), 0, "{}", stderr(&merged));
     assert!(fs::read(folder.join("a.png")).unwrap() == fs::read(folder.join("b.png")).unwrap());
+    // Another look of the same sums.
+    let look = ["--view", "agx", "--exposure", "-1.5"];
+    let made = oscura(folder, &[&args[..], &look, &["-o", "c.png"]].concat());
+    assert_eq!(code(&made), 0, "{}", stderr(&made));
+    let merged = oscura(folder, &[&["merge", "a.part", "-o", "d.png"][..], &look].concat());
+    assert_eq!(code(&merged), 0, "{}", stderr(&merged));
+    assert!(fs::read(folder.join("c.png")).unwrap() == fs::read(folder.join("d.png")).unwrap());
+    assert!(fs::read(folder.join("a.png")).unwrap() != fs::read(folder.join("d.png")).unwrap());
+}
+
+/// Channels that a scene file asks for are checked, also where no file could hold them.
+#[test]
+fn unknown_channels_are_refused_without_an_exr() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |aov: &str| {
+        format!(
+            "camera = {{ look_from = [0, 0, 4], look_at = [0, 0, 0] }}\nenvironment.background = [1, 1, 1]\n\
+             render.aovs = [\"{aov}\"]\n[[objects]]\nsphere = {{ center = [0, 0, 0], radius = 1 }}\nmaterial = \"m\"\n\
+             [materials.m]\ntype = \"lambert\"\ncolor = [0.5, 0.5, 0.5]\n"
+        )
+    };
+    let args = ["render", "a.toml", "-o", "a.png", "--width", "8", "--spp", "1"];
+    fs::write(folder.path().join("a.toml"), scene("dephts")).unwrap();
+    let refused = oscura(folder.path(), &args);
+    assert!(code(&refused) != 0 && stderr(&refused).contains("dephts"), "{}", stderr(&refused));
+    fs::write(folder.path().join("a.toml"), scene("depth")).unwrap();
+    let taken = oscura(folder.path(), &args);
+    assert!(code(&taken) == 0 && !stderr(&taken).contains("warning:"), "{}", stderr(&taken));
 }
 
 #[test]

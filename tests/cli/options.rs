@@ -255,6 +255,32 @@ fn options_without_effect_are_warned_of() {
     }
 }
 
+/// Every option of the table where it works, and where it doesn't.
+#[test]
+fn options_without_effect_say_why() {
+    let folder = tempfile::tempdir().unwrap();
+    let idle = |output: &str, more: &[&str]| {
+        let run = render(folder.path(), output, more);
+        let said = stderr(&run);
+        said.lines().filter(|line| line.contains("has no effect")).map(str::to_string).collect::<Vec<_>>()
+    };
+    let for_looking =
+        ["--view", "agx", "--exposure", "1", "--white-balance", "5000", "--dither", "--deep", "--quiet"];
+    assert!(idle("a.png", &for_looking[..8]).is_empty());
+    let said = idle("a.exr", &for_looking[..8]).join("\n");
+    for option in ["--view", "--exposure", "--white-balance", "--dither", "--deep"] {
+        assert!(said.contains(&format!("{option} has no effect: no output is")), "{option}: {said}");
+    }
+    let said =
+        idle("a.jpg", &["--deep", "--crypto-levels", "3", "--fps", "10", "--aov-space", "camera"]).join("\n");
+    for option in ["--deep", "--crypto-levels", "--fps", "--aov-space"] {
+        assert!(said.contains(&format!("{option} has no effect: ")), "{option}: {said}");
+    }
+    let used = ["--aov", "normal,crypto_object", "--crypto-levels", "3", "--aov-space", "camera"];
+    assert_eq!(idle("a.exr", &used), [""; 0]);
+    assert!(idle("a.exr", &["--light-groups"]).join("").contains("no groups of lights"));
+}
+
 #[test]
 fn strict_makes_warnings_errors_before_rendering() {
     let folder = tempfile::tempdir().unwrap();

@@ -85,6 +85,105 @@ fn choices_about_the_stage_are_refused_or_said_to_change_nothing() {
         let part = format!("{option} changes nothing");
         assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
     }
+    let more = ["--stage", "sky", "--env", "", "--zoom", "2"];
+    let output = oscura(folder.path(), &[&["render", &scene][..], &size, &more].concat());
+    for option in ["--stage", "--zoom"] {
+        let part = format!("{option} changes nothing");
+        assert!(stderr(&output).contains(&part), "'{part}' is not in {}", stderr(&output));
+    }
+}
+
+#[test]
+fn facets_become_smooth_on_demand() {
+    let folder = tempfile::tempdir().unwrap();
+    // A bent strip: eight faces around a quarter of a tube.
+    let ring = |i: u32| (f64::from(i) / 8.0 * std::f64::consts::FRAC_PI_2).sin_cos();
+    let vertices: String =
+        (0..9).map(|i| format!("v {0} {1} 0\nv {0} {1} 2\n", ring(i).0, ring(i).1)).collect();
+    let faces: String =
+        (0..8).map(|i| 2 * i + 1).map(|a| format!("f {} {} {} {}\n", a, a + 1, a + 3, a + 2)).collect();
+    fs::write(folder.path().join("a.obj"), vertices + &faces).unwrap();
+    let steps = |name: &str, more: &[&str]| {
+        let fixed = ["-o", name, "--up", "y", "--view-from", "45,10", "--ground", "none", "--spp", "32"];
+        let said = shoot(folder.path(), &[&fixed[..], more].concat());
+        let picture = image::open(folder.path().join(name)).unwrap().into_luma8();
+        let row: Vec<u8> = (8..40).map(|x| picture.get_pixel(x, 24)[0]).collect();
+        (row.windows(2).map(|w| w[0].abs_diff(w[1])).max().unwrap(), said)
+    };
+    let (facets, smooth) = (steps("a.png", &[]), steps("b.png", &["--smooth"]));
+    assert!(fs::read(folder.path().join("a.png")).unwrap() != fs::read(folder.path().join("b.png")).unwrap());
+    assert!(smooth.0 <= facets.0, "{} {}", smooth.0, facets.0);
+    let sharp = steps("c.png", &["--smooth=5"]);
+    assert!(fs::read(folder.path().join("a.png")).unwrap() == fs::read(folder.path().join("c.png")).unwrap());
+    assert!(!sharp.1.contains("changes nothing"), "{}", sharp.1);
+    let other = oscura(
+        folder.path(),
+        &["render", &cornell(), "--width", "8", "--spp", "1", "-o", "d.png", "--smooth"],
+    );
+    assert!(code(&other) == 0 && stderr(&other).contains("--smooth changes nothing"), "{}", stderr(&other));
+}
+
+/// Poles of spheres are no reason to refuse a model.
+#[test]
+fn triangles_without_area_are_a_note() {
+    let folder = tempfile::tempdir().unwrap();
+    fs::write(folder.path().join("a.obj"), "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 1 0 0\nf 1 2 3\nf 1 2 4\n").unwrap();
+    let said = shoot(folder.path(), &["-o", "a.png", "--strict"]);
+    assert!(said.contains("note: 1 primitive without area was dropped"), "{said}");
+    // A place alone is aimed at the model.
+    let said = shoot(folder.path(), &["-o", "b.png", "--eye", "0.3,0.3,4", "--frames", "1-2"]);
+    assert!(said.contains("nothing moves in files of this type"), "{said}");
+    let picture = image::open(folder.path().join("b.0001.png")).unwrap().into_rgb8();
+    assert!(picture.get_pixel(24, 24) != picture.get_pixel(2, 24));
+}
+
+/// A square floor with a camera, of glTF, and a spark that shines.
+fn spark(folder: &Path) {
+    let floats = |list: &[f32]| list.iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+    let floor = [[-2.0, 0.0, 2.0], [2.0, 0.0, 2.0], [0.0, 0.0, -2.0]];
+    let spark = [[-0.02, 0.5, 0.0], [0.02, 0.5, 0.0], [0.0, 0.54, 0.0]];
+    fs::write(folder.join("a.bin"), floats([floor, spark].as_flattened().as_flattened())).unwrap();
+    let accessor = |at: u32, low: &str, high: &str| {
+        format!(
+            r#"{{"bufferView":0,"byteOffset":{at},"componentType":5126,"count":3,"type":"VEC3","min":{low},"max":{high}}}"#
+        )
+    };
+    let text = format!(
+        r#"{{"asset":{{"version":"2.0"}},"scene":0,"scenes":[{{"nodes":[0,1]}}],
+        "nodes":[{{"mesh":0}},{{"camera":0,"translation":[0,1,4]}}],
+        "cameras":[{{"type":"perspective","perspective":{{"yfov":0.8,"znear":0.1}}}}],
+        "materials":[{{"doubleSided":true,"pbrMetallicRoughness":{{"metallicFactor":0}}}},{{"emissiveFactor":[1,0.5,0.2]}}],
+        "meshes":[{{"primitives":[{{"attributes":{{"POSITION":0}},"material":0}},{{"attributes":{{"POSITION":1}},"material":1}}]}}],
+        "accessors":[{},{}],
+        "bufferViews":[{{"buffer":0,"byteLength":72}}],"buffers":[{{"uri":"a.bin","byteLength":72}}]}}"#,
+        accessor(0, "[-2,0,-2]", "[2,0,2]"),
+        accessor(36, "[-0.02,0.5,0]", "[0.02,0.54,0]")
+    );
+    fs::write(folder.join("a.gltf"), text).unwrap();
+}
+
+#[test]
+fn a_part_that_glows_takes_no_light_from_a_scene_with_a_camera() {
+    let folder = tempfile::tempdir().unwrap();
+    spark(folder.path());
+    let shoot = |name: &str, more: &[&str]| {
+        let fixed = ["render", "a.gltf", "-o", name, "--width", "32", "--height", "24", "--spp", "16"];
+        let output = oscura(folder.path(), &[&fixed[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let picture = image::open(folder.path().join(name)).unwrap();
+        (stderr(&output), picture.color().has_alpha(), picture.into_rgb8())
+    };
+    // The floor, in the lower half of the picture.
+    let (said, _, lit) = shoot("lit.png", &[]);
+    assert!(said.contains("soft default sky") && said.contains("--env ''"), "{said}");
+    assert!(lit.get_pixel(16, 16)[0] > 100, "{:?}", lit.get_pixel(16, 16));
+    let (said, _, staged) = shoot("staged.png", &["--stage", "studio"]);
+    assert!(said.contains("studio light") && !said.contains("changes nothing"), "{said}");
+    assert!(staged.get_pixel(16, 16)[0] > 60, "{:?}", staged.get_pixel(16, 16));
+    let (_, has_alpha, dark) = shoot("dark.png", &["--env", ""]);
+    assert!(!has_alpha && dark.get_pixel(16, 16)[0] < 30, "{:?}", dark.get_pixel(16, 16));
+    assert_eq!(dark.get_pixel(1, 1).0, [0; 3]);
+    assert!(shoot("clear.png", &["--env", "", "--transparent"]).1);
 }
 
 #[test]

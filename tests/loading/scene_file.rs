@@ -45,6 +45,41 @@ fn every_example_loads_without_warnings() {
     assert!(seen >= 4);
 }
 
+/// Objects of one file have facets or smooth normals, each by its own angle; those of one angle share their mesh.
+#[test]
+fn objects_are_smoothed_by_their_angles() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    // Two triangles that meet at a right angle.
+    let roof = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 2 3\nf 1 3 4\n";
+    std::fs::write(folder.path().join("roof.obj"), roof).expect("written");
+    let path = folder.path().join("scene.toml");
+    let object = |more: &str| format!("[[objects]]\nmesh = \"roof.obj\"\n{more}");
+    let objects = ["", "smooth = 30\n", "smooth = 120\n", "smooth = 120\n"].map(object).concat();
+    std::fs::write(&path, with_camera(&objects)).expect("written");
+    let scene = load(&path, &LoadOptions::default()).expect("it loads").scene;
+    let vertices = |i: usize| {
+        let mesh = &scene.meshes[scene.instances[i].mesh.index()];
+        (mesh.positions.len(), mesh.normals.len())
+    };
+    assert_eq!([0, 1, 2].map(vertices), [(4, 0), (6, 6), (4, 4)]);
+    assert_eq!(scene.instances[2].mesh, scene.instances[3].mesh);
+    let wrong = with_camera(&object("smooth = 190\n"));
+    std::fs::write(&path, wrong).expect("written");
+    let error = load(&path, &LoadOptions::default()).expect_err("too wide an angle").to_string();
+    assert!(error.contains("'smooth'") && error.contains("from 0 to 180"), "{error}");
+    let of_ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nsmooth = 30\n";
+    std::fs::write(&path, with_camera(of_ball)).expect("written");
+    let error = load(&path, &LoadOptions::default()).expect_err("spheres are smooth").to_string();
+    assert!(error.contains("smooth"), "{error}");
+    // Models as they are, where the caller asks for it.
+    let options = LoadOptions { smooth_rad: Some(2.0), ..LoadOptions::default() };
+    let loaded = load(folder.path().join("roof.obj"), &options).expect("it loads");
+    assert_eq!(loaded.scene.meshes[0].normals.len(), 4);
+    std::fs::write(&path, with_camera(&object(""))).expect("written");
+    let loaded = load(&path, &options).expect("it loads");
+    assert!(loaded.warnings.iter().any(|w| w.message.contains("changes nothing")), "{:?}", loaded.warnings);
+}
+
 #[test]
 fn the_cornell_box_has_its_view_and_a_light_that_faces_down() {
     let scene = load(scenes().join("cornell-quads.toml"), &LoadOptions::default()).expect("it loads").scene;

@@ -81,11 +81,33 @@ fn dropped_primitives_are_not_counted_as_present() {
     scene.cameras.push(look_down_z());
     let report = report(&scene);
     assert_eq!((report.triangles, report.quads), (1, 0));
-    let messages: Vec<&str> = report.warnings.iter().map(|w| w.message.as_str()).collect();
-    assert_eq!(messages, ["2 primitives without area were dropped"]);
+    let messages: Vec<&str> = report.notes.iter().map(|w| w.message.as_str()).collect();
+    assert_eq!((messages, report.warnings.len()), (vec!["2 primitives without area were dropped"], 0));
     scene.quads.clear();
     let report = self::report(&scene);
-    assert_eq!(report.warnings[0].message, "1 primitive without area was dropped");
+    assert_eq!(report.notes[0].message, "1 primitive without area was dropped");
+}
+
+/// What rounding takes away is another matter than what has no area.
+#[test]
+fn what_is_too_small_for_its_place_is_warned_of() {
+    let mut scene = Scene::default();
+    let grey = material(&mut scene, Material::lambert("grey", [0.5; 3]));
+    scene.meshes.push(square(1, grey));
+    place(&mut scene, 0, DAffine3::from_translation(DVec3::new(1e9, 0.0, 0.0)));
+    scene.cameras.push(look_down_z());
+    let report = report(&scene);
+    assert_eq!((report.triangles, report.notes.len()), (0, 0));
+    let message = &report.warnings[0].message;
+    assert!(message.starts_with("2 primitives too small for single precision"), "{message}");
+    // A pole whose corners were computed, and differ by the rounding of that.
+    let mut pole = square(1, grey);
+    pole.positions[1] = pole.positions[0];
+    pole.positions[1][2] += 1e-16;
+    scene.meshes[0] = pole;
+    scene.instances[0].world_from_object = DAffine3::from_translation(DVec3::new(0.0, 0.0, -5.0));
+    let report = self::report(&scene);
+    assert!(report.notes.len() == 1 && report.warnings.is_empty(), "{:?}", report.warnings);
 }
 
 /// An f32 matrix would take rays to object space with errors as uneven as the stretch.

@@ -14,6 +14,7 @@ use super::report::print_line;
 use super::scene_path;
 use super::terms;
 use oscura::error::Result;
+use oscura::load::stage::StageOptions;
 use oscura::load::{LoadOptions, load};
 
 pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
@@ -24,6 +25,8 @@ pub(crate) fn run(args: &InspectArgs) -> Result<Outcome> {
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),
         gltf: args.asset.options(),
+        // What 'render' adds is told, but is not in the file.
+        stage: StageOptions { is_foretold: true, ..StageOptions::studio() },
         ..LoadOptions::default()
     };
     let mut loaded = load(&args.scene, &options)?;

@@ -78,7 +78,10 @@ pub(super) fn pose(doc: &Document, time_s: f64, report: &mut Report) -> Pose {
         report.warn("/animations", message);
     }
     if count == 0 {
-        report.warn("", "the file has no animations: every moment looks the same");
+        report.warn(
+            "",
+            "nothing moves: the file has no animations, and every frame or moment is the same picture",
+        );
     }
     Pose { animations: count, ..reader.pose }
 }

@@ -4,8 +4,9 @@
 use super::build::Build;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
-use crate::load::{LoadOptions, Loaded};
+use crate::load::{LoadOptions, Loaded, smooth};
 use crate::scene::{Camera, Instance, MaterialId, MeshId, Motion, Scene, Shape, Texture};
+use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -26,6 +27,8 @@ pub(super) struct Assets {
     files: HashMap<PathBuf, Option<Asset>>,
     /// Files that some object places with their own materials.
     with_materials: HashSet<PathBuf>,
+    /// Copies of meshes with smooth normals, by the mesh and the bits of the angle of creases.
+    smooth: HashMap<(MeshId, u64), MeshId>,
 }
 
 impl Assets {
@@ -34,8 +37,26 @@ impl Assets {
         self.with_materials.insert(key(&beside(build, name)));
     }
 
-    /// What a file brings; `None` where it has problems, which have been noted.
-    pub fn get(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
+    /// What a file brings, with smooth normals by an angle of creases in radians; `None` where it has problems, which have been
+    /// noted.
+    pub fn get(
+        &mut self,
+        build: &mut Build,
+        name: &str,
+        span: Range<usize>,
+        crease_rad: Option<f64>,
+    ) -> Option<Cow<'_, Asset>> {
+        let Some(crease_rad) = crease_rad else { return self.get_once(build, name, span).map(Cow::Borrowed) };
+        let mut asset = self.get_once(build, name, span)?.clone();
+        for instance in &mut asset.instances {
+            let scene = &mut build.loaded.scene;
+            let key = (instance.mesh, crease_rad.to_bits());
+            instance.mesh = *self.smooth.entry(key).or_insert_with(|| smoothed(scene, key.0, crease_rad));
+        }
+        Some(Cow::Owned(asset))
+    }
+
+    fn get_once(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
         let path = beside(build, name);
         let key = key(&path);
         if !self.files.contains_key(&key) {
@@ -82,6 +103,18 @@ impl Assets {
             }
         }
     }
+}
+
+/// A copy of a mesh with smooth normals; itself where it has some, or changes its form.
+fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
+    let mesh = &scene.meshes[id.index()];
+    if !mesh.normals.is_empty() || scene.motion.meshes.contains_key(&id.index()) {
+        return id;
+    }
+    let mut mesh = mesh.clone();
+    smooth::smooth(&mut mesh, crease_rad);
+    scene.meshes.push(mesh);
+    MeshId(scene.meshes.len() as u32 - 1)
 }
 
 /// The path of a file that the scene file names.

@@ -9,6 +9,8 @@
 //! | `pyramid` | `{ base, size = [x, z], height }`, over the middle `base`; `materials` may name five: base, +z, +x, -z, -x |
 //! | `triangle` | three points |
 //!
+//! `smooth = 30` gives a `mesh` without normals smooth ones, of any type; edges where faces meet at more degrees stay sharp.
+//!
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
 //! object, by default all: rays of other kinds pass it, and get no light of it. `visible_to_camera = false` leaves out
 //! the camera. What `shadow` rays don't see casts no shadow. With `holdout = true` the picture is transparent where the
@@ -155,7 +157,8 @@ fn add_mesh(
     assets: &mut Assets,
 ) {
     let Some(file) = fields.string("mesh") else { return };
-    let Some(asset) = assets.get(build, file.value, file.span.clone()) else { return };
+    let crease = fields.has("smooth").then(|| fields.number_in("smooth", 0.0..180.0, 0.0).to_radians());
+    let Some(asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
     let scene = &mut build.loaded.scene;
     for i in &asset.instances {
         let world_from_object = object.world_from_object * i.world_from_object;

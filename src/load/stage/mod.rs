@@ -9,6 +9,7 @@ mod options;
 mod orbit;
 mod outline;
 mod shine;
+mod stray;
 mod view;
 
 pub use direction::ViewFrom;
@@ -17,6 +18,7 @@ pub use orbit::Turntable;
 
 use super::Loaded;
 use crate::error::{Choice, Warning};
+use crate::math::DVec3;
 use crate::scene::{Backdrop, Environment, Scene};
 use outline::Outline;
 use shine::Shine;
@@ -32,6 +34,9 @@ const SOFT_SKY: ([f32; 3], [f32; 3]) = ([0.064, 0.06, 0.056], [1.056, 1.14, 1.22
 /// Parts that shine light a scene with a camera, unless it is a model ([`Loaded::is_model`]) whose parts only glow; a model
 /// without a camera is to be looked at, and is lit, too. Light that the caller chose takes the place of an environment.
 pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+    if options.is_foretold {
+        return foretell(loaded, options, brings_environment);
+    }
     let scene = &loaded.scene;
     if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
         let message = "there is nothing to see: no triangles, quads or other shapes";
@@ -55,6 +60,31 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     background(loaded, options);
 }
 
+/// Says what would be added, and adds cameras alone.
+fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
+    let scene = &loaded.scene;
+    let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
+    let (images, shapes) = (scene.images.len(), scene.shapes.len());
+    let environment = (scene.environment.clone(), scene.environment_visible_to);
+    let backdrop = scene.backdrop.clone();
+    complete(loaded, &StageOptions { is_foretold: false, ..options.clone() }, brings_environment);
+    let scene = &mut loaded.scene;
+    (scene.environment, scene.environment_visible_to) = environment;
+    (scene.backdrop, scene.materials, loaded.stand_ins) = (backdrop, materials, stand_ins);
+    scene.images.truncate(images);
+    scene.shapes.truncate(shapes);
+    loaded.is_stage_lit = false;
+}
+
+/// The middle of a scene: what a camera that loading added goes around, else that of the box around everything but what
+/// lies far away from all else.
+pub fn middle(loaded: &Loaded) -> DVec3 {
+    match loaded.turntable {
+        Some(table) => table.middle(),
+        None => Outline::of(&loaded.scene, loaded.offset).center() + loaded.offset,
+    }
+}
+
 /// Does a scene with a camera but without lamps need light? One of little light says so.
 fn lacks_light(loaded: &mut Loaded, shine: Shine) -> bool {
     if shine == Shine::Dim && loaded.is_model {
@@ -70,6 +100,10 @@ fn lacks_light(loaded: &mut Loaded, shine: Shine) -> bool {
 /// The whole stage around a model without a camera.
 fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     let outline = Outline::of(&loaded.scene, loaded.offset);
+    if let Some(stray) = &outline.stray {
+        let message = format!("{stray}, would make all else a dot: the camera frames the rest");
+        loaded.warnings.push(Warning::general(message));
+    }
     let framed = view::frame(&outline, options, &loaded.scene.settings);
     let is_studio = !is_lit && options.light.is_stage();
     loaded.turntable = Some(Turntable::new(loaded.offset + framed.target, is_studio));

@@ -108,6 +108,8 @@ pub struct StageOptions {
     pub aspect: Option<f64>,
     /// The camera will go around the model, which is to stay in view all the time.
     pub is_orbit: bool,
+    /// Only say what would be added beside a camera.
+    pub is_foretold: bool,
 }
 
 impl Default for StageOptions {
@@ -124,6 +126,7 @@ impl Default for StageOptions {
             vfov_degrees: 30.0,
             aspect: None,
             is_orbit: false,
+            is_foretold: false,
         }
     }
 }

@@ -18,6 +18,11 @@ impl Turntable {
         Turntable { middle, turns_light }
     }
 
+    /// The middle of what is turned.
+    pub fn middle(&self) -> DVec3 {
+        self.middle
+    }
+
     /// The camera after an angle, radians, counter-clockwise seen from above. It stands still there.
     pub fn camera(&self, camera: &Camera, angle_rad: f64) -> Camera {
         let turn = DAffine3::from_translation(self.middle)

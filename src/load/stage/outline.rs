@@ -1,5 +1,6 @@
 //! Points that stand for a whole scene when it is framed.
 
+use super::stray;
 use crate::math::DVec3;
 use crate::scene::{Scene, Shape, instance_extents, scene_extent, visit_points};
 
@@ -17,6 +18,8 @@ pub(super) struct Outline {
     pub min: DVec3,
     /// Greatest corner.
     pub max: DVec3,
+    /// What lies so far away from all else that it is left out, in words.
+    pub stray: Option<String>,
 }
 
 impl Outline {
@@ -26,18 +29,32 @@ impl Outline {
         let fits = |p: DVec3| p.is_finite() && p.abs().max_element() < FARTHEST;
         let Some((min, max)) = bounds.filter(|&(min, max)| fits(min) && fits(max)) else {
             let (min, max) = (DVec3::splat(-1.0), DVec3::splat(1.0));
-            return Outline { points: corners(min, max).to_vec(), min, max };
+            return Outline { points: corners(min, max).to_vec(), min, max, stray: None };
         };
-        let (min, max) = (min - offset, max - offset);
-        let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
-        visit_points(scene, &mut |p| far.add(p - offset));
-        for shape in &scene.shapes {
-            around(shape, scene.shapes.len(), &mut |p| far.add(p - offset));
+        let limit = stray::limit(scene);
+        let visit = |each: &mut dyn FnMut(DVec3)| {
+            let mut near = |p: DVec3| {
+                if limit.as_ref().is_none_or(|limit| limit.holds(p)) {
+                    each(p);
+                }
+            };
+            visit_points(scene, &mut near);
+            for shape in &scene.shapes {
+                around(shape, scene.shapes.len(), &mut near);
+            }
+        };
+        let (mut low, mut high) = (min, max);
+        if limit.is_some() {
+            (low, high) = (max, min);
+            visit(&mut |p| (low, high) = (low.min(p), high.max(p)));
         }
+        let (min, max) = (low - offset, high - offset);
+        let mut far = Farthest::new((min + max) * 0.5, (max - min) * 0.5);
+        visit(&mut |p| far.add(p - offset));
         let points = far.points();
         // Meshes of one point are no reason for a division by zero.
         let points = if points.is_empty() { corners(min, max).to_vec() } else { points };
-        Outline { points, min, max }
+        Outline { points, min, max, stray: limit.map(|limit| limit.beyond) }
     }
 
     /// The middle of the box.

@@ -70,6 +70,61 @@ fn models_fill_the_picture_with_even_margins_from_everywhere() {
     }
 }
 
+/// A wavy sheet of some hundred triangles within a metre of the middle.
+fn sheet() -> Vec<DVec3> {
+    let corner = |i: u32, j: u32| {
+        let (x, z) = (f64::from(i) * 0.1 - 0.9, f64::from(j) * 0.1 - 0.9);
+        DVec3::new(x, 0.2 * (3.0 * x).sin(), z)
+    };
+    let cell = |i: u32, j: u32| [corner(i, j), corner(i, j + 1), corner(i + 1, j)];
+    (0..18).flat_map(|i| (0..18).flat_map(move |j| cell(i, j))).collect()
+}
+
+#[test]
+fn what_lies_far_from_all_else_is_not_framed_and_is_named() {
+    let names =
+        |loaded: &Loaded| loaded.warnings.iter().map(ToString::to_string).collect::<Vec<_>>().join("\n");
+    // Another object, and triangles of the same one.
+    let mut apart = points(&sheet());
+    let mut crumb = points(&[1e6, 1e6 + 1.0, 1e6 + 2.0].map(|x| DVec3::new(x, 2.0, x * x % 1.0)));
+    apart.scene.meshes.append(&mut crumb.scene.meshes);
+    let crumb = Instance { mesh: MeshId(1), ..crumb.scene.instances[0].clone() };
+    apart.scene.instances.push(Instance { name: "crumb".into(), ..crumb });
+    let noise = [40.0, 41.0, 40.0].map(|x| DVec3::new(-x, x, 0.0));
+    let mut inside = points(&[sheet(), noise.to_vec()].concat());
+    inside.scene.instances[0].name = "scan".into();
+    for (mut loaded, name) in [(apart, "'crumb', some 1000000 m away"), (inside, "parts of 'scan', some")] {
+        complete(&mut loaded, &StageOptions::studio(), false);
+        assert!(names(&loaded).contains(name), "{}", names(&loaded));
+        let most = sheet().iter().fold(0.0, |most: f64, &p| most.max(seen(&loaded, p).abs().max_element()));
+        assert!((0.5..2.0).contains(&most), "{most}");
+        assert!(middle(&loaded).length() < 0.3);
+    }
+    // Nearer, it belongs to the picture; so does a ground that reaches far; and of two nobody knows which is stray.
+    let near = [10.0, 11.0, 10.0].map(|x| DVec3::new(-x, x, 0.0));
+    let ground = [[-1e4, 0.0, -1e4], [1e4, 0.0, -1e4], [0.0, 0.0, 1e4]].map(DVec3::from);
+    let twin = sheet().iter().map(|&p| p + DVec3::X * 1e4).collect();
+    for more in [near.to_vec(), ground.to_vec(), twin] {
+        let mut loaded = points(&[sheet(), more.clone()].concat());
+        complete(&mut loaded, &StageOptions::studio(), false);
+        assert_eq!(names(&loaded), "");
+        more.iter().for_each(|&p| assert!(seen(&loaded, p).abs().max_element() < 2.0));
+    }
+}
+
+#[test]
+fn what_would_be_added_is_told_and_left_out() {
+    let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+    loaded.stand_ins.push(MaterialId(0));
+    complete(&mut loaded, &StageOptions { is_foretold: true, ..StageOptions::studio() }, false);
+    let scene = &loaded.scene;
+    assert!(loaded.notes[0].message.contains("studio light, on a ground"), "{:?}", loaded.notes);
+    assert_eq!((scene.shapes.len(), scene.images.len(), scene.cameras.len()), (1, 0, 1));
+    assert_eq!((&scene.environment, &scene.materials[0]), (&Environment::Black, &grey()));
+    assert!(scene.backdrop.is_none());
+    assert!(scene.environment_visible_to.contains(RayKinds::CAMERA));
+}
+
 #[test]
 fn a_model_that_turns_stays_in_view() {
     let corners = [[-1.0, 0.0, -2.0], [1.0, 0.0, 2.0], [0.9, 1.0, -2.0]].map(DVec3::from);

@@ -165,6 +165,9 @@ pub struct Finish {
     pub exposure: u32,
     /// Are they dithered?
     pub dither: bool,
+    /// Do they stand before black?
+    #[serde(default)]
+    pub opaque: bool,
     /// What lies behind the picture.
     pub behind: Behind,
 }
