@@ -38,9 +38,11 @@ pub(crate) fn shortened<'m, T>(list: &'m [T], text: impl Fn(&T) -> &str) -> Vec<
 /// What messages have in common that differ in names and numbers only.
 fn kind(text: &str) -> String {
     let mut out = String::new();
-    let mut rest = text;
+    let (mut rest, mut is_in_word) = (text, false);
     while let Some(first) = rest.chars().next() {
-        let quoted = rest.strip_prefix('\'').and_then(|inner| Some(inner.find('\'')? + 2));
+        // An apostrophe begins no name.
+        let quoted = rest.strip_prefix('\'').filter(|_| !is_in_word);
+        let quoted = quoted.and_then(|inner| Some(inner.find('\'')? + 2));
         let digits = rest.find(|c: char| !c.is_ascii_digit()).unwrap_or(rest.len());
         let (mark, length) = match quoted {
             Some(length) => ('\'', length),
@@ -48,6 +50,7 @@ fn kind(text: &str) -> String {
             None => (first, first.len_utf8()),
         };
         out.push(mark);
+        is_in_word = mark.is_alphanumeric();
         rest = &rest[length..];
     }
     out

@@ -32,7 +32,15 @@ pub(super) fn smooth(mesh: &mut Mesh, crease_rad: f64) -> bool {
 }
 
 fn position(mesh: &Mesh, vertex: u32) -> DVec3 {
-    DVec3::from(mesh.positions[vertex as usize].map(f64::from))
+    DVec3::from(cleaned(mesh.positions[vertex as usize]).map(f64::from))
+}
+
+/// A position without the rounding of sines and cosines: coordinates far below the last digit of the largest one are zero, as at
+/// the poles of spheres, whose vertices would not be in one place otherwise.
+fn cleaned(p: [f32; 3]) -> [f32; 3] {
+    let least = p.iter().fold(0.0f32, |most, x| most.max(x.abs())) * f32::EPSILON;
+    // Zero has two signs.
+    p.map(|x| if x.abs() < least { 0.0 } else { x + 0.0 })
 }
 
 /// Unit normal of a triangle; zero without area.
@@ -52,8 +60,7 @@ struct Around {
 
 impl Around {
     fn of(mesh: &Mesh) -> Around {
-        // Zero has two signs.
-        let key = |v: u32| mesh.positions[v as usize].map(|x| (x + 0.0).to_bits());
+        let key = |v: u32| cleaned(mesh.positions[v as usize]).map(f32::to_bits);
         let mut order: Vec<u32> = (0..mesh.positions.len() as u32).collect();
         order.par_sort_unstable_by_key(|&v| (key(v), v));
         let (mut points, mut count) = (vec![0; order.len()], 0u32);
@@ -97,8 +104,10 @@ fn of_point(
         |corner: u32, step: u32| mesh.triangles[corner as usize / 3][((corner % 3 + step) % 3) as usize];
     // The edges that leave the point, by their other ends, with the corners that they belong to.
     let end = |corner: u32, step: u32| around.points[vertex(corner, step) as usize];
+    // Triangles without area, as at poles, have no part in it.
+    let with_area = corners.iter().enumerate().filter(|(_, c)| face(**c) != DVec3::ZERO);
     let mut edges: Vec<(u32, usize)> =
-        corners.iter().enumerate().flat_map(|(i, &c)| [1, 2].map(|step| (end(c, step), i))).collect();
+        with_area.flat_map(|(i, &c)| [1, 2].map(|step| (end(c, step), i))).collect();
     edges.sort_unstable();
     let mut groups = Groups::new(corners.len());
     for pair in edges.windows(2) {
@@ -114,10 +123,7 @@ fn of_point(
         let angle = u.cross(v).length().atan2(u.dot(v));
         sums[groups.root(i)] += face(corner) * angle;
     }
-    let normal = |i: usize, corner: u32| {
-        let own = face(corner).normalize_or(DVec3::Z);
-        sums[groups.root(i)].normalize_or(own).as_vec3().to_array()
-    };
+    let normal = |i: usize, corner: u32| sums[groups.root(i)].normalize_or(face(corner)).as_vec3().to_array();
     corners.iter().enumerate().map(|(i, &corner)| (corner, normal(i, corner))).collect()
 }
 
@@ -145,13 +151,17 @@ impl Groups {
     }
 }
 
-/// Gives the corners their normals; a vertex with several becomes as many.
+/// Gives the corners their normals; a vertex with several becomes as many. Corners of triangles without area take what there
+/// is.
 fn give(mesh: &mut Mesh, corners: &[[f32; 3]]) {
     let count = mesh.positions.len();
     let (mut normals, mut is_used) = (vec![[0.0, 0.0, 1.0]; count], vec![false; count]);
     // Other vertices at the place of one, in a chain, and what they are copies of.
     let (mut next, mut origins) = (vec![NONE; count], (0..count as u32).collect::<Vec<_>>());
     for (vertex, &normal) in mesh.triangles.as_flattened_mut().iter_mut().zip(corners) {
+        if normal == [0.0; 3] {
+            continue;
+        }
         let mut at = *vertex as usize;
         while is_used[at] && normals[at] != normal && next[at] != NONE {
             at = next[at] as usize;
