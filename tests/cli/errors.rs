@@ -200,6 +200,29 @@ fn long_lines_are_cut_in_errors() {
     );
 }
 
+/// A slip that is in every object is told with the first places, and counted; other mistakes are told beside it.
+#[test]
+fn mistakes_of_one_kind_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let ball = |i: u32| {
+        format!("[[objects]]\nsphere = {{ center = [{i}, 0, 0], radius = 1 }}\nmaterial = \"missing{i}\"\n")
+    };
+    let balls: String = (0..200).map(ball).collect();
+    let scene = format!(
+        "camera = {{ look_from = [0, 0, 4], look_at = [0, 0, 0] }}\n{balls}[[objects]]\nsphere = {{ radius = 1 }}\n"
+    );
+    fs::write(folder.path().join("a.toml"), scene).unwrap();
+    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr"]);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 3, "{said}");
+    assert!(said.contains("and 195 more of this kind") && said.contains("center"), "{said}");
+    assert!(said.contains("missing4") && !said.contains("missing5"), "{said}");
+    assert!(said.contains("a.toml:4:"), "{said}");
+    // Programs get them all.
+    let output = oscura(folder.path(), &["render", "a.toml", "-o", "a.exr", "--json"]);
+    assert!(stdout(&output).contains("missing199"), "{}", stdout(&output));
+}
+
 #[test]
 fn nobody_has_to_listen() {
     let folder = tempfile::tempdir().unwrap();

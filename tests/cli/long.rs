@@ -157,6 +157,11 @@ fn several_scenes_in_one_go() {
     assert_eq!(code(&output), 3, "{}", stderr(&output));
     assert!(stderr(&output).contains("1 of 2 scenes failed:\n  broken.glb"), "{}", stderr(&output));
     assert_eq!(names(folder), ["broken.glb", "cornell-box.exr"]);
+    let frames = ["render", &scene, "-o", "{name}_%03d.png", "--frames", "1-2"];
+    let output = oscura(folder, &[&frames[..], &small].concat());
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let made = ["broken.glb", "cornell-box.exr", "cornell-box_001.png", "cornell-box_002.png"];
+    assert_eq!(names(folder), made);
 }
 
 #[test]
