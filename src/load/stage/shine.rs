@@ -68,7 +68,7 @@ pub(super) fn of(scene: &Scene) -> Shine {
     match (strongest, power / inside(scene)) {
         (strongest, _) if strongest <= 0.0 => Shine::None,
         // Areas that are not finite are no reason to light anything.
-        (_, radiance) if !(radiance < ENOUGH) => Shine::Light,
+        (_, radiance) if radiance.is_nan() || radiance >= ENOUGH => Shine::Light,
         (strongest, _) if strongest <= 1.0 => Shine::Glow,
         _ => Shine::Dim,
     }
