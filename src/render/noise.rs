@@ -127,7 +127,9 @@ impl Noise {
         bytes.extend(parts.flatten().flat_map(|loss| loss.to_le_bytes()));
         // Where a picture went on that was not looked at, means are taken down later than passes are.
         let none = vec![[0.0f32; 3]; means.len() - self.means.len().min(means.len())];
-        [&self.means, &none, means, sums].map(|values| bytes.extend_from_slice(bytemuck::cast_slice(values)));
+        for values in [&self.means, &none, means, sums] {
+            bytes.extend_from_slice(bytemuck::cast_slice(values));
+        }
         bytes
     }
 
