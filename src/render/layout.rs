@@ -1,6 +1,7 @@
 //! What the film of a picture holds.
 
 use super::labels::Labels;
+use super::noise;
 use super::options::{Caustics, RenderOptions};
 use crate::film::{Channel, Layout};
 
@@ -23,8 +24,10 @@ pub fn splat_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     }
 }
 
-/// Bytes that the film of a picture takes.
+/// Bytes that the film of a picture takes, and what its error is estimated by.
 pub fn film_bytes(options: &RenderOptions, labels: &Labels) -> u64 {
     let region = options.pixels();
-    u64::from(region.width()) * u64::from(region.height()) * layout(options, labels).bytes_per_pixel()
+    let of_noise = if options.noise.is_some() { noise::BYTES_PER_PIXEL } else { 0 };
+    let a_pixel = layout(options, labels).bytes_per_pixel() + of_noise;
+    u64::from(region.width()) * u64::from(region.height()) * a_pixel
 }

@@ -200,6 +200,23 @@ fn noise_that_is_asked_for_is_reached() {
     assert_eq!(told(&["--noise", "90", "--min-spp", "72"])["samples_per_pixel"], 72);
 }
 
+/// Whichever is reached first ends a picture; a time that is long enough changes none of its colours.
+#[test]
+fn noise_and_a_time_limit_go_together() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    shoot(folder, &["-o", "noise.exr", "--noise", "4"]);
+    shoot(folder, &["-o", "both.exr", "--noise", "4", "--time-limit", "1000"]);
+    assert!(pixels(&folder.join("noise.exr")) == pixels(&folder.join("both.exr")));
+    let scene = cornell();
+    let more = ["-o", "late.exr", "--noise", "0.001", "--time-limit", "0.5", "--json"];
+    let output = oscura(folder, &arguments(&scene, &more));
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+    let said = report(&output);
+    assert_eq!(said["timed_out"], true, "{said}");
+    assert!(said["render_s"].as_f64().expect("a number") < 3.0, "{said}");
+}
+
 /// How far a picture is that an error ends is told by that error.
 #[test]
 fn progress_goes_by_the_noise() {
