@@ -57,7 +57,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     }
     before_merging(&parts)?;
     let (mut film, behind) = sum(&parts)?;
-    args.exr.check(film.planes().any(|plane| plane.name.starts_with("Crypto")))?;
+    args.exr.check(film.names().any(|name| name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
     film.settle_catchers();

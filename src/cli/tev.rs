@@ -58,8 +58,7 @@ impl Tev {
     pub fn begin(&mut self, rendering: &Rendering, said: &mut Said) {
         self.next = Instant::now();
         let film = rendering.film();
-        let planes = film.planes();
-        let names: Vec<String> = planes.map(|plane| plane.name.to_string()).collect();
+        let names: Vec<String> = film.names().map(String::from).collect();
         let packet = PacketCreateImage {
             image_name: &self.name,
             grab_focus: true,

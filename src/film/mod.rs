@@ -146,6 +146,11 @@ impl Film {
         &self.layout.channels
     }
 
+    /// What [planes](Film::planes) are called, in their order.
+    pub fn names(&self) -> impl Iterator<Item = &str> {
+        self.channels().iter().flat_map(|channel| channel.names.iter().map(AsRef::as_ref))
+    }
+
     /// What tiles of it hold.
     pub fn layout(&self) -> &Arc<Layout> {
         &self.layout

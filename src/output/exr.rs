@@ -68,7 +68,7 @@ pub fn encode_exr(
     let mut clamped = 0u64;
     let parts = parts(film, float, options, &mut clamped);
     let mut warnings = if clamped == 0 { vec![] } else { vec![overflow(clamped)] };
-    let names: Vec<&str> = film.planes().map(|plane| plane.name).collect();
+    let names: Vec<&str> = film.names().collect();
     warnings.extend(options.unknown(&names).map(|name| {
         Warning::general(format!(
             "there is no channel or layer '{name}' in the picture, whose type was chosen"

@@ -133,6 +133,7 @@ fn colored_metal() -> Scene {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn rooms_keep_their_means() {
     let polished = || pbr("polished", [0.9, 0.8, 0.7], 1.0, 0.2);
     let plastic = |color| pbr("plastic", color, 0.0, 0.45);
@@ -165,6 +166,7 @@ fn rooms_keep_their_means_at_every_depth() {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn rooms_keep_their_means_however_paths_are_traced() {
     let scene = striped();
     let off = plain(options(64, 32, 10)).caustics(Caustics::Off);
@@ -243,6 +245,7 @@ fn behind_a_screen(image: bool) -> Scene {
 
 /// Light of a lamp without size that a mirror sends around a room, over any surfaces: as if what the mirror shows was there.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_room_and_its_image_in_a_mirror() {
     // In the image no bounce is spent on the mirror; what so many bounces leave out is nothing.
     let plain = plain(options(16, 2048, 40));

@@ -81,6 +81,7 @@ fn a_point_and_its_image_in_a_mirror() {
 
 /// The same for a sun, by the law of reflection: its light comes down on the other side at the same angle.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_sun_and_its_image_in_a_mirror() {
     for angle_rad in [None, Some(0.01)] {
         let mut scene = Scene::default();
@@ -103,6 +104,7 @@ fn a_sun_and_its_image_in_a_mirror() {
 /// Straight through a plane of glass: what both faces let pass and mirror between them, from an image of the lamp that is lifted
 /// by t (1 - 1 / n), and by 2 t / n less for each pair of reflections.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_point_seen_through_a_slab() {
     let (n, thickness) = (1.5, 0.2);
     let mut scene = Scene::default();

@@ -31,6 +31,7 @@ fn green(rgb: [f64; 3]) -> f64 {
 }
 
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn level_ground_reflects_what_sun_and_sky_bring() {
     for (elevation, has_sun) in [(50.0, true), (12.0, true), (50.0, false)] {
         let sky = PhysicalSky { has_sun, ..sky(elevation) };

@@ -98,6 +98,7 @@ fn portals_in_the_open_change_nothing() {
 
 /// The same mean as without, and less noise of direct light; all that the walls pass on, and with shared paths.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn a_room_has_the_same_light_and_less_noise() {
     for depth in [1, 6] {
         let options = options(24, 64, depth);

@@ -42,6 +42,7 @@ fn slab(scene: &mut Scene, [low, high]: [f64; 2], half: f64, material: MaterialI
 
 /// Beer's law through two slabs of air that absorb, from above and from below: 3 m in all, of which 1 m belongs to both.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn the_overlap_belongs_to_the_higher_priority() {
     for (upper, lower, truth) in
         [(1, 0, 0.5f64.powi(2) * 0.25), (0, 1, 0.5 * 0.25f64.powi(2)), (7, -7, 0.5f64.powi(2) * 0.25)]
@@ -161,6 +162,7 @@ fn assert_same(what: &str, one: (f64, f64), other: (f64, f64), precision: f64) {
 /// Light from a point without a size reaches the floor by paths from the lamp only. How deep the water reaches into the glass is
 /// no matter to them either.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn light_from_lamps_agrees_about_overlaps() {
     let lit = |depth: f64| {
         let mut scene = with_floor(glass_over_water(depth, 1));
@@ -173,6 +175,7 @@ fn light_from_lamps_agrees_about_overlaps() {
 
 /// Paths from the camera that meet a lamp with a size, against paths from the lamp.
 #[test]
+#[ignore = "means of many pictures, which take long"]
 fn both_ways_of_light_agree_in_overlaps() {
     let lit = |caustics: Caustics| {
         let mut scene = with_floor(glass_over_water(0.4, 1));

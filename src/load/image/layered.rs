@@ -221,7 +221,7 @@ pub fn load_layered(path: &Path) -> Result<Layered> {
     }
     let broken = |e: exr::error::Error| source.error(format!("can't be read as an EXR image: {e}"));
     guarded(&source, || {
-        let meta = MetaData::read_from_buffered(Cursor::new(&bytes), false).map_err(broken)?;
+        let meta = MetaData::read_from_buffered(Cursor::new(bytes.as_slice()), false).map_err(broken)?;
         check_sizes(&source, &meta)?;
         exr::prelude::read()
             .no_deep_data()
@@ -229,7 +229,7 @@ pub fn load_layered(path: &Path) -> Result<Layered> {
             .all_channels()
             .all_layers()
             .all_attributes()
-            .from_buffered(Cursor::new(&bytes))
+            .from_buffered(Cursor::new(bytes.as_slice()))
             .map(|file| Layered { file })
             .map_err(broken)
     })
