@@ -287,3 +287,18 @@ fn colours_of_bytes_are_warned_of() {
     let warned: Vec<&str> = loaded.warnings.iter().map(|w| w.message.as_str()).collect();
     assert!(matches!(warned[..], [one] if one.contains("'red' reflects more light")), "{warned:?}");
 }
+
+#[test]
+fn priorities_are_whole_numbers() {
+    let with = |priority: &str| {
+        load_text(&with_camera(&format!(
+            "materials.liquid = {{ type = \"dielectric\", ior = 1.5, priority = {priority} }}"
+        )))
+    };
+    let loaded = with("-3").expect("a whole number");
+    assert!(loaded.scene.materials.iter().any(|m| m.name == "liquid" && m.priority == -3));
+    for wrong in ["1.7", "1001", "true"] {
+        let error = with(wrong).expect_err(wrong).to_string();
+        assert!(error.contains("'priority'") && error.contains("whole number from -1000"), "{error}");
+    }
+}

@@ -16,13 +16,27 @@ fn key(p: [f32; 3]) -> Key {
 #[derive(Clone, Copy, Default)]
 struct Place {
     direction: Vec3,
+    /// Sum of the lengths of what `direction` is the sum of.
+    length: f32,
     heights: f32,
     count: f32,
 }
 
+impl Place {
+    /// The way of a vertex whose own direction is given. The sides of a card cancel each other: each goes its own way.
+    fn direction_of(&self, own: Vec3) -> Vec3 {
+        let is_shared = self.direction.length() > SHARED * self.length;
+        if is_shared { self.direction.normalize_or_zero() } else { own.normalize_or_zero() }
+    }
+}
+
+/// How long the sum of the directions of a place must be, as a share of all their lengths, for its vertices to move as one.
+const SHARED: f32 = 0.1;
+
 /// The mesh with the vertices of its displaced parts moved along their normals.
 pub(super) fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
     let over = vertices_over(&mesh, parts);
+    let own = directions(&mesh);
     let mut places: HashMap<Key, Place> = HashMap::new();
     for (vertex, part) in over.iter().enumerate() {
         let Some((displacement, heights)) = part.and_then(|part| parts[part]) else { continue };
@@ -30,17 +44,11 @@ pub(super) fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
         place.heights +=
             displacement.scale * (heights.at(mesh.uv_sets[heights.set()][vertex]) - displacement.midlevel);
         place.count += 1.0;
-        if let Some(normal) = mesh.normals.get(vertex) {
-            place.direction += Vec3::from_array(*normal);
-        }
     }
-    if mesh.normals.is_empty() {
-        for (triangle, normal) in mesh.triangles.iter().zip(face_normals(&mesh)) {
-            for vertex in triangle {
-                if let Some(place) = places.get_mut(&key(mesh.positions[*vertex as usize])) {
-                    place.direction += normal;
-                }
-            }
+    for (vertex, direction) in own.iter().enumerate() {
+        if let Some(place) = places.get_mut(&key(mesh.positions[vertex])) {
+            place.direction += *direction;
+            place.length += direction.length();
         }
     }
     // Normals are smooth where they were: where vertices of one place had the same. Flat meshes become smooth.
@@ -49,7 +57,7 @@ pub(super) fn lifted(mut mesh: Mesh, parts: &Parts) -> Mesh {
         .collect();
     for vertex in (0..over.len()).filter(|&vertex| over[vertex].is_some()) {
         let Some(place) = places.get(&smooth[vertex].0) else { continue };
-        let moved = place.direction.normalize_or_zero() * (place.heights / place.count);
+        let moved = place.direction_of(own[vertex]) * (place.heights / place.count);
         let p = Vec3::from_array(mesh.positions[vertex]) + moved;
         if p.is_finite() {
             mesh.positions[vertex] = p.to_array();
@@ -69,6 +77,18 @@ fn vertices_over(mesh: &Mesh, parts: &Parts) -> Vec<Option<usize>> {
         }
     }
     over
+}
+
+/// Normals of vertices, or where there are none those of the triangles around, weighted by their areas.
+fn directions(mesh: &Mesh) -> Vec<Vec3> {
+    if !mesh.normals.is_empty() {
+        return mesh.normals.iter().map(|n| Vec3::from_array(*n)).collect();
+    }
+    let mut sums = vec![Vec3::ZERO; mesh.positions.len()];
+    for (triangle, normal) in mesh.triangles.iter().zip(face_normals(mesh)) {
+        triangle.iter().for_each(|&vertex| sums[vertex as usize] += normal);
+    }
+    sums
 }
 
 /// Normals of triangles, twice their areas long.

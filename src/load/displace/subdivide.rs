@@ -14,9 +14,8 @@ pub(super) fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Me
         let first = part.first_triangle as usize;
         let mut triangles = mesh.triangles[first..first + part.triangle_count as usize].to_vec();
         while let Some(edge) = *edge {
-            let is_long = |a: u32, b: u32| length(&fine, a, b) > edge;
             let cuts: usize =
-                triangles.iter().map(|t| sides(t).filter(|&[a, b]| is_long(a, b)).count()).sum();
+                triangles.iter().map(|t| sides(t).filter(|&side| is_cut(&fine, side, edge)).count()).sum();
             if cuts == 0 {
                 break;
             }
@@ -48,13 +47,25 @@ fn length(mesh: &Mesh, a: u32, b: u32) -> f32 {
     (a - b).abs().length()
 }
 
+/// Is an edge longer than wanted, and are its halves shorter? Far from the origin neighbouring numbers may be farther apart
+/// than edges are to be, and the middle rounds to an end.
+fn is_cut(mesh: &Mesh, [a, b]: [u32; 2], edge: f32) -> bool {
+    let whole = length(mesh, a, b);
+    if whole <= edge {
+        return false;
+    }
+    let [p, q] = [a, b].map(|i| mesh.positions[i as usize]);
+    let middle = Vec3::from_array(mean(p, q));
+    [p, q].iter().all(|&end| middle.distance(Vec3::from_array(end)) < 0.75 * whole)
+}
+
 /// Cuts all edges longer than `edge` once.
 fn cut(mesh: &mut Mesh, triangles: &[[u32; 3]], edge: f32) -> Vec<[u32; 3]> {
     let mut middles: HashMap<[u32; 2], u32> = HashMap::new();
     let mut finer = Vec::with_capacity(2 * triangles.len());
     for triangle in triangles {
         let middle = sides(triangle).map(|[a, b]| {
-            (length(mesh, a, b) > edge)
+            is_cut(mesh, [a, b], edge)
                 .then(|| *middles.entry([a.min(b), a.max(b)]).or_insert_with(|| add_middle(mesh, a, b)))
         });
         let middle: Vec<Option<u32>> = middle.collect();

@@ -136,3 +136,34 @@ fn what_can_not_be_displaced_is_told() {
     assert!(all.contains("no texture coordinates") && all.contains("no spheres"), "{all}");
     assert_eq!(loaded.scene.instances[0].mesh, id);
 }
+
+/// Neighbouring numbers at 1e8 are 8 apart: an edge between them has no middle, and is left as it is.
+#[test]
+fn edges_without_a_middle_are_left() {
+    let positions = vec![[1e8, 0.0, 0.0], [1e8 + 32.0, 0.0, 0.0], [1e8, 0.0, 1e-3]];
+    let rock = displaced_by(&mut Scene::default(), 4, 1.0, |_, _| 1.0);
+    let mesh = Mesh::new("far", positions, vec![[0, 1, 2]], rock);
+    let (fine, longest) = subdivide::subdivided(&mesh, &[Some(1.0)], 10_000);
+    assert!(longest.is_none() && (4..100).contains(&fine.triangles.len()), "{}", fine.triangles.len());
+    let steps = fine.positions.iter().map(|p| (p[0] - 1e8) / 8.0);
+    assert_eq!(steps.clone().fold(0.0, f32::max), 4.0);
+    assert!([0.0, 1.0, 2.0, 3.0].iter().all(|n| steps.clone().any(|step| step == *n)));
+}
+
+/// The sides of a card share their places, and their normals cancel: each goes its own way.
+#[test]
+fn both_sides_of_a_card_are_displaced() {
+    let mut scene = Scene::default();
+    let rock = displaced_by(&mut scene, 4, 10.0, |_, _| 1.0);
+    let square = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]];
+    let normals = [[0.0, 0.0, 1.0]; 4].into_iter().chain([[0.0, 0.0, -1.0]; 4]).collect();
+    let uv = vec![[0.5, 0.5]; 8];
+    let triangles = vec![[0, 1, 2], [0, 2, 3], [6, 5, 4], [7, 6, 4]];
+    let mesh = Mesh::new("card", [square, square].concat(), triangles, rock);
+    let id = scene.add_mesh(Mesh { normals, uv_sets: vec![uv], ..mesh });
+    scene.instances.push(Instance::new(id, DAffine3::IDENTITY));
+    let loaded = applied(scene);
+    let mesh = &loaded.scene.meshes[loaded.scene.instances[0].mesh.index()];
+    let heights: Vec<f32> = mesh.positions.iter().map(|p| p[2]).collect();
+    assert_eq!(heights, [0.375, 0.375, 0.375, 0.375, -0.375, -0.375, -0.375, -0.375]);
+}

@@ -86,6 +86,9 @@ const IMPLIED: &[&str] = &[
     "spot",
 ];
 
+/// Nothing of lights may be below 0, but curves between keys overshoot.
+const LIGHTS: &str = "/extensions/KHR_lights_punctual/lights/";
+
 /// What is written at a pointer.
 type Change = (String, Value);
 
@@ -147,7 +150,11 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
                 );
                 continue;
             }
-            if let Ok(numbers) = samplers.value(animation, channel, element, &at, report) {
+            if let Ok(mut numbers) = samplers.value(animation, channel, element, &at, report) {
+                if pointer.starts_with(LIGHTS) && numbers.iter().any(|n| *n < 0.0) {
+                    numbers.iter_mut().for_each(|n| *n = n.max(0.0));
+                    report.warn(at, format!("leads {pointer} below 0 at times; it is 0 there"));
+                }
                 changes.push((pointer.to_string(), value_of(element, &numbers)));
             }
         }

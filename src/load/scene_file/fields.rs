@@ -138,13 +138,17 @@ impl<'a> Fields<'a> {
         v.value
     }
 
+    /// A whole number from `least` to `most`, which may be below 0.
+    pub fn whole(&self, key: &'static str, least: i64, most: i64) -> Option<i64> {
+        let expected = format!("a whole number from {least} to {most}");
+        let read =
+            |v: &DeValue| number(v).filter(|x| x.fract() == 0.0 && *x >= least as f64 && *x <= most as f64);
+        self.typed(key, &expected, read).map(|v| v.value as i64)
+    }
+
     /// A whole number from `least` to `most`.
     pub fn integer(&self, key: &'static str, least: u32, most: u32) -> Option<u32> {
-        let expected = format!("a whole number from {least} to {most}");
-        let read = |v: &DeValue| {
-            number(v).filter(|x| x.fract() == 0.0 && *x >= f64::from(least) && *x <= f64::from(most))
-        };
-        self.typed(key, &expected, read).map(|v| v.value as u32)
+        self.whole(key, least.into(), most.into()).map(|n| n as u32)
     }
 
     /// True or false.

@@ -121,7 +121,7 @@ pub(super) fn table(build: &mut Build, fields: &Fields, key: &'static str) -> Op
 
 /// Which of several solids counts where they overlap.
 pub(super) fn priority(fields: &Fields) -> Option<i32> {
-    fields.has("priority").then(|| fields.number_in("priority", -1000.0..1000.0, 0.0) as i32)
+    fields.has("priority").then(|| fields.whole("priority", -1000, 1000).map_or(0, |n| n as i32))
 }
 
 /// `fog` of the environment.

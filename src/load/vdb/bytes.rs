@@ -13,6 +13,14 @@ impl<'a> Bytes<'a> {
         Bytes { all, at: 0 }
     }
 
+    /// Skips to an offset from the beginning that does not lie before what has been read.
+    pub fn skip_to(&mut self, to: i64) -> Result<(), String> {
+        if usize::try_from(to).is_ok_and(|to| to < self.at) {
+            return Err("names a place that lies before its own".into());
+        }
+        self.seek(to)
+    }
+
     /// Goes on at an offset from the beginning.
     pub fn seek(&mut self, to: i64) -> Result<(), String> {
         let to = usize::try_from(to).ok().filter(|&to| to <= self.all.len());

@@ -66,7 +66,8 @@ fn entries(from: &mut Bytes) -> Result<Vec<Entry>, String> {
         // Grids of the same name have a number behind a separator.
         let name = name.split('\u{1e}').next().unwrap_or_default().to_string();
         entries.push(Entry { name, kind, instance_of, at });
-        from.seek(end)?;
+        // Entries follow each other, or a small file could name billions of them.
+        from.skip_to(end)?;
     }
     Ok(entries)
 }
@@ -144,6 +145,7 @@ fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
         return Err(message + ": resample it to a lower resolution");
     }
     let mut values = vec![0.0f32; (x * y * z) as usize];
+    let (mut negative, mut positive) = (0u64, 0u64);
     for cube in cubes {
         let first = [0, 1, 2].map(|k| (i64::from(cube.origin[k]) - low[k]) as usize);
         let edge = cube.edge as usize;
@@ -157,7 +159,15 @@ fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
             }
             let at = ((first[2] + k) * y as usize + first[1] + j) * x as usize + first[0] + i;
             values[at] = value.max(0.0);
+            negative += u64::from(value < 0.0);
+            positive += u64::from(value > 0.0);
         }
+    }
+    // Filters leave a few below 0 around what is dense.
+    if negative > positive {
+        return Err(format!(
+            "{name} holds more negative values than positive ones, as distances do, not densities"
+        ));
     }
     let corner = |of: [i64; 3]| {
         let middle = DVec3::from_array(of.map(|c| c as f64 - 0.5));

@@ -54,9 +54,15 @@ struct Form {
     compression: u32,
     kind: &'static str,
     class: &'static str,
+    /// What values are multiplied by.
+    sign: f32,
 }
 
-const PLAIN: Form = Form { compression: 0, kind: "Tree_float_5_4_3", class: "fog volume" };
+const PLAIN: Form = Form { compression: 0, kind: "Tree_float_5_4_3", class: "fog volume", sign: 1.0 };
+
+/// Where the first grid's entry begins in a file that is written here, and where the origin of the root's child is.
+const ENTRY: usize = 65;
+const ORIGIN: usize = 320;
 
 struct Writer(Vec<u8>);
 
@@ -128,11 +134,12 @@ fn written(form: Form) -> Vec<u8> {
         let active: Vec<bool> = (0..count).map(|i| Some(i) == tile).collect();
         w.mask(&first);
         w.mask(&active);
-        let tiles: Vec<f32> = active.iter().map(|&is| if is { 5.0 } else { 0.0 }).collect();
+        let tiles: Vec<f32> = active.iter().map(|&is| if is { 5.0 * form.sign } else { 0.0 }).collect();
         w.values(form, &tiles, &active);
     }
     let active: Vec<bool> = (0..512).map(|i| i % 2 == 0).collect();
-    let voxels: Vec<f32> = (0..512).map(|i| if i % 2 == 0 { i as f32 + 1.0 } else { 0.0 }).collect();
+    let voxels: Vec<f32> =
+        (0..512).map(|i| if i % 2 == 0 { form.sign * (i as f32 + 1.0) } else { 0.0 }).collect();
     w.mask(&active);
     w.mask(&active);
     w.values(form, &voxels, &active);
@@ -162,8 +169,15 @@ fn what_is_not_read_is_told() {
         bytes[at] = byte;
         bytes
     };
+    // Four billion grids, each of which leads back to itself.
+    let mut endless = written(PLAIN);
+    endless[ENTRY - 4..ENTRY].fill(255);
+    endless[ENTRY + 51..ENTRY + 59].copy_from_slice(&(ENTRY as i64).to_le_bytes());
     for (bytes, wanted, words) in [
         (b"nonsense".to_vec(), None, "is no OpenVDB file"),
+        (endless, None, "lies before its own"),
+        (with(ORIGIN, 8), None, "nodes overlap"),
+        (written(Form { sign: -1.0, ..PLAIN }), None, "more negative values"),
         (Vec::new(), None, "is no OpenVDB file"),
         (with(8, 221), None, "version 221"),
         (with(20, 0), None, "streamed"),

@@ -3,6 +3,7 @@
 
 use super::bytes::{Bytes, Mask};
 use super::values::Values;
+use std::collections::HashSet;
 
 /// Bits of a coordinate within the nodes of a level and all below it; and the level's own.
 const UPPER: (u32, u32) = (12, 5);
@@ -35,8 +36,10 @@ pub(super) fn read(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, S
     values.background = values.single(from)?;
     let (tiles, children) = (from.u32()?, from.u32()?);
     let mut cubes = Vec::new();
+    let mut taken = HashSet::new();
     for _ in 0..tiles {
         let (origin, value) = (from.coordinates()?, values.single(from)? as f32);
+        check_origin(origin, &mut taken)?;
         if from.u8()? != 0 {
             cubes.push(Cube { origin, edge: 1 << UPPER.0, voxels: Voxels::Same(value) });
         }
@@ -44,6 +47,7 @@ pub(super) fn read(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, S
     let mut leaves = Vec::new();
     for _ in 0..children {
         let origin = from.coordinates()?;
+        check_origin(origin, &mut taken)?;
         for upper in node(from, values, (origin, UPPER), &mut cubes)? {
             for leaf in node(from, values, (upper, LOWER), &mut cubes)? {
                 Mask::read(from, LEAF_VOXELS)?;
@@ -63,6 +67,15 @@ pub(super) fn read(from: &mut Bytes, values: &mut Values) -> Result<Vec<Cube>, S
         cubes.push(Cube { origin, edge: 1 << LEAF, voxels: Voxels::Each(each) });
     }
     Ok(cubes)
+}
+
+/// What hangs off the root lies on a lattice, each in a place of its own: voxels are there once.
+fn check_origin(origin: [i32; 3], taken: &mut HashSet<[i32; 3]>) -> Result<(), String> {
+    let is_aligned = origin.iter().all(|c| c.trailing_zeros() >= UPPER.0);
+    match is_aligned && taken.insert(origin) {
+        true => Ok(()),
+        false => Err(format!("has a tree whose nodes overlap, at the voxel {origin:?}")),
+    }
 }
 
 /// Reads a node with its tiles; the origins of its children, which follow it.

@@ -1,6 +1,7 @@
 //! What fills spaces: fog and the insides of solids.
 
 use super::findings::{Findings, Place};
+use crate::math::DVec3;
 use crate::scene::{Fog, Grid, Medium, Scene};
 use std::fmt::Display;
 
@@ -55,6 +56,10 @@ fn check_grids(grids: &[Grid], findings: &mut Findings) {
         let extent = grid.max - grid.min;
         let is_met = extent.is_finite() && extent.min_element() > 0.0;
         findings.require(is_met, place, "max", grid.max, "above 'min' along all axes");
+        let voxel = extent / DVec3::from_array(grid.size.map(f64::from));
+        // Numbers that are none, and extents of 0, have had their complaint.
+        let is_met = !(voxel.min_element() < 1e-18 || voxel.max_element() > 1e18) || !is_met;
+        findings.require(is_met, place, "size", voxel, "voxels between 1e-18 and 1e18 metres");
     }
 }
 

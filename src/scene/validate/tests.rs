@@ -210,6 +210,7 @@ fn media_are_checked() {
         (good, vec![grid(&[1.0], [2, 1, 1])], "size"),
         (good, vec![grid(&[], [0, 1, 1])], "size"),
         (good, vec![Grid { max: DVec3::ZERO, ..grid(&[1.0], [1; 3]) }], "max"),
+        (good, vec![Grid { max: DVec3::splat(1e-40), ..grid(&[1.0], [1; 3]) }], "1e-18"),
         (gridded, one(&[1e6]), "mean free paths"),
     ] {
         let problems = with(medium, grids);

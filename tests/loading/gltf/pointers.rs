@@ -219,3 +219,20 @@ fn wrong_types_and_lengths_are_problems() {
     let message = at(&asset, &NUMBERS, Some(0.5)).expect_err("it is broken").to_string();
     assert!(message.contains("KHR_animation_pointer/pointer: is missing"), "{message}");
 }
+
+/// Curves overshoot between keys: a film goes on with a light that is out.
+#[test]
+fn lights_that_are_driven_below_zero_are_out() {
+    let mut numbers = NUMBERS;
+    numbers[2..4].copy_from_slice(&[1.0, -1.0]);
+    let asset = driven(|a| {
+        a["extensions"] = json!({"KHR_lights_punctual": {"lights": [{"type": "point", "intensity": 5}]}});
+        a["nodes"][0]["extensions"] = json!({"KHR_lights_punctual": {"light": 0}});
+        drive(a, "/extensions/KHR_lights_punctual/lights/0/intensity", 3, "LINEAR");
+    });
+    let lit = |time_s| at(&asset, &numbers, Some(time_s)).unwrap_or_else(|e| panic!("{e}"));
+    assert!(lit(0.0).scene.lights[0].intensity[0] > 0.0);
+    let dark = lit(2.0);
+    assert_eq!(dark.scene.lights[0].intensity, [0.0; 3]);
+    assert!(said(&dark, "below 0"), "{:?}", dark.warnings);
+}
