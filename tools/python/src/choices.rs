@@ -62,6 +62,14 @@ pub fn ground(word: &str) -> PyResult<Ground> {
     choose("ground", word, &[("none", Ground::None), ("shadow", Ground::Shadow), ("floor", Ground::Floor)])
 }
 
+/// The angle of creases in radians, from degrees.
+pub fn crease(degrees: Option<f64>) -> PyResult<Option<f64>> {
+    match degrees {
+        Some(angle) if !(0.0..=180.0).contains(&angle) => Err(usage("smooth must be 0 to 180 degrees")),
+        angle => Ok(angle.map(f64::to_radians)),
+    }
+}
+
 /// From where bare models are seen.
 pub fn view_from(word: &str) -> PyResult<ViewFrom> {
     ViewFrom::from_str(word).map_err(|message| usage(format!("view_from='{word}' {message}")))

@@ -47,9 +47,11 @@ fn argument(choice: Choice) -> &'static str {
         Choice::LightUnits => "light_units=",
         Choice::NoSidecar => "sidecar=False",
         Choice::PointRadius => "point_radius=",
+        Choice::Smooth => "smooth=",
         Choice::Stage => "stage=",
         Choice::Up => "up=",
         Choice::ViewFrom => "view_from=",
+        Choice::Zoom => "zoom=",
     }
 }
 
