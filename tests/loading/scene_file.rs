@@ -292,7 +292,8 @@ fn colours_of_bytes_are_warned_of() {
 fn priorities_are_whole_numbers() {
     let with = |priority: &str| {
         load_text(&with_camera(&format!(
-            "materials.liquid = {{ type = \"dielectric\", ior = 1.5, priority = {priority} }}"
+            "materials.liquid = {{ type = \"dielectric\", ior = 1.5, priority = {priority} }}\n\
+             objects = [{{ mesh = \"a.obj\", material = \"liquid\" }}]"
         )))
     };
     let loaded = with("-3").expect("a whole number");
