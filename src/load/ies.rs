@@ -24,7 +24,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     // What stands before the numbers may be in any code.
     let text = String::from_utf8_lossy(bytes);
     let mut lines = text.lines().enumerate();
-    let tilt = lines.find_map(|(_, line)| line.trim_start().strip_prefix("TILT=").map(str::trim));
+    let tilt = lines.find_map(|(_, line)| {
+        let (key, value) = line.split_once('=')?;
+        key.trim().eq_ignore_ascii_case("TILT").then(|| value.trim())
+    });
     let Some(tilt) = tilt else {
         return Err("is no IES file: it has no line that begins with 'TILT='".into());
     };
@@ -48,8 +51,10 @@ pub(super) fn parse(bytes: &[u8]) -> Result<LightProfile, String> {
     let candela = numbers.take(rows.saturating_mul(columns), "candelas")?;
     let mut values: Vec<f32> = candela.iter().map(|c| (c * factor) as f32).collect();
     let [first, last] = [horizontal_deg[0], horizontal_deg[columns - 1]];
-    if first == 0.0 && last > 180.0 && last < 360.0 {
-        // Files that leave out where the circle closes.
+    // Files that leave out where the circle closes: what is missing is one step.
+    let widest = horizontal_deg.windows(2).map(|pair| pair[1] - pair[0]).fold(0.0, f32::max);
+    let is_open = last > 180.0 && last < 360.0 && columns > 2 && 360.0 - last <= 1.5 * widest;
+    if first == 0.0 && is_open {
         horizontal_deg.push(360.0);
         values.extend_from_within(..rows);
     } else if !(first == 0.0 && [0.0, 90.0, 180.0, 360.0].contains(&last) || first == 90.0 && last == 270.0) {
@@ -131,6 +136,7 @@ mod tests {
             "IESNA91\n[TEST] a \u{e9}\nTILT=NONE",
             "IESNA:LM-63-1995\r\n[MANUFAC] TILT\r\nTILT=NONE\r",
             "IESNA:LM-63-2002\nTILT=lamp.tlt",
+            "IESNA91\n[OTHER] a=b\ntilt = none",
             "IES:LM-63-2019\n  TILT=INCLUDE\n1\n2\n0 90\n1 0.9",
         ];
         for head in heads {
@@ -139,9 +145,11 @@ mod tests {
             assert_eq!(profile.horizontal_deg, [0.0, 90.0]);
             assert_eq!(profile.values, [100.0, 50.0, 0.0, 200.0, 100.0, 0.0], "candela x 2 x 0.5");
         }
-        let open = BODY.replace("0 90\n100", "0 270\n100");
+        let open =
+            BODY.replace("3 2 1 2", "3 4 1 2").replace("0 90\n100", "0 90 180 270\n100") + "7 7 7 8 8 8\n";
         let closed = parse(format!("TILT=NONE\n{open}").as_bytes()).expect("it closes");
-        assert_eq!((closed.horizontal_deg.as_slice(), closed.values[6]), (&[0.0, 270.0, 360.0][..], 100.0));
+        let angles = [0.0, 90.0, 180.0, 270.0, 360.0];
+        assert_eq!((closed.horizontal_deg.as_slice(), closed.values[12]), (&angles[..], 100.0));
     }
 
     #[test]
@@ -161,6 +169,7 @@ mod tests {
             (body("0 45, 90", "0 90 45"), "do not increase"),
             (body("0 45, 90", "0 45 270"), "at most 180"),
             (body("0 90\n100", "0 100\n100"), "from 0 to 100"),
+            (body("0 90\n100", "0 200\n100"), "from 0 to 200"),
             (body("1 1000 2", "1 1000 0"), "all 0"),
             ("TILT=INCLUDE\n1\n1e6\n0 90\n".into(), "numbers for tilts"),
         ];
