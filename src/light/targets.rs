@@ -80,6 +80,12 @@ impl Targets {
         &self.balls
     }
 
+    /// Is the largest ball more than so many of its radii away from a point?
+    pub fn is_farther(&self, p: Vec3, radii: f32) -> bool {
+        let largest = self.balls.iter().max_by(|a, b| a.radius.total_cmp(&b.radius));
+        largest.is_some_and(|ball| (ball.center - p).length() > radii * ball.radius)
+    }
+
     /// Solid angle of all balls from a point, each for itself.
     pub fn solid_angle(&self, p: Vec3) -> f32 {
         self.balls.iter().map(|ball| 2.0 * PI * ball.cone_from(p).one_minus_cos).sum()
@@ -142,6 +148,14 @@ mod tests {
     fn targets() -> Targets {
         let ball = |x: f32, y: f32, radius| Ball { center: Vec3::new(x, y, 3.0), radius };
         Targets::new([ball(0.0, 0.0, 1.0), ball(0.7, 0.2, 0.9), ball(-3.0, 1.0, 0.5), ball(0.0, 0.0, 0.0)])
+    }
+
+    #[test]
+    fn the_largest_ball_tells_what_is_far() {
+        let targets = targets();
+        assert!(!targets.is_farther(Vec3::ZERO, 3.1));
+        assert!(targets.is_farther(Vec3::ZERO, 2.9));
+        assert!(!Targets::default().is_farther(Vec3::ZERO, 1.0));
     }
 
     #[test]

@@ -243,6 +243,21 @@ fn nothing_happens_without_caustics() {
     assert!(with.statistics().lamp_paths.is_some());
 }
 
+/// From ten million metres away directions are too coarse: the light of all lamps is left to paths from the camera.
+#[test]
+fn nothing_comes_from_lamps_too_far_away() {
+    let paths_from_lamps = |height: f64| {
+        let mut scene = stage(ball(glass(1.5)));
+        let white = material(&mut scene, Material::emitter("far lamp", [1.0; 3], false));
+        quad(&mut scene, [-1.0, height, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], white);
+        let mut rendering = rendering(&scene, &options(32, 1, 12).caustics(Caustics::On));
+        rendering.run();
+        rendering.statistics().lamp_paths
+    };
+    assert!(paths_from_lamps(1e3).is_some());
+    assert_eq!(paths_from_lamps(1e7), None);
+}
+
 /// Light passes and groups of lights have their share: they add up to the picture, have the means that paths from the camera give
 /// them, and change nothing of the picture.
 #[test]

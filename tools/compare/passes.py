@@ -99,6 +99,8 @@ def by_cycles(folder):
     for kind in ("z", "position", "normal", "emit", "environment", *(f"{a}_{b}" for a in ("diffuse", "glossy", "transmission") for b in ("direct", "indirect", "color"))):
         setattr(layer, f"use_pass_{kind}", True)
     image = scene.render.image_settings
+    if hasattr(image, "media_type"):  # Blender 5 and later
+        image.media_type = "MULTI_LAYER_IMAGE"
     image.file_format, image.color_depth = "OPEN_EXR_MULTILAYER", "32"
     bpy.ops.wm.save_as_mainfile(filepath=str(folder / "passes.blend"))
     for seed in (1, 2):
