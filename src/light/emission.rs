@@ -51,12 +51,13 @@ impl Emission {
         targets: Targets,
         reach: f32,
     ) -> Option<Emission> {
-        let places = lights.area().iter().map(AreaLight::middle).chain(lights.punctual().iter().filter_map(
-            |light| match light.source() {
-                Source::At(p) => Some(p),
-                Source::Far(_) | Source::Disk(_) => None,
-            },
-        ));
+        let places =
+            lights.area().iter().map(AreaLight::middle).chain(lights.punctual().iter().filter_map(|light| {
+                match light.source() {
+                    Source::At(p) => Some(p),
+                    Source::Far(_) | Source::Disk(_) => None,
+                }
+            }));
         if targets.is_empty() || places.into_iter().any(|p| targets.is_farther(p, FARTHEST)) {
             return None;
         }
