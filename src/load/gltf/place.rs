@@ -122,7 +122,7 @@ impl<'b, 'a> Builder<'b, 'a> {
             (None, Some(instances)) => instances.iter().map(|i| node.world_from_node * *i).collect(),
         };
         let name = hierarchy.path(self.doc, entry);
-        let motion = self.motion(node);
+        let motion = self.motion(node, mesh);
         let raw = self.doc.json.pointer(&node.pointer());
         let traits = raw.map(|raw| traits::of_node(raw, &node.pointer(), report)).unwrap_or_default();
         let group = raw.and_then(|raw| cameras::light_group(raw, &node.pointer(), report));
@@ -149,7 +149,7 @@ impl<'b, 'a> Builder<'b, 'a> {
             mesh,
             weights: weights.iter().map(|w| w.to_bits()).collect(),
             skin: node.skin.map(|skin| (skin, node.index)),
-            changing: (self.is_one_of_many && self.has_own_weights(node)).then_some(node.index),
+            changing: (self.is_one_of_many && self.has_moving_weights(node, mesh)).then_some(node.index),
         };
         if let Some(known) = self.shapes.get(&shape) {
             return known.clone();
@@ -172,8 +172,8 @@ impl<'b, 'a> Builder<'b, 'a> {
     }
 
     /// What other moments make of a node's mesh.
-    fn motion(&self, node: &Node) -> Motion {
-        if self.has_own_weights(node) || node.skin.is_some() && self.pose.animations > 0 {
+    fn motion(&self, node: &Node, mesh: usize) -> Motion {
+        if self.has_moving_weights(node, mesh) || node.skin.is_some() && self.pose.animations > 0 {
             Motion::Deforms
         } else if node.moves {
             Motion::Moves
@@ -183,22 +183,38 @@ impl<'b, 'a> Builder<'b, 'a> {
     }
 
     /// Does an animation change the weights of a node's morph targets?
-    fn has_own_weights(&self, node: &Node) -> bool {
-        self.pose.node(node.index).is_some_and(|p| p.weights.is_some())
+    fn has_moving_weights(&self, node: &Node, mesh: usize) -> bool {
+        let of_node = self.pose.node(node.index).is_some_and(|pose| pose.weights.moves());
+        of_node || self.pose.mesh(mesh).is_some()
     }
 
-    /// The weights of a node's morph targets: those of its animation, else its own, else its mesh's. None if all are 0.
+    /// The weights of a node's morph targets: its own, else its mesh's, each as animations leave them. None if all are 0.
     fn weights(&self, node: &Node, mesh: usize, report: &mut Report) -> Vec<f32> {
-        let animated = self.pose.node(node.index).and_then(|p| p.weights.clone());
         // What is no number, or no list of them, is found below.
         let number = |w: &Value| w.as_f64().unwrap_or(f64::NAN) as f32;
         let list = |pointer: String| {
             let list = self.doc.json.pointer(&pointer)?;
             Some(list.as_array().map_or(vec![f32::NAN], |list| list.iter().map(number).collect()))
         };
-        let own = || list(format!("{}/weights", node.pointer()));
-        let weights = animated.or_else(own).or_else(|| list(format!("/meshes/{mesh}/weights")));
-        let mut weights = weights.unwrap_or_default();
+        let of_mesh = || {
+            let of_file = list(format!("/meshes/{mesh}/weights")).unwrap_or_default();
+            self.pose.mesh(mesh).map_or(of_file.clone(), |pose| pose.over(of_file))
+        };
+        let of_file = list(format!("{}/weights", node.pointer())).unwrap_or_else(of_mesh);
+        let mut weights = match self.pose.node(node.index) {
+            Some(pose) => pose.weights.over(of_file),
+            None => of_file,
+        };
+        let targets = self.doc.json.pointer(&format!("/meshes/{mesh}/primitives/0/targets"));
+        let targets = targets.and_then(Value::as_array).map_or(0, Vec::len);
+        let animated = self.pose.node(node.index).and_then(|pose| pose.weights.count());
+        let told = animated.unwrap_or(weights.len());
+        if told > targets || animated.is_some_and(|count| count < targets) {
+            let message = format!(
+                "has {told} weights for the {targets} morph targets of its mesh; missing ones are 0, surplus ones are left out"
+            );
+            report.warn(node.pointer(), message);
+        }
         if weights.iter().any(|w| !w.is_finite()) {
             report.problem(node.pointer(), "shows morph targets with weights that are not finite numbers");
             return Vec::new();

@@ -1,5 +1,5 @@
-//! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms and weights of nodes are part of the
-//! pose; everything else is written into the document before the moment is read, and put back after it.
+//! KHR_animation_pointer: channels that drive what JSON pointers lead to. Transforms of nodes and weights of morph targets are
+//! part of the pose; everything else is written into the document before the moment is read, and put back after it.
 
 use super::animation::of_pose;
 use super::document::Document;
@@ -192,9 +192,6 @@ fn target<'v>(
 fn element_of(pointer: &str) -> Option<Element> {
     if fits("/nodes/*/extensions/KHR_node_visibility/visible", pointer) {
         return Some(Element::Flag);
-    }
-    if fits("/meshes/*/weights", pointer) {
-        return Some(Element::Weights);
     }
     let listed = || PROPERTIES.iter().find(|(pattern, _)| fits(pattern, pointer)).map(|(_, count)| *count);
     listed().or_else(|| of_material(pointer)).map(Element::Numbers)

@@ -198,8 +198,10 @@ fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<Strin
         if let Some(skin) = node.skin {
             places.extend(skin::places(doc, skin, &family, report));
         }
-        let weights = node.mesh.and(pose.node(node.index)).and_then(|pose| pose.weights.as_ref());
-        places.extend(weights.into_iter().flatten().map(|weight| as_place(*weight)));
+        let Some(mesh) = node.mesh else { continue };
+        let weights = [pose.node(node.index).map(|pose| &pose.weights), pose.mesh(mesh)];
+        let weights = weights.into_iter().flatten().flat_map(|weights| weights.over(Vec::new()));
+        places.extend(weights.map(as_place));
     }
     let empties = hierarchy.empties(doc).into_iter().filter(|(_, name, _)| lit.contains(name));
     places.extend(empties.map(|(_, _, place)| place));

@@ -174,6 +174,50 @@ fn morph_targets_add_up() {
     at(&asset, &numbers, Some(0.0)).unwrap_or_else(|e| panic!("{e}"));
 }
 
+/// Weights of meshes and single ones, driven by pointers; also while the shutter is open.
+#[test]
+fn pointers_drive_weights_of_meshes_and_single_ones() {
+    let numbers = [
+        1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 2: first target
+        0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 3: second target
+        0.0, 1.0, // 4: times
+        0.0, 1.0, // 5: a weight
+        0.0, 0.5, 1.0, 1.0, // 6: both
+    ];
+    let accessors = [("VEC3", 3), ("VEC3", 3), ("SCALAR", 2), ("SCALAR", 2), ("SCALAR", 4)];
+    let driven = |pointer: &str, output: usize| {
+        with_floats(&accessors, |a| {
+            a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
+            a["meshes"][0]["weights"] = json!([0.5, 0.25]);
+            let to = json!({"pointer": pointer});
+            let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": to}});
+            a["animations"] = json!([{
+                "channels": [{"sampler": 0, "target": target}], "samplers": [{"input": 4, "output": output}]
+            }]);
+        })
+    };
+    let corner = |asset: &Value| {
+        let loaded = at(asset, &numbers, Some(1.0)).unwrap_or_else(|e| panic!("{e}"));
+        assert!(!loaded.warnings.iter().any(|w| w.to_string().contains("weights for")));
+        loaded.scene.meshes[0].positions[0]
+    };
+    assert_eq!(corner(&driven("/meshes/0/weights", 6)), [1.0, 0.0, 4.0]);
+    assert_eq!(corner(&driven("/meshes/0/weights/1", 5)), [0.5, 0.0, 4.0]);
+    assert_eq!(corner(&driven("/nodes/0/weights/0", 5)), [1.0, 0.0, 1.0]);
+    // A node's own weights hide those of its mesh.
+    let mut own = driven("/meshes/0/weights", 6);
+    own["nodes"][0]["weights"] = json!([0.0, 0.5]);
+    assert_eq!(corner(&own), [0.0, 0.0, 2.0]);
+
+    let surplus = at(&driven("/nodes/0/weights/7", 5), &numbers, Some(1.0)).expect("it loads");
+    let told = |words: &str| surplus.warnings.iter().any(|w| w.to_string().contains(words));
+    assert!(told("8 weights for the 2 morph targets"), "{:?}", surplus.warnings);
+    let message = at(&driven("/meshes/9/weights", 6), &numbers, Some(1.0)).expect_err("no mesh").to_string();
+    assert!(message.contains("/animations/0/channels/0"), "{message}");
+    let huge = at(&driven("/nodes/0/weights/4000000000", 5), &numbers, Some(1.0)).expect("it loads");
+    assert!(huge.warnings.iter().any(|w| w.to_string().contains("stands still")), "{:?}", huge.warnings);
+}
+
 /// A corner each on the first joint, on the second, and half on both. The mesh's node stands elsewhere, which must not
 /// matter; the bind matrix of the second joint takes its rest position back.
 #[test]
@@ -303,6 +347,15 @@ fn morph_targets_move_while_the_shutter_is_open() {
     assert_eq!([heights(2), heights(3)], [None, None]);
     let now = |node: usize| scene.meshes[scene.instances[node].mesh.index()].positions[0][2];
     assert_eq!([0, 1, 2, 3].map(now), [1.0, 1.0, 0.0, 0.0]);
+    // Weights of the mesh, by a pointer: they hold for all nodes that have none of their own.
+    let mut of_mesh = asset.clone();
+    let to = json!({"pointer": "/meshes/0/weights"});
+    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": to}});
+    of_mesh["animations"][0]["channels"] = json!([{"sampler": 0, "target": target}]);
+    let shared = open(&of_mesh, &numbers, 10.0, true).scene;
+    let mesh = shared.instances[3].mesh.index();
+    let heights: Vec<f32> = shared.motion.meshes[&mesh].keys.iter().map(|key| key.positions[0][2]).collect();
+    assert_eq!(heights, [0.0, 1.0, 0.0]);
     let vectors = open(&asset, &numbers, 0.0, true).scene.motion;
     let neighbours = vectors.meshes[&0].neighbours.as_ref().expect("they were asked for");
     for neighbour in neighbours {

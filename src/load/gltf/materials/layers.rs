@@ -22,7 +22,7 @@ impl Builder<'_, '_> {
         }
     }
 
-    /// A draft, too: a roughness in the sense of Oren and Nayar, times alpha of its texture.
+    /// A draft, too: a roughness in the sense of Oren and Nayar, times red of its texture.
     fn diffuse_roughness(&mut self, model: &mut PbrMaterial) {
         let Some((extension, place)) = self.extension("KHR_materials_diffuse_roughness") else { return };
         let from = (extension, place.as_str());
@@ -34,7 +34,7 @@ impl Builder<'_, '_> {
         }
         let texture = self.info(from, "diffuseRoughnessTexture");
         let at = format!("{place}/diffuseRoughnessTexture");
-        model.diffuse_roughness = self.float(factor, texture.as_ref(), 3, &at);
+        model.diffuse_roughness = self.float(factor, texture.as_ref(), 0, &at);
     }
 
     fn clearcoat(&mut self) -> Option<Clearcoat> {
