@@ -98,7 +98,7 @@ mod tests {
 
     #[test]
     fn names() {
-        let file = |path: &str, n| Frames::file(Path::new(path), n).display().to_string();
+        let file = |path: &str, n| Frames::file(Path::new(path), n).to_string_lossy().replace('\\', "/");
         assert_eq!(file("a/out.exr", 7), "a/out.0007.exr");
         assert_eq!(file("a/out_##.exr", 7), "a/out_07.exr");
         assert_eq!(file("out.##.exr", 123), "out.123.exr");

@@ -44,6 +44,20 @@ fn a_bare_model_stands_upright_on_a_stage_and_says_so() {
 }
 
 #[test]
+fn no_stage_means_no_light_and_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let said = shoot(folder.path(), &["-o", "a.png", "--stage", "none"]);
+    assert!(said.contains("warning: no light at all") && said.contains("--stage adds light"), "{said}");
+    // Lamps of the file stay, and so does what glows.
+    fs::write(folder.path().join("a.mtl"), "newmtl glow\nKe 3 3 3\n").unwrap();
+    let model = fs::read_to_string(folder.path().join("a.obj")).unwrap();
+    fs::write(folder.path().join("a.obj"), format!("mtllib a.mtl\nusemtl glow\n{model}")).unwrap();
+    let said = shoot(folder.path(), &["-o", "a.png", "--stage", "none"]);
+    assert!(!said.contains("no light at all"), "{said}");
+}
+
+#[test]
 fn backgrounds_are_colours_pictures_or_nothing() {
     let folder = tempfile::tempdir().unwrap();
     pyramid(folder.path());

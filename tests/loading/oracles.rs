@@ -229,7 +229,6 @@ const NOT_OURS: &[(&str, &str)] = &[
     ("MESH_PRIMITIVE_MORPH_TARGET_INVALID_ATTRIBUTE_COUNT", "of a morph target that doesn't show"),
     ("MESH_PRIMITIVE_MORPH_TARGET_NO_BASE_ACCESSOR", "of a morph target that doesn't show"),
     ("MESH_PRIMITIVES_UNEQUAL_TARGETS_COUNT", "of morph targets that don't show"),
-    ("MESH_INVALID_WEIGHTS_COUNT", "of morph targets that don't show"),
     ("UNRESOLVED_REFERENCE", "by a morph target that doesn't show"),
     ("MESH_PRIMITIVE_POSITION_ACCESSOR_WITHOUT_BOUNDS", "bounds are measured, not read"),
     ("MESH_PRIMITIVE_JOINTS_WEIGHTS_MISMATCH", "of a mesh without a skin"),

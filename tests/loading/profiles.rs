@@ -123,6 +123,14 @@ fn gltf_has_lights_with_profiles() {
     }
 }
 
+/// One problem: the other keys of the light are known all the same.
+#[test]
+fn a_broken_profile_is_the_only_problem() {
+    let point = "point = { position = [1, 2, 3], ies = \"lamp.ies\", power = 5 }";
+    let message = lit(point, "IESNA:LM-63-1995\n").expect_err("no profile").to_string();
+    assert!(message.contains("lamp.ies") && !message.contains("power"), "{message}");
+}
+
 #[test]
 fn broken_lights_with_profiles_are_named() {
     let file = json!({"uri": "lamp.ies"});

@@ -131,6 +131,13 @@ fn only_load_and_output_open_files() {
     );
 }
 
+/// What holds on some machines only stays where it is known, so that a port has few places to look at.
+#[test]
+fn few_files_know_the_system() {
+    let words = ["cfg ( unix )", "target_os", "os :: unix", "os :: windows", "os :: linux", "libc ::"];
+    only(&["simd/line.rs", "foreign", "output/video.rs"], &words);
+}
+
 /// Whoever uses the library has no options: its messages name choices as the library does (`error::Choice`).
 #[test]
 fn only_the_command_line_names_its_options() {

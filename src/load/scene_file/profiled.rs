@@ -20,14 +20,16 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Option<(Arc<LightProfile>,
     build.options.files.note(&path);
     let bytes = std::fs::read(&path).map_err(|e| format!("can't be read: {e}"));
     let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {
-        Ok(profile) => profile,
+        Ok(profile) => Some(profile),
         Err(message) => {
             fields.problems.push(file.span, format!("{}: {message}", path.display()));
-            return None;
+            None
         }
     };
-    let (profile, peak) = ies::relative(profile);
-    let intensity = match (positive(fields, "power"), positive(fields, "intensity")) {
+    // Read in any case: what is asked for is known.
+    let told = (positive(fields, "power"), positive(fields, "intensity"));
+    let (profile, peak) = ies::relative(profile?);
+    let intensity = match told {
         (None, None) => peak / ies::LUMENS_PER_WATT,
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
