@@ -117,7 +117,8 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     if is_lit || options.light == StageLight::None {
         let message = format!("no camera: the whole model is shown from {}", options.view);
         loaded.warnings.push(Warning::general(message));
-        if lamps_in_words(&loaded.scene).is_empty() && shine::of(&loaded.scene) == Shine::None {
+        let shines = || shine::of(&loaded.scene) != Shine::None;
+        if !is_lit && lamps_in_words(&loaded.scene).is_empty() && !shines() {
             let message =
                 format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
             loaded.warnings.push(Warning::general(message));

@@ -1,6 +1,8 @@
 """What Cycles would render, from Blender's dependency graph: objects with their modifiers, and instances of collections,
 of geometry nodes and of particles."""
 
+import re
+
 import bpy
 
 from .report import listed
@@ -129,7 +131,13 @@ def _extras(obj, parent):
     both = [of.original for of in (obj, parent) if of is not None]
     extras = {key: False for key in VISIBILITY if not all(getattr(of, key, True) for of in both)}
     extras.update({key: True for key in ("is_holdout", "is_shadow_catcher") if any(getattr(of, key, False) for of in both)})
-    return extras
+    group = next(filter(None, map(light_group, both)), None)
+    return {**extras, "light_group": group} if group else extras
+
+
+def light_group(of):
+    """The group of lights of an object or a world, with _ for what names of groups here can't have; empty for none."""
+    return re.sub(r"[^A-Za-z0-9_-]", "_", getattr(of, "lightgroup", ""))[:64]
 
 
 def _own_materials(obj):

@@ -108,6 +108,9 @@ def _patch_materials(glb, patches):
                 used.append(name)
         if "roughness" in patch:
             material.setdefault("pbrMetallicRoughness", {})["roughnessFactor"] = patch["roughness"]
+        if "base_color" in patch:
+            factor = material.setdefault("pbrMetallicRoughness", {}).setdefault("baseColorFactor", [1, 1, 1, 1])
+            factor[:3] = patch["base_color"]
     if not used:
         del glb.json["extensionsUsed"]
 

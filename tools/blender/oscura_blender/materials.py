@@ -1,6 +1,8 @@
 """Materials: brought into the form that Blender's glTF exporter reads, one Principled shader whose inputs are constants or
 pictures, with a list of what that loses."""
 
+import math
+
 import bpy
 
 from . import bake, closures, shaders
@@ -88,7 +90,7 @@ def _normalize(material, report, lost_nodes):
 def _is_absorption(end):
     """A volume that glTF has."""
     source = shaders.source(end.inputs["Volume"])
-    return source.node.bl_idname == "ShaderNodeVolumeAbsorption"
+    return source is not None and source.node.bl_idname == "ShaderNodeVolumeAbsorption"
 
 
 def principled(material):
@@ -123,12 +125,34 @@ def patch(material, report):
         film = {"iridescenceFactor": 1.0, "iridescenceIor": value("Thin Film IOR") or 1.33}
         extensions["KHR_materials_iridescence"] = {**film, "iridescenceThicknessMaximum": thickness}
     patched = {"extensions": extensions}
+    _absorb(material, value, patched, report)
     anisotropic, roughness = value("Anisotropic"), value("Roughness")
     if anisotropic and roughness is not None:
         strength, across = _anisotropy(anisotropic, roughness)
         extensions["KHR_materials_anisotropy"] = {"anisotropyStrength": strength}
         patched["roughness"] = across
     return patched
+
+
+def _absorb(material, value, patched, report):
+    """The absorption within glass (Beer): a colour exp(color - 1) at a distance of 1 / density."""
+    end = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
+    if end is None or not _is_absorption(end) or not value("Transmission Weight"):
+        return
+    node = shaders.source(end.inputs["Volume"]).node
+    color, density = (shaders.constant(node.inputs[name]) for name in ("Color", "Density"))
+    if color is None or density is None:
+        report.warn(material.name, "absorption that varies in its volume is not carried over")
+        return
+    if density <= 0:
+        return
+    attenuation = {"attenuationColor": [math.exp(min(c, 1.0) - 1) for c in color], "attenuationDistance": 1 / density}
+    # Any thickness but 0 makes it a solid.
+    patched["extensions"]["KHR_materials_volume"] = {"thicknessFactor": 1.0, **attenuation}
+    base = value("Base Color")
+    if base is not None:
+        # glTF tints whole at each surface of a solid, Blender by the root.
+        patched["base_color"] = [max(c, 0.0) ** 0.5 for c in base]
 
 
 def _is_close(value, idle):

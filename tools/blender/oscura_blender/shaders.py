@@ -64,6 +64,8 @@ def blackbody(temperature):
     try:
         if not hasattr(light, "temperature_color"):
             return None
+        # Lights are white until they are told to have a temperature.
+        light.use_temperature = True
         light.temperature = temperature
         return tuple(light.temperature_color)
     finally:

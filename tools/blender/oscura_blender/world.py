@@ -6,7 +6,7 @@ import shutil
 
 import bpy
 
-from . import shaders
+from . import geometry, shaders
 
 # Colour spaces whose values are light as oscura has it.
 LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Generic Data")
@@ -30,6 +30,8 @@ def entries(scene, folder, name, report):
             report.warn(world.name, f"{' and '.join(unseen)} rays see this world, which Blender hides from them")
     if hidden:
         found["visible_to_camera"] = False
+    if world is not None and geometry.light_group(world):
+        found["group"] = geometry.light_group(world)
     return found
 
 
