@@ -1,4 +1,4 @@
-"""Tries what the exporter keeps for the next time.
+"""Tries what the exporter writes of glass, black bodies and groups of lights, and what it keeps for the next time.
 
     python test_export.py            with a Python that has bpy
 """
@@ -8,6 +8,7 @@ import os
 import subprocess
 import sys
 import tempfile
+import tomllib
 import unittest
 from pathlib import Path
 
@@ -50,6 +51,54 @@ def contents(glb):
     views = [(view.pop("byteOffset", 0), view.pop("byteLength")) for view in glb.json["bufferViews"]]
     del glb.json["buffers"]
     return glb.json, [bytes(glb.binary[start : start + length]) for start, length in views]
+
+
+def make_glass(path):
+    """A ball of glass that absorbs, a lamp with a black body's colour, both and the world in groups of lights."""
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    bpy.ops.mesh.primitive_uv_sphere_add()
+    ball = bpy.context.object
+    ball.lightgroup = "balls here"
+    material = bpy.data.materials.new("glass")
+    material.use_nodes = True
+    tree = material.node_tree
+    tree.nodes["Principled BSDF"].inputs["Transmission Weight"].default_value = 1.0
+    tree.nodes["Principled BSDF"].inputs["Base Color"].default_value = (0.25, 1.0, 1.0, 1.0)
+    absorption = tree.nodes.new("ShaderNodeVolumeAbsorption")
+    absorption.inputs["Color"].default_value = (1.0, 0.5, 0.25, 1.0)
+    absorption.inputs["Density"].default_value = 4.0
+    tree.links.new(absorption.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+    ball.data.materials.append(material)
+    light = bpy.data.lights.new("lamp", "POINT")
+    light.use_nodes = True
+    body = light.node_tree.nodes.new("ShaderNodeBlackbody")
+    body.inputs[0].default_value = 2500
+    light.node_tree.links.new(body.outputs[0], light.node_tree.nodes["Emission"].inputs["Color"])
+    lamp = bpy.data.objects.new("lamp", light)
+    lamp.lightgroup = "key"
+    bpy.context.scene.collection.objects.link(lamp)
+    bpy.ops.wm.save_as_mainfile(filepath=str(path))
+
+
+class GlassTest(unittest.TestCase):
+    def test_absorption_black_bodies_and_groups(self):
+        with tempfile.TemporaryDirectory(prefix="oscura-test-") as folder:
+            folder = Path(folder)
+            make_glass(folder / "scene.blend")
+            command = [sys.executable, str(HERE / "export.py"), "--", str(folder / "scene.blend"), str(folder), "scene"]
+            subprocess.run([*command, str(folder / "answer.json")], check=True, capture_output=True)
+            model = Glb(folder / "scene.glb").json
+            (material,) = model["materials"]
+            volume = material["extensions"]["KHR_materials_volume"]
+            self.assertEqual(volume["attenuationDistance"], 0.25)
+            np.testing.assert_allclose(volume["attenuationColor"], np.exp([0.0, -0.5, -0.75]), rtol=1e-5)
+            np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"][:3], [0.5, 1, 1], rtol=1e-5)
+            self.assertIn({"light_group": "balls_here"}, [node.get("extras") for node in model["nodes"]])
+            (settings,) = folder.glob("*.toml")
+            (lamp,) = tomllib.loads(settings.read_text())["lights"]
+            self.assertEqual(lamp["group"], "key")
+            red, green, blue = lamp["color"]
+            self.assertTrue(red > 2 * green > 4 * blue, lamp["color"])
 
 
 class KeptTest(unittest.TestCase):
