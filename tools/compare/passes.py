@@ -109,9 +109,18 @@ def by_cycles(folder):
         bpy.ops.render.render(write_still=True)
 
 
+# Names of passes since Blender 5, in parts of their own.
+NEW = {f"{full} {way}": f"{short}{mark}" for full, short in (("Diffuse", "Diff"), ("Glossy", "Gloss"), ("Transmission", "Trans"))
+       for way, mark in (("Direct", "Dir"), ("Indirect", "Ind"), ("Color", "Col"))} | {"Emission": "Emit", "Environment": "Env"}  # fmt: skip
+
+
 def planes(path):
-    (part,) = OpenEXR.File(str(path), separate_channels=True).parts
-    return {name.removeprefix("ViewLayer."): np.asarray(c.pixels, np.float64) for name, c in part.channels.items()}
+    found = {}
+    for part in OpenEXR.File(str(path), separate_channels=True).parts:
+        for name, channel in part.channels.items():
+            layer, _, letter = name.removeprefix("ViewLayer.").rpartition(".")
+            found[f"{NEW.get(layer, layer)}.{letter}" if layer else letter] = np.asarray(channel.pixels, np.float64)
+    return found
 
 
 def triple(found, layer, letters="RGB"):
