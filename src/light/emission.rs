@@ -51,14 +51,9 @@ impl Emission {
         targets: Targets,
         reach: f32,
     ) -> Option<Emission> {
-        let places =
-            lights.area().iter().map(AreaLight::middle).chain(lights.punctual().iter().filter_map(|light| {
-                match light.source() {
-                    Source::At(p) => Some(p),
-                    Source::Far(_) | Source::Disk(_) => None,
-                }
-            }));
-        if targets.is_empty() || places.into_iter().any(|p| targets.is_farther(p, FARTHEST)) {
+        let lamps = (lights.area().len() + lights.punctual().len()) as u32;
+        let is_far = |lamp| lights.middle(lamp).is_some_and(|p| targets.is_farther(p, FARTHEST));
+        if targets.is_empty() || (0..lamps).any(is_far) {
             return None;
         }
         let across: f32 = targets.balls().iter().map(|ball| PI * ball.radius * ball.radius).sum();

@@ -54,7 +54,7 @@ def contents(glb):
 
 
 def make_glass(path):
-    """A ball of glass that absorbs, a lamp with a black body's colour, both and the world in groups of lights."""
+    """A ball of glass that absorbs, and a lamp with a black body's colour, both in groups of lights."""
     bpy.ops.wm.read_factory_settings(use_empty=True)
     bpy.ops.mesh.primitive_uv_sphere_add()
     ball = bpy.context.object
@@ -80,14 +80,19 @@ def make_glass(path):
     bpy.ops.wm.save_as_mainfile(filepath=str(path))
 
 
+def run_exporter(scene, out, *more):
+    """The model that comes of a scene's file, in a folder."""
+    command = [sys.executable, str(HERE / "export.py"), "--", str(scene), str(out), "scene", str(out / "answer.json"), *more]
+    subprocess.run(command, check=True, capture_output=True)
+    return Glb(out / "scene.glb")
+
+
 class GlassTest(unittest.TestCase):
     def test_absorption_black_bodies_and_groups(self):
         with tempfile.TemporaryDirectory(prefix="oscura-test-") as folder:
             folder = Path(folder)
             make_glass(folder / "scene.blend")
-            command = [sys.executable, str(HERE / "export.py"), "--", str(folder / "scene.blend"), str(folder), "scene"]
-            subprocess.run([*command, str(folder / "answer.json")], check=True, capture_output=True)
-            model = Glb(folder / "scene.glb").json
+            model = run_exporter(folder / "scene.blend", folder).json
             (material,) = model["materials"]
             volume = material["extensions"]["KHR_materials_volume"]
             self.assertEqual(volume["attenuationDistance"], 0.25)
@@ -111,10 +116,9 @@ class KeptTest(unittest.TestCase):
     def export(self, *more):
         """The model that comes of the scene's file."""
         out = Path(tempfile.mkdtemp(dir=self.folder))
-        command = [sys.executable, str(HERE / "export.py"), "--", str(self.folder / "scene.blend"), str(out), "scene"]
-        subprocess.run([*command, str(out / "answer.json"), *more], check=True, capture_output=True)
+        model = run_exporter(self.folder / "scene.blend", out, *more)
         self.assertIsNone(json.loads((out / "answer.json").read_text())["error"])
-        return contents(Glb(out / "scene.glb"))
+        return contents(model)
 
     def cached(self):
         return self.export("--cache", str(self.cache))

@@ -29,6 +29,25 @@ impl NodePose {
     pub fn moves(&self) -> bool {
         self.translation.is_some() || self.rotation.is_some() || self.scale.is_some()
     }
+
+    fn has(&self, property: Property) -> bool {
+        match property {
+            Property::Translation => self.translation.is_some(),
+            Property::Rotation => self.rotation.is_some(),
+            Property::Scale => self.scale.is_some(),
+            Property::Weights(single) => self.weights.has(single),
+        }
+    }
+
+    fn set(&mut self, property: Property, value: &[f64], at: &str, report: &mut Report) -> Sound<()> {
+        match property {
+            Property::Translation => self.translation = Some(DVec3::from_slice(value)),
+            Property::Rotation => self.rotation = Some(unit(DQuat::from_slice(value), at, report)?),
+            Property::Scale => self.scale = Some(DVec3::from_slice(value)),
+            Property::Weights(single) => self.weights.set(single, value),
+        }
+        Ok(())
+    }
 }
 
 /// What animations say about a list of weights of morph targets.
@@ -60,6 +79,22 @@ impl WeightsPose {
         }
         weights
     }
+
+    /// Are all driven, or the single one?
+    fn has(&self, single: Option<usize>) -> bool {
+        match single {
+            Some(index) => self.all.is_some() || self.single.contains_key(&index),
+            None => self.moves(),
+        }
+    }
+
+    fn set(&mut self, single: Option<usize>, value: &[f64]) {
+        let mut weights = value.iter().map(|&w| w as f32);
+        match single {
+            Some(index) => self.single.extend(weights.next().map(|weight| (index, weight))),
+            None => self.all = Some(weights.collect()),
+        }
+    }
 }
 
 /// What animations move, by index.
@@ -78,22 +113,34 @@ impl Pose {
         self.nodes.get(&index)
     }
 
+    /// What moves the weights of a node, if anything does.
+    pub fn node_weights(&self, index: usize) -> Option<&WeightsPose> {
+        self.node(index).map(|pose| &pose.weights).filter(|weights| weights.moves())
+    }
+
     /// What moves the weights of a mesh, if anything does.
-    pub fn mesh(&self, index: usize) -> Option<&WeightsPose> {
-        self.meshes.get(&index).filter(|weights| weights.moves())
+    pub fn mesh_weights(&self, index: usize) -> Option<&WeightsPose> {
+        self.meshes.get(&index)
     }
 }
 
 /// What of the pose a channel drives.
 #[derive(Clone, Copy)]
 pub(super) enum Posed {
-    Translation(usize),
-    Rotation(usize),
-    Scale(usize),
-    /// All weights of a node's morph targets, or a single one.
-    NodeWeights(usize, Option<usize>),
-    /// The same of a mesh.
+    /// A property of a node.
+    Node(usize, Property),
+    /// All weights of a mesh's morph targets, or a single one.
     MeshWeights(usize, Option<usize>),
+}
+
+/// What of a node a channel drives.
+#[derive(Clone, Copy)]
+pub(super) enum Property {
+    Translation,
+    Rotation,
+    Scale,
+    /// All weights of its morph targets, or a single one.
+    Weights(Option<usize>),
 }
 
 /// The pose at a moment, seconds. Before a channel's first key its first value holds, after its last key the last
@@ -156,6 +203,12 @@ impl Reader<'_, '_> {
         let posed = if path == "pointer" {
             // Other pointers change the document before it is read.
             let Some(posed) = of_pose(target) else { return Ok(()) };
+            match posed {
+                Posed::Node(node, _) => self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?,
+                Posed::MeshWeights(mesh, _) => {
+                    self.doc.raw("meshes", mesh, &format!("{at}/target"), report)?
+                }
+            };
             posed
         } else {
             let Some(node) = index_of(target, "node", &format!("{at}/target"), report)? else {
@@ -164,60 +217,28 @@ impl Reader<'_, '_> {
                 return Ok(());
             };
             self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?;
-            of_node(node, path).ok_or_else(|| {
+            let property = property(path).ok_or_else(|| {
                 let message = format!("'{path}' is not known; the channel stands still");
                 report.warn(format!("{at}/target/path"), message)
-            })?
+            })?;
+            Posed::Node(node, property)
         };
-        match posed {
-            Posed::MeshWeights(mesh, _) => self.doc.raw("meshes", mesh, &format!("{at}/target"), report)?,
-            Posed::Translation(node)
-            | Posed::Rotation(node)
-            | Posed::Scale(node)
-            | Posed::NodeWeights(node, _) => {
-                self.doc.raw("nodes", node, &format!("{at}/target/node"), report)?
-            }
+        let (nodes, meshes) = (&mut self.pose.nodes, &mut self.pose.meshes);
+        // Another channel may have driven the same before.
+        let is_doubled = match posed {
+            Posed::Node(node, property) => nodes.get(&node).is_some_and(|pose| pose.has(property)),
+            Posed::MeshWeights(mesh, single) => meshes.get(&mesh).is_some_and(|pose| pose.has(single)),
         };
-        if self.is_known(posed) {
+        if is_doubled {
             self.doubled += 1;
             return Ok(());
         }
         let value = self.samplers.value(animation, channel, posed.element(), at, report)?;
-        self.put(posed, &value, at, report)
-    }
-
-    /// Has an earlier channel driven the same?
-    fn is_known(&self, posed: Posed) -> bool {
-        let node = |index: usize| self.pose.nodes.get(&index);
-        let has = |weights: &WeightsPose, single: Option<usize>| match single {
-            Some(index) => weights.all.is_some() || weights.single.contains_key(&index),
-            None => weights.moves(),
-        };
         match posed {
-            Posed::Translation(of) => node(of).is_some_and(|p| p.translation.is_some()),
-            Posed::Rotation(of) => node(of).is_some_and(|p| p.rotation.is_some()),
-            Posed::Scale(of) => node(of).is_some_and(|p| p.scale.is_some()),
-            Posed::NodeWeights(of, single) => node(of).is_some_and(|p| has(&p.weights, single)),
-            Posed::MeshWeights(of, single) => self.pose.meshes.get(&of).is_some_and(|w| has(w, single)),
-        }
-    }
-
-    fn put(&mut self, posed: Posed, value: &[f64], at: &str, report: &mut Report) -> Sound<()> {
-        let set = |weights: &mut WeightsPose, single: Option<usize>| match single {
-            Some(index) => drop(weights.single.insert(index, value[0] as f32)),
-            None => weights.all = Some(value.iter().map(|&w| w as f32).collect()),
-        };
-        let (nodes, meshes) = (&mut self.pose.nodes, &mut self.pose.meshes);
-        match posed {
-            Posed::Translation(of) => {
-                nodes.entry(of).or_default().translation = Some(DVec3::from_slice(value));
+            Posed::Node(node, property) => {
+                nodes.entry(node).or_default().set(property, &value, at, report)?
             }
-            Posed::Rotation(of) => {
-                nodes.entry(of).or_default().rotation = Some(unit(DQuat::from_slice(value), at, report)?);
-            }
-            Posed::Scale(of) => nodes.entry(of).or_default().scale = Some(DVec3::from_slice(value)),
-            Posed::NodeWeights(of, single) => set(&mut nodes.entry(of).or_default().weights, single),
-            Posed::MeshWeights(of, single) => set(meshes.entry(of).or_default(), single),
+            Posed::MeshWeights(mesh, single) => meshes.entry(mesh).or_default().set(single, &value),
         }
         Ok(())
     }
@@ -227,21 +248,23 @@ impl Posed {
     /// What a key holds.
     fn element(self) -> Element {
         match self {
-            Posed::Translation(_) | Posed::Scale(_) => Element::Numbers(3),
-            Posed::Rotation(_) => Element::Rotation,
-            Posed::NodeWeights(_, None) | Posed::MeshWeights(_, None) => Element::Weights,
-            Posed::NodeWeights(_, Some(_)) | Posed::MeshWeights(_, Some(_)) => Element::Numbers(1),
+            Posed::Node(_, Property::Translation | Property::Scale) => Element::Numbers(3),
+            Posed::Node(_, Property::Rotation) => Element::Rotation,
+            Posed::Node(_, Property::Weights(single)) | Posed::MeshWeights(_, single) => match single {
+                Some(_) => Element::Numbers(1),
+                None => Element::Weights,
+            },
         }
     }
 }
 
-/// What of a node's pose a path names, if it does.
-fn of_node(node: usize, path: &str) -> Option<Posed> {
+/// What of a node a path names, if it is of its pose.
+fn property(path: &str) -> Option<Property> {
     match path {
-        "translation" => Some(Posed::Translation(node)),
-        "rotation" => Some(Posed::Rotation(node)),
-        "scale" => Some(Posed::Scale(node)),
-        "weights" => Some(Posed::NodeWeights(node, None)),
+        "translation" => Some(Property::Translation),
+        "rotation" => Some(Property::Rotation),
+        "scale" => Some(Property::Scale),
+        "weights" => Some(Property::Weights(None)),
         _ => None,
     }
 }
@@ -250,17 +273,17 @@ fn of_node(node: usize, path: &str) -> Option<Posed> {
 pub(super) fn of_pose(target: &Value) -> Option<Posed> {
     let pointer = target.pointer("/extensions/KHR_animation_pointer/pointer")?.as_str()?;
     let steps: Vec<&str> = pointer.split('/').collect();
-    let index = |step: &str| step.parse::<usize>().ok();
-    let weight = |step: &str| index(step).filter(|weight| *weight < MOST_WEIGHTS);
-    match steps[..] {
-        ["", "nodes", node, "weights", single] => {
-            Some(Posed::NodeWeights(index(node)?, Some(weight(single)?)))
-        }
-        ["", "nodes", node, path] => of_node(index(node)?, path),
-        ["", "meshes", mesh, "weights"] => Some(Posed::MeshWeights(index(mesh)?, None)),
-        ["", "meshes", mesh, "weights", single] => {
-            Some(Posed::MeshWeights(index(mesh)?, Some(weight(single)?)))
-        }
+    let ["", list, index, property_of @ ..] = &steps[..] else { return None };
+    let index: usize = index.parse().ok()?;
+    let single = match property_of {
+        ["weights", single] => Some(single.parse().ok().filter(|weight| *weight < MOST_WEIGHTS)?),
+        [_] => None,
+        _ => return None,
+    };
+    match (*list, property_of[0]) {
+        ("nodes", "weights") => Some(Posed::Node(index, Property::Weights(single))),
+        ("nodes", path) => Some(Posed::Node(index, property(path)?)),
+        ("meshes", "weights") => Some(Posed::MeshWeights(index, single)),
         _ => None,
     }
 }

@@ -9,7 +9,10 @@ use super::skin::{self, SkinPose};
 use super::traits;
 use super::transform::Family;
 use super::vertices::Deformation;
-use super::{animation::Pose, images};
+use super::{
+    animation::{Pose, WeightsPose},
+    images,
+};
 use super::{cameras, ies_lights, portals};
 use crate::math::DAffine3;
 use crate::scene::{Instance, MeshId, Motion, Scene};
@@ -184,8 +187,7 @@ impl<'b, 'a> Builder<'b, 'a> {
 
     /// Does an animation change the weights of a node's morph targets?
     fn has_moving_weights(&self, node: &Node, mesh: usize) -> bool {
-        let of_node = self.pose.node(node.index).is_some_and(|pose| pose.weights.moves());
-        of_node || self.pose.mesh(mesh).is_some()
+        self.pose.node_weights(node.index).or(self.pose.mesh_weights(mesh)).is_some()
     }
 
     /// The weights of a node's morph targets: its own, else its mesh's, each as animations leave them. None if all are 0.
@@ -196,18 +198,22 @@ impl<'b, 'a> Builder<'b, 'a> {
             let list = self.doc.json.pointer(&pointer)?;
             Some(list.as_array().map_or(vec![f32::NAN], |list| list.iter().map(number).collect()))
         };
-        let of_mesh = || {
-            let of_file = list(format!("/meshes/{mesh}/weights")).unwrap_or_default();
-            self.pose.mesh(mesh).map_or(of_file.clone(), |pose| pose.over(of_file))
-        };
-        let of_file = list(format!("{}/weights", node.pointer())).unwrap_or_else(of_mesh);
-        let mut weights = match self.pose.node(node.index) {
-            Some(pose) => pose.weights.over(of_file),
+        let posed = |pose: Option<&WeightsPose>, of_file| match pose {
+            Some(pose) => pose.over(of_file),
             None => of_file,
         };
+        let of_mesh = || {
+            let of_file = list(format!("/meshes/{mesh}/weights")).unwrap_or_default();
+            posed(self.pose.mesh_weights(mesh), of_file)
+        };
+        let of_node = self.pose.node_weights(node.index);
+        let mut weights = posed(of_node, list(format!("{}/weights", node.pointer())).unwrap_or_else(of_mesh));
+        if weights.is_empty() {
+            return weights;
+        }
         let targets = self.doc.json.pointer(&format!("/meshes/{mesh}/primitives/0/targets"));
         let targets = targets.and_then(Value::as_array).map_or(0, Vec::len);
-        let animated = self.pose.node(node.index).and_then(|pose| pose.weights.count());
+        let animated = of_node.and_then(WeightsPose::count);
         let told = animated.unwrap_or(weights.len());
         if told > targets || animated.is_some_and(|count| count < targets) {
             let message = format!(

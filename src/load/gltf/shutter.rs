@@ -199,7 +199,7 @@ fn places(doc: &Document, time_s: f64, report: &mut Report, lit: &BTreeSet<Strin
             places.extend(skin::places(doc, skin, &family, report));
         }
         let Some(mesh) = node.mesh else { continue };
-        let weights = [pose.node(node.index).map(|pose| &pose.weights), pose.mesh(mesh)];
+        let weights = [pose.node_weights(node.index), pose.mesh_weights(mesh)];
         let weights = weights.into_iter().flatten().flat_map(|weights| weights.over(Vec::new()));
         places.extend(weights.map(as_place));
     }

@@ -114,19 +114,12 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
     if options.light.is_stage() {
         clay::apply(loaded);
     }
-    if is_lit || options.light == StageLight::None {
+    if is_lit || !options.light.is_stage() {
         let message = format!("no camera: the whole model is shown from {}", options.view);
         loaded.warnings.push(Warning::general(message));
-        let shines = || shine::of(&loaded.scene) != Shine::None;
-        if !is_lit && lamps_in_words(&loaded.scene).is_empty() && !shines() {
-            let message =
-                format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
-            loaded.warnings.push(Warning::general(message));
+        if !is_lit {
+            light_plainly(loaded, options);
         }
-    } else if options.light == StageLight::Soft {
-        let message = format!("no camera: the whole model is shown from {}", options.view);
-        loaded.warnings.push(Warning::general(message));
-        soften(loaded);
     } else {
         let ground = options.ground_for(is_lit);
         let lamps = lamps_in_words(&loaded.scene);
@@ -142,6 +135,16 @@ fn set_up(loaded: &mut Loaded, options: &StageOptions, is_lit: bool) {
         loaded.notes.push(Warning::general(message));
     }
     ground::add(loaded, options, &outline, is_lit);
+}
+
+/// The light of a model without a stage: the soft sky, or none at all.
+fn light_plainly(loaded: &mut Loaded, options: &StageOptions) {
+    if options.light == StageLight::Soft {
+        soften(loaded);
+    } else if lamps_in_words(&loaded.scene).is_empty() && shine::of(&loaded.scene) == Shine::None {
+        let message = format!("no light at all: the picture will be black ({} adds light)", Choice::Stage);
+        loaded.warnings.push(Warning::general(message));
+    }
 }
 
 /// Light alone, for a scene that has a camera.

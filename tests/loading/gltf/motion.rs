@@ -139,19 +139,36 @@ fn what_stands_still_is_counted() {
     assert!(said.iter().any(|w| w.contains("1 channels move no node")), "{said:?}");
 }
 
+/// A mesh with these weights of two targets, which move its first corner by x and by 4 z; more accessors come from 4 on.
+fn with_two_targets(weights: &Value, more: &[(&str, usize)], change: impl FnOnce(&mut Value)) -> Value {
+    with_floats(&[&[("VEC3", 3), ("VEC3", 3)], more].concat(), |a| {
+        a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
+        a["meshes"][0]["weights"] = weights.clone();
+        change(a);
+    })
+}
+
+/// What the accessors of [`with_two_targets`] hold.
+fn two_targets(more: &[f32]) -> Vec<f32> {
+    let mut numbers = vec![0.0; 18];
+    (numbers[0], numbers[11]) = (1.0, 4.0);
+    numbers.extend(more);
+    numbers
+}
+
+/// The target of a channel that drives a pointer.
+pub(super) fn pointer_target(pointer: &str) -> Value {
+    json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}})
+}
+
 /// Two targets move the first corner; weights come from the mesh, the node and an animation, in rising order.
 #[test]
 fn morph_targets_add_up() {
-    let numbers = [
-        1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 2: first target
-        0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 3: second target
+    let numbers = two_targets(&[
         0.0, 1.0, // 4: times
         0.0, 0.0, 1.0, 1.0, // 5: weights
-    ];
-    let mut asset = with_floats(&[("VEC3", 3), ("VEC3", 3), ("SCALAR", 2), ("SCALAR", 4)], |a| {
-        a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
-        a["meshes"][0]["weights"] = json!([0.5, 0]);
-    });
+    ]);
+    let mut asset = with_two_targets(&json!([0.5, 0]), &[("SCALAR", 2), ("SCALAR", 4)], |_| {});
     let corner = |asset: &Value, time: Option<f64>| {
         at(asset, &numbers, time).unwrap_or_else(|e| panic!("{e}")).scene.meshes[0].positions[0]
     };
@@ -174,25 +191,19 @@ fn morph_targets_add_up() {
     at(&asset, &numbers, Some(0.0)).unwrap_or_else(|e| panic!("{e}"));
 }
 
-/// Weights of meshes and single ones, driven by pointers; also while the shutter is open.
+/// Weights of meshes and single ones, driven by pointers.
 #[test]
 fn pointers_drive_weights_of_meshes_and_single_ones() {
-    let numbers = [
-        1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 2: first target
-        0.0, 0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, // 3: second target
+    let numbers = two_targets(&[
         0.0, 1.0, // 4: times
         0.0, 1.0, // 5: a weight
         0.0, 0.5, 1.0, 1.0, // 6: both
-    ];
-    let accessors = [("VEC3", 3), ("VEC3", 3), ("SCALAR", 2), ("SCALAR", 2), ("SCALAR", 4)];
+    ]);
     let driven = |pointer: &str, output: usize| {
-        with_floats(&accessors, |a| {
-            a["meshes"][0]["primitives"][0]["targets"] = json!([{"POSITION": 2}, {"POSITION": 3}]);
-            a["meshes"][0]["weights"] = json!([0.5, 0.25]);
-            let to = json!({"pointer": pointer});
-            let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": to}});
+        with_two_targets(&json!([0.5, 0.25]), &[("SCALAR", 2), ("SCALAR", 2), ("SCALAR", 4)], |a| {
             a["animations"] = json!([{
-                "channels": [{"sampler": 0, "target": target}], "samplers": [{"input": 4, "output": output}]
+                "channels": [{"sampler": 0, "target": pointer_target(pointer)}],
+                "samplers": [{"input": 4, "output": output}]
             }]);
         })
     };
@@ -349,8 +360,7 @@ fn morph_targets_move_while_the_shutter_is_open() {
     assert_eq!([0, 1, 2, 3].map(now), [1.0, 1.0, 0.0, 0.0]);
     // Weights of the mesh, by a pointer: they hold for all nodes that have none of their own.
     let mut of_mesh = asset.clone();
-    let to = json!({"pointer": "/meshes/0/weights"});
-    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": to}});
+    let target = pointer_target("/meshes/0/weights");
     of_mesh["animations"][0]["channels"] = json!([{"sampler": 0, "target": target}]);
     let shared = open(&of_mesh, &numbers, 10.0, true).scene;
     let mesh = shared.instances[3].mesh.index();

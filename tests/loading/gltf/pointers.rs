@@ -2,7 +2,7 @@
 
 use super::asset::{floats, triangle_bytes};
 use super::materials::RED;
-use super::motion::{at, with_floats};
+use super::motion::{at, pointer_target, with_floats};
 use oscura::load::{LoadOptions, Loaded, load_moments};
 use oscura::math::DVec3;
 use oscura::scene::{LightKind, Mapping, Model, PbrMaterial, Projection, Texture};
@@ -17,8 +17,7 @@ fn drive(a: &mut Value, pointer: &str, output: usize, interpolation: &str) {
     let samplers = a["animations"][0]["samplers"].as_array_mut().expect("a list");
     samplers.push(json!({"input": 2, "output": output, "interpolation": interpolation}));
     let sampler = samplers.len() - 1;
-    let target = json!({"path": "pointer", "extensions": {"KHR_animation_pointer": {"pointer": pointer}}});
-    let channel = json!({"sampler": sampler, "target": target});
+    let channel = json!({"sampler": sampler, "target": pointer_target(pointer)});
     a["animations"][0]["channels"].as_array_mut().expect("a list").push(channel);
 }
 

@@ -19,8 +19,8 @@ def entries(obj, name, light, report):
         return None
     _tell_of_the_rest(obj, light, report)
     found = {"name": obj.name, "color": color}
-    if light_group(obj):
-        found["group"] = light_group(obj)
+    if group := light_group(obj):
+        found["group"] = group
     if light.type != "SUN":
         found.update({"visible_to_camera": bool(obj.visible_camera), "obstacle": False})
     seen_by = [kind for key, kind in VISIBILITY.items() if key == "visible_shadow" or getattr(obj, key, True)]

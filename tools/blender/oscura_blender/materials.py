@@ -65,7 +65,7 @@ def _normalize(material, report, lost_nodes):
         closures.build(tree, closures.diffuse(color))
         return
     tree = material.node_tree
-    end = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    end = shaders.end(tree)
     if end is None:
         tree.nodes.clear()
         closures.build(tree, closures.invisible())
@@ -74,7 +74,7 @@ def _normalize(material, report, lost_nodes):
         lost_nodes.setdefault("displacement is", []).append(material.name)
     has_volume = shaders.source(end.inputs["Volume"]) is not None
     surface = shaders.source(end.inputs["Surface"])
-    if has_volume and not _is_absorption(end):
+    if has_volume and _absorption(end) is None:
         lost_nodes.setdefault("volumes are", []).append(material.name)
     if surface is None:
         # Without a surface Blender shows nothing (but the volume).
@@ -87,10 +87,10 @@ def _normalize(material, report, lost_nodes):
     closures.build(tree, found, end)
 
 
-def _is_absorption(end):
-    """A volume that glTF has."""
+def _absorption(end):
+    """The node of the one kind of volume that glTF has; None without it."""
     source = shaders.source(end.inputs["Volume"])
-    return source is not None and source.node.bl_idname == "ShaderNodeVolumeAbsorption"
+    return source.node if source is not None and source.node.bl_idname == "ShaderNodeVolumeAbsorption" else None
 
 
 def principled(material):
@@ -136,10 +136,10 @@ def patch(material, report):
 
 def _absorb(material, value, patched, report):
     """The absorption within glass (Beer): a colour exp(color - 1) at a distance of 1 / density."""
-    end = material.node_tree.get_output_node("CYCLES") or material.node_tree.get_output_node("ALL")
-    if end is None or not _is_absorption(end) or not value("Transmission Weight"):
+    # A material with a shader has an output.
+    node = _absorption(shaders.end(material.node_tree))
+    if node is None or not value("Transmission Weight"):
         return
-    node = shaders.source(end.inputs["Volume"]).node
     color, density = (shaders.constant(node.inputs[name]) for name in ("Color", "Density"))
     if color is None or density is None:
         report.warn(material.name, "absorption that varies in its volume is not carried over")

@@ -72,9 +72,14 @@ def blackbody(temperature):
         bpy.data.lights.remove(light)
 
 
+def end(tree):
+    """The output of a material, a light or a world in Cycles; None without one."""
+    return tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+
+
 def output(tree):
     """The node that feeds the surface of a material, a light or a world in Cycles; None without one."""
-    node = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    node = end(tree)
     feeding = source(node.inputs["Surface"]) if node else None
     return feeding.node if feeding else None
 

@@ -28,10 +28,10 @@ def entries(scene, folder, name, report):
         unseen = [kind for kind in kinds if not getattr(visible, kind, True)]
         if unseen:
             report.warn(world.name, f"{' and '.join(unseen)} rays see this world, which Blender hides from them")
+        if group := geometry.light_group(world):
+            found["group"] = group
     if hidden:
         found["visible_to_camera"] = False
-    if world is not None and geometry.light_group(world):
-        found["group"] = geometry.light_group(world)
     return found
 
 
@@ -41,7 +41,7 @@ def _light(world, folder, name, report):
     if not world.use_nodes or world.node_tree is None:
         return {"background": list(world.color)}
     tree = world.node_tree
-    end = tree.get_output_node("CYCLES") or tree.get_output_node("ALL")
+    end = shaders.end(tree)
     if end and shaders.source(end.inputs["Volume"]) is not None:
         report.warn(world.name, "the volume of the world is not supported: it is left out")
     node = shaders.output(tree)
