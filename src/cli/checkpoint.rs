@@ -6,9 +6,10 @@ use super::report::Said;
 use oscura::error::{Error, Result, Warning};
 use oscura::film::AovSet;
 use oscura::load::Loaded;
-use oscura::output::part::{Finish, Identity, read_header, read_part};
+use oscura::output::part::{Finish, Identity, Region, read_header, read_part};
 use oscura::output::{PngOptions, check_target, is_same_target, remove_leftovers};
 use oscura::render::{Rendering, Settled, identity};
+
 use oscura::scene::Backdrop;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -129,7 +130,7 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         let message = "--save-every and --resume can't be used together for a sequence";
         return Err(Error::usage(message).with_help("pictures so far would pass for finished ones"));
     }
-    if args.orbit.is_some() && (long.checkpoint.is_some() || long.is_part()) {
+    if args.orbit.is_some() && (long.checkpoint.is_some() || long.sample_range.is_some() || parts(args) > 0) {
         return Err(Error::usage("--orbit takes neither checkpoints nor parts"));
     }
     if args.frames.is_some()
@@ -146,23 +147,43 @@ pub(super) fn check(args: &RenderArgs) -> Result<()> {
         return Err(Error::usage(message).with_help("leave it off"));
     }
     check_limits(args, is_adaptive)?;
-    let is_part = |path: &PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
-    let is_shown_only = args.show.is_some() && args.output.is_empty();
-    if long.is_part() && (is_shown_only || !args.output.iter().all(is_part)) {
-        let message = "a part of a picture is written as a .part file";
-        return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
-    }
-    if args.exr.overscan.is_some() && args.output.iter().any(is_part) {
-        return Err(Error::usage("--overscan goes into pictures, not into .part files"));
-    }
-    if args.exr.format.is_given() && args.output.iter().all(is_part) {
-        let message = "--exr-layout and the like say how EXRs are written, and .part files are none";
-        return Err(Error::usage(message).with_help("'oscura merge', which writes the EXR, takes them"));
-    }
+    check_parts(args)?;
     match &long.checkpoint {
         Some(file) if !is_sequence => check_file(args, file),
         _ => Ok(()),
     }
+}
+
+/// How many of the outputs are parts of pictures.
+fn parts(args: &RenderArgs) -> usize {
+    let is_part = |path: &&PathBuf| path.extension().is_some_and(|e| e.eq_ignore_ascii_case("part"));
+    args.output.iter().filter(is_part).count()
+}
+
+/// The pixels of the frame that a picture is cropped to; a part tells its own ones.
+pub(super) fn cropped(args: &RenderArgs) -> Option<Region> {
+    args.exr.crop.or(args.long.region.filter(|_| parts(args) == 0))
+}
+
+/// Do the options of parts and those of pictures fit the outputs?
+fn check_parts(args: &RenderArgs) -> Result<()> {
+    let (parts, outputs) = (parts(args), args.output.len());
+    if args.long.sample_range.is_some() && (outputs == 0 || parts < outputs) {
+        let message = "some of the samples are written as a .part file";
+        return Err(Error::usage(message).with_help("give -o NAME.part; 'oscura merge' puts parts together"));
+    }
+    if args.long.region.is_some() && parts > 0 && parts < outputs {
+        let message = "--region makes either a picture or a .part file";
+        return Err(Error::usage(message).with_help("render one, and the other by another call"));
+    }
+    if args.exr.overscan.is_some() && parts > 0 {
+        return Err(Error::usage("--overscan goes into pictures, not into .part files"));
+    }
+    if args.exr.format.is_given() && outputs > 0 && parts == outputs {
+        let message = "--exr-layout and the like say how EXRs are written, and .part files are none";
+        return Err(Error::usage(message).with_help("'oscura merge', which writes the EXR, takes them"));
+    }
+    Ok(())
 }
 
 /// Do the fewest and the most samples of a pixel make sense?

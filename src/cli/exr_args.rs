@@ -51,10 +51,11 @@ pub(crate) struct ExrArgs {
     #[command(flatten)]
     pub format: ExrFormatArgs,
     /// Render only the pixels from column X0 and row Y0 to before column X1 and row Y1: in EXRs a data window within the frame.
-    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with_all = ["region", "overscan"])]
+    #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region, conflicts_with = "region")]
     pub crop: Option<Region>,
-    /// Render so many percent of the width and height beyond each edge: in EXRs the frame stays, and pixels surround it.
-    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true, conflicts_with_all = ["region", "checkpoint"])]
+    /// Render so many percent of the frame's width and height beyond each edge, or around what --crop takes: in EXRs the frame
+    /// stays, and pixels surround it.
+    #[arg(long, value_name = "PERCENT", value_parser = percent, allow_negative_numbers = true, conflicts_with = "checkpoint")]
     pub overscan: Option<f64>,
 }
 
@@ -102,32 +103,31 @@ impl ExrFormatArgs {
 }
 
 impl ExrArgs {
-    /// Where the pixels stand in a frame of so many, if they are not just those of the frame; and the size with overscan.
+    /// Where the pixels stand in a frame of so many, if they are not just those of the frame; `cropped` are those of it that
+    /// are rendered, if not all.
     ///
     /// # Errors
     /// A usage error for a crop that is beyond the frame, and for a backdrop that would not fit what is left.
-    pub fn window(&self, frame: (u32, u32), backdrop: Option<&Backdrop>) -> Result<Option<Framed>> {
-        let framed = match (self.crop, self.overscan.filter(|percent| *percent > 0.0)) {
-            (Some(crop), _) => {
-                if crop.x1 > frame.0 || crop.y1 > frame.1 {
-                    let message = format!("--crop {crop} is not within {} x {} pixels", frame.0, frame.1);
-                    return Err(Error::usage(message));
-                }
-                Framed { origin: (crop.x0 as i32, crop.y0 as i32), frame, size: frame }
-            }
-            (None, Some(percent)) => {
-                let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
-                let (x, y) = (border(frame.0), border(frame.1));
-                let size = (frame.0 + 2 * x, frame.1 + 2 * y);
-                Framed { origin: (-(x as i32), -(y as i32)), frame, size }
-            }
-            (None, None) => return Ok(None),
-        };
+    pub fn window(
+        &self,
+        frame: (u32, u32),
+        cropped: Option<Region>,
+        backdrop: Option<&Backdrop>,
+    ) -> Result<Option<Framed>> {
+        let percent = self.overscan.unwrap_or(0.0);
+        if cropped.is_none() && percent == 0.0 {
+            return Ok(None);
+        }
+        if let Some(crop) = cropped.filter(|crop| crop.x1 > frame.0 || crop.y1 > frame.1) {
+            let message = format!("{crop} is not within {} x {} pixels", frame.0, frame.1);
+            return Err(Error::usage(message).with_help("give less to --crop or --region"));
+        }
         if matches!(backdrop, Some(Backdrop::Picture(_))) {
-            let message = "a picture as --background doesn't go together with --crop and --overscan";
+            let message =
+                "a picture as --background doesn't go together with --crop, --region and --overscan";
             return Err(Error::usage(message).with_help("lay it behind the finished picture"));
         }
-        Ok(Some(framed))
+        Ok(Some(Framed::new(frame, cropped, percent)))
     }
 }
 
@@ -138,11 +138,26 @@ pub(crate) struct Framed {
     origin: (i32, i32),
     /// Width and height of the frame.
     frame: (u32, u32),
-    /// The same with what is rendered around it.
+    /// The same with what is around it.
     pub size: (u32, u32),
+    /// What is rendered of that, if not all, in its own pixels.
+    pub region: Option<Region>,
 }
 
 impl Framed {
+    /// So many percent of a frame around it, or around what is cropped from it.
+    fn new(frame: (u32, u32), cropped: Option<Region>, percent: f64) -> Framed {
+        let border = |size: u32| (f64::from(size) * percent / 100.0).ceil() as u32;
+        let (x, y) = (border(frame.0), border(frame.1));
+        let (left, top) = cropped.map_or((0, 0), |crop| (crop.x0, crop.y0));
+        Framed {
+            origin: (left as i32 - x as i32, top as i32 - y as i32),
+            frame,
+            size: (frame.0 + 2 * x, frame.1 + 2 * y),
+            region: cropped.map(|crop| Region { x1: crop.x1 + 2 * x, y1: crop.y1 + 2 * y, ..crop }),
+        }
+    }
+
     /// For the header.
     pub fn window(self) -> ExrWindow {
         ExrWindow { origin: self.origin, frame: self.frame }
@@ -187,19 +202,24 @@ mod tests {
 
     #[test]
     fn crops_and_overscan_are_windows_of_the_frame() {
-        let of = |line| args(line).window((100, 50), None).unwrap_or_else(|e| panic!("{e}"));
+        let of = |line| args(line).window((100, 50), args(line).crop, None).unwrap_or_else(|e| panic!("{e}"));
         assert_eq!(of("x"), None);
         let crop = of("x --crop 10,20,30,40").expect("a window");
         assert_eq!((crop.window().origin, crop.size), ((10, 20), (100, 50)));
         let wide = of("x --overscan 5").expect("a window");
         assert_eq!((wide.window().origin, wide.size), ((-5, -3), (110, 56)));
-        assert!(args("x --crop 10,20,101,40").window((100, 50), None).is_err());
+        assert_eq!((wide.region, crop.region), (None, Some(Region { x0: 10, y0: 20, x1: 30, y1: 40 })));
+        let both = of("x --crop 10,20,30,40 --overscan 5").expect("a window");
+        assert_eq!((both.window().origin, both.size), ((5, 17), (110, 56)));
+        assert_eq!(both.region, Some(Region { x0: 10, y0: 20, x1: 40, y1: 46 }));
+        let beyond = args("x --crop 10,20,101,40");
+        assert!(beyond.window((100, 50), beyond.crop, None).is_err());
     }
 
     #[test]
     fn pixels_of_the_frame_stay_where_they_are() {
         use oscura::math::DVec3;
-        let framed = args("x --overscan 10").window((40, 20), None).ok().flatten().expect("a window");
+        let framed = args("x --overscan 10").window((40, 20), None, None).ok().flatten().expect("a window");
         let camera = Camera { shift: [0.2, -0.1], ..Camera::look_at([0.0, 1.0, 5.0], [0.0; 3], 35.0) };
         let rays = |camera: &Camera, (w, h): (u32, u32), x: f32, y: f32| {
             oscura::camera::Camera::new(camera, w, h, DVec3::ZERO).ray(x, y, [0.5; 2]).direction

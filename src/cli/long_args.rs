@@ -40,7 +40,8 @@ pub(crate) struct LongArgs {
     /// Take only the samples A to B, B not included, of all --spp, in blocks of eight, and write a .part file.
     #[arg(long, value_name = "A..B", value_parser = range)]
     pub sample_range: Option<(u32, u32)>,
-    /// Take only the pixels from column X0 and row Y0 to before column X1 and row Y1, and write a .part file.
+    /// Take only the pixels from column X0 and row Y0 to before column X1 and row Y1: into a .part file to be merged with
+    /// others, or into a picture as --crop does.
     #[arg(long, value_name = "X0,Y0,X1,Y1", value_parser = region)]
     pub region: Option<Region>,
     /// How progress is told: plain lines, json or openjd lines on standard output, none [default: a bar on a terminal].
@@ -49,13 +50,6 @@ pub(crate) struct LongArgs {
     /// Refuse pictures and scenes that take more memory, such as 8G or 500M [default: what the machine has].
     #[arg(long, value_name = "SIZE", value_parser = bytes)]
     pub memory_limit: Option<u64>,
-}
-
-impl LongArgs {
-    /// Is only a part of the picture to be rendered?
-    pub fn is_part(&self) -> bool {
-        self.sample_range.is_some() || self.region.is_some()
-    }
 }
 
 fn percent(text: &str) -> Result<f32, String> {

@@ -1,6 +1,7 @@
 //! All that rendering needs of a scene that was loaded: options settled, memory checked, geometry compiled.
 
 use super::args::RenderArgs;
+use super::checkpoint::cropped;
 use super::environment::EnvironmentOverride;
 use super::exr_args::Framed;
 use super::pictures::How;
@@ -80,11 +81,11 @@ pub(super) fn prepare(
     args.place.apply(loaded, settled.camera.unwrap_or(0), args.stage.fov, middle)?;
     let frame = (settled.options.width, settled.options.height);
     args.exr.format.check(settled.options.aovs.mattes().next().is_some())?;
-    let framed = args.exr.window(frame, loaded.scene.backdrop.as_ref())?;
+    let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
     let mut camera = settled.camera(&loaded.scene)?.clone();
     if let Some(framed) = framed {
         camera = framed.widened(camera);
-        settled.options = settled.options.size(framed.size.0, framed.size.1);
+        settled.options = settled.options.size(framed.size.0, framed.size.1).region(framed.region);
     }
     limits::before_building(args, loaded, &settled)?;
     let size = (settled.options.width, settled.options.height);

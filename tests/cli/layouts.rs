@@ -143,3 +143,46 @@ fn colours_are_written_in_the_space_that_is_asked_for() {
     assert!(one.iter().zip(&other).all(|(a, b)| a.abs_diff(*b) <= 1));
     assert_eq!(code(&oscura(folder, &["render", &scene, "-o", "a.exr", "--working-space", "cmyk"])), 2);
 }
+
+/// Data window and frame of a file: position and size of the first, size of the second.
+fn windows(path: &Path) -> ([i32; 2], [usize; 2], [usize; 2]) {
+    let meta = MetaData::read_from_file(path, true).expect("our own file is valid");
+    let header = &meta.headers[0];
+    let (position, frame) =
+        (header.own_attributes.layer_position, header.shared_attributes.display_window.size);
+    ([position.0, position.1], [header.layer_size.0, header.layer_size.1], [frame.0, frame.1])
+}
+
+#[test]
+fn regions_are_crops_and_have_pixels_around_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let fixed = "--width 40 --height 30 --spp 4 --quiet";
+    let of = |name: &str, more: &str| {
+        run(folder.path(), &format!("render {} -o {name} {fixed} {more}", cornell()));
+        folder.path().join(name)
+    };
+    let crop = of("crop.exr", "--crop 10,5,30,25");
+    let region = of("region.exr", "--region 10,5,30,25");
+    assert_eq!(windows(&region), ([10, 5], [20, 20], [40, 30]));
+    assert_eq!((all_planes(&crop), windows(&crop)), (all_planes(&region), windows(&region)));
+
+    let wide = of("wide.exr", "--overscan 10");
+    let around = of("around.exr", "--crop 10,5,30,25 --overscan 10");
+    assert_eq!(windows(&wide), ([-4, -3], [48, 36], [40, 30]));
+    assert_eq!(windows(&around), ([6, 2], [28, 26], [40, 30]));
+    let (wide, around) = (all_planes(&wide), all_planes(&around));
+    // The file of the crop begins 10 columns and 5 rows after the one of the whole.
+    for (name, plane) in &around {
+        let rows = wide[name].chunks(48).skip(5).take(26);
+        let part: Vec<f32> = rows.flat_map(|row| &row[10..38]).copied().collect();
+        assert_eq!(*plane, part, "{name}");
+    }
+
+    let line = format!("render {} -o a.part -o a.exr {fixed} --region 0,0,8,8", cornell());
+    let mixed = oscura(folder.path(), &line.split_whitespace().collect::<Vec<_>>());
+    assert!(
+        code(&mixed) == 2 && stderr(&mixed).contains("either a picture or a .part"),
+        "{}",
+        stderr(&mixed)
+    );
+}

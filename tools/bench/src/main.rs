@@ -1,7 +1,7 @@
 //! Time against error: renders scenes at a ladder of sample counts, measures time and error against a converged
 //! reference, and writes a CSV, a markdown table and an SVG plot.
 //!
-//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,4,16,64] [--reference N] [--depth N] [--threads N]
+//! `oscura-bench FOLDER [SCENE...] [--quick] [--width W] [--ladder 1,2,4,8] [--reference N] [--depth N] [--threads N]
 //! [--against CSV] [--noise | --techniques | --growth]`
 //!
 //! Without scenes it measures fifteen: boxes, environments, a thousand lamps, light through a slit, caustics, leaves cut out by alpha, ten
@@ -141,8 +141,13 @@ fn write(arguments: &Arguments, texts: &[(&str, String)]) -> Result<()> {
 }
 
 fn parse(mut arguments: impl Iterator<Item = String>) -> Result<Arguments> {
-    let setup =
-        Setup { width: 256, ladder: vec![1, 4, 16, 64, 256], reference: 4096, depth: 100, threads: None };
+    let setup = Setup {
+        width: 256,
+        ladder: vec![1, 2, 4, 8, 16, 32, 64, 128, 256],
+        reference: 1024,
+        depth: 100,
+        threads: None,
+    };
     let mut all = Arguments {
         folder: PathBuf::new(),
         scenes: Vec::new(),

@@ -24,10 +24,10 @@ pub fn csv(points: &[Point]) -> String {
 /// A table for reading.
 pub fn markdown(points: &[Point]) -> String {
     let mut out =
-        "| scene | samples | wall s | CPU s | M rays/s | relMSE |\n|---|---:|---:|---:|---:|---:|\n"
+        "| scene | samples | wall s | CPU s | M rays/s of CPU | relMSE |\n|---|---:|---:|---:|---:|---:|\n"
             .to_string();
     for p in points {
-        let speed = p.rays as f64 / p.render_s.max(1e-9) / 1e6;
+        let speed = p.rays as f64 / p.render_cpu_s.max(1e-9) / 1e6;
         out += &format!(
             "| {} | {} | {:.3} | {:.3} | {speed:.2} | {:.6} |\n",
             p.scene, p.samples, p.render_s, p.render_cpu_s, p.rel_mse
@@ -36,10 +36,10 @@ pub fn markdown(points: &[Point]) -> String {
     out
 }
 
-/// A log-log plot of error over wall-clock time, one line a scene. Points that a logarithm can't show are left out.
+/// A log-log plot of error over processor time, which other work on the machine changes little, one line a scene. Points that a logarithm can't show are left out.
 pub fn svg(points: &[Point]) -> String {
-    let shown: Vec<&Point> = points.iter().filter(|p| p.render_s > 0.0 && p.rel_mse > 0.0).collect();
-    let (x0, x1) = decades(shown.iter().map(|p| p.render_s));
+    let shown: Vec<&Point> = points.iter().filter(|p| p.render_cpu_s > 0.0 && p.rel_mse > 0.0).collect();
+    let (x0, x1) = decades(shown.iter().map(|p| p.render_cpu_s));
     let (y0, y1) = decades(shown.iter().map(|p| p.rel_mse));
     let x = |v: f64| MARGIN + (v.log10() - x0) / (x1 - x0) * (SIZE.0 - 2.0 * MARGIN);
     let y = |v: f64| SIZE.1 - MARGIN - (v.log10() - y0) / (y1 - y0) * (SIZE.1 - 2.0 * MARGIN);
@@ -70,7 +70,9 @@ pub fn svg(points: &[Point]) -> String {
         let at = y(10f64.powi(d));
         line(MARGIN, at, SIZE.0 - MARGIN, at, format!("{}", 10f64.powi(d)), (4.0, at + 4.0));
     }
-    out += &format!("<text x=\"{MARGIN}\" y=\"20\">relMSE over wall-clock render time</text>\n");
+    out += &format!(
+        "<text x=\"{MARGIN}\" y=\"20\">relMSE over seconds of processor time for rendering</text>\n"
+    );
     let mut names: Vec<&str> = shown.iter().map(|p| p.scene.as_str()).collect();
     names.dedup();
     for (i, name) in names.iter().enumerate() {
@@ -78,7 +80,7 @@ pub fn svg(points: &[Point]) -> String {
         let path: Vec<String> = shown
             .iter()
             .filter(|p| p.scene == *name)
-            .map(|p| format!("{:.1} {:.1}", x(p.render_s), y(p.rel_mse)))
+            .map(|p| format!("{:.1} {:.1}", x(p.render_cpu_s), y(p.rel_mse)))
             .collect();
         out += &format!(
             "<path d=\"M{}\" fill=\"none\" stroke=\"{color}\" stroke-width=\"2\"/>\n",
