@@ -34,6 +34,11 @@ const LEAST_GAIN: f64 = 1.25;
 /// Splitting must be more efficient than not splitting by this factor: what few bright pixels hide shows later.
 const LEAST_GAIN_OF_SPLITTING: f64 = 1.4;
 
+/// Squares whose trial left so many times the squared error that the best technique leaves are taken again with that one. (Over
+/// all samples of a picture, what is gained is worth what it takes from twice the error on, and earlier where samples are spread
+/// so evenly that their error falls faster than their number grows.)
+const WORSE: f64 = 1.5;
+
 /// So many times as many squares as a shape of groups try splitting, and the best shape again where its gain is not clear:
 /// it differs from place to place (a polished helmet under a sky gains nothing by splitting; of its squares, 4 of 256 took that
 /// for a gain in every seventh try, 12 of them in every fortieth).
@@ -242,6 +247,11 @@ impl Errors {
         (CONNECTION_COST * single as f64 + FAN_CONNECTION_COST * in_fans as f64) / others
     }
 
+    /// The part of the squared error that what was tried leaves.
+    fn left(&self) -> f64 {
+        if self.plain > 0.0 { self.tried / self.plain } else { 1.0 }
+    }
+
     /// How many times more efficient sharing is.
     fn gain_of_sharing(&self) -> f64 {
         if self.tried <= 0.0 {
@@ -263,7 +273,8 @@ impl Errors {
             error: 1.0 - suffixes + suffixes / number,
             cost: (prefix_rays + number * suffix_rays) / (prefix_rays + suffix_rays).max(1.0),
         };
-        Best { technique: Technique::Alone { branches }, change, gain: 1.0 / (change.error * change.cost) }
+        let (technique, gain) = (Technique::Alone { branches }, 1.0 / (change.error * change.cost));
+        Best { technique, change, left: change.error, gain }
     }
 }
 
@@ -284,8 +295,19 @@ pub(super) struct Best {
     pub technique: Technique,
     /// What splitting changes.
     pub change: Change,
+    /// The part of the squared error of the plain technique that it leaves.
+    left: f64,
     /// How many times more efficient it is than the plain one.
     gain: f64,
+}
+
+impl Best {
+    /// Are squares with what was tried in them so much noisier than by this that they are worth being taken again? Pictures
+    /// that gain by nothing pay nothing.
+    pub fn replaces(&self, tried: Technique, errors: &Errors) -> bool {
+        let is_other = tried != self.technique && self.technique != Technique::PLAIN;
+        is_other && errors.left() > WORSE * self.left
+    }
 }
 
 /// The technique that gains most, or the plain one if none gains enough.
@@ -298,7 +320,7 @@ pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
     let candidates = results.iter().map(|(technique, _)| *technique).flat_map(|technique| match technique {
         Technique::Shared(_) => {
             let gain = of(technique).gain_of_sharing();
-            let best = Best { technique, change: Change::NONE, gain };
+            let best = Best { technique, change: Change::NONE, left: of(technique).left(), gain };
             if gain >= LEAST_GAIN { vec![best] } else { Vec::new() }
         }
         Technique::Alone { .. } => {
@@ -307,6 +329,6 @@ pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
             ways.filter(|way| way.gain >= LEAST_GAIN_OF_SPLITTING).collect()
         }
     });
-    let plain = Best { technique: Technique::PLAIN, change: Change::NONE, gain: 1.0 };
+    let plain = Best { technique: Technique::PLAIN, change: Change::NONE, left: 1.0, gain: 1.0 };
     candidates.fold(plain, |best, next| if next.gain > best.gain { next } else { best })
 }

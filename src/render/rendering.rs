@@ -393,10 +393,13 @@ impl Rendering {
         };
         let is_finished = (takes == Takes::TrialsOnly || work.light_from_lamps()) && {
             let mut trials = pilot::trials(self.choice, &self.view, pass);
-            let best = if trials.is_empty() { Some(self.choice.now) } else { work.try_all(&mut trials) };
-            if !trials.is_empty() {
+            let best = if trials.is_empty() {
+                Some(self.choice.now)
+            } else {
+                let best = work.try_all(&mut trials);
                 self.choice = Choice::decided(best.unwrap_or(Technique::PLAIN));
-            }
+                best
+            };
             best.is_some_and(|best| takes == Takes::TrialsOnly || work.run(best, &trials))
         };
         if let Some(errors) =

@@ -68,19 +68,30 @@ impl PassWork<'_> {
         blocks.par_iter().map(one).reduce(|| true, |a, b| a & b)
     }
 
-    /// Takes the squares of trials, as far as each is worth it, and leaves the others out of the list. What gains most;
-    /// `None` if it was stopped.
+    /// Takes the squares of trials, as far as each is worth it, and leaves only those in the list that need not be taken again.
+    /// What gains most; `None` if it was stopped.
     pub fn try_all(&self, trials: &mut Vec<Trial>) -> Option<Technique> {
-        let mut results = Vec::new();
-        let mut tried = Vec::new();
+        let (mut results, mut tried) = (Vec::new(), Vec::new());
         for trial in trials.drain(..) {
             if let Some(technique) = pilot::technique_of(&trial, &results) {
-                results.push((technique, self.try_one(technique, &trial.squares)?));
-                tried.push(trial);
+                let (errors, taken) = self.try_one(technique, &trial.squares);
+                tried.push((trial, taken));
+                let Some(errors) = errors else {
+                    // What there is is all that these squares will get.
+                    tried.into_iter().for_each(|(_, taken)| self.keep_all(taken));
+                    return None;
+                };
+                results.push((technique, errors));
             }
         }
-        *trials = tried;
-        let Best { technique, change, .. } = pilot::best(&results);
+        let best = pilot::best(&results);
+        for ((trial, taken), (technique, errors)) in tried.into_iter().zip(&results) {
+            if !best.replaces(*technique, errors) {
+                self.keep_all(taken);
+                trials.push(trial);
+            }
+        }
+        let Best { technique, change, .. } = best;
         if let Some(errors) = &self.errors {
             trials
                 .iter()
@@ -90,20 +101,24 @@ impl PassWork<'_> {
         Some(technique)
     }
 
-    fn try_one(&self, technique: Technique, squares: &[Block]) -> Option<Errors> {
+    /// Takes the squares of a trial, for the picture or for nothing but what they show, which is `None` if it was stopped.
+    fn try_one(&self, technique: Technique, squares: &[Block]) -> (Option<Errors>, Vec<Taken>) {
         let tracer = self.tracer(technique, true);
         let blocks: Vec<Block> = squares.iter().flat_map(|s| tracer.tiles.divide(*s)).collect();
         let try_block = |block: &Block| {
             let mut tally = Tally::new(block);
-            let is_done = self.take(&tracer, block, Some(&mut tally));
+            let taken = self.fill(&tracer, block, Some(&mut tally))?;
+            self.progress.add(0, taken.rays, self.stopwatch.wall(), self.listener);
             if let Some(errors) = &self.errors {
                 lock(errors).set(block, &tally.of_plain(), tally.plain_rays_per_sample());
             }
-            is_done.then(|| tally.finish())
+            Some((tally.finish(), Taken { rays: 0, ..taken }))
         };
-        let errors: Vec<Option<Errors>> = blocks.par_iter().map(try_block).collect();
+        let blocks: Vec<Option<(Errors, Taken)>> = blocks.par_iter().map(try_block).collect();
         // In their order, so that the sum does not depend on threads.
-        errors.into_iter().try_fold(Errors::default(), |sum, errors| Some(sum.plus(errors?)))
+        let sum = |sum: Errors, block: &Option<(Errors, Taken)>| Some(sum.plus(block.as_ref()?.0));
+        let errors = blocks.iter().try_fold(Errors::default(), sum);
+        (errors, blocks.into_iter().flatten().map(|(_, taken)| taken).collect())
     }
 
     /// Traces the paths from lamps that belong to the pass, if there are some. False if it was stopped: the samples whose paths
@@ -186,19 +201,24 @@ impl PassWork<'_> {
 
     /// Takes a tile. False if it was stopped.
     fn take(&self, tracer: &Tracer<'_>, block: &Block, tally: Option<&mut Tally>) -> bool {
-        if (self.stop)() {
-            return false;
-        }
-        let Some((filled, paths, rays)) = self.fill(tracer, block, tally) else { return false };
+        self.fill(tracer, block, tally).map(|taken| self.keep(taken)).is_some()
+    }
+
+    /// Adds tiles to the picture.
+    fn keep_all(&self, taken: Vec<Taken>) {
+        taken.into_iter().for_each(|taken| self.keep(taken));
+    }
+
+    /// Adds a tile to the picture.
+    fn keep(&self, Taken { tile, block, paths, rays }: Taken) {
         let pixels = {
             let mut film = lock(&self.film);
-            film.merge(filled);
+            film.merge(tile);
             film.pixels_within(block.x0, block.y0, block.width, block.height)
         };
         // Samples of a trial that lie beside the picture are none of it.
         let paths = paths * pixels / (u64::from(block.width) * u64::from(block.height)).max(1);
         self.progress.add(paths, rays, self.stopwatch.wall(), self.listener);
-        true
     }
 
     /// How many of the samples of a block's pixels belong to the first half: they come first.
@@ -207,13 +227,11 @@ impl PassWork<'_> {
         u64::from(rule.of_first_half(block.first_sample, block.samples))
     }
 
-    /// Traces a block into a tile of its own; returns it with the numbers of paths and rays, or `None` if it was stopped.
-    fn fill(
-        &self,
-        tracer: &Tracer<'_>,
-        block: &Block,
-        mut tally: Option<&mut Tally>,
-    ) -> Option<(FilmTile, u64, u64)> {
+    /// Traces a block into a tile of its own; `None` if it was stopped.
+    fn fill(&self, tracer: &Tracer<'_>, block: &Block, mut tally: Option<&mut Tally>) -> Option<Taken> {
+        if (self.stop)() {
+            return None;
+        }
         let mut tile = FilmTile::new(block.x0, block.y0, block.width, block.height, self.layout);
         let has_more = self.layout.has_more_than_color();
         WORKSPACE.with(|workspace| {
@@ -242,7 +260,7 @@ impl PassWork<'_> {
             if let Some(tally) = tally {
                 tally.count(rays);
             }
-            is_done.then_some((tile, paths, rays.all))
+            is_done.then_some(Taken { tile, block: *block, paths, rays: rays.all })
         })
     }
 }
@@ -256,6 +274,14 @@ fn lock<T>(mutex: &Mutex<T>) -> MutexGuard<'_, T> {
 fn add_all(tile: &mut FilmTile, sample: &PathSample<'_>, is_of_first_half: bool) {
     let PathSample { pixel, rgb, alpha, first_hit, parts, .. } = *sample;
     tile.add_with_parts(pixel, rgb, alpha, first_hit, parts, is_of_first_half);
+}
+
+/// A tile with its samples, and what it took.
+struct Taken {
+    tile: FilmTile,
+    block: Block,
+    paths: u64,
+    rays: u64,
 }
 
 /// What takes tiles.

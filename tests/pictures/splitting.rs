@@ -92,15 +92,8 @@ fn threads_and_cpu_levels_agree() {
     }
 }
 
-/// A pilot splits where noise comes from behind the first surface, and not where nothing lies there.
-#[test]
-fn a_pilot_decides() {
-    let branches = |scene: &Scene| {
-        let mut rendering = rendering(scene, &options(256, 8, 100).path_reuse(PathReuse::Off));
-        rendering.run();
-        rendering.statistics().branches
-    };
-    // Rough metal balls throw light onto a floor.
+/// A floor with three balls of rough metal that throw a lamp's light onto it.
+fn metal_balls() -> Scene {
     let mut scene = Scene { environment: Environment::Constant([0.1; 3]), ..Scene::default() };
     let chalk = material(&mut scene, Material::lambert("chalk", [0.8; 3]));
     quad(&mut scene, [-2.0, 0.0, -2.0], [0.0, 0.0, 4.0], [4.0, 0.0, 0.0], chalk);
@@ -111,7 +104,40 @@ fn a_pilot_decides() {
     let lamp = material(&mut scene, Material::emitter("lamp", [300.0; 3], false));
     sphere(&mut scene, [0.5, 2.0, 2.0], 0.1, lamp);
     scene.cameras.push(camera(DVec3::new(0.0, 1.5, 2.4), DVec3::new(0.0, 0.2, 0.0), DVec3::Y, 50.0));
-    let split = branches(&scene);
+    scene
+}
+
+/// What squares of the first pass tried goes into the picture only if it is hardly noisier than what all others do.
+#[test]
+fn squares_that_tried_something_noisier_are_taken_again() {
+    let scene = metal_balls();
+    let options = options(256, 8, 100);
+    let mut found = rendering(&scene, &options);
+    found.run();
+    let branches = found.statistics().branches;
+    assert!(branches > 1, "{branches}");
+    let mut given =
+        rendering(&scene, &options.path_reuse(PathReuse::Off).splitting(Splitting::Into(branches)));
+    given.run();
+    assert_eq!(found.statistics().samples, given.statistics().samples);
+    assert!(found.statistics().rays > given.statistics().rays);
+    let is_other = |x: u32, y: u32| found.film().mean_rgba(x, y) != given.film().mean_rgba(x, y);
+    let pixels = |s: u32| (0..1024).map(move |i| (s % 8 * 32 + i % 32, s / 8 * 32 + i / 32));
+    let others = (0..64).filter(|&s| pixels(s).any(|(x, y)| is_other(x, y))).count();
+    // Six tried splitting, into four; nine or more tried sharing, which gains nothing here.
+    println!("{branches} branches, {others} squares are not as the others");
+    assert!(others <= 6, "{others}");
+}
+
+/// A pilot splits where noise comes from behind the first surface, and not where nothing lies there.
+#[test]
+fn a_pilot_decides() {
+    let branches = |scene: &Scene| {
+        let mut rendering = rendering(scene, &options(256, 8, 100).path_reuse(PathReuse::Off));
+        rendering.run();
+        rendering.statistics().branches
+    };
+    let split = branches(&metal_balls());
     println!("{split} branches");
     assert!(split > 1);
     let mut ball = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
