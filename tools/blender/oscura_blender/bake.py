@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, pictures, shaders
+from . import cache, fingerprint, flat, pictures, shaders, trees
 from .context import opened
 from .report import listed
 
@@ -23,7 +23,7 @@ def bake_all(holders, found, store, report):
         return
     names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
     report.note("", f"node trees were baked to pictures: of {listed(names)}")
-    kitchen = _scene()
+    kitchen = new_scene()
     try:
         with opened(kitchen):
             _bake_flat([m for _, needs in wanted for m in needs], kitchen, store)
@@ -87,11 +87,12 @@ def _own_materials(holder):
     copies = {}
     for i, material in enumerate(slots):
         if material.users > 1 and material.name not in copies:
-            copies[material.name] = material.copy()
+            copies[material.name] = trees.copied(material)
         slots[i] = copies.get(material.name, material)
 
 
-def _scene():
+def new_scene():
+    """A scene to bake in."""
     kitchen = bpy.data.scenes.new("oscura bake")
     kitchen.render.engine = "CYCLES"
     kitchen.cycles.device = "CPU"

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -55,7 +55,7 @@ def export(options, report):
         geometry.prepare(scene, layer)
         _go_to_moment(scene, options)
         layer.update()
-        found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
+        found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), report)
         tables, cameras, empties = _settings(scene, found, options, report)
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
@@ -75,6 +75,7 @@ def export(options, report):
     written.write(model)
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
+    tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(trees.SETTINGS.items())]
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, closures, shaders
+from . import bake, closures, shaders, trees, uniform, variants, views
 from .report import listed
 
 # Inputs of the Principled shader that nothing here carries, with the value at which they do nothing.
@@ -27,11 +27,17 @@ def prepare(found, store, report):
     """Changes the materials of all collected meshes; gives what is to be added to them in glTF, by name."""
     holders = [holder for holder in found.objects.values() if holder is not None]
     _fill_empty_slots(holders)
-    materials = {m.name: m for holder in holders for m in holder.data.materials}
-    lost_nodes = {}
-    for material in materials.values():
+    for material in trees.of_materials(holders):
         material.use_backface_culling = False
+    variants.split(holders, report)
+    materials = trees.of_materials(holders)
+    lost_nodes = {}
+    for material in materials:
         _normalize(material, report, lost_nodes)
+        views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
+        if principled(material) is not None:
+            views.take_means(material, principled(material), report)
+    uniform.fold(materials, bake.new_scene, principled)
     for what, names in lost_nodes.items():
         report.warn("", f"{what} not carried over: of {listed(names)}")
     bake.bake_all(holders, found, store, report)

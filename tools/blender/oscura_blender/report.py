@@ -3,6 +3,10 @@
 import json
 
 
+# Materials that were made of others, by name.
+ALIASES = {}
+
+
 class Stop(Exception):
     """There can be no export; the message says why."""
 
@@ -23,6 +27,7 @@ class Report:
 
     @staticmethod
     def _add(messages, place, message):
+        place = ALIASES.get(place, place)
         if (place, message) not in messages:
             messages.append((place, message))
 
@@ -34,7 +39,7 @@ class Report:
 
 def listed(names, most=6):
     """Names in a sentence; of many only the first."""
-    names = sorted(set(names))
+    names = sorted({ALIASES.get(name, name) for name in names})
     shown = ", ".join(f"'{name}'" for name in names[:most])
     more = len(names) - most
     return f"{shown} and {more} more" if more > 0 else shown
