@@ -12,7 +12,7 @@ use super::preview::Preview;
 use super::process::peak_memory;
 use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
-use super::{idle, json, report_json, show};
+use super::{idle, json, of_scene, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
@@ -93,7 +93,10 @@ pub(super) fn run_one(
     start: Instant,
     Kept { said, compiler, moving, preview }: &mut Kept,
 ) -> Result<Outcome> {
-    let prepared = prepare_files(args, targets, environment, loaded, start, compiler)?;
+    let (given, args) = (args, &of_scene::completed(args, &loaded.scene.settings));
+    let wants = Wants::of_files(args, targets.has_exr());
+    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    prepared.warnings.extend(idle::warnings(given, &loaded.scene, &prepared));
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
     // Files tell of all that is not in the picture, be it as it must.
@@ -148,22 +151,6 @@ pub(super) fn run_one(
     show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
-}
-
-/// Prepares a scene for files, and looks for options that these have no use for.
-fn prepare_files(
-    args: &RenderArgs,
-    targets: &Targets,
-    environment: Option<&EnvironmentOverride>,
-    loaded: &mut Loaded,
-    start: Instant,
-    compiler: &mut Compiler,
-) -> Result<Prepared> {
-    let wants = Wants::of_files(args, targets.has_exr());
-    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
-    let idle = idle::warnings(args, &loaded.scene, &prepared);
-    prepared.warnings.extend(idle);
-    Ok(prepared)
 }
 
 /// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.

@@ -33,8 +33,13 @@ def object_info():
     random, own, place, number = (material(name, Roughness=0.7) for name in ("random", "own", "place", "number"))
     for made, output in ((random, "Random"), (own, "Color"), (place, "Location"), (number, "Object Index")):
         tree, principled, info = _nodes(made, "ObjectInfo")
-        if output in ("Color", "Location"):
+        if output == "Color":
             tree.links.new(info.outputs[output], principled.inputs["Base Color"])
+        elif output == "Location":
+            part = tree.nodes.new("ShaderNodeVectorMath")
+            part.operation, part.inputs[1].default_value = "MULTIPLY", (0.2, 0.2, 0.2)
+            tree.links.new(info.outputs[output], part.inputs[0])
+            tree.links.new(part.outputs[0], principled.inputs["Base Color"])
         else:
             half = tree.nodes.new("ShaderNodeMath")
             half.operation, half.inputs[1].default_value = "MULTIPLY", 1.0 if output == "Random" else 0.25

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, trees, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, sizes, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -27,6 +27,10 @@ def main(arguments):
     parser.add_argument("--scene")
     parser.add_argument("--view-layer")
     parser.add_argument("--cache")
+    parser.add_argument("--bake", type=int)
+    parser.add_argument("--shutter", type=float)
+    parser.add_argument("--shutter-position")
+    parser.add_argument("--vectors")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -56,6 +60,7 @@ def export(options, report):
         _go_to_moment(scene, options)
         layer.update()
         found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), report)
+        found.sight = sizes.Sight(scene.camera, scene, options.bake)
         tables, cameras, empties = _settings(scene, found, options, report)
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)

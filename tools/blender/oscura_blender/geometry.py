@@ -42,6 +42,7 @@ class Collected:
         self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
+        self.sight = None  # how large things appear
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
 

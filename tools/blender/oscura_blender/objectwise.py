@@ -7,7 +7,7 @@ from . import trees
 
 # Nodes that ask about the object, and those whose values follow from where it stands.
 ASKING = ("ShaderNodeObjectInfo", "ShaderNodeAttribute", "ShaderNodeParticleInfo", "ShaderNodeUVMap", "ShaderNodeTexCoord")
-PLACED = ("ShaderNodeNewGeometry", "ShaderNodeTexCoord", "ShaderNodeVectorTransform", "ShaderNodeCameraData")
+PLACED = ("ShaderNodeNewGeometry", "ShaderNodeTexCoord", "ShaderNodeVectorTransform", "ShaderNodeCameraData", "ShaderNodeAmbientOcclusion")
 
 
 class Questions:
@@ -75,6 +75,8 @@ def _is_placed(tree):
             return True
         if node.bl_idname == "ShaderNodeCameraData" and linked:
             return True
+        if node.bl_idname == "ShaderNodeAmbientOcclusion" and linked and not node.only_local:
+            return True
     return False
 
 
@@ -89,7 +91,7 @@ def _told(node, instance, obj, parent, layer):
         "ShaderNodeTexCoord": _of_instancer,
     }[node.bl_idname]
     values = tell(node, instance, obj, parent, layer) if linked else {}
-    return [(out.identifier, values[out.name]) for out in linked if out.name in values]
+    return [(out.identifier, values[out.identifier]) for out in linked if out.identifier in values]
 
 
 def _of_object(_node, instance, obj, _parent, _layer):
@@ -99,7 +101,7 @@ def _of_object(_node, instance, obj, _parent, _layer):
         "Color": tuple(original.color)[:3],
         "Alpha": float(original.color[3]),
         "Object Index": float(original.pass_index),
-        "Random": (instance.random_id & 0xFFFFFFFF) / 0xFFFFFFFF,
+        "Random": _random_of(instance, original),
     }
 
 
@@ -108,7 +110,7 @@ def _of_particle(_node, instance, _obj, _parent, _layer):
     if system is None:
         return {"Index": 0.0, "Random": 0.0, "Age": 0.0, "Lifetime": 0.0, "Size": 0.0}
     number = instance.persistent_id[0]
-    found = {"Index": float(number), "Random": _random_of(number)}
+    found = {"Index": float(number), "Random": _hashed(number) / MASK}
     if number < len(system.particles):
         particle = system.particles[number]
         frame = bpy.context.scene.frame_current_final
@@ -118,18 +120,32 @@ def _of_particle(_node, instance, _obj, _parent, _layer):
     return found
 
 
-def _random_of(number):
-    """Cycles' hash of a particle's number and 0, from 0 to 1 (Jenkins' lookup3, of two words)."""
-    mask = 0xFFFFFFFF
-    rot = lambda x, k: ((x << k) | (x >> (32 - k))) & mask
-    a = b = c = (0xDEADBEEF + (2 << 2) + 13) & mask
-    a = (a + number) & mask
+MASK = 0xFFFFFFFF
+
+# The number of levels of instances that are not there.
+UNUSED = 0x7FFFFFFF
+
+
+def _random_of(instance, original):
+    """The number of chance that Cycles gives an object: instances have theirs, others one of their names."""
+    if instance.is_instance:
+        return (instance.random_id & MASK) / MASK
+    number = 0
+    for byte in original.name.encode():
+        number = (number * 37 + (byte if byte < 128 else byte - 256)) & MASK
+    return _hashed(number) / MASK
+
+
+def _hashed(number):
+    """The hash of two words, a number and 0 (Jenkins' lookup3)."""
+    turned = lambda x, k: ((x << k) | (x >> (32 - k))) & MASK
+    a = b = c = (0xDEADBEEF + (2 << 2) + 13) & MASK
+    a = (a + number) & MASK
     for k in (14, 11, 25, 16, 4, 14, 24):
         # c, a and b take turns.
-        c = ((c ^ b) - rot(b, k)) & mask
+        c = ((c ^ b) - turned(b, k)) & MASK
         a, b, c = b, c, a
-    # After seven turns the last that was made is b.
-    return b / mask
+    return b
 
 
 def _of_attribute(node, instance, obj, parent, layer):
@@ -141,7 +157,7 @@ def _of_attribute(node, instance, obj, parent, layer):
     elif node.attribute_type == "INSTANCER" and parent is not None:
         system = instance.particle_system
         places = [parent.original, *([system.settings] if system is not None else []), *places]
-        own = _of_instances(parent, instance.persistent_id, node.attribute_name)
+        own = _of_instances(parent, list(instance.persistent_id), node.attribute_name)
         if own is not None:
             return _as_outputs(own)
     for owner in filter(None, places):
@@ -153,12 +169,15 @@ def _of_attribute(node, instance, obj, parent, layer):
 
 def _of_instances(parent, numbers, name):
     """An attribute of instances that geometry nodes have made (Blender 4.5 and newer tell it)."""
+    # Both are to be held while their attributes are read.
     geometry = parent.evaluated_geometry() if hasattr(parent, "evaluated_geometry") else None
     points = geometry.instances_pointcloud() if geometry is not None else None
     attribute = points.attributes.get(name) if points is not None else None
-    if attribute is None or attribute.domain not in ("POINT", "INSTANCE") or not 0 <= numbers[0] < len(attribute.data):
+    # That of what is the outermost; unused numbers are the largest.
+    number = next((number for number in reversed(numbers) if number != UNUSED), -1)
+    if attribute is None or attribute.domain not in ("POINT", "INSTANCE") or not 0 <= number < len(attribute.data):
         return None
-    element = attribute.data[numbers[0]]
+    element = attribute.data[number]
     key = next((key for key in ("color", "vector", "value") if hasattr(element, key)), None)
     return _as_color(getattr(element, key)) if key else None
 
