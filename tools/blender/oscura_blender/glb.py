@@ -103,6 +103,11 @@ def _patch_materials(glb, patches):
     for material in glb.json.get("materials", []):
         patch = patches.get(material.get("name"), {})
         for name, extension in patch.get("extensions", {}).items():
+            if extension.pop("tinted", False):
+                base = material.get("pbrMetallicRoughness", {})
+                extension["diffuseTransmissionColorFactor"] = base.get("baseColorFactor", [1, 1, 1])[:3]
+                if "baseColorTexture" in base:
+                    extension["diffuseTransmissionColorTexture"] = base["baseColorTexture"]
             material.setdefault("extensions", {}).setdefault(name, {}).update(extension)
             if name not in used:
                 used.append(name)
