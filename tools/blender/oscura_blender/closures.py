@@ -262,6 +262,7 @@ class Reader:
             if inputs.get("Alpha") == 0.0 and not _shines(inputs):
                 # Nothing is mixed in: the other is there in part.
                 return {**other, "Alpha": self._product(weight, other.get("Alpha", 1.0))}
+        a, b = _with_ground(a, b), _with_ground(b, a)
         mixed = {}
         for name in {**a, **b}:
             mixed[name] = self._mix(name, factor, a.get(name, self._idle(name, b)), b.get(name, self._idle(name, a)))
@@ -320,6 +321,13 @@ class Reader:
             socket.default_value = (*value, 1.0)[: len(socket.default_value)]
         else:
             self.tree.links.new(value, socket)
+
+
+def _with_ground(inputs, other):
+    """What only lets light through diffusely, mixed with what reflects: that other one with all of its light let through."""
+    if inputs.get("Translucent Weight") != 1.0 or "Translucent Weight" in other:
+        return inputs
+    return {**other, **{name: inputs[name] for name in ("Translucent Weight", "Translucent Color")}}
 
 
 def _shines(inputs):

@@ -60,6 +60,7 @@ def export(options, report):
         _go_to_moment(scene, options)
         layer.update()
         found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), report)
+        found.exposure = settings.film_exposure(scene)
         found.sight = sizes.Sight(scene.camera, scene, options.bake)
         tables, cameras, empties = _settings(scene, found, options, report)
     store = cache.Store(options.cache)
@@ -144,7 +145,7 @@ def _go_to_moment(scene, options):
 
 def _settings(scene, found, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
-    tables = [("[render]", settings.read(scene, report))]
+    tables = [("[render]", settings.read(scene, found.questions.layer, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     for obj in found.cameras:
@@ -160,7 +161,7 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, report)
+        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), report)
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))

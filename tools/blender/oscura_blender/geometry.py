@@ -43,6 +43,7 @@ class Collected:
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
         self.sight = None  # how large things appear
+        self.exposure = 1.0  # the film's factor on all light
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
 

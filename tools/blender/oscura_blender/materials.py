@@ -31,9 +31,31 @@ def prepare(found, store, report):
         views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
         if principled(material) is not None:
             views.take_means(material, principled(material), report)
+        _expose(material, found.exposure)
     uniform.fold(materials, bake.new_scene, principled)
     bake.bake_all(holders, found, store, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
+
+
+def _expose(material, factor):
+    """Multiplies what a material emits."""
+    node = principled(material)
+    settings = trees.SETTINGS.get(material.name, {})
+    if "emission" in settings:
+        settings["emission"] = [factor * c for c in settings["emission"]]
+    if node is None or factor == 1 or shaders.constant(node.inputs["Emission Strength"]) == 0:
+        return
+    tree, socket = material.node_tree, node.inputs["Emission Strength"]
+    value = shaders.constant(socket)
+    if value is not None:
+        for link in list(socket.links):
+            tree.links.remove(link)
+        socket.default_value = factor * value
+        return
+    product = tree.nodes.new("ShaderNodeMath")
+    product.operation, product.inputs[1].default_value = "MULTIPLY", factor
+    tree.links.new(shaders.source(socket), product.inputs[0])
+    tree.links.new(product.outputs[0], socket)
 
 
 def _fill_empty_slots(holders):
@@ -221,6 +243,7 @@ def _fill(material, value, patched, report):
         patched["base_color"] = [max(c, 0.0) ** 0.5 for c in base]
     if any(filling.scattered) or any(filling.glow):
         trees.settle(material, volume=True, medium=filling.entries())
+        patched["extensions"]["KHR_materials_volume"] = {"thicknessFactor": 1.0}
         return
     # Any thickness but 0 makes it a solid.
     distance = 1 / max(filling.absorbed)

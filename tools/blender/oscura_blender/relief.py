@@ -11,8 +11,11 @@ HEIGHTS = "oscura heights"
 
 
 def bumps(material, shader, report):
-    """Takes the displacement of a material as bumps, where that is what it is set to."""
+    """Takes the displacement of a material as bumps, where that is what it is set to. After that it has none."""
     node = _node(material)
+    if node is not None:
+        end = shaders.end(material.node_tree)
+        material.node_tree.links.remove(end.inputs["Displacement"].links[0])
     if node is None or material.displacement_method == "DISPLACEMENT" or shader is None:
         return
     if node.bl_idname != "ShaderNodeDisplacement":
