@@ -35,6 +35,7 @@ from blend_objects import (
     unseen,
     visibility,
 )
+from blend_blur import blurred, blurred_camera
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
 from blend_trees import (
     bright_bakes,
@@ -52,6 +53,6 @@ SCENES = [
     world_sky, world_nodes, depth_of_field, blades, unseen, visibility, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
-    translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
+    blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, bright_bakes, nooks,
 ]  # fmt: skip

@@ -39,6 +39,8 @@ class Collected:
     def __init__(self):
         self.objects = {}  # mesh objects by what they were made of
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
+        self.marks = {}  # by the name of the mesh object: what tells each placement from others at all times
+        self.light_marks = []  # the same of lights
         self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
@@ -114,6 +116,7 @@ def collect(scene, layer, graph, report):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
+            found.light_marks.append(mark(instance))
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type in MESHES:
@@ -127,6 +130,13 @@ def collect(scene, layer, graph, report):
         found.cameras.remove(scene.camera)
         found.cameras.insert(0, scene.camera)
     return found
+
+
+def mark(instance):
+    """What tells something that is shown from all else, at all times."""
+    if not instance.is_instance:
+        return (instance.object.original.name,)
+    return (instance.object.original.name, instance.parent.original.name, *instance.persistent_id)
 
 
 def _add_mesh(found, obj, instance, report):
@@ -150,6 +160,7 @@ def _add_mesh(found, obj, instance, report):
         return
     name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
+    found.marks[holder.name].append(mark(instance))
 
 
 def _materials(found, obj):
@@ -196,7 +207,7 @@ def _holder(found, obj):
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
-    found.placements[holder.name] = []
+    found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
 
 
