@@ -64,7 +64,8 @@ def read(scene, layer, report):
         _read_cycles(cycles, entries, report)
         entries["aovs"] = _passes(layer, report) or None
     elif scene.render.engine == ENGINE:
-        entries.update(_chosen_for_us(scene, report))
+        entries.update(_chosen_for_us(scene))
+        entries["aovs"] = _passes_for_us(layer) or None
     else:
         report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
     entries.update(_view(scene.view_settings, report))
@@ -118,14 +119,29 @@ def _passes(layer, report):
     return found
 
 
-def _chosen_for_us(scene, _report):
-    """What the add-on's panels say. Without the add-on Blender keeps it as it was stored: what was changed."""
-    if hasattr(scene, "bl_system_properties_get"):
-        stored = scene.bl_system_properties_get() or {}
-    else:
-        stored = scene
-    chosen = stored.get("oscura") or {}
-    return {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
+def _chosen_for_us(scene):
+    """What the add-on's panels say."""
+    chosen = _stored(scene)
+    found = {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
+    if chosen.get("noise", 0) > 0:
+        found["noise"] = max(chosen["noise"], 0.001)
+    if chosen.get("denoise"):
+        found["denoise"] = True
+    return found
+
+
+def _passes_for_us(layer):
+    """The passes that the add-on's panel has, and Blender's own switches of Cryptomattes."""
+    found = [name.removeprefix("use_") for name, is_on in _stored(layer).items() if name.startswith("use_") and is_on]
+    mattes = (switch for switch in PASSES if switch.startswith("use_pass_cryptomatte_"))
+    return found + [PASSES[switch] for switch in mattes if getattr(layer, switch)]
+
+
+def _stored(owner):
+    """What the add-on keeps with a scene or a view layer. Without the add-on Blender has it as it was stored: what was
+    changed."""
+    stored = (owner.bl_system_properties_get() or {}) if hasattr(owner, "bl_system_properties_get") else owner
+    return dict(stored.get("oscura") or {})
 
 
 def _read_cycles(cycles, entries, report):
