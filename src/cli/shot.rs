@@ -94,15 +94,13 @@ pub(super) fn run_one(
     Kept { said, compiler, moving, preview }: &mut Kept,
 ) -> Result<Outcome> {
     let (given, args) = (args, &of_scene::completed(args, &loaded.scene.settings));
-    let wants = Wants::of_files(args, targets.has_exr());
-    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
-    prepared.warnings.extend(idle::warnings(given, &loaded.scene, &prepared));
+    let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
     // Files tell of all that is not in the picture, be it as it must.
     let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    targets.check_size(settled.options.width, settled.options.height)?;
     let (width, height) = (settled.options.width, settled.options.height);
+    targets.check_size(width, height)?;
     moving.iter().try_for_each(|moving| moving.check_size(width, height))?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
@@ -129,16 +127,15 @@ pub(super) fn run_one(
     warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
     warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
-    // The pictures come first: who runs out of space for the one may have some for the others.
-    kept?;
+    kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
 
     let run = Run {
         load_s,
         denoise_s,
         write_s: start.elapsed().as_secs_f64(),
-        width: settled.options.width,
-        height: settled.options.height,
+        width,
+        height,
         seed: settled.options.seed,
         compiled: build,
         statistics: *picture.statistics(),
@@ -151,6 +148,22 @@ pub(super) fn run_one(
     show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Prepares a scene for files, and looks for options that these have no use for; the arguments are those that were given, and
+/// those with what the scene says.
+fn prepare_files(
+    (given, args): (&RenderArgs, &RenderArgs),
+    targets: &Targets,
+    environment: Option<&EnvironmentOverride>,
+    loaded: &mut Loaded,
+    start: Instant,
+    compiler: &mut Compiler,
+) -> Result<Prepared> {
+    let wants = Wants::of_files(args, targets.has_exr());
+    let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
+    prepared.warnings.extend(idle::warnings(given, &loaded.scene, &prepared));
+    Ok(prepared)
 }
 
 /// Was a frame of a sequence interrupted? With --resume it would pass for a finished one, so it is not written, which is said.

@@ -96,8 +96,9 @@ class GlassTest(unittest.TestCase):
             model = run_exporter(folder / "scene.blend", folder).json
             (material,) = model["materials"]
             volume = material["extensions"]["KHR_materials_volume"]
-            self.assertEqual(volume["attenuationDistance"], 0.25)
-            np.testing.assert_allclose(volume["attenuationColor"], np.exp([0.0, -0.5, -0.75]), rtol=1e-5)
+            # Of each metre: the density times what the colour lacks.
+            absorbed = -np.log(volume["attenuationColor"]) / volume["attenuationDistance"]
+            np.testing.assert_allclose(absorbed, [0.0, 2.0, 3.0], rtol=1e-5)
             np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"][:3], [0.5, 1, 1], rtol=1e-5)
             self.assertIn({"light_group": "balls_here"}, [node.get("extras") for node in model["nodes"]])
             (settings,) = folder.glob("*.toml")
