@@ -118,9 +118,8 @@ pub(super) fn run_one(
         return Ok(Outcome::Interrupted);
     }
     let (denoise_s, noisy) = denoising.run(&mut rendering, said);
-    let is_complete = rendering.is_complete();
+    let outputs = targets.names(rendering.is_complete());
     let picture = rendering.into_picture();
-
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
@@ -140,7 +139,7 @@ pub(super) fn run_one(
         compiled: build,
         statistics: *picture.statistics(),
         peak_memory: peak_memory(),
-        outputs: targets.names(is_complete),
+        outputs,
         notes,
         warnings,
         left_out,
