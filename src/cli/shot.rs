@@ -95,13 +95,12 @@ pub(super) fn run_one(
 ) -> Result<Outcome> {
     let (given, args) = (args, &of_scene::completed(args, &loaded.scene.settings));
     let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
+    // Files tell of all that is not in the picture, be it as it must.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
-    // Files tell of all that is not in the picture, be it as it must.
     let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
     let (width, height) = (settled.options.width, settled.options.height);
-    targets.check_size(width, height)?;
-    moving.iter().try_for_each(|moving| moving.check_size(width, height))?;
+    check_size(targets, moving.as_ref(), (width, height))?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
@@ -128,7 +127,6 @@ pub(super) fn run_one(
     pictures.write()?;
     kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
-
     let run = Run {
         load_s,
         denoise_s,
@@ -147,6 +145,12 @@ pub(super) fn run_one(
     show::draw(args, picture.film(), &png);
     say_run(args, &run);
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
+}
+
+/// Are files for pictures of this size?
+fn check_size(targets: &Targets, moving: Option<&MovingPictures>, (width, height): (u32, u32)) -> Result<()> {
+    targets.check_size(width, height)?;
+    moving.map_or(Ok(()), |moving| moving.check_size(width, height))
 }
 
 /// Prepares a scene for files, and looks for options that these have no use for; the arguments are those that were given, and
