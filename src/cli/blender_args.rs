@@ -13,6 +13,10 @@ pub(crate) struct BlenderArgs {
     /// View layer by name [default: the first that is rendered].
     #[arg(long, value_name = "LAYER")]
     pub view_layer: Option<String>,
+    /// Largest edge of pictures that node trees are baked to, 16 to 16384 pixels; each is as large as its mesh appears
+    /// [default: 4096].
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(16..=16384), allow_negative_numbers = true)]
+    pub bake: Option<u32>,
     /// Folder that keeps meshes and baked pictures for the next time [default: see 'oscura cache'].
     #[arg(long, value_name = "FOLDER", conflicts_with = "no_cache")]
     pub cache: Option<PathBuf>,
@@ -28,6 +32,7 @@ impl BlenderArgs {
         BlenderOptions {
             program: self.blender.clone(),
             view_layer: self.view_layer.clone(),
+            bake: self.bake,
             cache,
             frame: None,
         }

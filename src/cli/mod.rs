@@ -46,6 +46,7 @@ mod moving;
 mod named;
 mod new;
 mod numbers;
+mod of_scene;
 mod orbit;
 mod outcome;
 mod page;

@@ -25,6 +25,9 @@ pub(crate) struct PictureArgs {
     /// keep it, and have what 'oscura denoise' needs; parts are for 'oscura merge', which takes it out.)
     #[arg(long)]
     pub denoise: bool,
+    /// Leave the noise in, though the scene's file asks for the contrary.
+    #[arg(long, conflicts_with = "denoise")]
+    pub no_denoise: bool,
     #[command(flatten)]
     pub denoiser: DenoiserArgs,
     /// Light of this temperature looks white in PNGs and the like, kelvin (1667 to 25000; daylight is 6500).

@@ -42,7 +42,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             energy_compensation,
             fresnel,
             exposure: args.exposure,
-            aovs: None,
+            ..Settings::default()
         },
         camera: args.camera.clone(),
         aovs: args.aov.iter().fold(AovSet::NONE, |all, aovs| all.union(*aovs)),

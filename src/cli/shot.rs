@@ -12,7 +12,7 @@ use super::preview::Preview;
 use super::process::peak_memory;
 use super::progress::{Ends, Progress, Waiting};
 use super::report::{Run, Said};
-use super::{idle, json, report_json, show};
+use super::{idle, json, of_scene, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
 use oscura::film::Aov;
@@ -93,14 +93,14 @@ pub(super) fn run_one(
     start: Instant,
     Kept { said, compiler, moving, preview }: &mut Kept,
 ) -> Result<Outcome> {
-    let prepared = prepare_files(args, targets, environment, loaded, start, compiler)?;
+    let (given, args) = (args, &of_scene::completed(args, &loaded.scene.settings));
+    let prepared = prepare_files((given, args), targets, environment, loaded, start, compiler)?;
+    // Files tell of all that is not in the picture, be it as it must.
     let Prepared { scene, labels, camera, settled, how, kept_aovs, png, build, load_s, .. } = prepared;
     let Prepared { notes, mut warnings, left_out, .. } = prepared;
-    // Files tell of all that is not in the picture, be it as it must.
     let told: Vec<Warning> = warnings.iter().chain(&build.notes).cloned().collect();
-    targets.check_size(settled.options.width, settled.options.height)?;
     let (width, height) = (settled.options.width, settled.options.height);
-    moving.iter().try_for_each(|moving| moving.check_size(width, height))?;
+    check_size(targets, moving.as_ref(), (width, height))?;
     say_scene(args, said, (&notes, &warnings, &left_out));
     refuse_warnings(args, &warnings, ErrorKind::Input)?;
     stop_before_pixels(cancel)?;
@@ -117,30 +117,27 @@ pub(super) fn run_one(
         return Ok(Outcome::Interrupted);
     }
     let (denoise_s, noisy) = denoising.run(&mut rendering, said);
-    let is_complete = rendering.is_complete();
+    let outputs = targets.names(rendering.is_complete());
     let picture = rendering.into_picture();
-
     let start = Instant::now();
     let pictures = encode(Shot::from(&picture));
     say_pictures(args, said, &pictures, picture.statistics().interrupted)?;
     warnings.extend(pictures.warnings.iter().cloned().chain(noisy));
     warnings.extend(noise_warning(args, picture.statistics(), said));
     pictures.write()?;
-    // The pictures come first: who runs out of space for the one may have some for the others.
-    kept?;
+    kept?; // after the pictures: who runs out of space for the one may have some for the others
     moving.iter_mut().try_for_each(|moving| moving.add(picture.film(), &png))?;
-
     let run = Run {
         load_s,
         denoise_s,
         write_s: start.elapsed().as_secs_f64(),
-        width: settled.options.width,
-        height: settled.options.height,
+        width,
+        height,
         seed: settled.options.seed,
         compiled: build,
         statistics: *picture.statistics(),
         peak_memory: peak_memory(),
-        outputs: targets.names(is_complete),
+        outputs,
         notes,
         warnings,
         left_out,
@@ -150,9 +147,16 @@ pub(super) fn run_one(
     Ok(if run.statistics.interrupted { Outcome::Interrupted } else { Outcome::Done })
 }
 
-/// Prepares a scene for files, and looks for options that these have no use for.
+/// Are files for pictures of this size?
+fn check_size(targets: &Targets, moving: Option<&MovingPictures>, (width, height): (u32, u32)) -> Result<()> {
+    targets.check_size(width, height)?;
+    moving.map_or(Ok(()), |moving| moving.check_size(width, height))
+}
+
+/// Prepares a scene for files, and looks for options that these have no use for; the arguments are those that were given, and
+/// those with what the scene says.
 fn prepare_files(
-    args: &RenderArgs,
+    (given, args): (&RenderArgs, &RenderArgs),
     targets: &Targets,
     environment: Option<&EnvironmentOverride>,
     loaded: &mut Loaded,
@@ -161,8 +165,7 @@ fn prepare_files(
 ) -> Result<Prepared> {
     let wants = Wants::of_files(args, targets.has_exr());
     let mut prepared = prepare(args, wants, environment, loaded, start, compiler)?;
-    let idle = idle::warnings(args, &loaded.scene, &prepared);
-    prepared.warnings.extend(idle);
+    prepared.warnings.extend(idle::warnings(given, &loaded.scene, &prepared));
     Ok(prepared)
 }
 

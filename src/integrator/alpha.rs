@@ -220,13 +220,15 @@ impl Integrator<'_> {
     ///
     /// A sheet that has another material on either side is often two at the same place, turned away from each other:
     /// behind a back that isn't there, what lies at the same distance still counts. So it does at flat boundaries of media:
-    /// bodies of fog touch each other and stand on floors. Of several at one place two are found.
+    /// bodies of fog touch each other and stand on floors. And so it does where another surface at the same place is there
+    /// for other kinds of rays. Of several at one place two are found.
     fn step_past(&self, ray: &mut Ray, hit: &Hit, time: f32) {
         let material = &self.scene.materials[self.scene.geometries.material(hit) as usize];
-        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind;
+        let is_for_some = material.visible_to() != RayKinds::ALL;
+        let may_have_neighbours = material.is_boundary || material.is_absent_from_behind || is_for_some;
         let is_back =
             if may_have_neighbours { self.scene.geometries.is_back_of_flat(ray, hit, time) } else { None };
-        let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary);
+        let has_neighbours = is_back.is_some_and(|is_back| is_back || material.is_boundary || is_for_some);
         let is_another = hit.t > ray.t_min.next_up();
         if has_neighbours && is_another {
             ray.t_min = hit.t.next_down();

@@ -135,6 +135,11 @@ mod tests {
 
     /// Figures of Blender 5.0.1 (16-bit PNG by `Image.save_render`).
     #[test]
+    fn scene_files_know_the_same_views() {
+        assert_eq!(ViewTransform::ALL.map(ViewTransform::name), crate::scene::VIEWS);
+    }
+
+    #[test]
     fn agx_is_blenders() {
         let base = [
             ([0.18; 3], [0.4613, 0.4613, 0.4614]),

@@ -35,6 +35,9 @@ pub struct ShadingModel {
     pub fresnel: FresnelModel,
 }
 
+/// Names of the ways in which pictures to look at are encoded (`output::ViewTransform`).
+pub const VIEWS: [&str; 7] = ["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"];
+
 /// Rendering settings that a scene file may carry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
@@ -56,6 +59,16 @@ pub struct Settings {
     pub fresnel: Option<FresnelModel>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
+    /// How pictures to look at are encoded: one of [`VIEWS`].
+    pub view: Option<String>,
+    /// Temperature of the light that looks white in them, kelvin.
+    pub white_balance: Option<f32>,
+    /// Relative error at which the picture is done, percent; `samples` are the most of a pixel then.
+    pub noise: Option<f32>,
+    /// Whether noise is taken out of the finished picture.
+    pub denoise: Option<bool>,
+    /// The pixels to render: the first column and row, and those after the last.
+    pub crop: Option<[u32; 4]>,
     /// Names of further channels to record.
     pub aovs: Option<Vec<String>>,
 }
@@ -74,6 +87,11 @@ impl Settings {
             energy_compensation: self.energy_compensation.or(other.energy_compensation),
             fresnel: self.fresnel.or(other.fresnel),
             exposure: self.exposure.or(other.exposure),
+            view: self.view.clone().or_else(|| other.view.clone()),
+            white_balance: self.white_balance.or(other.white_balance),
+            noise: self.noise.or(other.noise),
+            denoise: self.denoise.or(other.denoise),
+            crop: self.crop.or(other.crop),
             aovs: self.aovs.clone().or_else(|| other.aovs.clone()),
         }
     }

@@ -213,3 +213,39 @@ fn sheets_show_all_layers() {
         assert_eq!(code(&oscura(folder.path(), &args)), expected, "{args:?}");
     }
 }
+
+#[test]
+fn scenes_say_how_their_pictures_are_made() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene = |render: &str| {
+        let rest = "[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n[environment]\nbackground = [0.9, 0.5, 0.2]\n\
+                    [materials]\na = { type = \"lambert\" }\n[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"a\"\n";
+        std::fs::write(folder.path().join("a.toml"), format!("[render]\n{render}\n{rest}")).expect("written");
+    };
+    let make = |name: &str, more: &[&str]| {
+        let size = ["--width", "40", "--height", "30", "--quiet", "--reproducible", "--json"];
+        let output = oscura(folder.path(), &[&["render", "a.toml", "-o", name], &size[..], more].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        report(&output)
+    };
+    let bytes = |name: &str| std::fs::read(folder.path().join(name)).expect("a picture");
+    scene("samples = 8");
+    make("plain.png", &[]);
+    make("asked.png", &["--view", "agx", "--white-balance", "4000"]);
+    make("asked.exr", &["--crop", "10,5,30,25", "--denoise"]);
+    scene("samples = 8\nview = \"agx\"\nwhite_balance = 4000");
+    make("said.png", &[]);
+    assert_eq!(bytes("said.png"), bytes("asked.png"));
+    make("over.png", &["--view", "srgb", "--white-balance", "6500"]);
+    assert_ne!(bytes("over.png"), bytes("said.png"));
+    assert_ne!(bytes("plain.png"), bytes("said.png"));
+    scene("samples = 8\ncrop = [10, 5, 30, 25]\ndenoise = true");
+    make("said.exr", &[]);
+    assert_eq!(planes(&folder.path().join("said.exr")), planes(&folder.path().join("asked.exr")));
+    make("noisy.exr", &["--no-denoise"]);
+    assert_ne!(planes(&folder.path().join("noisy.exr")), planes(&folder.path().join("asked.exr")));
+    scene("samples = 4096\nnoise = 8");
+    let samples = |report: serde_json::Value| report["samples_per_pixel"].as_f64().expect("a number");
+    assert!(samples(make("noise.exr", &[])) < 4096.0);
+    assert_eq!(samples(make("counted.exr", &["--spp", "16"])), 16.0);
+}

@@ -199,3 +199,25 @@ fn traits_are_not_those_of_namesakes() {
         assert!(film.rgba().iter().all(|pixel| *pixel == [truth; 4]), "{x}: {:?}", film.rgba());
     }
 }
+
+/// Two materials at one place, each for its own kinds of rays: none hides the other, whichever comes first.
+#[test]
+fn surfaces_at_one_place_are_there_for_their_own_rays() {
+    let others = RayKinds::ALL.without(RayKinds::CAMERA);
+    for order in [[RayKinds::CAMERA, others], [others, RayKinds::CAMERA]] {
+        let mut scene = floor(grey());
+        for (k, kinds) in order.into_iter().enumerate() {
+            let radiance = if kinds == RayKinds::CAMERA { 7.0 } else { 2.0 };
+            let lamp = material(&mut scene, Material::emitter("lamp", [radiance; 3], true));
+            quad(&mut scene, [-1.0, 3.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], lamp);
+            scene.quads[k + 1].name = format!("lamp {k}");
+            scene.set_object_traits(&format!("lamp {k}"), seen_by(&[kinds]));
+        }
+        let mut alone = floor(grey());
+        let lamp = material(&mut alone, Material::emitter("lamp", [2.0; 3], true));
+        quad(&mut alone, [-1.0, 3.0, -1.0], [2.0, 0.0, 0.0], [0.0, 0.0, 2.0], lamp);
+        let of = |scene: &Scene| mean(&picture(scene, &options(16, 256, 1)));
+        let (both, one) = (of(&scene), of(&alone));
+        assert!((both / one - 1.0).abs() < 0.01, "{both} {one}");
+    }
+}

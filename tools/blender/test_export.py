@@ -1,4 +1,5 @@
-"""Tries what the exporter writes of glass, black bodies and groups of lights, and what it keeps for the next time.
+"""Tries what the exporter writes of glass, black bodies and groups of lights, of trees that ask about objects, sides and rays,
+of media, motion and settings, and what it keeps for the next time.
 
     python test_export.py            with a Python that has bpy
 """
@@ -95,8 +96,9 @@ class GlassTest(unittest.TestCase):
             model = run_exporter(folder / "scene.blend", folder).json
             (material,) = model["materials"]
             volume = material["extensions"]["KHR_materials_volume"]
-            self.assertEqual(volume["attenuationDistance"], 0.25)
-            np.testing.assert_allclose(volume["attenuationColor"], np.exp([0.0, -0.5, -0.75]), rtol=1e-5)
+            # Of each metre: the density times what the colour lacks.
+            absorbed = -np.log(volume["attenuationColor"]) / volume["attenuationDistance"]
+            np.testing.assert_allclose(absorbed, [0.0, 2.0, 3.0], rtol=1e-5)
             np.testing.assert_allclose(material["pbrMetallicRoughness"]["baseColorFactor"][:3], [0.5, 1, 1], rtol=1e-5)
             self.assertIn({"light_group": "balls_here"}, [node.get("extras") for node in model["nodes"]])
             (settings,) = folder.glob("*.toml")
@@ -104,6 +106,201 @@ class GlassTest(unittest.TestCase):
             self.assertEqual(lamp["group"], "key")
             red, green, blue = lamp["color"]
             self.assertTrue(red > 2 * green > 4 * blue, lamp["color"])
+
+
+def shader_tree(name, *kinds):
+    """A material, its tree, its Principled shader and new nodes."""
+    material = bpy.data.materials.new(name)
+    material.use_nodes = True
+    tree = material.node_tree
+    return (material, tree, tree.nodes["Principled BSDF"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
+
+
+class TreesTest(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory(prefix="oscura-test-")
+        self.addCleanup(folder.cleanup)
+        self.folder = Path(folder.name)
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        self.scene = bpy.context.scene
+        self.scene.render.engine = "CYCLES"
+        eye = bpy.data.objects.new("Eye", bpy.data.cameras.new("Eye"))
+        eye.location = (0, 0, 8)
+        self.scene.collection.objects.link(eye)
+        self.scene.camera = eye
+
+    def export(self, *more):
+        """The model, the file of settings, and the answer."""
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
+        model = run_exporter(self.folder / "scene.blend", self.folder, *more)
+        settings = tomllib.loads((self.folder / "scene.oscura.toml").read_text())
+        return model.json, settings, json.loads((self.folder / "answer.json").read_text())
+
+    def add_plane(self, material, name="Plane", location=(0, 0, 0), data=None):
+        if data is None:
+            bpy.ops.mesh.primitive_plane_add()
+            data = bpy.context.object.data
+            bpy.data.objects.remove(bpy.context.object)
+            data.materials.append(material)
+        made = bpy.data.objects.new(name, data)
+        made.location = location
+        self.scene.collection.objects.link(made)
+        return made
+
+    def test_objects_of_one_mesh_have_their_own_colours_without_pictures(self):
+        material, tree, shader, info = shader_tree("own", "ObjectInfo")
+        tree.links.new(info.outputs["Color"], shader.inputs["Base Color"])
+        colors = [(0.25, 0.5, 0.75), (0.5, 0.125, 0.0)]
+        data = None
+        for k, color in enumerate(colors):
+            made = self.add_plane(material, f"Plane {k}", (3 * k, 0, 0), data)
+            data, made.color = made.data, (*color, 1)
+        model, _, answer = self.export()
+        self.assertNotIn("images", model)
+        found = {}
+        for node in model["nodes"]:
+            if "mesh" in node:
+                number = model["meshes"][node["mesh"]]["primitives"][0]["material"]
+                found[node["name"]] = model["materials"][number]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+        np.testing.assert_allclose([found["Plane 0"], found["Plane 1"]], colors, atol=1e-6)
+        self.assertEqual(answer["warnings"], [])
+
+    def test_attributes_of_objects_are_read_by_name(self):
+        material, tree, shader, own = shader_tree("own", "Attribute")
+        own.attribute_type, own.attribute_name = "OBJECT", "polish"
+        tree.links.new(next(out for out in own.outputs if out.identifier == "Fac"), shader.inputs["Roughness"])
+        self.add_plane(material)["polish"] = 0.375
+        model, _, _ = self.export()
+        (made,) = model["materials"]
+        self.assertAlmostEqual(made["pbrMetallicRoughness"]["roughnessFactor"], 0.375, places=6)
+
+    def test_sides_become_faces_that_lie_back_to_back(self):
+        material, tree, shader, side, mix = shader_tree("sides", "NewGeometry", "Mix")
+        mix.data_type = "RGBA"
+        mix.inputs[6].default_value, mix.inputs[7].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+        tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+        tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
+        self.add_plane(material)
+        model, _, _ = self.export()
+        (mesh,) = model["meshes"]
+        found = {}
+        for primitive in mesh["primitives"]:
+            made = model["materials"][primitive["material"]]
+            self.assertFalse(made.get("doubleSided", False))
+            found[tuple(made["pbrMetallicRoughness"]["baseColorFactor"][:3])] = primitive["attributes"]["NORMAL"]
+        self.assertEqual(set(found), {(1, 0, 0), (0, 0, 1)})
+
+    def test_kinds_of_rays_see_their_own_materials(self):
+        material, tree, shader, path, strength = shader_tree("lamp", "LightPath", "Math")
+        shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
+        strength.operation, strength.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(path.outputs["Is Camera Ray"], strength.inputs[0])
+        tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, settings, answer = self.export()
+        by_name = {made["name"]: made for made in model["materials"]}
+        rays = {tuple(entry["visible_to"]): by_name[name] for name, entry in settings["materials"].items()}
+        shines = {seen: "emissiveFactor" in made for seen, made in rays.items()}
+        self.assertEqual(shines, {("camera",): True, ("diffuse", "glossy", "transmission", "volume", "shadow"): False})
+        self.assertEqual(answer["warnings"], [])
+
+    def test_what_differs_with_the_direction_is_said_by_name(self):
+        material, tree, shader, weight = shader_tree("velvet", "LayerWeight")
+        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, _, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual(place, "velvet")
+        self.assertIn("Layer Weight", message)
+
+    def test_light_of_trees_keeps_its_strength(self):
+        material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0, 0, 0, 1)
+        strength.operation, strength.inputs[1].default_value = "MULTIPLY", 40.0
+        shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
+        tree.links.new(checker.outputs["Fac"], strength.inputs[0])
+        tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        (made,) = model["materials"]
+        self.assertAlmostEqual(made["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"], 40, places=3)
+        self.assertIn("emissiveTexture", made)
+
+    def test_media_and_coats_reach_the_file_of_settings(self):
+        haze, tree, shader, scatter = shader_tree("haze", "VolumeScatter")
+        scatter.inputs["Color"].default_value, scatter.inputs["Density"].default_value = (0.5, 0.25, 1, 1), 2.0
+        tree.links.new(scatter.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        tree.nodes.remove(shader)
+        wax, _, shader = shader_tree("wax")
+        shader.inputs["Subsurface Weight"].default_value, shader.inputs["Subsurface Scale"].default_value = 1.0, 4 * np.pi
+        shader.inputs["Subsurface Radius"].default_value = (0.5, 0.25, 0.125)
+        leaf, tree, shader, through = shader_tree("leaf", "BsdfTranslucent")
+        through.inputs["Color"].default_value = (0.25, 0.5, 0.125, 1)
+        tree.links.new(through.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        for k, material in enumerate((haze, wax, leaf)):
+            self.add_plane(material, location=(3 * k, 0, 0))
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        found = settings["materials"]
+        self.assertEqual(found["haze"], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
+        np.testing.assert_allclose(found["wax"]["subsurface"]["radius"], [0.5, 0.25, 0.125], rtol=1e-5)
+        (leaf,) = (made for made in model["materials"] if made["name"] == "leaf")
+        passing = leaf["extensions"]["KHR_materials_diffuse_transmission"]
+        self.assertEqual(passing["diffuseTransmissionColorFactor"], [0.25, 0.5, 0.125])
+
+    def test_displaced_vertices_stand_where_the_heights_say(self):
+        material, tree, _, relief = shader_tree("relief", "Displacement")
+        material.displacement_method = "DISPLACEMENT"
+        for name, value in (("Height", 0.75), ("Midlevel", 0.5), ("Scale", 2.0)):
+            relief.inputs[name].default_value = value
+        tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        self.add_plane(material)
+        model, _, _ = self.export()
+        number = model["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+        self.assertAlmostEqual(model["accessors"][number]["max"][1], 0.5, places=6)
+
+    def test_motion_of_objects_and_cameras_is_an_animation(self):
+        moved = self.add_plane(None, "Moved")
+        for thing, path in ((moved, (2, 0, 0)), (self.scene.camera, (0, 1, 8))):
+            thing.keyframe_insert("location", frame=1)
+            thing.location = path
+            thing.keyframe_insert("location", frame=3)
+        self.add_plane(None, "Still", (0, 4, 0))
+        self.scene.frame_set(2)
+        model, settings, answer = self.export()
+        self.assertNotIn("animations", model)
+        self.scene.render.use_motion_blur, self.scene.render.motion_blur_shutter = True, 0.25
+        model, settings, answer = self.export()
+        (animation,) = model["animations"]
+        names = {model["nodes"][channel["target"]["node"]]["name"] for channel in animation["channels"]}
+        self.assertEqual(names, {"Moved", "Eye"})
+        self.assertEqual(settings["camera"][0]["shutter"], 0.25)
+        times = model["accessors"][animation["samplers"][0]["input"]]
+        self.assertEqual(times["count"], 3)
+        self.assertAlmostEqual(times["max"][0] - answer["moment"], 0.125 / answer["fps"], places=6)
+        self.assertNotIn("animations", self.export("--shutter", "0")[0])
+
+    def test_settings_of_the_scene(self):
+        view, render, cycles = self.scene.view_settings, self.scene.render, self.scene.cycles
+        view.view_transform, view.exposure = "AgX", 1.5
+        cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = 300, True, 0.02
+        cycles.use_denoising, cycles.film_exposure = True, 2.0
+        render.resolution_x, render.resolution_y, render.use_border = 200, 100, True
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.5, 0.1, 0.6
+        layer = self.scene.view_layers[0]
+        layer.use_pass_z = layer.use_pass_cryptomatte_object = layer.use_pass_mist = True
+        lamp = bpy.data.lights.new("lamp", "POINT")
+        lamp.energy = 10
+        self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
+        _, settings, answer = self.export()
+        found = settings["render"]
+        self.assertEqual(found["view"], "agx")
+        self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
+        self.assertAlmostEqual(found["noise"], 4.0, places=4)
+        self.assertEqual(found["crop"], [50, 40, 100, 90])
+        self.assertEqual(found["aovs"], ["depth", "crypto_object"])
+        self.assertEqual(settings["lights"][0]["point"]["power"], 20.0)
+        self.assertIn("Mist", answer["warnings"][0][1])
 
 
 class KeptTest(unittest.TestCase):

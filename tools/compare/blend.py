@@ -37,7 +37,7 @@ def make(folder, build, frames=None):
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = cycles.blur_glossy = 0
     cycles.pixel_filter_type = "BOX"
     cycles.filter_width = 1
-    for kind in ("max", "diffuse", "glossy", "transmission", "transparent_max"):
+    for kind in ("max", "diffuse", "glossy", "transmission", "transparent_max", "volume"):
         setattr(cycles, f"{kind}_bounces", 32)
     # Some write pictures beside the scene.
     build(folder) if build.__code__.co_argcount else build()

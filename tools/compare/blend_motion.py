@@ -14,7 +14,6 @@ from pathlib import Path
 
 import bpy
 
-import blend
 import blend_parts as scenes
 
 NAME = "motion"
@@ -92,6 +91,8 @@ def _shape_keys():
 
 
 def main():
+    import blend  # which knows the scenes that use this one
+
     folder = Path(sys.argv[1]).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     count = int(sys.argv[2]) if sys.argv[2:] else 10

@@ -35,10 +35,24 @@ from blend_objects import (
     unseen,
     visibility,
 )
+from blend_blur import blurred, blurred_camera
+from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
+from blend_trees import (
+    bright_bakes,
+    instancer_attributes,
+    nooks,
+    object_info,
+    object_noise,
+    ray_tricks,
+    two_sides,
+    view_trees,
+)
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
     world_sky, world_nodes, depth_of_field, blades, unseen, visibility, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
+    blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
+    object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, bright_bakes, nooks,
 ]  # fmt: skip

@@ -117,5 +117,10 @@ fn settings(scene: &Scene) -> Vec<String> {
     };
     shown.extend(s.fresnel.map(|f| format!("fresnel {}", fresnel(f))));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
+    shown.extend(s.view.as_ref().map(|view| format!("view {view}")));
+    shown.extend(s.white_balance.map(|kelvin| format!("white balance {kelvin} K")));
+    shown.extend(s.noise.map(|percent| format!("noise {percent} %")));
+    shown.extend(s.denoise.map(|denoise| format!("denoise {denoise}")));
+    shown.extend(s.crop.map(|[x0, y0, x1, y1]| format!("crop {x0},{y0},{x1},{y1}")));
     shown
 }

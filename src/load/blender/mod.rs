@@ -13,7 +13,7 @@ pub use cache::default_cache;
 pub use options::BlenderOptions;
 
 use super::gltf::Glass;
-use super::{LoadOptions, Loaded, SavedFiles, gltf, scene_file};
+use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf, scene_file};
 use crate::error::{Error, Result, Warning};
 use std::fs;
 use std::path::{Path, PathBuf};
@@ -30,6 +30,10 @@ pub struct Exported {
     pub warnings: Vec<Warning>,
     /// What the user may want to know.
     pub notes: Vec<Warning>,
+    /// The moment of the picture in the model's animations, seconds, if something moves.
+    pub moment: Option<f64>,
+    /// Frames a second in them.
+    pub fps: Option<f64>,
     _parent: TempDir,
 }
 
@@ -54,6 +58,8 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
         folder,
         warnings: said.warnings.into_iter().map(of_file).collect(),
         notes: said.notes.into_iter().map(of_file).collect(),
+        moment: said.moment,
+        fps: said.fps,
         _parent: work,
     })
 }
@@ -64,9 +70,11 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     let exported = export(path, options, &std::env::temp_dir())?;
     // What Blender has chosen is no choice about the model. To Blender all glass is solid, that of single sheets, too.
     let glass = if options.gltf.glass == Glass::Auto { Glass::Solid } else { options.gltf.glass };
-    let chosen = gltf::GltfOptions { time_s: None, scene: None, glass, ..options.gltf.clone() };
+    let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, glass, ..options.gltf.clone() };
     // What Blender writes goes again.
-    let inner = LoadOptions { gltf: chosen, files: SavedFiles::default(), ..options.clone() };
+    let fps = exported.fps.filter(|fps| *fps > 0.0).unwrap_or(options.shutter.fps);
+    let shutter = ShutterOptions { fps, ..options.shutter };
+    let inner = LoadOptions { gltf: chosen, files: SavedFiles::default(), shutter, ..options.clone() };
     let is_temporary =
         |file: &Option<PathBuf>| file.as_ref().is_some_and(|f| f.starts_with(&exported.folder));
     let mut loaded = read(&exported, &inner).map_err(|error| match is_temporary(&error.file) {
@@ -87,6 +95,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
+    let options = &scene_file::sidecar::with_shutter(&exported.model, options);
     let mut loaded = gltf::load(&exported.model, options)?;
     let beside = scene_file::sidecar::path_for(&exported.model);
     if beside.is_file() {

@@ -12,6 +12,8 @@ pub struct BlenderOptions {
     pub frame: Option<u32>,
     /// The view layer to show, by its name; else the first that is rendered.
     pub view_layer: Option<String>,
+    /// Largest edge of pictures that node trees are baked to, pixels; else 4096.
+    pub bake: Option<u32>,
     /// A folder in which exported meshes and baked pictures are kept for the next time, made if it is missing; `None`
     /// keeps nothing.
     pub cache: Option<PathBuf>,

@@ -3,7 +3,7 @@
 use super::host::Host;
 use super::report::Report;
 use crate::error::{Error, Result};
-use crate::load::LoadOptions;
+use crate::load::{LoadOptions, ShutterPosition};
 use std::ffi::OsString;
 use std::fs::{self, File};
 use std::path::{Path, PathBuf, absolute};
@@ -28,12 +28,21 @@ const PACKAGE: &[(&str, &str)] = &[
     ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
+    ("media.py", include_str!("../../../tools/blender/oscura_blender/media.py")),
+    ("motion.py", include_str!("../../../tools/blender/oscura_blender/motion.py")),
+    ("objectwise.py", include_str!("../../../tools/blender/oscura_blender/objectwise.py")),
     ("originals.py", include_str!("../../../tools/blender/oscura_blender/originals.py")),
     ("pictures.py", include_str!("../../../tools/blender/oscura_blender/pictures.py")),
+    ("relief.py", include_str!("../../../tools/blender/oscura_blender/relief.py")),
     ("report.py", include_str!("../../../tools/blender/oscura_blender/report.py")),
     ("settings.py", include_str!("../../../tools/blender/oscura_blender/settings.py")),
     ("shaders.py", include_str!("../../../tools/blender/oscura_blender/shaders.py")),
     ("sidecar.py", include_str!("../../../tools/blender/oscura_blender/sidecar.py")),
+    ("sizes.py", include_str!("../../../tools/blender/oscura_blender/sizes.py")),
+    ("trees.py", include_str!("../../../tools/blender/oscura_blender/trees.py")),
+    ("uniform.py", include_str!("../../../tools/blender/oscura_blender/uniform.py")),
+    ("variants.py", include_str!("../../../tools/blender/oscura_blender/variants.py")),
+    ("views.py", include_str!("../../../tools/blender/oscura_blender/views.py")),
     ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
 ];
 
@@ -103,7 +112,14 @@ fn choices(options: &LoadOptions) -> Vec<(&'static str, OsString)> {
     // Blender's own folder of work is another; where there is no current one, relative names mean nothing.
     let absolute = |folder: &PathBuf| absolute(folder).unwrap_or_else(|_| folder.clone());
     let cache = options.blender.cache.as_ref().map(|f| ("--cache", absolute(f).into_os_string()));
-    [frame, time, scene, layer, cache].into_iter().flatten().collect()
+    let bake = options.blender.bake.map(|edge| ("--bake", edge.to_string().into()));
+    let shutter = options.shutter.frames.map(|frames| ("--shutter", format!("{frames:?}").into()));
+    let named = |position| ShutterPosition::ALL.iter().find(|(_, known)| *known == position);
+    let position = options.shutter.position.and_then(named);
+    let position = position.map(|(name, _)| ("--shutter-position", (*name).into()));
+    let vectors = options.shutter.vectors.then(|| ("--vectors", "on".into()));
+    let all = [frame, time, scene, layer, cache, bake, shutter, position, vectors];
+    all.into_iter().flatten().collect()
 }
 
 /// Says what is known of a child that left no answer.

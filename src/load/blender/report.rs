@@ -11,6 +11,10 @@ type Messages = Vec<(String, String)>;
 pub(super) struct Report {
     /// Why there is no export.
     pub error: Option<String>,
+    /// The moment of the picture in the model's animations, seconds, if it has any.
+    pub moment: Option<f64>,
+    /// Frames a second in them.
+    pub fps: Option<f64>,
     /// What was lost.
     pub warnings: Messages,
     /// What was chosen.

@@ -83,6 +83,8 @@ fn share(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot 
 
 fn volume(fields: &Fields, model: &mut PbrMaterial) {
     model.has_volume = fields.flag("volume", model.has_volume);
+    // A sheet has its whole colour.
+    model.tints_once &= model.has_volume;
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
             fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");

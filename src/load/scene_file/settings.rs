@@ -10,10 +10,16 @@
 //! | `microfacet` | `multi` or `single` scattering | |
 //! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
 //! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
-//! | `exposure` | exposure of the PNG in stops | -100 to 100 |
+//! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
+//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma` | |
+//! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
+//! | `noise` | relative error in percent at which the picture is done; `samples` are the most of a pixel then | above 0 to 1000 |
+//! | `denoise` | `true` takes the noise out of the finished picture | |
+//! | `crop` | `[x0, y0, x1, y1]`: only the pixels from column x0 and row y0 to before column x1 and row y1 | within the picture |
 
 use super::fields::Fields;
-use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
+use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings, VIEWS};
+use std::ops::Range;
 
 /// A list of names.
 fn names(fields: &Fields, key: &'static str) -> Option<Vec<String>> {
@@ -25,6 +31,24 @@ fn names(fields: &Fields, key: &'static str) -> Option<Vec<String>> {
         fields.problems.push(value.span(), format!("'{key}' must be a list of names"));
     }
     names
+}
+
+/// A number in a range, if it is there.
+fn number(fields: &Fields, key: &'static str, range: Range<f64>) -> Option<f32> {
+    fields.has(key).then(|| fields.number_in(key, range.clone(), range.start) as f32)
+}
+
+/// A part of the picture.
+fn crop(fields: &Fields) -> Option<[u32; 4]> {
+    let found = fields.numbers::<4>("crop")?;
+    let is_pixel = |v: &f64| v.fract() == 0.0 && (0.0..=65_536.0).contains(v);
+    let [x0, y0, x1, y1] = found.value;
+    if !found.value.iter().all(is_pixel) || x0 >= x1 || y0 >= y1 {
+        let message = "'crop' must be [x0, y0, x1, y1]: whole pixels with x0 < x1 and y0 < y1";
+        fields.problems.push(found.span, message);
+        return None;
+    }
+    Some(found.value.map(|v| v as u32))
 }
 
 pub(super) fn read(fields: &Fields) -> Settings {
@@ -42,7 +66,12 @@ pub(super) fn read(fields: &Fields) -> Settings {
         fresnel: fields
             .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
         aovs: names(fields, "aovs"),
-        exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
+        view: fields.choice("view", &VIEWS.map(|view| (view, view))).map(str::to_string),
+        white_balance: number(fields, "white_balance", 1667.0..25_000.0),
+        noise: number(fields, "noise", 1e-3..1000.0),
+        denoise: fields.has("denoise").then(|| fields.flag("denoise", false)),
+        crop: crop(fields),
+        exposure: number(fields, "exposure", -100.0..100.0),
     };
     fields.finish();
     settings

@@ -88,7 +88,8 @@ structs! {
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure, aovs,
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure, view, white_balance, noise,
+        denoise, crop, aovs,
     }
 }
 

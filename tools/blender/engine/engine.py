@@ -54,7 +54,7 @@ class Engine(bpy.types.RenderEngine):
             child.stop()
         self._tell(report, folder)
         if picture.exists():
-            _fill(result, exr.read(picture), scene)
+            _fill(result, exr.read(picture))
             # The whole result, not the part that is being filled, keeps texts.
             mattes.tell(self.get_result(), exr.texts(picture), depsgraph.view_layer)
         self.end_result(result)
@@ -73,7 +73,7 @@ class Engine(bpy.types.RenderEngine):
             changed = picture.stat().st_mtime_ns if picture.exists() else None
             if changed != shown:
                 shown = changed
-                _fill(result, exr.read(picture), scene)
+                _fill(result, exr.read(picture))
                 self.update_result(result)
         return result
 
@@ -96,22 +96,21 @@ def _command(blend, picture, scene, layer):
 
 
 def region(scene, width, height):
-    """First and last but one pixel by axis of the part of the picture that Blender wants."""
+    """First and last but one pixel by axis of the part of the picture that Blender wants, as the exporter has it."""
     render = scene.render
     if not render.use_border:
         return (0, width), (0, height)
     sides = (render.border_min_x, render.border_max_x, width), (render.border_min_y, render.border_max_y, height)
-    return tuple((int(low * size), int(high * size)) for low, high, size in sides)
+    return tuple((int(low * size), max(int(high * size), int(low * size) + 1)) for low, high, size in sides)
 
 
-def _fill(result, picture, scene):
+def _fill(result, picture):
     """Puts a picture's channels into the passes of a result."""
-    height, width = picture["R"].shape
-    (left, right), (bottom, top) = region(scene, width, height)
+    # A region is all that the picture holds.
     for target in result.layers[0].passes:
         entry = passes.by_name(target.name)
         if entry is not None:
-            values = entry.values(picture)[bottom:top, left:right]
+            values = entry.values(picture)
             target.rect.foreach_set(np.ascontiguousarray(values).ravel())
 
 

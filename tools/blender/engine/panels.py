@@ -52,7 +52,7 @@ class SamplingPanel(OurPanel, bpy.types.Panel):
 
     def draw(self, context):
         column = self.column()
-        for name in ("samples", "time_limit", "depth", "seed", "refresh"):
+        for name in ("samples", "noise", "time_limit", "denoise", "depth", "seed", "refresh"):
             column.prop(context.scene.oscura, name)
 
 

@@ -1,5 +1,5 @@
-"""What a file says about rendering with Oscura, by scene and by view layer. The program reads `samples`, `depth` and `seed`
-of the scene from the file itself (`oscura_blender/settings.py`); their defaults are those of the program."""
+"""What a file says about rendering with Oscura, by scene and by view layer. The program reads `samples`, `noise`,
+`denoise`, `depth` and `seed` of the scene, and the passes of the view layer, from the file itself (`oscura_blender/settings.py`); their defaults are those of the program."""
 
 import bpy
 
@@ -7,7 +7,27 @@ from . import passes
 
 
 class SceneSettings(bpy.types.PropertyGroup):
-    samples: bpy.props.IntProperty(name="Samples", description="Samples a pixel", default=128, min=1, soft_max=4096)
+    samples: bpy.props.IntProperty(
+        name="Samples",
+        description="Samples a pixel; with a noise that is promised, the most of them",
+        default=128,
+        min=1,
+        soft_max=4096,
+    )
+    noise: bpy.props.FloatProperty(
+        name="Noise",
+        description="Stop when the picture's relative error is about so many percent; 0 takes all samples",
+        default=0.0,
+        min=0.0,
+        max=1000.0,
+        soft_max=20.0,
+        subtype="PERCENTAGE",
+    )
+    denoise: bpy.props.BoolProperty(
+        name="Denoise",
+        description="Take the noise out of the finished picture and its light passes",
+        default=False,
+    )
     depth: bpy.props.IntProperty(
         name="Depth",
         description="Most scattering events of a path; 0 shows what shines and nothing else",

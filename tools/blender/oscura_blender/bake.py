@@ -3,14 +3,13 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, pictures, shaders
+from . import cache, fingerprint, flat, pictures, shaders, trees
 from .context import opened
 from .report import listed
 
 UV = "oscura bake"
 
-# Edge of the pictures.
-SIZE = 1024
+AMBIENT = "ShaderNodeAmbientOcclusion"
 
 # Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.
 MOST_FACES = 400_000
@@ -23,10 +22,10 @@ def bake_all(holders, found, store, report):
         return
     names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
     report.note("", f"node trees were baked to pictures: of {listed(names)}")
-    kitchen = _scene()
+    kitchen = new_scene()
     try:
         with opened(kitchen):
-            _bake_flat([m for _, needs in wanted for m in needs], kitchen, store)
+            _bake_flat([m for _, needs in wanted for m in needs], kitchen, found.sight.most, store)
             for holder, _ in wanted:
                 _bake_mesh(holder, found, kitchen, store, report)
     finally:
@@ -42,11 +41,38 @@ def _bake_mesh(holder, found, kitchen, store, report):
     _own_materials(holder)
     # Where the object stands: trees may ask for it.
     holder.matrix_world = found.placements[holder.name][0][1]
-    Baking(holder, kitchen, UV, SIZE, store).run(_needs(holder), lays_out=True)
+    places = [matrix for _, matrix in found.placements[holder.name]]
+    around = _surroundings(holder, found, kitchen) if _sees_others(holder) else []
+    try:
+        size = found.sight.edge(holder.data, places)
+        Baking(holder, kitchen, UV, size, store, around).run(_needs(holder), lays_out=True)
+    finally:
+        for obj in around:
+            bpy.data.objects.remove(obj)
     holder.matrix_world.identity()
 
 
-def _bake_flat(materials, kitchen, store):
+def _sees_others(holder):
+    """Do trees ask how much of what is around them other objects hide?"""
+    nodes = (node for m in holder.data.materials for _, node in trees.nodes_with_trees(m.node_tree, (AMBIENT,)))
+    return any(not node.only_local and any(out.is_linked for out in node.outputs) for node in nodes)
+
+
+def _surroundings(holder, found, kitchen):
+    """Everything else at its places."""
+    made = []
+    for other in found.objects.values():
+        for k, (_, matrix) in enumerate(found.placements[other.name] if other is not None else []):
+            if other == holder and k == 0:
+                continue
+            obj = bpy.data.objects.new("oscura neighbour", other.data)
+            obj.matrix_world = matrix
+            kitchen.collection.objects.link(obj)
+            made.append(obj)
+    return made
+
+
+def _bake_flat(materials, kitchen, most, store):
     """Bakes what repeats."""
     for material in dict.fromkeys(materials):
         node = _principled(material)
@@ -54,7 +80,7 @@ def _bake_flat(materials, kitchen, store):
         found = flat.tiles(node, names) if names else None
         if found is not None:
             square = flat.square(material, found.uv)
-            Baking(square, kitchen, found.uv, found.size, store).run({material: names}, lays_out=False)
+            Baking(square, kitchen, found.uv, min(found.size, most), store).run({material: names}, lays_out=False)
             bpy.data.meshes.remove(square.data)
 
 
@@ -74,9 +100,11 @@ def _needs(holder):
 
 
 def _is_needed(node, name):
+    if name == "Emission Color":
+        strength = shaders.constant(node.inputs["Emission Strength"])
+        if strength is None or strength == 0:
+            return strength is None
     if name not in node.inputs or not node.inputs[name].is_linked:
-        return False
-    if name == "Emission Color" and shaders.constant(node.inputs["Emission Strength"]) == 0:
         return False
     return not pictures.is_carried(name, node.inputs[name])
 
@@ -87,11 +115,12 @@ def _own_materials(holder):
     copies = {}
     for i, material in enumerate(slots):
         if material.users > 1 and material.name not in copies:
-            copies[material.name] = material.copy()
+            copies[material.name] = trees.copied(material)
         slots[i] = copies.get(material.name, material)
 
 
-def _scene():
+def new_scene():
+    """A scene to bake in."""
     kitchen = bpy.data.scenes.new("oscura bake")
     kitchen.render.engine = "CYCLES"
     kitchen.cycles.device = "CPU"
@@ -103,8 +132,10 @@ def _scene():
 class Baking:
     """The baking of one mesh to pictures of an edge, by texture coordinates of a name (empty: the active ones)."""
 
-    def __init__(self, holder, kitchen, uv, size, store):
+    def __init__(self, holder, kitchen, uv, size, store, around=()):
         self.holder, self.kitchen, self.uv, self.size, self.store = holder, kitchen, uv, size, store
+        self.around = around  # what else the trees see
+        self.peak = 1.0  # what white means in the picture of the emission
         self.materials = [m for m in dict.fromkeys(holder.data.materials) if _principled(m) is not None]
 
     def run(self, needs, lays_out):
@@ -120,6 +151,9 @@ class Baking:
         digest = cache.digest()
         digest.update(repr((inputs, self.uv, self.size, [tuple(row) for row in self.holder.matrix_world])).encode())
         fingerprint.add_mesh(digest, self.holder.data)
+        for obj in self.around:
+            digest.update(repr([tuple(row) for row in obj.matrix_world]).encode())
+            fingerprint.add_mesh(digest, obj.data)
         for material in self.holder.data.materials:
             fingerprint.add_tree(digest, material.node_tree)
             digest.update(b"|")
@@ -130,6 +164,7 @@ class Baking:
         if "uv" in kept:
             self._add_layer().uv.foreach_set("vector", kept["uv"])
         baked = {}
+        self.peak = float(kept["peak"])
         for name in inputs:
             baked[name] = image = self._new(name)
             data = kept[name].tobytes()
@@ -139,6 +174,7 @@ class Baking:
 
     def _bake_all(self, inputs, lays_out, key):
         self.kitchen.collection.objects.link(self.holder)
+        self.kitchen.cycles.samples = 32 if _sees_nooks(self.materials) else 1
         try:
             self._select()
             if lays_out:
@@ -146,7 +182,7 @@ class Baking:
             baked = {name: self._bake(name) for name in inputs}
         finally:
             self.kitchen.collection.objects.unlink(self.holder)
-        kept = {}
+        kept = {"peak": np.array(self.peak)}
         if lays_out:
             kept["uv"] = np.empty(2 * len(self.holder.data.loops), np.float32)
             self.holder.data.uv_layers[self.uv].uv.foreach_get("vector", kept["uv"])
@@ -181,15 +217,18 @@ class Baking:
         bpy.ops.uv.smart_project(angle_limit=1.15, island_margin=0.004)
         bpy.ops.object.mode_set(mode="OBJECT")
 
-    def _new(self, name):
-        """The picture of an input."""
-        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size)
+    def _new(self, name, is_light=False):
+        """The picture of an input; of light without a bound."""
+        image = bpy.data.images.new(f"{self.holder.data.name} {name}", self.size, self.size, float_buffer=is_light)
+        if is_light:
+            image.colorspace_settings.name = "Non-Color"
+            return image
         image.colorspace_settings.name = "sRGB" if pictures.INPUTS[name] == pictures.COLOR else "Non-Color"
         return image
 
     def _bake(self, name):
         """Bakes an input of all materials to one picture."""
-        kind, image = pictures.INPUTS[name], self._new(name)
+        kind, image = pictures.INPUTS[name], self._new(name, is_light=name == "Emission Color")
         undo = [self._aim(material, name, kind, image) for material in self.materials]
         is_normal = kind == pictures.NORMAL
         bpy.ops.object.bake(
@@ -202,6 +241,21 @@ class Baking:
         )
         for restore in undo:
             restore()
+        return self._coded(image) if name == "Emission Color" else image
+
+    def _coded(self, light):
+        """A picture of light as one of eight bits, in which white means the peak."""
+        pixels = np.empty(self.size * self.size * 4, np.float32)
+        light.pixels.foreach_get(pixels)
+        bpy.data.images.remove(light)
+        pixels = pixels.reshape(-1, 4)
+        pixels[:, :3] = np.nan_to_num(np.maximum(pixels[:, :3], 0), posinf=0)
+        self.peak = max(float(pixels[:, :3].max()), 1.0)
+        linear = pixels[:, :3] / self.peak
+        pixels[:, :3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
+        image = self._new("Emission Color")
+        image.pixels.foreach_set(pixels.ravel())
+        image.update()
         return image
 
     @staticmethod
@@ -219,13 +273,9 @@ class Baking:
         if kind != pictures.NORMAL:
             glow = tree.nodes.new("ShaderNodeEmission")
             added.append(glow)
-            socket = node.inputs[name]
-            source = shaders.source(socket)
-            if source is not None:
-                tree.links.new(source, glow.inputs["Color"])
-            else:
-                value = socket.default_value
-                glow.inputs["Color"].default_value = (value,) * 3 + (1,) if isinstance(value, float) else value
+            _feed(tree, node.inputs[name], glow.inputs["Color"])
+            if name == "Emission Color" and shaders.constant(node.inputs["Emission Strength"]) is None:
+                _feed(tree, node.inputs["Emission Strength"], glow.inputs["Strength"])
             tree.links.new(glow.outputs[0], end.inputs["Surface"])
 
         def restore():
@@ -247,6 +297,13 @@ class Baking:
             texture = self._texture(tree, baked.pop("Base Color"))
             tree.links.new(texture.outputs["Color"], node.inputs["Base Color"])
             tree.links.new(texture.outputs["Alpha"], node.inputs["Alpha"])
+        if "Emission Color" in baked:
+            strength = node.inputs["Emission Strength"]
+            known = shaders.constant(strength)
+            for link in list(strength.links):
+                tree.links.remove(link)
+            # What was not the same everywhere is in the picture.
+            strength.default_value = self.peak * (1.0 if known is None else known)
         for name, image in baked.items():
             texture = self._texture(tree, image)
             output = texture.outputs["Color"]
@@ -274,6 +331,21 @@ class Baking:
         code = lambda c: 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
         image.generated_color = (*(code(min(max(c, 0.0), 1.0)) for c in tuple(color)[:3]), 1.0)
         return image
+
+
+def _feed(tree, socket, target):
+    """Gives an input what another one has."""
+    source = shaders.source(socket)
+    if source is not None:
+        tree.links.new(source, target)
+        return
+    value = socket.default_value
+    is_color = target.type == "RGBA"
+    target.default_value = (value,) * 3 + (1,) if isinstance(value, float) and is_color else value
+
+
+def _sees_nooks(materials):
+    return any(trees.has(material.node_tree, (AMBIENT,)) for material in materials)
 
 
 def _join_alpha(image, alpha):

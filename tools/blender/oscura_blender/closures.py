@@ -1,12 +1,12 @@
 """Shader nodes as inputs of one Principled shader: constants, or sockets of the tree that feed them. A mix of shaders becomes
 a mix of their inputs."""
 
-from . import shaders
+from . import shaders, trees, views
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
 # The inputs that are colours.
-COLORS = ("Base Color", "Emission Color", "Sheen Tint", "Coat Tint", "Specular Tint")
+COLORS = ("Base Color", "Emission Color", "Sheen Tint", "Coat Tint", "Specular Tint", "Translucent Color")
 
 # The inputs that are directions: without a link they are the surface's own.
 NORMALS = ("Normal", "Coat Normal", "Tangent")
@@ -22,6 +22,9 @@ DEFAULTS = {
     "Transmission Weight": 0.0,
     "Emission Color": BLACK,
     "Emission Strength": 0.0,
+    "Coat Tint": WHITE,
+    "Sheen Tint": WHITE,
+    "Specular Tint": WHITE,
 }
 
 
@@ -32,6 +35,10 @@ def diffuse(color, normal=None):
 
 def invisible():
     return {**diffuse(BLACK), "Alpha": 0.0}
+
+
+def glass(color, roughness, ior):
+    return {"Base Color": color, "Transmission Weight": 1.0, "Roughness": roughness, "IOR": ior}
 
 
 def build(tree, inputs, end=None):
@@ -63,8 +70,8 @@ def make_active(tree, end):
 class Reader:
     """Reads the shaders of a material."""
 
-    def __init__(self, tree, name, report):
-        self.tree, self.name, self.report = tree, name, report
+    def __init__(self, tree, material, report):
+        self.tree, self.material, self.name, self.report = tree, material, material.name, report
 
     def read(self, socket):
         """The inputs that stand for what feeds a shader's input."""
@@ -93,7 +100,7 @@ class Reader:
         within = next((s for s in end.inputs if s.identifier == identifier), None) if end else None
         if within is None:
             return diffuse(BLACK)
-        found = Reader(inner, self.name, self.report).read(shaders.source(within))
+        found = Reader(inner, self.material, self.report).read(shaders.source(within))
         return {name: self._from_group(node, end, name, value) for name, value in found.items()}
 
     @staticmethod
@@ -124,9 +131,8 @@ class Reader:
         return {k: v for k, v in found.items() if k not in NORMALS or not isinstance(v, (tuple, float, type(None)))}
 
     def _BsdfDiffuse(self, node):
-        if self._value(node, "Roughness") != 0:
-            self.report.warn(self.name, "the roughness of diffuse reflection is not carried over")
-        return diffuse(self._value(node, "Color"), self._normal(node))
+        found = diffuse(self._value(node, "Color"), self._normal(node))
+        return {**found, "Diffuse Roughness": self._value(node, "Roughness")}
 
     def _BsdfAnisotropic(self, node):
         found = {"Base Color": self._value(node, "Color"), "Metallic": 1.0, "Roughness": self._value(node, "Roughness")}
@@ -141,23 +147,36 @@ class Reader:
         if isinstance(color, tuple):
             # Glass tints at both surfaces, the Principled shader once on the whole way.
             color = tuple(c * c for c in color)
-        found = {"Base Color": color, "Transmission Weight": 1.0, "Roughness": self._value(node, "Roughness")}
-        return {**found, "IOR": self._value(node, "IOR"), "Normal": self._normal(node)}
+        found = glass(color, self._value(node, "Roughness"), self._value(node, "IOR"))
+        return {**found, "Normal": self._normal(node)}
 
     _BsdfRefraction = _BsdfGlass
 
     def _BsdfTransparent(self, node):
-        if self._value(node, "Color") != WHITE:
-            self.report.warn(self.name, "the colour of what is transparent is not carried over")
-        return invisible()
+        color = self._value(node, "Color")
+        if color == WHITE:
+            return invisible()
+        # A sheet of one surface that colours what passes and reflects nothing.
+        trees.settle(self.material, volume=False)
+        return {**glass(color, 0.0, 1.0), "Specular IOR Level": 0.0}
 
     def _BsdfTranslucent(self, node):
-        self.report.warn(self.name, "translucency is not carried over: it reflects as diffuse surfaces do")
-        return diffuse(self._value(node, "Color"), self._normal(node))
+        color = self._value(node, "Color")
+        return {**diffuse(color, self._normal(node)), "Translucent Weight": 1.0, "Translucent Color": color}
 
     def _SubsurfaceScattering(self, node):
-        self.report.warn(self.name, "subsurface scattering is not carried over: it reflects as diffuse surfaces do")
-        return diffuse(self._value(node, "Color"), self._normal(node))
+        found = {f"Subsurface {name}": self._value(node, name) for name in ("Radius", "Scale", "Anisotropy")}
+        return {**diffuse(self._value(node, "Color"), self._normal(node)), "Subsurface Weight": 1.0, **found}
+
+    def _BsdfMetallic(self, node):
+        found = {"Metallic": 1.0, "Roughness": self._value(node, "Roughness"), "Normal": self._normal(node)}
+        if node.fresnel_type == "F82":
+            return {**found, "Base Color": self._value(node, "Base Color"), "Specular Tint": self._value(node, "Edge Tint")}
+        n, k = self._value(node, "IOR"), self._value(node, "Extinction")
+        if not isinstance(n, tuple) or not isinstance(k, tuple):
+            self.report.warn(self.name, "a metal's index of refraction that varies is not carried over: it is grey")
+            return {**found, "Base Color": (0.6, 0.6, 0.6)}
+        return {**found, "Base Color": tuple(((a - 1) ** 2 + b * b) / ((a + 1) ** 2 + b * b) for a, b in zip(n, k))}
 
     def _Emission(self, node):
         glow = {"Emission Color": self._value(node, "Color"), "Emission Strength": self._value(node, "Strength")}
@@ -173,10 +192,24 @@ class Reader:
         first, second = (self.read(shaders.source(i)) for i in node.inputs)
         if not _shines(second):
             first, second = second, first
+        if not _shines(second) and not _shines(first):
+            both = self._both_sides(first, second) or self._both_sides(second, first)
+            if both is not None:
+                return both
         if not _shines(second) or _shines(first):
             self.report.warn(self.name, "a sum of shaders is taken for their mix")
             return self._mixed(0.5, first, second)
         return {**first, **{k: second[k] for k in ("Emission Color", "Emission Strength")}}
+
+    @staticmethod
+    def _both_sides(over, under):
+        """What reflects diffusely and lets light through diffusely, each with its whole colour."""
+        colors = over.get("Base Color"), under.get("Translucent Color")
+        if under.get("Translucent Weight") != 1.0 or "Translucent Weight" in over or not all(isinstance(c, tuple) for c in colors):
+            return None
+        # Half of either, of twice the colour.
+        front, back = (tuple(min(2 * c, 1.0) for c in color) for color in colors)
+        return {**over, "Base Color": front, "Translucent Weight": 0.5, "Translucent Color": back}
 
     def _MixShader(self, node):
         factor = self._value(node, node.inputs[0].name)
@@ -186,21 +219,42 @@ class Reader:
         return glazed if glazed is not None else self._mixed(factor, a, b)
 
     def _glazed(self, node, under, over):
-        """Diffuse under gloss, mixed by Fresnel or a layer's weight: what the Principled shader is made for."""
+        """Gloss over something, mixed by Fresnel or a layer's weight: what the Principled shader is made for."""
         source = shaders.source(node.inputs[0])
         if source is None or source.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight"):
             return None
-        if under.get("Metallic", 0.0) != 0.0 or over.get("Metallic") != 1.0:
+        ior = self._index(source)
+        if ior is None or over.get("Metallic") != 1.0:
             return None
+        if under.get("Alpha") == 0.0 and not _shines(under):
+            # A pane: one sheet of glass.
+            trees.settle(self.material, volume=False)
+            return {**glass(over["Base Color"], over["Roughness"], ior), "Normal": over.get("Normal")}
+        if under.get("Transmission Weight") == 1.0:
+            return {**under, "IOR": ior}
+        if under.get("Metallic", 0.0) != 0.0:
+            return None
+        if under.get("Specular IOR Level") == 0.0:
+            found = {"Specular IOR Level": 0.5, "IOR": ior, "Roughness": over["Roughness"]}
+            return {**under, **found, "Specular Tint": over["Base Color"]}
+        if over["Base Color"] != WHITE:
+            self.report.warn(self.name, "a coloured gloss over a shader with its own is white here")
+        # The layer of glTF has an index of 1.5.
+        weight = min(((ior - 1) / (ior + 1)) ** 2 / 0.04, 1.0)
+        return {**under, "Coat Weight": weight, "Coat Roughness": over["Roughness"]}
+
+    def _index(self, source):
+        """The index of refraction of what reflects as a weight says; None for one that differs from place to place."""
         if source.node.bl_idname == "ShaderNodeFresnel":
-            ior = shaders.constant(source.node.inputs["IOR"])
-        else:
-            blend = shaders.constant(source.node.inputs["Blend"])
-            ior = None if blend is None else 1 / max(1 - blend, 1e-3)
-        if ior is None or over.get("Base Color") != WHITE:
-            self.report.warn(self.name, "a coloured gloss over a diffuse ground is white here")
-        specular = {"Specular IOR Level": 0.5, "IOR": ior or 1.45, "Roughness": over["Roughness"]}
-        return {**under, **specular}
+            return shaders.constant(source.node.inputs["IOR"])
+        blend = shaders.constant(source.node.inputs["Blend"])
+        if blend is None:
+            return None
+        if source.name == "Fresnel":
+            return 1 / max(1 - blend, 1e-3)
+        ior = views.index_of(views.mean(source.node, "Facing"))
+        self.report.warn(self.name, f"Layer Weight (Facing) mixes gloss in: an index of refraction of {ior:.3g} is used instead")
+        return ior
 
     def _mixed(self, factor, a, b):
         """Two sets of inputs, mixed."""
@@ -208,6 +262,7 @@ class Reader:
             if inputs.get("Alpha") == 0.0 and not _shines(inputs):
                 # Nothing is mixed in: the other is there in part.
                 return {**other, "Alpha": self._product(weight, other.get("Alpha", 1.0))}
+        a, b = _with_ground(a, b), _with_ground(b, a)
         mixed = {}
         for name in {**a, **b}:
             mixed[name] = self._mix(name, factor, a.get(name, self._idle(name, b)), b.get(name, self._idle(name, a)))
@@ -218,7 +273,7 @@ class Reader:
     @staticmethod
     def _idle(name, other):
         """An input that a shader doesn't have: what colours no light is that of the other."""
-        if name in ("Emission Color", "Normal", "IOR"):
+        if name in ("Emission Color", "Normal", "IOR", "Translucent Color") or name.startswith("Subsurface ") and name != "Subsurface Weight":
             return other.get(name)
         return DEFAULTS.get(name, 0.0)
 
@@ -266,6 +321,13 @@ class Reader:
             socket.default_value = (*value, 1.0)[: len(socket.default_value)]
         else:
             self.tree.links.new(value, socket)
+
+
+def _with_ground(inputs, other):
+    """What only lets light through diffusely, mixed with what reflects: that other one with all of its light let through."""
+    if inputs.get("Translucent Weight") != 1.0 or "Translucent Weight" in other:
+        return inputs
+    return {**other, **{name: inputs[name] for name in ("Translucent Weight", "Translucent Color")}}
 
 
 def _shines(inputs):

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, kept_meshes, lights, materials, originals, settings, sidecar, world
+from . import cache, camera, geometry, glb, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -27,6 +27,10 @@ def main(arguments):
     parser.add_argument("--scene")
     parser.add_argument("--view-layer")
     parser.add_argument("--cache")
+    parser.add_argument("--bake", type=int)
+    parser.add_argument("--shutter", type=float)
+    parser.add_argument("--shutter-position")
+    parser.add_argument("--vectors")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -55,14 +59,23 @@ def export(options, report):
         geometry.prepare(scene, layer)
         _go_to_moment(scene, options)
         layer.update()
-        found = geometry.collect(scene, bpy.context.evaluated_depsgraph_get(), report)
+        found = geometry.collect(scene, layer, bpy.context.evaluated_depsgraph_get(), report)
+        found.exposure = settings.film_exposure(scene)
+        found.sight = sizes.Sight(scene.camera, scene, options.bake)
         tables, cameras, empties = _settings(scene, found, options, report)
+        shutter = motion.shutter(scene, options, layer)
+        moves = motion.record(scene, layer, found, shutter) if shutter is not None else None
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
+    if moves is not None:
+        motion.add_shapes(found, moves, report)
+        if moves.matrices or moves.shapes:
+            report.tell(moment=moves.moment, fps=moves.fps)
     model = os.path.join(options.folder, f"{options.name}.glb")
     holders = [holder for holder in found.objects.values() if holder is not None]
     kept, images = kept_meshes.KeptMeshes(store), originals.Originals()
-    kept.replace(holders)
+    deformed = moves.shapes if moves is not None else {}
+    kept.replace([holder for holder in holders if holder.name not in deformed])
     images.replace(material for holder in holders for material in holder.data.materials)
     _open_alone(holders)
     _write_model(model)
@@ -71,10 +84,11 @@ def export(options, report):
         images.restore()
         _write_model(model)
         written = glb.Glb(model)
-    glb.compose(written, (found.placements, found.extras), cameras, empties, patches, kept)
+    glb.compose(written, found, (cameras, empties), patches, kept, moves)
     written.write(model)
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
+    tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(trees.SETTINGS.items())]
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 
@@ -132,19 +146,22 @@ def _go_to_moment(scene, options):
         frame = options.frame
     elif options.time is not None:
         frame = options.time * scene.render.fps / scene.render.fps_base
-    whole = int(frame // 1)
-    scene.frame_set(whole, subframe=frame - whole)
+    motion.go(scene, frame)
 
 
 def _settings(scene, found, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
-    tables = [("[render]", settings.read(scene, report))]
+    tables = [("[render]", settings.read(scene, found.questions.layer, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
+    opened = motion.shutter(scene, options, found.questions.layer)
     for obj in found.cameras:
         data = obj.data
         cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))
-        named.append(("[[camera]]", camera.entries(obj, data, scene, obj == scene.camera, report)))
+        entries = camera.entries(obj, data, scene, obj == scene.camera, report)
+        if opened is not None and opened.frames > 0:
+            entries.update({"shutter": opened.frames, "shutter_position": opened.position})
+        named.append(("[[camera]]", entries))
     if scene.camera is None:
         report.warn("", "has no active camera")
     empties, shining = [], []
@@ -154,7 +171,7 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, report)
+        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), report)
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))
@@ -191,7 +208,9 @@ def _write_model(path):
         export_extras=True,
         export_animations=False,
         export_skins=False,
-        export_morph=False,
+        export_morph=True,
+        export_morph_normal=True,
+        export_morph_tangent=False,
         export_gpu_instances=False,
         export_gn_mesh=False,
         use_selection=False,

@@ -54,7 +54,7 @@ def add_tree(digest, tree, _inside=()):
         return
     for node in tree.nodes:
         digest.update(f"|{node.name}|{node.bl_idname}|".encode())
-        _add_properties(digest, node)
+        add_properties(digest, node)
         for socket in node.inputs:
             if not socket.is_linked and hasattr(socket, "default_value"):
                 digest.update(repr((socket.identifier, _plain(socket.default_value))).encode())
@@ -73,7 +73,8 @@ def add_tree(digest, tree, _inside=()):
         digest.update(repr((*ends, link.is_muted)).encode())
 
 
-def _add_properties(digest, thing):
+def add_properties(digest, thing):
+    """Adds what a node or a part of one says, but for its looks."""
     for known in thing.bl_rna.properties:
         key = known.identifier
         if key in LOOKS:
@@ -82,7 +83,7 @@ def _add_properties(digest, thing):
         digest.update(f"{key}=".encode())
         if known.type == "COLLECTION":
             for item in value:
-                _add_properties(digest, item)
+                add_properties(digest, item)
         elif known.type != "POINTER" or value is None:
             digest.update(repr(_plain(value)).encode())
         elif isinstance(value, bpy.types.Image):
@@ -93,7 +94,7 @@ def _add_properties(digest, thing):
             digest.update(value.name_full.encode())
         else:
             # Ramps and curves.
-            _add_properties(digest, value)
+            add_properties(digest, value)
 
 
 def _plain(value):

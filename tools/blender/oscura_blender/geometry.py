@@ -5,6 +5,7 @@ import re
 
 import bpy
 
+from . import objectwise
 from .report import listed
 
 # Objects that become meshes.
@@ -28,15 +29,34 @@ LOST = {
 }
 
 
+# More faces than this are not made for the sake of materials alone.
+MOST_FACES = 4_000_000
+
+
 class Collected:
     """What there is to render. Meshes are owned by new objects at the origin; all else by the scene."""
 
     def __init__(self):
         self.objects = {}  # mesh objects by what they were made of
         self.placements = {}  # by the name of the mesh object: (name, matrix) of each placement
+        self.marks = {}  # by the name of the mesh object: what tells each placement from others at all times
+        self.light_marks = []  # the same of lights
         self.extras = {}  # by the name of the mesh object: what its nodes say about rays and pictures
         self.lights = []  # (object, matrix)
         self.cameras = []  # objects
+        self.sight = None  # how large things appear
+        self.exposure = 1.0  # the film's factor on all light
+        self.questions = None  # that materials ask about objects
+        self.faces = 0  # of meshes that were made for the sake of materials
+
+    def is_crowded(self, obj, report):
+        """Would one more copy of an object's mesh be too much?"""
+        count = len(obj.data.polygons) if obj.type == "MESH" else 1000
+        if self.faces + count > MOST_FACES:
+            report.warn(obj.original.name, "has too many copies: some get materials that are meant for others")
+            return True
+        self.faces += count
+        return False
 
 
 def prepare(scene, layer):
@@ -84,9 +104,10 @@ def _show_what_is_rendered(scene, layer):
             obj.hide_set(False, view_layer=layer)
 
 
-def collect(scene, graph, report):
+def collect(scene, layer, graph, report):
     """Collects everything."""
     found = Collected()
+    found.questions = objectwise.Questions(layer)
     lost = {}
     for instance in graph.object_instances:
         obj = instance.object
@@ -95,10 +116,11 @@ def collect(scene, graph, report):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
+            found.light_marks.append(mark(instance))
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type in MESHES:
-            _add_mesh(found, obj, instance)
+            _add_mesh(found, obj, instance, report)
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
     for what, names in lost.items():
@@ -110,20 +132,44 @@ def collect(scene, graph, report):
     return found
 
 
-def _add_mesh(found, obj, instance):
+def mark(instance):
+    """What tells something that is shown from all else, at all times."""
+    if not instance.is_instance:
+        return (instance.object.original.name,)
+    return (instance.object.original.name, instance.parent.original.name, *instance.persistent_id)
+
+
+def _add_mesh(found, obj, instance, report):
     data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
     parent = instance.parent if instance.is_instance else None
     extras = _extras(obj, parent)
     key = (data, *extras.items(), *_own_materials(obj).items())
+    asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
+    told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
+    if told and (key, told) not in found.objects and found.is_crowded(obj, report):
+        told = next((known[1] for known in found.objects if known[0] == key), told)
+    key = (key, told)
     if key not in found.objects:
         found.objects[key] = _holder(found, obj)
-        if extras and found.objects[key] is not None:
-            found.extras[found.objects[key].name] = extras
+        if found.objects[key] is not None:
+            objectwise.settle(found.objects[key].data, told)
+            if extras:
+                found.extras[found.objects[key].name] = extras
     holder = found.objects[key]
     if holder is None:
         return
     name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
+    found.marks[holder.name].append(mark(instance))
+
+
+def _materials(found, obj):
+    """The materials that an object shows."""
+    if found.questions.layer.material_override is not None:
+        return [found.questions.layer.material_override]
+    own = [slot.material for slot in obj.material_slots if slot.material is not None]
+    of_data = [material for material in getattr(obj.data, "materials", []) if material is not None]
+    return list({material.name: material for material in (*own, *of_data)}.values())
 
 
 def _extras(obj, parent):
@@ -156,8 +202,12 @@ def _holder(found, obj):
     for i, name in _own_materials(obj).items():
         if obj.type == "MESH" and i < len(mesh.materials):
             mesh.materials[i] = bpy.data.materials[name] if name else None
+    if found.questions.layer.material_override is not None:
+        mesh.materials.clear()
+        mesh.materials.append(found.questions.layer.material_override)
+        mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
-    found.placements[holder.name] = []
+    found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
 
 

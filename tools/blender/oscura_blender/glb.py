@@ -6,6 +6,8 @@ import struct
 
 from mathutils import Matrix
 
+from .motion import animate
+
 # From Blender's axes (z up) to those of glTF (y up).
 Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
 Z_UP = Y_UP.inverted()
@@ -43,14 +45,18 @@ class Glb:
         self.binary += data
         return start, len(data)
 
-    def add_accessor(self, rows):
+    def add_accessor(self, rows, has_bounds=False):
         """Adds rows of floats; gives the number of their accessor."""
         start, length = self.add(b"".join(struct.pack(f"<{len(row)}f", *row) for row in rows))
         view = {"buffer": 0, "byteOffset": start, "byteLength": length}
         views = self.json.setdefault("bufferViews", [])
         views.append(view)
-        kind = {3: "VEC3", 4: "VEC4"}[len(rows[0])]
+        kind = {1: "SCALAR", 3: "VEC3", 4: "VEC4"}[len(rows[0])]
         accessor = {"bufferView": len(views) - 1, "componentType": 5126, "count": len(rows), "type": kind}
+        if has_bounds:
+            # As single precision has them.
+            rounded = [struct.unpack("<f", struct.pack("<f", row[0]))[0] for row in rows]
+            accessor.update({"min": [min(rounded)], "max": [max(rounded)]})
         accessors = self.json.setdefault("accessors", [])
         accessors.append(accessor)
         return len(accessors) - 1
@@ -75,27 +81,60 @@ def _split(of):
     return tuple(translation), (rotation.x, rotation.y, rotation.z, rotation.w), tuple(scale)
 
 
-def _place_meshes(glb, placements, extras):
-    """Nodes for meshes: of each the number and its placements, pairs of a name and a matrix in Blender's axes; extras by the
-    number of a mesh."""
-    nodes = []
-    for mesh, places in placements.items():
-        turned = [(name, Y_UP @ matrix @ Z_UP) for name, matrix in places]
-        parts = [_split(matrix) for _, matrix in turned] if len(turned) >= INSTANCED else [None]
-        if None in parts:
-            own = {"extras": extras[mesh]} if mesh in extras else {}
-            nodes += [{"name": name, "mesh": mesh, "matrix": _matrix(matrix), **own} for name, matrix in turned]
-            continue
+class Nodes:
+    """The nodes of the model: those that move have their matrices at all moments."""
+
+    def __init__(self, glb, moves):
+        self.glb, self.moves = glb, moves
+        self.nodes = []
+        self.moving = []  # (number of the node, its parts at all moments)
+        self.deformed = []  # numbers of nodes
+
+    def add(self, node, matrix, mark, turn):
+        """Adds a node at a matrix; `turn` takes matrices of Blender's axes to those of glTF."""
+        matrices = self.moves.of(mark) if self.moves is not None else None
+        parts = [_split(turn(m)) for m in matrices] if matrices else [None]
+        if None not in parts:
+            self.moving.append((len(self.nodes), _evened(parts)))
+        now = _split(turn(matrix)) if None not in parts else None
+        if now is None:
+            self.nodes.append({**node, "matrix": _matrix(turn(matrix))})
+        else:
+            # Only nodes of such parts can be animated.
+            self.nodes.append({**node, **dict(zip(("translation", "rotation", "scale"), now))})
+
+    def add_meshes(self, mesh, places, extras, is_deformed):
+        """Adds all placements (name, matrix, mark) of a mesh, together where they are many and stand still."""
+        turn = lambda matrix: Y_UP @ matrix @ Z_UP
+        own = {"extras": extras} if extras else {}
+        still = [p for p in places if is_deformed or self.moves is None or self.moves.of(p[2]) is None]
+        parts = [_split(turn(matrix)) for _, matrix, _ in still]
+        if len(still) < INSTANCED or None in parts or is_deformed:
+            still = []
+        for name, matrix, mark in places:
+            if not still or self.moves is not None and self.moves.of(mark) is not None:
+                if is_deformed:
+                    self.deformed.append(len(self.nodes))
+                self.add({"name": name, "mesh": mesh, **own}, matrix, mark, turn)
+        if not still:
+            return
         keys = ("TRANSLATION", "ROTATION", "SCALE")
-        attributes = {key: glb.add_accessor([part[k] for part in parts]) for k, key in enumerate(keys)}
+        attributes = {key: self.glb.add_accessor([part[k] for part in parts]) for k, key in enumerate(keys)}
         extension = {"EXT_mesh_gpu_instancing": {"attributes": attributes}}
-        nodes.append({"name": turned[0][0], "mesh": mesh, "extensions": extension})
-        if mesh in extras:
-            nodes[-1]["extras"] = extras[mesh]
-        used = glb.json.setdefault("extensionsUsed", [])
+        self.nodes.append({"name": still[0][0], "mesh": mesh, "extensions": extension, **own})
+        used = self.glb.json.setdefault("extensionsUsed", [])
         if "EXT_mesh_gpu_instancing" not in used:
             used.append("EXT_mesh_gpu_instancing")
-    return nodes
+
+
+def _evened(parts):
+    """Rotations by whichever of their two signs is nearer to the one before."""
+    found = [parts[0]]
+    for translation, rotation, scale in parts[1:]:
+        if sum(a * b for a, b in zip(rotation, found[-1][1])) < 0:
+            rotation = tuple(-r for r in rotation)
+        found.append((translation, rotation, scale))
+    return found
 
 
 def _patch_materials(glb, patches):
@@ -103,6 +142,11 @@ def _patch_materials(glb, patches):
     for material in glb.json.get("materials", []):
         patch = patches.get(material.get("name"), {})
         for name, extension in patch.get("extensions", {}).items():
+            if extension.pop("tinted", False):
+                base = material.get("pbrMetallicRoughness", {})
+                extension["diffuseTransmissionColorFactor"] = base.get("baseColorFactor", [1, 1, 1])[:3]
+                if "baseColorTexture" in base:
+                    extension["diffuseTransmissionColorTexture"] = base["baseColorTexture"]
             material.setdefault("extensions", {}).setdefault(name, {}).update(extension)
             if name not in used:
                 used.append(name)
@@ -115,23 +159,42 @@ def _patch_materials(glb, patches):
         del glb.json["extensionsUsed"]
 
 
-def compose(glb, meshes, cameras, empties, patches, kept):
-    """Gives the file of Blender's exporter its nodes: meshes (placements and extras, both by the name of the
-    exported object), cameras (name,
-    matrix, glTF camera) and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by
-    name. Meshes that are known come from `kept`."""
+def compose(glb, found, others, patches, kept, moves=None):
+    """Gives the file of Blender's exporter its nodes: meshes where they were collected, cameras (name, matrix, glTF camera)
+    and empty nodes (name, matrix) in the place of lights; and materials what it leaves out of them, by name. Meshes that are
+    known come from `kept`; what moves is animated."""
+    cameras, empties = others
     by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
     kept.exchange(glb, by_name)
-    placements, extras = [{by_name[name]: of for name, of in part.items() if name in by_name} for part in meshes]
-    nodes = _place_meshes(glb, placements, extras)
+    made = Nodes(glb, moves)
+    for name, places in found.placements.items():
+        if name in by_name:
+            marked = [(*place, mark) for place, mark in zip(places, found.marks[name])]
+            made.add_meshes(by_name[name], marked, found.extras.get(name), moves is not None and name in moves.shapes)
+    turn = lambda matrix: Y_UP @ matrix
     for index, (name, matrix, _) in enumerate(cameras):
-        nodes.append({"name": name, "camera": index, "matrix": _matrix(Y_UP @ matrix)})
-    nodes += [{"name": name, "matrix": _matrix(Y_UP @ matrix)} for name, matrix in empties]
+        made.add({"name": name, "camera": index}, matrix, ("camera", name), turn)
+    for name, matrix in empties:
+        made.add({"name": name}, matrix, _mark_of(name, found), turn)
     _patch_materials(glb, patches)
-    glb.json["nodes"] = nodes
+    animate(glb, moves, made.moving, made.deformed)
+    _weigh(glb, made.deformed, made.nodes)
+    glb.json["nodes"] = made.nodes
     if cameras:
         glb.json["cameras"] = [{"name": name, **camera} for name, _, camera in cameras]
-    glb.json["scenes"] = [{"nodes": list(range(len(nodes)))}]
+    glb.json["scenes"] = [{"nodes": list(range(len(made.nodes)))}]
     glb.json["scene"] = 0
-    if not nodes:
+    if not made.nodes:
         del glb.json["nodes"], glb.json["scenes"][0]["nodes"]
+
+
+def _mark_of(name, found):
+    """What tells the light of an empty node apart; its name begins with its number."""
+    return found.light_marks[int(name.split(":")[0].removeprefix("light "))]
+
+
+def _weigh(glb, deformed, nodes):
+    """At rest nothing of the morph targets counts."""
+    for number in deformed:
+        mesh = glb.json["meshes"][nodes[number]["mesh"]]
+        mesh["weights"] = [0.0] * len(mesh["primitives"][0].get("targets", []))

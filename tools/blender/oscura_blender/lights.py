@@ -6,12 +6,12 @@ from . import shaders
 from .geometry import VISIBILITY, light_group
 
 
-def entries(obj, name, light, report):
-    """The entries of [[lights]] for a light at the node `name`; None for what shines not."""
+def entries(obj, name, light, exposure, report):
+    """The entries of [[lights]] for a light at the node `name`, times the film's exposure; None for what shines not."""
     if light.type == "AREA" and light.cycles.is_portal:
         return None
     strength, color = _strength(light, obj.name, report)
-    energy = light.energy * strength
+    energy = light.energy * strength * exposure
     if energy == 0 or not any(color):
         return None
     if energy < 0 or min(color) < 0:

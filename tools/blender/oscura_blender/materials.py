@@ -5,37 +5,57 @@ import math
 
 import bpy
 
-from . import bake, closures, shaders
-from .report import listed
+from . import bake, closures, media, relief, shaders, trees, uniform, variants, views
 
-# Inputs of the Principled shader that nothing here carries, with the value at which they do nothing.
-LOST = {
-    "Subsurface Weight": (0.0, "subsurface scattering"),
-    "Diffuse Roughness": (0.0, "the roughness of diffuse reflection"),
-    "Coat Tint": ((1.0, 1.0, 1.0), "the tint of the coat"),
-}
+WHITE = closures.WHITE
 
-# Of the inputs that pictures can fill, those that only matter with another one above 0.
-DEPENDS = {
-    "Subsurface Radius": "Subsurface Weight",
-    "Emission Color": "Emission Strength",
-    "Coat Tint": "Coat Weight",
-}
+# Subsurface scattering of less weight is left to diffuse reflection.
+LEAST_SUBSURFACE = 0.5
+
+# How much longer than the layer is thick the ways through a coat are, about.
+COAT_WAY = 1.1
 
 
 def prepare(found, store, report):
     """Changes the materials of all collected meshes; gives what is to be added to them in glTF, by name."""
     holders = [holder for holder in found.objects.values() if holder is not None]
     _fill_empty_slots(holders)
-    materials = {m.name: m for holder in holders for m in holder.data.materials}
-    lost_nodes = {}
-    for material in materials.values():
+    for material in trees.of_materials(holders):
         material.use_backface_culling = False
-        _normalize(material, report, lost_nodes)
-    for what, names in lost_nodes.items():
-        report.warn("", f"{what} not carried over: of {listed(names)}")
+    relief.displace(holders, found, report)
+    variants.split(holders, report)
+    materials = trees.of_materials(holders)
+    for material in materials:
+        _normalize(material, report)
+        relief.bumps(material, principled(material), report)
+        views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
+        if principled(material) is not None:
+            views.take_means(material, principled(material), report)
+        _expose(material, found.exposure)
+    uniform.fold(materials, bake.new_scene, principled)
     bake.bake_all(holders, found, store, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
+
+
+def _expose(material, factor):
+    """Multiplies what a material emits."""
+    node = principled(material)
+    settings = trees.SETTINGS.get(material.name, {})
+    if "emission" in settings:
+        settings["emission"] = [factor * c for c in settings["emission"]]
+    if node is None or factor == 1 or shaders.constant(node.inputs["Emission Strength"]) == 0:
+        return
+    tree, socket = material.node_tree, node.inputs["Emission Strength"]
+    value = shaders.constant(socket)
+    if value is not None:
+        for link in list(socket.links):
+            tree.links.remove(link)
+        socket.default_value = factor * value
+        return
+    product = tree.nodes.new("ShaderNodeMath")
+    product.operation, product.inputs[1].default_value = "MULTIPLY", factor
+    tree.links.new(shaders.source(socket), product.inputs[0])
+    tree.links.new(product.outputs[0], socket)
 
 
 def _fill_empty_slots(holders):
@@ -55,7 +75,7 @@ def _fill_empty_slots(holders):
                 slots[i] = default
 
 
-def _normalize(material, report, lost_nodes):
+def _normalize(material, report):
     """Makes the surface of a material one Principled shader."""
     if not material.use_nodes or material.node_tree is None:
         color = tuple(material.diffuse_color)[:3]
@@ -70,27 +90,72 @@ def _normalize(material, report, lost_nodes):
         tree.nodes.clear()
         closures.build(tree, closures.invisible())
         return
-    if shaders.source(end.inputs["Displacement"]) is not None:
-        lost_nodes.setdefault("displacement is", []).append(material.name)
-    has_volume = shaders.source(end.inputs["Volume"]) is not None
     surface = shaders.source(end.inputs["Surface"])
-    if has_volume and _absorption(end) is None:
-        lost_nodes.setdefault("volumes are", []).append(material.name)
     if surface is None:
-        # Without a surface Blender shows nothing (but the volume).
+        # Without a surface Blender shows nothing but the volume.
+        filling = _filling(material, report)
+        if not filling.is_nothing():
+            trees.settle(material, type="medium", **filling.entries())
         closures.build(tree, closures.invisible(), end)
         return
     if surface.node.bl_idname == "ShaderNodeBsdfPrincipled" and not surface.node.mute:
         closures.make_active(tree, end)
+        _tint_by_coat(tree, surface.node, material, report)
         return
-    found = closures.Reader(tree, material.name, report).read(surface)
+    found = closures.Reader(tree, material, report).read(surface)
     closures.build(tree, found, end)
+    _let_through(material, found, report)
 
 
-def _absorption(end):
-    """The node of the one kind of volume that glTF has; None without it."""
-    source = shaders.source(end.inputs["Volume"])
-    return source.node if source is not None and source.node.bl_idname == "ShaderNodeVolumeAbsorption" else None
+def _filling(material, report):
+    """What fills solids of a material."""
+    end = shaders.end(material.node_tree)
+    try:
+        return media.read(end.inputs["Volume"]) if end is not None else media.Filling()
+    except media.Varying as varying:
+        report.warn(material.name, f"its volume differs from place to place ({varying}) and is left out")
+        return media.Filling()
+
+
+def _let_through(material, found, report):
+    """Keeps what is known of light that passes diffusely: its share and its colour, None for that of the base."""
+    share, color = found.get("Translucent Weight", 0.0), found.get("Translucent Color")
+    if share == 0.0:
+        return
+    if not isinstance(share, float):
+        report.warn(material.name, "translucency of varying strength is not carried over: half of the light passes")
+        share = 0.5
+    if not isinstance(color, tuple):
+        if color != found.get("Base Color"):
+            report.warn(material.name, "what passes a translucent surface has the colour of what it reflects")
+        color = None
+    trees.settle(material, translucency=(share, color))
+
+
+def _tint_by_coat(tree, node, material, report):
+    """What lies under a coloured coat has its colour: light crosses it on its way out."""
+    if "Coat Tint" not in node.inputs or shaders.constant(node.inputs["Coat Weight"]) == 0:
+        return
+    weight, tint = (shaders.constant(node.inputs[name]) for name in ("Coat Weight", "Coat Tint"))
+    if tint == WHITE:
+        return
+    if weight is None or tint is None:
+        report.warn(material.name, "a tint of the coat that varies is not carried over")
+        return
+    factor = tuple(1 + (max(t, 0.0) ** COAT_WAY - 1) * weight for t in tint)
+    for name in ("Base Color", "Emission Color"):
+        socket = node.inputs[name]
+        value = shaders.constant(socket)
+        if value is not None:
+            for link in list(socket.links):
+                tree.links.remove(link)
+            socket.default_value = (*(v * f for v, f in zip(value, factor)), 1.0)
+            continue
+        mixed = tree.nodes.new("ShaderNodeVectorMath")
+        mixed.operation, mixed.inputs[1].default_value = "MULTIPLY", factor
+        tree.links.new(shaders.source(socket), mixed.inputs[0])
+        tree.links.new(mixed.outputs[0], socket)
+    node.inputs["Coat Tint"].default_value = (1, 1, 1, 1)
 
 
 def principled(material):
@@ -105,12 +170,8 @@ def patch(material, report):
     if node is None:
         return {}
     value = lambda name: shaders.constant(node.inputs[name]) if name in node.inputs else None
-    for name, (idle, what) in LOST.items():
-        needed = DEPENDS.get(name)
-        is_used = needed is None or value(needed) != 0
-        if name in node.inputs and is_used and not _is_close(value(name), idle):
-            report.warn(material.name, f"{what} is not carried over")
     extensions = {}
+    _diffuse(material, value, extensions, report)
     ior = value("IOR")
     if ior is not None and abs(ior - 1.5) > 1e-6:
         extensions["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
@@ -125,7 +186,8 @@ def patch(material, report):
         film = {"iridescenceFactor": 1.0, "iridescenceIor": value("Thin Film IOR") or 1.33}
         extensions["KHR_materials_iridescence"] = {**film, "iridescenceThicknessMaximum": thickness}
     patched = {"extensions": extensions}
-    _absorb(material, value, patched, report)
+    _fill(material, value, patched, report)
+    _tint_edge(material, value, patched, report)
     anisotropic, roughness = value("Anisotropic"), value("Roughness")
     if anisotropic and roughness is not None:
         strength, across = _anisotropy(anisotropic, roughness)
@@ -134,25 +196,81 @@ def patch(material, report):
     return patched
 
 
-def _absorb(material, value, patched, report):
-    """The absorption within glass (Beer): a colour exp(color - 1) at a distance of 1 / density."""
-    # A material with a shader has an output.
-    node = _absorption(shaders.end(material.node_tree))
-    if node is None or not value("Transmission Weight"):
+def _diffuse(material, value, extensions, report):
+    """What diffuse light does other than to be reflected by Lambert's law."""
+    rough = value("Diffuse Roughness")
+    if rough is None and "Diffuse Roughness" in principled(material).inputs:
+        report.warn(material.name, "a roughness of diffuse reflection that varies is not carried over")
+    if rough:
+        extensions["KHR_materials_diffuse_roughness"] = {"diffuseRoughnessFactor": min(max(rough, 0.0), 1.0)}
+    translucency = trees.SETTINGS.get(material.name, {}).pop("translucency", None)
+    if translucency is not None:
+        share, color = translucency
+        # Without a colour the picture of the base colour is taken.
+        tint = {"diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color]} if color else {"tinted": True}
+        extensions["KHR_materials_diffuse_transmission"] = {"diffuseTransmissionFactor": share, **tint}
+    if value("Subsurface Weight") != 0:
+        _scatter(material, value, report)
+
+
+def _scatter(material, value, report):
+    """Subsurface scattering, for the file of settings: in place of diffuse reflection."""
+    names = ("Subsurface Weight", "Base Color", "Subsurface Radius", "Subsurface Scale", "Subsurface Anisotropy")
+    weight, color, radius, scale, cosine = (value(name) for name in names)
+    if weight is None or radius is None or scale is None:
+        report.warn(material.name, "subsurface scattering that varies is not carried over: it reflects as diffuse surfaces do")
         return
-    color, density = (shaders.constant(node.inputs[name]) for name in ("Color", "Density"))
-    if color is None or density is None:
-        report.warn(material.name, "absorption that varies in its volume is not carried over")
+    if color is None:
+        report.warn(material.name, "subsurface scattering of a varying colour is not carried over: it reflects as diffuse surfaces do")
         return
-    if density <= 0:
+    if weight < LEAST_SUBSURFACE or scale <= 0 or value("Metallic") or value("Transmission Weight"):
+        report.warn(material.name, f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")
         return
-    attenuation = {"attenuationColor": [math.exp(min(c, 1.0) - 1) for c in color], "attenuationDistance": 1 / density}
-    # Any thickness but 0 makes it a solid.
-    patched["extensions"]["KHR_materials_volume"] = {"thicknessFactor": 1.0, **attenuation}
+    cosine = min(max(cosine or 0.0, -0.99), 0.99)
+    radius = [max(r * scale * (1 - cosine) / (4 * math.pi), 1e-6) for r in radius]
+    color = [min(max(c, 0.0), 1.0) for c in color]
+    trees.settle(material, subsurface={"color": color, "radius": radius, "anisotropy": cosine})
+
+
+def _fill(material, value, patched, report):
+    """What fills glass: absorption by glTF's own means (Beer), more by the file of settings."""
+    filling = _filling(material, report) if value("Transmission Weight") else media.Filling()
+    if filling.is_nothing():
+        return
     base = value("Base Color")
     if base is not None:
         # glTF tints whole at each surface of a solid, Blender by the root.
         patched["base_color"] = [max(c, 0.0) ** 0.5 for c in base]
+    if any(filling.scattered) or any(filling.glow):
+        trees.settle(material, volume=True, medium=filling.entries())
+        patched["extensions"]["KHR_materials_volume"] = {"thicknessFactor": 1.0}
+        return
+    # Any thickness but 0 makes it a solid.
+    distance = 1 / max(filling.absorbed)
+    attenuation = {"attenuationColor": [math.exp(-a * distance) for a in filling.absorbed], "attenuationDistance": distance}
+    patched["extensions"]["KHR_materials_volume"] = {"thicknessFactor": 1.0, **attenuation}
+
+
+def _tint_edge(material, value, patched, report):
+    """A metal whose edge has another colour (F82 of Kutz and others, 2021): glTF has it white, so that the mean is kept."""
+    tint, base = value("Specular Tint"), value("Base Color")
+    if not value("Metallic") or tint is None or _is_close(tint, WHITE):
+        return
+    if base is None:
+        report.warn(material.name, "the colour of a metal's edge (Specular Tint) is not carried over")
+        return
+    metallic = value("Metallic")
+    patched["base_color"] = [max(b + metallic * (edged_metal(b, t) - b), 0.0) for b, t in zip(base, tint)]
+    report.warn(material.name, "the colour of a metal's edge (Specular Tint) is not carried over: its mean reflectance is")
+
+
+def edged_metal(base, tint):
+    """The reflectance of a metal by Schlick that reflects on the whole as one of this reflectance with a tint at 82 degrees."""
+    cosine = 1 / 7
+    at_edge = base + (1 - base) * (1 - cosine) ** 5
+    lost = at_edge * (1 - tint) / (cosine * (1 - cosine) ** 6)
+    # 2 int cos * cos (1 - cos)^6 is 1 / 126; Schlick's mean is base + (1 - base) / 21.
+    return base - lost / 126 * 21 / 20
 
 
 def _is_close(value, idle):

@@ -3,6 +3,10 @@
 import json
 
 
+# Materials that were made of others, by name.
+ALIASES = {}
+
+
 class Stop(Exception):
     """There can be no export; the message says why."""
 
@@ -14,6 +18,7 @@ class Report:
     def __init__(self):
         self.warnings = []
         self.notes = []
+        self.told = {}
 
     def warn(self, place, message):
         self._add(self.warnings, place, message)
@@ -21,20 +26,25 @@ class Report:
     def note(self, place, message):
         self._add(self.notes, place, message)
 
+    def tell(self, **values):
+        """Answers more than messages."""
+        self.told.update(values)
+
     @staticmethod
     def _add(messages, place, message):
+        place = ALIASES.get(place, place)
         if (place, message) not in messages:
             messages.append((place, message))
 
     def write(self, path, error=None):
-        answer = {"error": error, "warnings": self.warnings, "notes": self.notes}
+        answer = {"error": error, "warnings": self.warnings, "notes": self.notes, **self.told}
         with open(path, "w", encoding="utf-8") as file:
             json.dump(answer, file)
 
 
 def listed(names, most=6):
     """Names in a sentence; of many only the first."""
-    names = sorted(set(names))
+    names = sorted({ALIASES.get(name, name) for name in names})
     shown = ", ".join(f"'{name}'" for name in names[:most])
     more = len(names) - most
     return f"{shown} and {more} more" if more > 0 else shown

@@ -9,6 +9,45 @@ REC709 = "Linear Rec.709"
 ENGINE = "OSCURA"
 
 
+# Views by Blender's names.
+VIEWS = {
+    "Standard": "srgb",
+    "Raw": "srgb",
+    "AgX": "agx",
+    "Filmic": "filmic",
+    "Khronos PBR Neutral": "pbr-neutral",
+    "False Color": "false-color",
+}
+
+# Passes of view layers, with the channels that they stand for here.
+PASSES = {
+    "use_pass_z": "depth",
+    "use_pass_position": "position",
+    "use_pass_normal": "normal",
+    "use_pass_vector": "motion",
+    "use_pass_uv": "uv",
+    "use_pass_object_index": "object_id",
+    "use_pass_material_index": "material_id",
+    **{
+        f"use_pass_{kind}_{part}": f"{kind}_{part}"
+        for kind in ("diffuse", "glossy", "transmission")
+        for part in ("direct", "indirect", "color")
+    },
+    "use_pass_emit": "emission",
+    "use_pass_environment": "environment",
+    "use_pass_shadow": "shadow",
+    "use_pass_cryptomatte_object": "crypto_object",
+    "use_pass_cryptomatte_material": "crypto_material",
+    "use_pass_cryptomatte_asset": "crypto_asset",
+}
+LOST_PASSES = {"use_pass_mist": "Mist", "use_pass_ambient_occlusion": "Ambient Occlusion"}
+
+
+def film_exposure(scene):
+    """The factor that Cycles' film puts on all light."""
+    return scene.cycles.film_exposure if scene.render.engine == "CYCLES" else 1.0
+
+
 def resolution(scene):
     """Width and height of the picture."""
     render = scene.render
@@ -16,51 +55,108 @@ def resolution(scene):
     return tuple(max(1, int(n * share)) for n in (render.resolution_x, render.resolution_y))
 
 
-def read(scene, report):
+def read(scene, layer, report):
     """The entries of [render]."""
     width, height = resolution(scene)
     entries = {"width": width, "height": height}
     cycles = getattr(scene, "cycles", None)
     if scene.render.engine == "CYCLES" and cycles:
         _read_cycles(cycles, entries, report)
+        entries["aovs"] = _passes(layer, report) or None
     elif scene.render.engine == ENGINE:
         entries.update(_chosen_for_us(scene))
+        entries["aovs"] = _passes_for_us(layer) or None
     else:
         report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
-    exposure = scene.view_settings.exposure
-    if exposure:
-        entries["exposure"] = max(-100.0, min(100.0, exposure))
-    view = scene.view_settings
-    if view.view_transform not in ("Standard", "Raw") or view.look not in ("None", ""):
-        look = "" if view.look in ("None", "") else f" with the look {view.look}"
-        report.note("", f"is viewed by {view.view_transform}{look} in Blender; PNGs are plain sRGB unless --view is given")
+    entries.update(_view(scene.view_settings, report))
+    entries["crop"] = _crop(scene.render, width, height)
     _tell_of_the_rest(scene, report)
     return entries
 
 
+def _view(view, report):
+    """How pictures to look at are encoded."""
+    found = {"view": None}
+    if view.exposure:
+        found["exposure"] = max(-100.0, min(100.0, view.exposure))
+    if getattr(view, "use_white_balance", False):
+        found["white_balance"] = min(max(view.white_balance_temperature, 1667.0), 25000.0)
+        if abs(view.white_balance_tint - 10.0) > 1e-3:
+            report.note("", "the tint of the white balance is not carried over, its temperature is")
+    look = "" if view.look in ("None", "") else view.look
+    name = VIEWS.get(view.view_transform)
+    if name == "agx" and look == "AgX - Punchy":
+        name, look = "agx-punchy", ""
+    found["view"] = name or "srgb"
+    if name is None or look:
+        with_look = f" with the look {look}" if look else ""
+        report.note("", f"is viewed by {view.view_transform}{with_look} in Blender; pictures to look at are by {found['view']}")
+    if name == "filmic":
+        report.note("", "Blender's Filmic is another curve than the view filmic here")
+    if abs(view.gamma - 1) > 1e-6 or view.use_curve_mapping:
+        report.note("", "gamma and curves of the colour management are not carried over")
+    return found
+
+
+def _crop(render, width, height):
+    """The region to render in pixels, rows from the top; None for the whole picture."""
+    if not render.use_border:
+        return None
+    left, right = (int(part * width) for part in (render.border_min_x, render.border_max_x))
+    bottom, top = (int(part * height) for part in (render.border_min_y, render.border_max_y))
+    # Blender's regions have a pixel at least.
+    return [left, height - max(top, bottom + 1), max(right, left + 1), height - bottom]
+
+
+def _passes(layer, report):
+    """The channels that the passes of a view layer stand for."""
+    found = [aov for switch, aov in PASSES.items() if getattr(layer, switch, False)]
+    if getattr(layer.cycles, "pass_debug_sample_count", False):
+        found.append("samples")
+    lost = [name for switch, name in LOST_PASSES.items() if getattr(layer, switch, False)]
+    if lost:
+        report.warn("", f"passes that can't be rendered: {', '.join(lost)}")
+    return found
+
+
 def _chosen_for_us(scene):
-    """What the add-on's panels say. Without the add-on Blender keeps it as it was stored: what was changed."""
-    if hasattr(scene, "bl_system_properties_get"):
-        stored = scene.bl_system_properties_get() or {}
-    else:
-        stored = scene
-    chosen = stored.get("oscura") or {}
-    return {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
+    """What the add-on's panels say."""
+    chosen = _stored(scene)
+    found = {name: chosen[name] for name in ("samples", "depth", "seed") if name in chosen}
+    if chosen.get("noise", 0) > 0:
+        found["noise"] = max(chosen["noise"], 0.001)
+    if chosen.get("denoise"):
+        found["denoise"] = True
+    return found
+
+
+def _passes_for_us(layer):
+    """The passes that the add-on's panel has, and Blender's own switches of Cryptomattes."""
+    found = [name.removeprefix("use_") for name, is_on in _stored(layer).items() if name.startswith("use_") and is_on]
+    mattes = (switch for switch in PASSES if switch.startswith("use_pass_cryptomatte_"))
+    return found + [PASSES[switch] for switch in mattes if getattr(layer, switch)]
+
+
+def _stored(owner):
+    """What the add-on keeps with a scene or a view layer. Without the add-on Blender has it as it was stored: what was
+    changed."""
+    stored = (owner.bl_system_properties_get() or {}) if hasattr(owner, "bl_system_properties_get") else owner
+    return dict(stored.get("oscura") or {})
 
 
 def _read_cycles(cycles, entries, report):
+    entries["samples"] = cycles.samples
     if cycles.use_adaptive_sampling:
-        report.note(
-            "",
-            f"its {cycles.samples} samples are the most of adaptive sampling and not carried over: --spp chooses",
-        )
-    else:
-        entries["samples"] = cycles.samples
+        # Cycles stops a pixel at an error of the threshold times the root of its brightness; middle grey lies near a quarter.
+        threshold = cycles.adaptive_threshold or 0.01
+        entries["noise"] = min(max(200 * threshold, 0.01), 1000.0)
+        report.note("", f"Cycles' noise threshold {threshold:.3g} is taken as --noise {entries['noise']:.3g}; --spp chooses otherwise")
+    if cycles.use_denoising:
+        entries["denoise"] = True
+    if cycles.seed:
+        entries["seed"] = cycles.seed
     if cycles.pixel_filter_type == "BOX":
         entries["filter"] = "box"
-    exposure = cycles.film_exposure
-    if exposure != 1:
-        report.warn("", f"the film's exposure of {exposure:.4g} is not carried over")
     bounces = min(cycles.max_bounces, cycles.diffuse_bounces, cycles.glossy_bounces)
     clamps = [c for c in (cycles.sample_clamp_direct, cycles.sample_clamp_indirect) if c > 0]
     clamped = f", and clamps light at {min(clamps):.4g}" if clamps else ""
@@ -75,10 +171,6 @@ def _tell_of_the_rest(scene, report):
         report.warn("", f"colours are numbers in {space} and taken for {REC709}")
     if render.pixel_aspect_x != render.pixel_aspect_y:
         report.warn("", "pixels that are not square are rendered as squares")
-    if render.use_border:
-        report.warn("", "the region to render is not carried over: the whole picture is rendered")
-    if render.use_motion_blur:
-        report.warn("", "motion blur is not supported: the picture shows one moment")
     if getattr(render, "use_freestyle", False):
         report.warn("", "Freestyle lines are not supported")
     if getattr(render, "use_multiview", False):

@@ -10,6 +10,8 @@ _MATH = {
     "POWER": lambda a, b: a**b if a >= 0 else 0.0,
     "MINIMUM": min,
     "MAXIMUM": max,
+    "GREATER_THAN": lambda a, b: float(a > b),
+    "LESS_THAN": lambda a, b: float(a < b),
 }
 
 
@@ -35,11 +37,16 @@ def constant(socket):
         return None
     if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
         return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
+    if node.bl_idname == "ShaderNodeCombineXYZ":
+        parts = tuple(constant(entry) for entry in node.inputs)
+        return None if None in parts else as_type(parts, socket.type in ("RGBA", "VECTOR"))
     if node.bl_idname == "ShaderNodeBlackbody":
         temperature = constant(node.inputs[0])
         return None if temperature is None else blackbody(temperature)
     if node.bl_idname == "ShaderNodeMath" and node.operation in _MATH:
         a, b = (constant(node.inputs[i]) for i in (0, 1))
+        if node.operation == "MULTIPLY" and 0.0 in (a, b):
+            return 0.0
         if a is None or b is None:
             return None
         result = _MATH[node.operation](float(a), float(b))

@@ -6,7 +6,8 @@ import shutil
 
 import bpy
 
-from . import geometry, shaders
+from . import geometry, media, shaders
+from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
 LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Generic Data")
@@ -20,6 +21,12 @@ def entries(scene, folder, name, report):
     """The entries of [environment]; pictures go to the folder."""
     world = scene.world
     found = _light(world, folder, name, report)
+    factor = film_exposure(scene)
+    if "background" in found:
+        found["background"] = [factor * c for c in found["background"]]
+    elif factor != 1:
+        found["strength"] = factor * found.get("strength", 1.0)
+    found.update(_fog(world, factor, report))
     hidden = scene.render.film_transparent
     if world is not None:
         visible = world.cycles_visibility
@@ -35,15 +42,25 @@ def entries(scene, folder, name, report):
     return found
 
 
+def _fog(world, factor, report):
+    """The volume of the world, which has no end, as in Cycles."""
+    end = shaders.end(world.node_tree) if world is not None and world.use_nodes and world.node_tree else None
+    if end is None or shaders.source(end.inputs["Volume"]) is None:
+        return {}
+    try:
+        filling = media.read(end.inputs["Volume"])
+    except media.Varying as varying:
+        report.warn(world.name, f"the volume of the world differs from place to place ({varying}) and is left out")
+        return {}
+    return {} if filling.is_nothing() else {"fog": filling.entries(factor)}
+
+
 def _light(world, folder, name, report):
     if world is None:
         return {"background": [0, 0, 0]}
     if not world.use_nodes or world.node_tree is None:
         return {"background": list(world.color)}
     tree = world.node_tree
-    end = shaders.end(tree)
-    if end and shaders.source(end.inputs["Volume"]) is not None:
-        report.warn(world.name, "the volume of the world is not supported: it is left out")
     node = shaders.output(tree)
     if node is None:
         return {"background": [0, 0, 0]}

@@ -1,0 +1,175 @@
+"""What moves while the shutter is open: the scene is looked at some moments of that time, and what stands elsewhere or has
+another shape becomes an animation of the model, in which the picture has its moment."""
+
+import bpy
+import numpy as np
+
+from . import geometry
+
+POSITIONS = {"START": "start", "CENTER": "centre", "END": "end"}
+
+# Moments of the time that the shutter is open: Cycles' own number, unless an object asks for more.
+KEYS = 3
+
+# Steps of motion that objects may ask for.
+MOST_STEPS = 5
+
+
+class Shutter:
+    """How long it is open, frames; when, as files of settings have it; and whether motion vectors are wanted."""
+
+    def __init__(self, frames, position, has_vectors):
+        self.frames, self.position, self.has_vectors = frames, position, has_vectors
+
+    def offsets(self, keys):
+        """Moments to look at, frames from the picture's own on."""
+        begin = {"start": 0.0, "centre": -0.5, "end": -1.0}[self.position] * self.frames
+        open_at = {begin + self.frames * k / (keys - 1) for k in range(keys)} if self.frames > 0 else set()
+        return sorted({0.0, *open_at, *((-1.0, 1.0) if self.has_vectors else ())})
+
+
+def shutter(scene, options, layer):
+    """The shutter of a scene, where the program's options don't say another; None where nothing is to be known of motion."""
+    render = scene.render
+    frames = render.motion_blur_shutter if render.use_motion_blur else 0.0
+    frames = frames if options.shutter is None else options.shutter
+    position = options.shutter_position or POSITIONS[getattr(render, "motion_blur_position", "CENTER")]
+    has_vectors = bool(options.vectors) or layer.use_pass_vector
+    found = Shutter(min(max(frames, 0.0), 1000.0), position, has_vectors)
+    return found if found.frames > 0 or has_vectors else None
+
+
+class Moves:
+    """Where things are at moments; what stands still is not among them."""
+
+    def __init__(self, offsets, fps):
+        self.offsets, self.fps = offsets, fps
+        # Nothing of an animation is before its beginning.
+        self.moment = (max(-offsets[0], 1.0) + 1.0) / fps
+        self.matrices = {}  # by what tells placements, cameras and lights apart
+        self.shapes = {}  # positions of vertices by the name of the mesh object
+
+    def times(self):
+        return [self.moment + offset / self.fps for offset in self.offsets]
+
+    def of(self, mark):
+        """The matrices of something that moves; None for others."""
+        return self.matrices.get(mark)
+
+    def drop_the_still(self):
+        """Forgets what doesn't move, and what is not there all the time."""
+        count = len(self.offsets)
+        self.matrices = {
+            mark: found
+            for mark, found in self.matrices.items()
+            if len(found) == count and any(_differs(matrix, found[0]) for matrix in found)
+        }
+        self.shapes = {
+            name: found
+            for name, found in self.shapes.items()
+            if len(found) == count and any(not np.array_equal(shape, found[0]) for shape in found)
+        }
+
+
+def record(scene, layer, found, shutter):
+    """Looks at all moments, and goes back to the picture's own."""
+    now = scene.frame_current_final
+    offsets = shutter.offsets(_keys(found))
+    moves = Moves(offsets, scene.render.fps / scene.render.fps_base)
+    first = {marks[0]: name for name, marks in found.marks.items() if marks}
+    for offset in offsets:
+        go(scene, now + offset)
+        layer.update()
+        _look(scene, bpy.context.evaluated_depsgraph_get(), first, moves)
+    go(scene, now)
+    layer.update()
+    moves.drop_the_still()
+    return moves
+
+
+def go(scene, frame):
+    """Goes to a moment, in frames."""
+    whole = int(frame // 1)
+    scene.frame_set(whole, subframe=frame - whole)
+
+
+def _keys(found):
+    """How many moments the most exacting object asks for."""
+    names = {mark[0] for marks in found.marks.values() for mark in marks}
+    settings = (getattr(bpy.data.objects[name], "cycles", None) for name in names if name in bpy.data.objects)
+    steps = max((s.motion_steps for s in settings if s is not None and s.use_motion_blur), default=1)
+    return max(KEYS, 2 ** min(steps, MOST_STEPS) + 1)
+
+
+def _look(scene, graph, first, moves):
+    """Notes where everything is at this moment."""
+    for instance in graph.object_instances:
+        obj = instance.object
+        mark = geometry.mark(instance)
+        if obj.type == "LIGHT" or obj.type in geometry.MESHES and _is_blurred(obj.original):
+            moves.matrices.setdefault(mark, []).append(instance.matrix_world.copy())
+        if mark in first and obj.type == "MESH" and _may_deform(obj.original):
+            moves.shapes.setdefault(first[mark], []).append(positions(obj.data))
+    for obj in scene.objects:
+        if obj.type == "CAMERA":
+            placed = obj.evaluated_get(graph).matrix_world.normalized()
+            moves.matrices.setdefault(("camera", obj.name), []).append(placed)
+
+
+def _is_blurred(obj):
+    return getattr(getattr(obj, "cycles", None), "use_motion_blur", True)
+
+
+def _may_deform(obj):
+    settings = getattr(obj, "cycles", None)
+    if settings is not None and not (settings.use_motion_blur and settings.use_deform_motion):
+        return False
+    return bool(obj.modifiers) or obj.data.shape_keys is not None or obj.data.animation_data is not None
+
+
+def positions(mesh):
+    """Where vertices are, a row each."""
+    found = np.empty(3 * len(mesh.vertices), np.float32)
+    mesh.vertices.foreach_get("co", found)
+    return found.reshape(-1, 3)
+
+
+def _differs(a, b):
+    return any(abs(x - y) > 1e-7 * max(1.0, abs(y)) for p, q in zip(a, b) for x, y in zip(p, q))
+
+
+def add_shapes(found, moves, report):
+    """Gives meshes the shapes of all moments, which become morph targets. Those that were changed on the way can't have them."""
+    for name, shapes in list(moves.shapes.items()):
+        holder = next(h for h in found.objects.values() if h is not None and h.name == name)
+        now = shapes[moves.offsets.index(0.0)]
+        if any(len(shape) != len(holder.data.vertices) for shape in shapes) or not np.array_equal(now, positions(holder.data)):
+            report.warn(found.marks[name][0][0], "its change of shape is not blurred: its faces change, or its material moves them")
+            del moves.shapes[name]
+            continue
+        holder.shape_key_add(name="Basis")
+        for offset, shape in zip(moves.offsets, shapes):
+            if offset != 0.0:
+                key = holder.shape_key_add(name=f"{offset:+.4f}")
+                key.data.foreach_set("co", shape.ravel())
+
+
+def animate(glb, moves, nodes, deformed):
+    """Writes the animation: nodes with their matrices at all moments, and nodes whose meshes have morph targets."""
+    if moves is None or not (nodes or deformed):
+        return
+    animation = {"channels": [], "samplers": []}
+    times = glb.add_accessor([(time,) for time in moves.times()], has_bounds=True)
+
+    def add(node, path, rows):
+        animation["channels"].append({"sampler": len(animation["samplers"]), "target": {"node": node, "path": path}})
+        animation["samplers"].append({"input": times, "output": glb.add_accessor(rows), "interpolation": "LINEAR"})
+
+    for node, parts in nodes:
+        for k, path in enumerate(("translation", "rotation", "scale")):
+            add(node, path, [part[k] for part in parts])
+    others = [offset for offset in moves.offsets if offset != 0.0]
+    weights = [(1.0 if at == other else 0.0,) for at in moves.offsets for other in others]
+    for node in deformed:
+        add(node, "weights", weights)
+    glb.json["animations"] = [animation]

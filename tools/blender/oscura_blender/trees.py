@@ -1,0 +1,92 @@
+"""Walks through node trees, and constants in the place of what nodes give."""
+
+import bpy
+
+from . import report, shaders
+
+
+# What the file of settings says about materials, by name.
+SETTINGS = {}
+
+
+def settle(material, **entries):
+    """Adds to what the file of settings says about a material."""
+    SETTINGS.setdefault(material.name, {}).update(entries)
+
+
+def nodes_with_trees(tree, kinds, _inside=()):
+    """All nodes of these kinds in a tree and its groups, each with its tree."""
+    if tree in _inside:
+        return
+    for node in tree.nodes:
+        if node.bl_idname in kinds:
+            yield tree, node
+        elif getattr(node, "node_tree", None):
+            yield from nodes_with_trees(node.node_tree, kinds, (*_inside, tree))
+
+
+def has(tree, kinds):
+    """Is there a node of these kinds that feeds something?"""
+    return any(any(out.is_linked for out in node.outputs) for _, node in nodes_with_trees(tree, kinds))
+
+
+def own_groups(tree):
+    """Gives a tree groups of its own, that changes reach no other material."""
+    for node in tree.nodes:
+        if getattr(node, "node_tree", None):
+            node.node_tree = node.node_tree.copy()
+            own_groups(node.node_tree)
+
+
+def copied(material):
+    """A material like another, with groups of its own; messages call it by the other's name."""
+    own = material.copy()
+    report.ALIASES[own.name] = report.ALIASES.get(material.name, material.name)
+    if material.name in SETTINGS:
+        SETTINGS[own.name] = dict(SETTINGS[material.name])
+    own_groups(own.node_tree)
+    return own
+
+
+def replace(tree, socket, value):
+    """Puts a number, or three or four, in the place of an output."""
+    targets = [link.to_socket for link in socket.links]
+    if not targets:
+        return
+    made = constant_node(tree, value, socket.type == "RGBA")
+    for target in targets:
+        tree.links.new(made, target)
+
+
+def constant_node(tree, value, is_color=False):
+    """The output of a new node with a value."""
+    if isinstance(value, (int, float)):
+        node = tree.nodes.new("ShaderNodeValue")
+        node.outputs[0].default_value = value
+        return node.outputs[0]
+    values = tuple(value)
+    if is_color:
+        node = tree.nodes.new("ShaderNodeRGB")
+        node.outputs[0].default_value = (*values[:3], 1.0)
+        return node.outputs[0]
+    node = tree.nodes.new("ShaderNodeCombineXYZ")
+    for target, part in zip(node.inputs, values):
+        target.default_value = part
+    return node.outputs[0]
+
+
+def upstream(socket, _seen=None):
+    """All nodes of a tree that an input depends on; those in groups are not told apart."""
+    seen = set() if _seen is None else _seen
+    source = shaders.source(socket)
+    if source is not None and source.node not in seen:
+        seen.add(source.node)
+        for entry in source.node.inputs:
+            if entry.enabled:
+                upstream(entry, seen)
+    return seen
+
+
+def of_materials(holders):
+    """The materials of these objects, each once."""
+    return list({m.name: m for holder in holders for m in holder.data.materials if isinstance(m, bpy.types.Material)}.values())

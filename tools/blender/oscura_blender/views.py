@@ -1,0 +1,121 @@
+"""Node trees that ask from where they are seen. What depends on the camera's place alone is rewritten by places; what differs
+with the direction is taken as its mean, with a warning."""
+
+import bpy
+
+from . import shaders, trees
+
+# Nodes whose outputs differ with the direction, and the outputs that do.
+DIRECTED = {
+    "ShaderNodeFresnel": ("Factor", "Fac"),
+    "ShaderNodeLayerWeight": ("Fresnel", "Facing"),
+    "ShaderNodeNewGeometry": ("Incoming",),
+    "ShaderNodeTexCoord": ("Reflection",),
+}
+OF_CAMERA = ("ShaderNodeCameraData", "ShaderNodeTexCoord")
+
+STEPS = 64
+
+
+def rewrite_cameras(material, eye):
+    """Camera coordinates, depths and distances become what follows from the place of the camera."""
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, OF_CAMERA)):
+        wanted = [out for out in node.outputs if out.is_linked and out.name in _BY_EYE]
+        if not wanted or eye is None:
+            continue
+        place = tree.nodes.new("ShaderNodeTexCoord")
+        place.object = eye
+        # Seen from the camera z is ahead, in its own space behind.
+        turned = _vector(tree, "MULTIPLY", place.outputs["Object"], (1.0, 1.0, -1.0))
+        for out in wanted:
+            made = _BY_EYE[out.name](tree, turned)
+            for link in list(out.links):
+                tree.links.new(made, link.to_socket)
+
+
+def _vector(tree, operation, first, second=None):
+    node = tree.nodes.new("ShaderNodeVectorMath")
+    node.operation = operation
+    tree.links.new(first, node.inputs[0])
+    if second is not None:
+        node.inputs[1].default_value = second
+    return node.outputs["Value"] if operation == "LENGTH" else node.outputs["Vector"]
+
+
+def _part(tree, vector, index):
+    node = tree.nodes.new("ShaderNodeSeparateXYZ")
+    tree.links.new(vector, node.inputs[0])
+    return node.outputs[index]
+
+
+_BY_EYE = {
+    "View Vector": lambda tree, place: _vector(tree, "NORMALIZE", place),
+    "View Z Depth": lambda tree, place: _part(tree, place, 2),
+    "View Distance": lambda tree, place: _vector(tree, "LENGTH", place),
+    "Camera": lambda tree, place: place,
+}
+
+
+def take_means(material, shader, report):
+    """Puts means in the place of what differs with the direction, where it reaches the shader."""
+    reached = set()
+    for socket in shader.inputs:
+        trees.upstream(socket, reached)
+    groups = {node.node_tree for node in reached if getattr(node, "node_tree", None)}
+    names = set()
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, DIRECTED)):
+        if tree == material.node_tree and node not in reached or tree != material.node_tree and not groups:
+            continue
+        for out in node.outputs:
+            if out.is_linked and out.name in DIRECTED[node.bl_idname]:
+                _take_mean(tree, node, out)
+                names.add(node.bl_label)
+    if names:
+        report.warn(material.name, f"{' and '.join(sorted(names))} differ with the direction of view: their means are taken")
+
+
+def _take_mean(tree, node, out):
+    if out.name in ("Incoming", "Reflection"):
+        # As it is seen head on.
+        for link in list(out.links):
+            tree.links.new(node.outputs["Normal"], link.to_socket)
+        return
+    trees.replace(tree, out, mean(node, out.name))
+
+
+def mean(node, output):
+    """The mean of what a node gives, over all directions by their cosines."""
+    return sum(weight(node, output, ((i + 0.5) / STEPS) ** 0.5) for i in range(STEPS)) / STEPS
+
+
+def weight(node, output, cosine):
+    """What a Fresnel or Layer Weight node gives at a cosine."""
+    if node.bl_idname == "ShaderNodeFresnel":
+        ior = shaders.constant(node.inputs["IOR"])
+        return fresnel(cosine, 1.45 if ior is None else max(ior, 1e-5))
+    blend = shaders.constant(node.inputs["Blend"])
+    blend = 0.5 if blend is None else min(max(blend, 0.0), 1 - 1e-5)
+    if output == "Fresnel":
+        return fresnel(cosine, 1 / max(1 - blend, 1e-5))
+    return 1 - cosine ** (2 * blend if blend < 0.5 else 0.5 / (1 - blend))
+
+
+def fresnel(cosine, ior):
+    """Share of light that a smooth dielectric reflects."""
+    g = ior * ior - 1 + cosine * cosine
+    if g <= 0:
+        return 1.0
+    g **= 0.5
+    a = (g - cosine) / (g + cosine)
+    b = (cosine * (g + cosine) - 1) / (cosine * (g - cosine) + 1)
+    return 0.5 * a * a * (1 + b * b)
+
+
+def index_of(share):
+    """The index of refraction of a smooth dielectric that reflects this share of light that comes evenly from all sides."""
+    low, high = 1.0, 40.0
+    for _ in range(40):
+        middle = 0.5 * (low + high)
+        found = sum(fresnel(((i + 0.5) / STEPS) ** 0.5, middle) for i in range(STEPS)) / STEPS
+        low, high = (middle, high) if found < share else (low, middle)
+    return 0.5 * (low + high)

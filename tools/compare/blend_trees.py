@@ -1,0 +1,263 @@
+"""Scenes of Blender about node trees whose values differ by object, side, view or kind of ray."""
+
+import bpy
+
+from blend_parts import add, ball, camera, floor, light, link, material, scene, shader, world
+
+
+def _lit():
+    world((0.3, 0.35, 0.4))
+    light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
+
+
+def _nodes(made, *kinds):
+    """A material's tree, its Principled shader, and new nodes."""
+    tree = made.node_tree
+    return (tree, tree.nodes.get("Principled BSDF"), *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
+
+
+def _ramp(tree, source, node, name="Base Color"):
+    """Colours an input by a number."""
+    ramp = tree.nodes.new("ShaderNodeValToRGB")
+    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.8, 0.05, 0.05, 1), (0.05, 0.2, 0.9, 1)
+    middle = ramp.color_ramp.elements.new(0.5)
+    middle.color = (0.1, 0.7, 0.1, 1)
+    tree.links.new(source, ramp.inputs[0])
+    tree.links.new(ramp.outputs[0], node.inputs[name])
+
+
+def object_info():
+    """Balls of one mesh and one material that are coloured by chance, by their colour, place and number; instances, too."""
+    floor()
+    _lit()
+    random, own, place, number = (material(name, Roughness=0.7) for name in ("random", "own", "place", "number"))
+    for made, output in ((random, "Random"), (own, "Color"), (place, "Location"), (number, "Object Index")):
+        tree, principled, info = _nodes(made, "ObjectInfo")
+        if output == "Color":
+            tree.links.new(info.outputs[output], principled.inputs["Base Color"])
+        elif output == "Location":
+            part = tree.nodes.new("ShaderNodeVectorMath")
+            part.operation, part.inputs[1].default_value = "MULTIPLY", (0.2, 0.2, 0.2)
+            tree.links.new(info.outputs[output], part.inputs[0])
+            tree.links.new(part.outputs[0], principled.inputs["Base Color"])
+        else:
+            half = tree.nodes.new("ShaderNodeMath")
+            half.operation, half.inputs[1].default_value = "MULTIPLY", 1.0 if output == "Random" else 0.25
+            tree.links.new(info.outputs[output], half.inputs[0])
+            _ramp(tree, half.outputs[0], principled)
+    data = ball(random, (0, 0, -5), 0.4).data
+    for row, made in enumerate((random, own, place, number)):
+        shared = data.copy()
+        shared.materials[0] = made
+        for i in range(4):
+            placed = link(f"{made.name} {i}", shared, (0.25 + 0.9 * i - 1.8 * (row != 2), 0.9 * row - 1, 0.4 + 0.2 * (row == 2)))
+            placed.color, placed.pass_index = (0.2 * i + 0.1, 0.5, 0.8 - 0.2 * i, 1), i + 1
+    gathered = bpy.data.collections.new("Gathered")
+    link("Member", data, (0, 0, 0), into=gathered)
+    for i in range(4):
+        link(f"Instance {i}", None, (-2.6, 0.9 * i - 1, 0.4)).instance_type = "COLLECTION"
+        bpy.data.objects[f"Instance {i}"].instance_collection = gathered
+    camera()
+
+
+def object_noise():
+    """Noise by where objects stand, moved by a property of each."""
+    floor()
+    _lit()
+    made = material("speckled", Roughness=0.8)
+    tree, principled, geometry, moved, noise, own = _nodes(made, "NewGeometry", "VectorMath", "TexNoise", "Attribute")
+    own.attribute_type, own.attribute_name = "OBJECT", "shift"
+    noise.inputs["Scale"].default_value = 1.2
+    tree.links.new(geometry.outputs["Position"], moved.inputs[0])
+    tree.links.new(own.outputs["Fac"], moved.inputs[1])
+    tree.links.new(moved.outputs[0], noise.inputs["Vector"])
+    _ramp(tree, noise.outputs[0], principled)
+    data = add("cube", made, (0, 0, -5), size=1).data
+    for i in range(5):
+        placed = link(f"Cube {i}", data, (-2 + i, 0.5 * i - 1, 0.5), (0, 0, 0.4 * i))
+        placed["shift"] = 2.0 * i
+    camera()
+
+
+def instancer_attributes():
+    """Instances of geometry nodes that carry a colour, and objects of particles that know their number."""
+    _lit()
+    tinted = material("tinted", Roughness=0.8)
+    tree, principled, own = _nodes(tinted, "Attribute")
+    own.attribute_type, own.attribute_name = "INSTANCER", "tint"
+    _ramp(tree, own.outputs["Fac"], principled)
+    cube = add("cube", tinted, (0, 0, -5), "Tinted", size=0.6)
+    base = add("grid", material("soil", Base_Color=(0.4, 0.4, 0.4, 1)), (0, 0, 0), "Base", size=5, x_subdivisions=4, y_subdivisions=4)
+    group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
+    group.interface.new_socket("Geometry", in_out="INPUT", socket_type="NodeSocketGeometry")
+    group.interface.new_socket("Geometry", in_out="OUTPUT", socket_type="NodeSocketGeometry")
+    node = lambda kind: group.nodes.new(kind)
+    start, end, source, put, store, index, share, join = (
+        node(k)
+        for k in (
+            "NodeGroupInput", "NodeGroupOutput", "GeometryNodeObjectInfo", "GeometryNodeInstanceOnPoints",
+            "GeometryNodeStoreNamedAttribute", "GeometryNodeInputIndex", "ShaderNodeMath", "GeometryNodeJoinGeometry",
+        )
+    )  # fmt: skip
+    source.inputs[0].default_value = cube
+    source.inputs["As Instance"].default_value = True
+    store.domain, share.operation, share.inputs[1].default_value = "INSTANCE", "DIVIDE", 24.0
+    store.inputs["Name"].default_value = "tint"
+    for a, b in (
+        (start.outputs[0], put.inputs["Points"]), (source.outputs["Geometry"], put.inputs["Instance"]),
+        (index.outputs[0], share.inputs[0]), (share.outputs[0], store.inputs["Value"]),
+        (put.outputs[0], store.inputs["Geometry"]), (start.outputs[0], join.inputs[0]),
+        (store.outputs[0], join.inputs[0]), (join.outputs[0], end.inputs[0]),
+    ):  # fmt: skip
+        group.links.new(a, b)
+    base.modifiers.new("Scatter", "NODES").node_group = group
+    numbered = material("numbered", Roughness=0.8)
+    tree, principled, info, share = _nodes(numbered, "ParticleInfo", "Math")
+    share.operation, share.inputs[1].default_value = "DIVIDE", 20.0
+    tree.links.new(info.outputs["Index"], share.inputs[0])
+    _ramp(tree, share.outputs[0], principled)
+    patch = add("plane", material("sand", Base_Color=(0.5, 0.45, 0.3, 1)), (0, -4, 0), "Patch", size=3)
+    patch.modifiers.new("Seeds", "PARTICLE_SYSTEM")
+    seeds = patch.particle_systems[0].settings
+    seeds.count, seeds.render_type, seeds.particle_size, seeds.frame_start, seeds.frame_end = 20, "OBJECT", 0.25, 1, 1
+    seeds.lifetime, seeds.physics_type = 100, "NO"
+    seeds.instance_object = ball(numbered, (0, 0, -5), 1, "Seed")
+    camera()
+
+
+def two_sides():
+    """Cards with another colour behind, and one that is not there from behind."""
+    floor()
+    _lit()
+    made, tree, mix = shader("two colours", "MixShader")
+    side, front, back = (tree.nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "BsdfDiffuse", "BsdfDiffuse"))
+    front.inputs["Color"].default_value, back.inputs["Color"].default_value = (0.8, 0.1, 0.1, 1), (0.1, 0.2, 0.8, 1)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(front.outputs[0], mix.inputs[1])
+    tree.links.new(back.outputs[0], mix.inputs[2])
+    half, tree, mix = shader("front only", "MixShader")
+    side, front, clear = (tree.nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "BsdfDiffuse", "BsdfTransparent"))
+    front.inputs["Color"].default_value = (0.2, 0.7, 0.2, 1)
+    tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+    tree.links.new(front.outputs[0], mix.inputs[1])
+    tree.links.new(clear.outputs[0], mix.inputs[2])
+    inside = material("tree of colours", Roughness=0.6)
+    tree, principled, side, blend = _nodes(inside, "NewGeometry", "Mix")
+    blend.data_type = "RGBA"
+    blend.inputs[6].default_value, blend.inputs[7].default_value = (0.9, 0.6, 0.1, 1), (0.1, 0.6, 0.6, 1)
+    tree.links.new(side.outputs["Backfacing"], blend.inputs[0])
+    tree.links.new(blend.outputs[2], principled.inputs["Base Color"])
+    for i, of in enumerate((made, half, inside)):
+        for k, turn in enumerate((1.2, -1.9)):
+            card = add("plane", of, (-2.2 + 2.2 * i, 1.4 - 2.4 * k, 1), f"Card {i} {k}", size=1.6)
+            card.rotation_euler = (turn, 0, 0.5)
+    camera()
+
+
+def ray_tricks():
+    """Glass that casts no shadow, a lamp that looks otherwise than it shines, a box that only mirrors see, one without."""
+    floor()
+    _lit()
+    clear, tree, mix = shader("clear shadow", "MixShader")
+    path, glass, nothing = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "BsdfGlass", "BsdfTransparent"))
+    tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs[0])
+    tree.links.new(glass.outputs[0], mix.inputs[1])
+    tree.links.new(nothing.outputs[0], mix.inputs[2])
+    ball(clear, (-1.6, -0.6, 0.8))
+    lamp, tree, mix = shader("dimmed lamp", "MixShader")
+    path, shines, shown = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "Emission", "Emission"))
+    shines.inputs["Strength"].default_value, shines.inputs["Color"].default_value = 12.0, (1, 0.6, 0.2, 1)
+    shown.inputs["Color"].default_value = (0.2, 0.9, 0.4, 1)
+    tree.links.new(path.outputs["Is Camera Ray"], mix.inputs[0])
+    tree.links.new(shines.outputs[0], mix.inputs[1])
+    tree.links.new(shown.outputs[0], mix.inputs[2])
+    ball(lamp, (0.4, 1.6, 1.2), 0.4)
+    glow = material("glow", Base_Color=(0, 0, 0, 1), Emission_Color=(0.3, 0.4, 1, 1))
+    tree, principled, path, strength = _nodes(glow, "LightPath", "Math")
+    strength.operation, strength.inputs[1].default_value = "MULTIPLY", 6.0
+    tree.links.new(path.outputs["Is Camera Ray"], strength.inputs[0])
+    tree.links.new(strength.outputs[0], principled.inputs["Emission Strength"])
+    ball(glow, (2.2, 1.2, 0.4), 0.4)
+    ball(material("mirror", Metallic=1, Roughness=0.02), (1.2, -0.6, 0.8))
+    hidden, tree, mix = shader("seen in mirrors", "MixShader")
+    path, nothing, red = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "BsdfTransparent", "BsdfDiffuse"))
+    red.inputs["Color"].default_value = (0.8, 0.1, 0.1, 1)
+    tree.links.new(path.outputs["Is Glossy Ray"], mix.inputs[0])
+    tree.links.new(nothing.outputs[0], mix.inputs[1])
+    tree.links.new(red.outputs[0], mix.inputs[2])
+    add("cube", hidden, (2.6, -2, 0.6), "Hidden", size=1.2)
+    camera()
+
+
+def view_trees():
+    """Gloss over a ground by Fresnel and by a layer's weight, a colour by facing, fog of the camera's distance."""
+    floor(_by_distance())
+    _lit()
+    glossy = "BsdfAnisotropic" if hasattr(bpy.types, "ShaderNodeBsdfAnisotropic") else "BsdfGlossy"
+    for i, (weight, output) in enumerate((("Fresnel", 0), ("LayerWeight", 0), ("LayerWeight", 1))):
+        for k, ground in enumerate(("BsdfDiffuse", "BsdfPrincipled")):
+            made, tree, mix = shader(f"{weight} {output} {ground}", "MixShader")
+            factor, under, over = (tree.nodes.new(f"ShaderNode{n}") for n in (weight, ground, glossy))
+            under.inputs[0].default_value = (0.1, 0.4, 0.3, 1)
+            if k:
+                under.inputs["Roughness"].default_value = 0.6
+            over.inputs["Color"].default_value, over.inputs["Roughness"].default_value = (1, 1, 1, 1), 0.15
+            if weight == "LayerWeight":
+                factor.inputs["Blend"].default_value = 0.3
+            tree.links.new(factor.outputs[output], mix.inputs[0])
+            tree.links.new(under.outputs[0], mix.inputs[1])
+            tree.links.new(over.outputs[0], mix.inputs[2])
+            ball(made, (-2.2 + 1.7 * i, 1.0 - 1.8 * k, 0.7), 0.7)
+    velvet = material("velvet", Roughness=0.9, Specular_IOR_Level=0)
+    tree, principled, facing = _nodes(velvet, "LayerWeight")
+    _ramp(tree, facing.outputs["Facing"], principled)
+    ball(velvet, (2.9, 0.2, 0.7), 0.7)
+    camera()
+
+
+def _by_distance():
+    made = material("by distance", Roughness=0.9)
+    tree, principled, eye, share = _nodes(made, "CameraData", "MapRange")
+    share.inputs["From Min"].default_value, share.inputs["From Max"].default_value = 6, 14
+    tree.links.new(eye.outputs["View Distance"], share.inputs[0])
+    _ramp(tree, share.outputs[0], principled)
+    return made
+
+
+def bright_bakes():
+    """Screens whose light is a tree, brighter than white."""
+    floor()
+    world((0, 0, 0))
+    screen = material("screen", Base_Color=(0, 0, 0, 1), Emission_Strength=1.0)
+    tree, principled, checker, gain = _nodes(screen, "TexChecker", "VectorMath")
+    checker.inputs["Scale"].default_value = 4
+    checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.5, 0.1, 1), (0.05, 0.1, 0.4, 1)
+    gain.operation = "SCALE"
+    gain.inputs["Scale"].default_value = 12
+    tree.links.new(checker.outputs["Color"], gain.inputs[0])
+    tree.links.new(gain.outputs[0], principled.inputs["Emission Color"])
+    card = add("plane", screen, (-1.4, 2, 1.2), "Screen", size=2.2)
+    card.rotation_euler = (1.5, 0, 0)
+    waves = material("waves", Base_Color=(0, 0, 0, 1), Emission_Color=(0.2, 0.6, 1, 1))
+    tree, principled, wave, gain = _nodes(waves, "TexWave", "Math")
+    wave.inputs["Scale"].default_value = 0.6
+    gain.operation, gain.inputs[1].default_value = "MULTIPLY", 9.0
+    tree.links.new(wave.outputs["Fac"], gain.inputs[0])
+    tree.links.new(gain.outputs[0], principled.inputs["Emission Strength"])
+    card = add("plane", waves, (1.6, 2, 1.2), "Waves", size=2.2)
+    card.rotation_euler = (1.5, 0, 0)
+    ball(material("grey", Base_Color=(0.6, 0.6, 0.6, 1), Roughness=0.8), (0, 0, 0.6), 0.6)
+    camera()
+
+
+def nooks():
+    """Ambient occlusion as a colour."""
+    made = material("worn", Roughness=0.9)
+    tree, principled, nook = _nodes(made, "AmbientOcclusion")
+    nook.inputs["Distance"].default_value = 1.0
+    _ramp(tree, nook.outputs["AO"], principled)
+    floor(made, 8)
+    _lit()
+    ball(made, (-1, 0, 0.6))
+    add("cube", made, (1.2, 0, 0.6), "Box", size=1.2)
+    camera()
