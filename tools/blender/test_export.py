@@ -204,6 +204,17 @@ class TreesTest(unittest.TestCase):
         self.assertEqual(shines, {("camera",): True, ("diffuse", "glossy", "transmission", "volume", "shadow"): False})
         self.assertEqual(answer["warnings"], [])
 
+    def test_of_three_looks_by_rays_two_are_kept(self):
+        material, tree, shader, path, both = shader_tree("three", "LightPath", "CombineColor")
+        tree.links.new(path.outputs["Is Camera Ray"], both.inputs[0])
+        tree.links.new(path.outputs["Is Diffuse Ray"], both.inputs[1])
+        tree.links.new(both.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        seen = {tuple(entry["visible_to"]) for entry in settings["materials"].values()}
+        self.assertEqual(seen, {("camera",), ("diffuse", "glossy", "transmission", "volume", "shadow")})
+        self.assertEqual(answer["warnings"][0][0], "three")
+
     def test_what_differs_with_the_direction_is_said_by_name(self):
         material, tree, shader, weight = shader_tree("velvet", "LayerWeight")
         tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])

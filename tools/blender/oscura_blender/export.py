@@ -88,7 +88,11 @@ def export(options, report):
     written.write(model)
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
-    tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in sorted(trees.SETTINGS.items())]
+    if moves is not None and (moves.matrices or moves.shapes):
+        comment += f" What moves: --time {moves.moment!r} --fps {moves.fps:g}."
+    names = {material["name"] for material in written.json.get("materials", [])}
+    known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
+    tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 

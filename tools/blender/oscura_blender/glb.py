@@ -7,6 +7,8 @@ import struct
 from mathutils import Matrix
 
 from .motion import animate
+from .report import ALIASES
+from .trees import SETTINGS
 
 # From Blender's axes (z up) to those of glTF (y up).
 Y_UP = Matrix(((1, 0, 0, 0), (0, 0, 1, 0), (0, -1, 0, 0), (0, 0, 0, 1)))
@@ -155,6 +157,11 @@ def _patch_materials(glb, patches):
         if "base_color" in patch:
             factor = material.setdefault("pbrMetallicRoughness", {}).setdefault("baseColorFactor", [1, 1, 1, 1])
             factor[:3] = patch["base_color"]
+    for material in glb.json.get("materials", []):
+        # Copies are called as what they were made of, unless the file of settings speaks of either.
+        original = ALIASES.get(material.get("name"))
+        if original is not None and not (SETTINGS.get(material["name"]) or SETTINGS.get(original)):
+            material["name"] = original
     if not used:
         del glb.json["extensionsUsed"]
 

@@ -202,7 +202,8 @@ def _diffuse(material, value, extensions, report):
     if rough is None and "Diffuse Roughness" in principled(material).inputs:
         report.warn(material.name, "a roughness of diffuse reflection that varies is not carried over")
     if rough:
-        extensions["KHR_materials_diffuse_roughness"] = {"diffuseRoughnessFactor": min(max(rough, 0.0), 1.0)}
+        # The extension of glTF is a draft.
+        trees.settle(material, diffuse_roughness=min(max(rough, 0.0), 1.0))
     translucency = trees.SETTINGS.get(material.name, {}).pop("translucency", None)
     if translucency is not None:
         share, color = translucency

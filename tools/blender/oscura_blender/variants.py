@@ -79,6 +79,13 @@ def _by_rays(marks, copies, material, report):
     for ray, mark in marks.items():
         if ray != "shadow" and not _is_nothing(copies[mark]):
             groups.setdefault(mark, []).append(ray)
+    # Of surfaces at one place rays find two.
+    others = [mark for mark in groups if mark not in (marks["camera"], marks["diffuse"])]
+    for mark in others[max(2 - (len(groups) - len(others)), 0) :]:
+        kept = marks["diffuse"] if marks["diffuse"] in groups else next(iter(groups))
+        rays = groups.pop(mark)
+        report.warn(material.name, f"Light Path: {' and '.join(rays)} rays see what {groups[kept][0]} rays see")
+        groups[kept] += rays
     mark = marks["shadow"]
     if groups and not _is_nothing(copies[mark]):
         if mark not in groups:
