@@ -119,11 +119,11 @@ fn levels_and_batch_sizes_agree_to_the_bit() {
     }
 }
 
-/// Triangles so large that products of their coordinates overflow, met in corners, where other edge functions are zero: levels
-/// differ in which of these they look at, not in what they find.
+/// Triangles met in corners, where edge functions are zero, up to nearly the largest that are taken, and rays from so far
+/// that edge functions overflow.
 #[test]
-fn levels_agree_on_triangles_whose_edge_functions_overflow() {
-    for scale in [1.0, 1e18, 3e19, 1e25] {
+fn levels_agree_in_corners_at_any_scale() {
+    for scale in [1e-12, 1.0, 9e17] {
         let mut rng = Rng::new(11);
         let mut geometry = Geometry::default();
         for i in 0..30 {
@@ -134,7 +134,8 @@ fn levels_agree_on_triangles_whose_edge_functions_overflow() {
             let corner = Vec3::from_array(*p);
             // From the middle of all, and along axes, which shears nothing.
             let before = |axis: Vec3| Ray::new(corner - axis * corner.length(), axis);
-            [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z)]
+            let far = Ray::new(corner * 1e20 + Vec3::Y * scale, -corner / scale);
+            [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z), far]
         });
         let rays: Vec<Ray> = rays.collect();
         // Few triangles are scanned, more are in a tree.
@@ -148,7 +149,7 @@ fn levels_agree_on_triangles_whose_edge_functions_overflow() {
         for geometry in [geometry, many] {
             let accel = build(&[geometry], &[]);
             let scalar = trace(&accel, Level::Scalar, &rays);
-            assert!(scale > 1e18 || scalar.iter().filter(|hit| hit.is_hit()).count() > 50, "{scale}");
+            assert!(scalar.iter().filter(|hit| hit.is_hit()).count() > 50, "{scale}");
             for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
                 assert_eq!(trace(&accel, level, &rays), scalar, "{} {scale}", level.name());
             }
