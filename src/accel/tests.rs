@@ -119,6 +119,44 @@ fn levels_and_batch_sizes_agree_to_the_bit() {
     }
 }
 
+/// Triangles met in corners, where edge functions are zero, up to nearly the largest that are taken, and rays from so far
+/// that edge functions overflow.
+#[test]
+fn levels_agree_in_corners_at_any_scale() {
+    for scale in [1e-12, 1.0, 9e17] {
+        let mut rng = Rng::new(11);
+        let mut geometry = Geometry::default();
+        for i in 0..30 {
+            geometry.positions.extend([(); 3].map(|()| (rng.vector() * scale).to_array()));
+            geometry.triangles.push([3 * i, 3 * i + 1, 3 * i + 2]);
+        }
+        let rays = geometry.positions.iter().flat_map(|p| {
+            let corner = Vec3::from_array(*p);
+            // From the middle of all, and along axes, which shears nothing.
+            let before = |axis: Vec3| Ray::new(corner - axis * corner.length(), axis);
+            let far = Ray::new(corner * 1e20 + Vec3::Y * scale, -corner / scale);
+            [Ray::new(Vec3::ZERO, corner / scale), before(Vec3::X), before(Vec3::Y), before(Vec3::Z), far]
+        });
+        let rays: Vec<Ray> = rays.collect();
+        // Few triangles are scanned, more are in a tree.
+        let mut many = geometry.clone();
+        many.quads.push(Quad {
+            corner: Vec3::splat(scale),
+            edge_u: Vec3::X * scale,
+            edge_v: Vec3::Y * scale,
+        });
+        many.analytic.push(Analytic::Sphere(Sphere { center: Vec3::splat(-scale), radius: 0.1 * scale }));
+        for geometry in [geometry, many] {
+            let accel = build(&[geometry], &[]);
+            let scalar = trace(&accel, Level::Scalar, &rays);
+            assert!(scalar.iter().filter(|hit| hit.is_hit()).count() > 50, "{scale}");
+            for level in Level::ALL.into_iter().filter(|l| l.is_available()) {
+                assert_eq!(trace(&accel, level, &rays), scalar, "{} {scale}", level.name());
+            }
+        }
+    }
+}
+
 #[test]
 fn ranges_are_exclusive() {
     let quad = Quad { corner: Vec3::new(-1.0, -1.0, 2.0), edge_u: Vec3::X * 2.0, edge_v: Vec3::Y * 2.0 };

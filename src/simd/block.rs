@@ -1,8 +1,12 @@
 //! Sixteen triangles against the line of a ray, one lane a triangle.
 
+#[cfg(target_arch = "aarch64")]
+use super::compress::LANES_OF_MASK;
 #[cfg(target_arch = "x86_64")]
 use super::compress::compress;
 use super::slab::ShearedLine;
+#[cfg(target_arch = "aarch64")]
+use core::arch::aarch64::*;
 #[cfg(target_arch = "x86_64")]
 use core::arch::x86_64::*;
 
@@ -148,4 +152,88 @@ pub(super) unsafe fn list8_twice(block: &TriangleBlock, query: &BlockQuery, to: 
         }
     }
     count
+}
+
+/// The lanes of triangles, by their vertices in the sheared space, whose edge functions are all at least 0 or all at most 0.
+/// (The least of numbers with a NaN among them is NaN here, which it is not on x86: this is what the scalar twin finds.)
+#[cfg(target_arch = "aarch64")]
+#[inline(always)]
+pub(super) fn meets(
+    a: (float32x4_t, float32x4_t),
+    b: (float32x4_t, float32x4_t),
+    c: (float32x4_t, float32x4_t),
+) -> uint32x4_t {
+    // SAFETY: registers only, and every program for AArch64 is compiled with NEON.
+    unsafe {
+        let u = vsubq_f32(vmulq_f32(a.0, b.1), vmulq_f32(a.1, b.0));
+        let v = vsubq_f32(vmulq_f32(b.0, c.1), vmulq_f32(b.1, c.0));
+        let w = vsubq_f32(vmulq_f32(c.0, a.1), vmulq_f32(c.1, a.0));
+        let least = vminq_f32(vminq_f32(u, v), w);
+        let greatest = vmaxq_f32(vmaxq_f32(u, v), w);
+        vorrq_u32(vcgezq_f32(least), vclezq_f32(greatest))
+    }
+}
+
+/// The same with NEON.
+///
+/// # Safety
+/// `line.axes` must be below 3.
+#[cfg(target_arch = "aarch64")]
+#[inline(always)]
+pub(super) unsafe fn list4_four_times(
+    block: &TriangleBlock,
+    query: &BlockQuery,
+    to: &mut [u32; 16],
+) -> usize {
+    let BlockQuery { line, ignored, first } = *query;
+    let ([kx, ky, kz], [ox, oy, oz], [sx, sy]) = (line.axes, line.origin, line.shear);
+    // SAFETY: every program for AArch64 is compiled with NEON. An axis has 48 floats; at most 8 numbers come before the last 8.
+    unsafe {
+        let rows = block.rows.as_ptr().cast::<f32>();
+        let mut met = [vdupq_n_u32(0); 4];
+        for (quarter, met) in met.iter_mut().enumerate() {
+            let load = |axis: usize, k: usize| vld1q_f32(rows.add(48 * axis + 16 * k + 4 * quarter));
+            let vertex = |k: usize| {
+                let z = vsubq_f32(load(kz, k), vdupq_n_f32(oz));
+                let x = vsubq_f32(vsubq_f32(load(kx, k), vdupq_n_f32(ox)), vmulq_n_f32(z, sx));
+                let y = vsubq_f32(vsubq_f32(load(ky, k), vdupq_n_f32(oy)), vmulq_n_f32(z, sy));
+                (x, y)
+            };
+            let ids = vld1q_u32(block.ids.as_ptr().add(4 * quarter));
+            let left_out = vceqq_u32(ids, vdupq_n_u32(ignored));
+            *met = vbicq_u32(meets(vertex(0), vertex(1), vertex(2)), left_out);
+        }
+        let mask = mask_of_16(met);
+        let mut count = 0;
+        for half in [0, 8] {
+            let mask = mask >> half & 255;
+            let lanes = vmovl_u8(vcreate_u8(LANES_OF_MASK[mask as usize]));
+            let from = vdupq_n_u32(first + half);
+            let to = to.as_mut_ptr().add(count);
+            vst1q_u32(to, vaddw_u16(from, vget_low_u16(lanes)));
+            vst1q_u32(to.add(4), vaddw_high_u16(from, lanes));
+            count += mask.count_ones() as usize;
+        }
+        count
+    }
+}
+
+/// The lanes whose bits are all set, of lanes whose bits are all alike.
+#[cfg(target_arch = "aarch64")]
+#[inline(always)]
+fn mask_of_16(lanes: [uint32x4_t; 4]) -> u32 {
+    // SAFETY: registers only, and every program for AArch64 is compiled with NEON.
+    unsafe {
+        let narrow =
+            |a: uint32x4_t, b: uint32x4_t| vuzp1q_u16(vreinterpretq_u16_u32(a), vreinterpretq_u16_u32(b));
+        let (low, high) = (narrow(lanes[0], lanes[1]), narrow(lanes[2], lanes[3]));
+        let bytes = vuzp1q_u8(vreinterpretq_u8_u16(low), vreinterpretq_u8_u16(high));
+        let bit = vreinterpretq_u8_u64(vdupq_n_u64(0x8040_2010_0804_0201));
+        // Neighbours are added until each half is a byte.
+        let bits = vandq_u8(bytes, bit);
+        let bits = vpaddq_u8(bits, bits);
+        let bits = vpaddq_u8(bits, bits);
+        let bits = vpaddq_u8(bits, bits);
+        u32::from(vgetq_lane_u16::<0>(vreinterpretq_u16_u8(bits)))
+    }
 }

@@ -47,18 +47,25 @@ const HUGE_PAGE: usize = 2 << 20;
 /// Asks the CPU to bring `N` lines from `index` on into its first cache. Any index is allowed: it is only a hint.
 #[inline(always)]
 pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
-    #[cfg(target_arch = "x86_64")]
-    {
-        let first = lines.as_ptr().wrapping_add(index);
-        for i in 0..N {
-            // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
-            unsafe {
-                core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(
-                    first.wrapping_add(i).cast(),
-                );
-            }
-        }
+    let first = lines.as_ptr().wrapping_add(index);
+    for i in 0..N {
+        prefetch(first.wrapping_add(i).cast());
     }
-    #[cfg(not(target_arch = "x86_64"))]
-    let _ = (lines, index);
+}
+
+/// Asks the CPU to bring the line at an address, whatever it is, into its first cache.
+#[inline(always)]
+pub(super) fn prefetch(address: *const u8) {
+    // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
+    #[cfg(target_arch = "x86_64")]
+    unsafe {
+        core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(address.cast());
+    }
+    // SAFETY: as above. (The intrinsic is not stable yet.)
+    #[cfg(target_arch = "aarch64")]
+    unsafe {
+        core::arch::asm!("prfm pldl1keep, [{0}]", in(reg) address.addr(), options(nomem, nostack, preserves_flags));
+    }
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    let _ = address;
 }

@@ -8,12 +8,16 @@
 #![allow(unsafe_code)]
 
 mod block;
-#[cfg(target_arch = "x86_64")]
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
 mod compress;
 mod each;
 mod line;
+#[cfg(target_arch = "aarch64")]
+mod neon;
 mod slab;
 mod table;
+#[cfg(test)]
+mod tests;
 mod wide;
 #[cfg(target_arch = "x86_64")]
 mod x86;
@@ -28,46 +32,72 @@ pub use wide::{ScalarWide, WIDEN, Wide, WideKernel};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU8, Ordering};
 
-/// What the CPU can do, as far as the kernels care.
+/// What the CPU can do, as far as the kernels care: a ladder of levels, those of the program's own architecture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Level {
-    /// The baseline of the target; on other architectures the only one.
+    /// The baseline of the target; on architectures without levels of their own the only one.
     Scalar,
     /// AVX2 and FMA (x86-64-v3).
+    #[cfg(target_arch = "x86_64")]
     Avx2,
     /// AVX-512 F, VL, DQ, BW, CD (x86-64-v4).
+    #[cfg(target_arch = "x86_64")]
     Avx512,
+    /// NEON, four wide, which every AArch64 CPU has. The baseline has it too, so loops that the compiler vectorises are
+    /// the same on both levels; what this one adds are the vectors of traversal.
+    #[cfg(target_arch = "aarch64")]
+    Neon,
 }
 
 impl Level {
-    /// All levels, slowest first.
+    /// All levels of the architecture, slowest first.
+    #[cfg(target_arch = "x86_64")]
     pub const ALL: [Level; 3] = [Level::Scalar, Level::Avx2, Level::Avx512];
+    /// All levels of the architecture, slowest first.
+    #[cfg(target_arch = "aarch64")]
+    pub const ALL: [Level; 2] = [Level::Scalar, Level::Neon];
+    /// All levels of the architecture, slowest first.
+    #[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
+    pub const ALL: [Level; 1] = [Level::Scalar];
+
+    /// The highest level of the architecture: as a limit, none.
+    pub const HIGHEST: Level = Level::ALL[Level::ALL.len() - 1];
 
     /// The name used in reports and options.
     pub fn name(self) -> &'static str {
         match self {
             Level::Scalar => "scalar",
+            #[cfg(target_arch = "x86_64")]
             Level::Avx2 => "avx2",
+            #[cfg(target_arch = "x86_64")]
             Level::Avx512 => "avx512",
+            #[cfg(target_arch = "aarch64")]
+            Level::Neon => "neon",
         }
     }
 
-    /// Can this CPU run it?
+    /// Can this CPU run it? (Whatever [`limit_level`] allows.)
     pub fn is_available(self) -> bool {
-        self <= best_level()
+        self <= detected_level()
     }
+}
+
+/// The best level that this CPU has.
+#[inline]
+fn detected_level() -> Level {
+    static BEST: OnceLock<Level> = OnceLock::new();
+    *BEST.get_or_init(detect)
 }
 
 /// The best level that this CPU has (and that [`limit_level`] allows).
 #[inline]
 pub fn best_level() -> Level {
-    static BEST: OnceLock<Level> = OnceLock::new();
-    let detected = *BEST.get_or_init(detect);
+    let detected = detected_level();
     if LIMITED.load(Ordering::Relaxed) < detected as u8 { limit() } else { detected }
 }
 
 /// The highest level in use, as a number.
-static LIMITED: AtomicU8 = AtomicU8::new(Level::Avx512 as u8);
+static LIMITED: AtomicU8 = AtomicU8::new(Level::HIGHEST as u8);
 
 #[cold]
 fn limit() -> Level {
@@ -100,7 +130,14 @@ fn detect() -> Level {
     }
 }
 
-#[cfg(not(target_arch = "x86_64"))]
+/// NEON belongs to the architecture. (Its lanes are numbered as they lie in memory, which they do in little-endian memory
+/// alone.)
+#[cfg(target_arch = "aarch64")]
+fn detect() -> Level {
+    if cfg!(target_endian = "little") { Level::Neon } else { Level::Scalar }
+}
+
+#[cfg(not(any(target_arch = "x86_64", target_arch = "aarch64")))]
 fn detect() -> Level {
     Level::Scalar
 }
@@ -156,6 +193,11 @@ pub fn dispatch_wide_at<K: WideKernel>(level: Level, kernel: K) -> K::Output {
         // SAFETY: as above, for `run_wide_avx2`.
         Level::Avx2 => return unsafe { run_wide_avx2(kernel) },
         Level::Scalar => {}
+    }
+    #[cfg(target_arch = "aarch64")]
+    if level.min(best_level()) == Level::Neon {
+        // SAFETY: `best_level` saw that the CPU has NEON, which is what the whole program is compiled with.
+        return kernel.run(unsafe { neon::Neon::new() });
     }
     let _ = level;
     kernel.run(ScalarWide)

@@ -1,5 +1,7 @@
 //! Tables that loops look numbers up in.
 
+use super::line::prefetch;
+
 /// A list without a bounds check at each lookup, which would keep loops from being vectorised: an index beyond the end
 /// means the last element.
 #[derive(Debug)]
@@ -38,16 +40,7 @@ impl<'a, T: Copy> Table<'a, T> {
     /// Asks the CPU to bring the element at an index into its caches. Any index is allowed: it is only a hint.
     #[inline(always)]
     pub fn prefetch(self, index: u32) {
-        #[cfg(target_arch = "x86_64")]
-        {
-            let element = self.values.as_ptr().wrapping_add(index as usize);
-            // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
-            unsafe {
-                core::arch::x86_64::_mm_prefetch::<{ core::arch::x86_64::_MM_HINT_T0 }>(element.cast())
-            };
-        }
-        #[cfg(not(target_arch = "x86_64"))]
-        let _ = index;
+        prefetch(self.values.as_ptr().wrapping_add(index as usize).cast());
     }
 }
 

@@ -1,6 +1,6 @@
-//! The vector operations that traversal needs, behind one trait: a scalar twin here, x86 registers in [`super::x86`].
-//! They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds alike
-//! on all levels.
+//! The vector operations that traversal needs, behind one trait: a scalar twin here, registers of x86 and NEON in files of
+//! their own. They may differ in how much too much they accept, never in what is found: hits are decided by code that rounds
+//! alike on all levels.
 
 use super::block::{self, BlockQuery, TriangleBlock};
 use super::each::map_each;

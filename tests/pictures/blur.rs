@@ -255,7 +255,7 @@ fn a_part_is_as_in_the_whole_and_so_are_threads() {
         limit_level(level);
         assert_eq!(picture(&scene, &options).rgba(), whole.rgba(), "{}", level.name());
     }
-    limit_level(Level::Avx512);
+    limit_level(Level::HIGHEST);
     let alone = oscura::render::in_pool(Some(1), || picture(&scene, &options)).expect("a thread");
     assert_eq!(alone.rgba(), whole.rgba());
 }

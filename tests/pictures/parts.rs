@@ -74,13 +74,13 @@ fn seven_ranges_of_five_regions_from_all_levels_and_threads() {
                 let region = Region { x0: 0, y0, x1: 48, y1 };
                 let own = options.sample_range(samples).region(region);
                 let file = folder.path().join(format!("{reuse}-{i}-{k}.part").replace('/', "_"));
-                limit_level([Level::Scalar, Level::Avx2, Level::Avx512][(i + k) % 3]);
+                limit_level(Level::ALL[(i + k) % Level::ALL.len()]);
                 let threads = [1, 2, 7][(i + 2 * k) % 3];
                 in_pool(Some(threads), || write(&scene, &own, &file)).expect("the threads start");
                 files.push(file);
             }
         }
-        limit_level(Level::Avx512);
+        limit_level(Level::HIGHEST);
         // Shuffled.
         files.sort_by_key(|file| {
             file.to_string_lossy().bytes().map(u32::from).fold(7, |a, b| a * 31 % 977 + b)

@@ -243,7 +243,7 @@ fn layers_depend_on_no_machine_and_change_no_picture() {
             limit_level(level);
             assert!(bits(&one) == bits(&with(2)), "{reuse}: {}", level.name());
         }
-        limit_level(Level::Avx512);
+        limit_level(Level::HIGHEST);
         let plain = Renderer::new(scene.clone()).size(48, 48).samples(5).seed(1).filter(Filter::Box);
         let plain =
             plain.path_reuse(reuse.parse::<PathReuse>().expect("a choice")).render().expect("renders");

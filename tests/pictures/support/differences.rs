@@ -23,7 +23,7 @@ pub fn assert_same_bits(what: &str, scene: &Scene, options: &RenderOptions) {
         limit_level(level);
         assert!(one == with(2), "{what}: {}", level.name());
     }
-    limit_level(Level::Avx512);
+    limit_level(Level::HIGHEST);
 }
 
 /// Mean squared difference of two seeds.

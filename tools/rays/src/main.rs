@@ -18,7 +18,7 @@ use world::World;
 
 const USAGE: &str =
     "usage: oscura-rays --tri F.tri --rays F.rays --mode closest|any [--threads N] [--reps N] \
-[--level avx512|avx2|scalar] [--batch N] [--hits out.hits]
+[--level avx512|avx2|neon|scalar] [--batch N] [--hits out.hits]
        oscura-rays --make cornell|rocks|terrain|FILE.obj --out DIR
        oscura-rays --table cornell,rocks,terrain,field [--reps N] [--level ...] [--batch N]
        --tree fast|full with either";
@@ -98,7 +98,8 @@ fn tree(name: &str) -> Result<TreeQuality> {
 
 fn level(name: &str) -> Result<Level> {
     let level = Level::ALL.into_iter().find(|level| level.name() == name);
-    let level = level.ok_or_else(|| format!("--level: {name:?} is not avx512, avx2 or scalar"))?;
+    let names = Level::ALL.map(Level::name).join(", ");
+    let level = level.ok_or_else(|| format!("--level: {name:?} is none of {names}"))?;
     if level.is_available() { Ok(level) } else { Err(format!("--level: this CPU has no {name}")) }
 }
 
