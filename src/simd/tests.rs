@@ -1,5 +1,8 @@
 //! Each vector operation on every level of this CPU against its scalar twin, on plain and on special numbers.
 
+// Lanes count in several arrays at once.
+#![allow(clippy::needless_range_loop)]
+
 use super::*;
 
 /// A small generator of numbers for tests (PCG, O'Neill 2014).
