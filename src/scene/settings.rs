@@ -33,6 +33,8 @@ pub struct ShadingModel {
     pub energy_compensation: EnergyCompensation,
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fresnel: FresnelModel,
+    /// Paths carry wavelengths instead of red, green and blue.
+    pub spectral: bool,
 }
 
 /// Rendering settings that a scene file may carry.
@@ -54,6 +56,8 @@ pub struct Settings {
     pub energy_compensation: Option<EnergyCompensation>,
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fresnel: Option<FresnelModel>,
+    /// Whether paths carry wavelengths instead of red, green and blue.
+    pub spectral: Option<bool>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
     /// Names of further channels to record.
@@ -73,6 +77,7 @@ impl Settings {
             filter: self.filter.or(other.filter),
             energy_compensation: self.energy_compensation.or(other.energy_compensation),
             fresnel: self.fresnel.or(other.fresnel),
+            spectral: self.spectral.or(other.spectral),
             exposure: self.exposure.or(other.exposure),
             aovs: self.aovs.clone().or_else(|| other.aovs.clone()),
         }
@@ -83,6 +88,7 @@ impl Settings {
         ShadingModel {
             energy_compensation: self.energy_compensation.unwrap_or_default(),
             fresnel: self.fresnel.unwrap_or_default(),
+            spectral: self.spectral.unwrap_or_default(),
         }
     }
 }

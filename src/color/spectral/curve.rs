@@ -42,7 +42,8 @@ impl Curve {
         /// Second radiation constant, nanometres times kelvins (CODATA 2018).
         const C2: f64 = 1.438_776_877e7;
         // Relative to 560 nm, where it neither over- nor underflows.
-        let power = |nm: f64| (560.0 / nm).powi(5) * (C2 / (560.0 * kelvin)).exp_m1() / (C2 / (nm * kelvin)).exp_m1();
+        let power =
+            |nm: f64| (560.0 / nm).powi(5) * (C2 / (560.0 * kelvin)).exp_m1() / (C2 / (nm * kelvin)).exp_m1();
         Curve::new(|nm| power(nm) / daylight(nm)).of_luminance(of_luminance)
     }
 
@@ -82,7 +83,9 @@ mod tests {
     #[test]
     fn curves_are_straight_between_and_constant_beyond() {
         let curve = Curve::share(&[(400.0, 0.2), (500.0, 0.4), (600.0, 0.0)]);
-        for (nm, value) in [(380.0, 0.2), (400.0, 0.2), (450.5, 0.301), (500.0, 0.4), (575.0, 0.1), (700.0, 0.0)] {
+        for (nm, value) in
+            [(380.0, 0.2), (400.0, 0.2), (450.5, 0.301), (500.0, 0.4), (575.0, 0.1), (700.0, 0.0)]
+        {
             assert!((curve.at(nm) - value).abs() < 1e-6, "{nm}: {}", curve.at(nm));
         }
     }

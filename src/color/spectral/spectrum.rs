@@ -9,7 +9,7 @@ use crate::color::Rgb;
 use std::sync::Arc;
 
 /// A spectrum, relative to D65 where it is light.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Spectrum {
     /// The same at all wavelengths.
     Grey(f32),

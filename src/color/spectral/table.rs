@@ -29,8 +29,10 @@ pub(super) fn table() -> &'static Table {
     TABLE.get_or_init(|| {
         let levels = levels();
         let rows: Vec<(usize, usize)> = (0..3).flat_map(|m| (0..NODES).map(move |y| (m, y))).collect();
-        let columns: Vec<Vec<Sigmoid>> =
-            rows.into_par_iter().flat_map_iter(|(m, y)| (0..NODES).map(move |x| column(&levels, m, y, x))).collect();
+        let columns: Vec<Vec<Sigmoid>> = rows
+            .into_par_iter()
+            .flat_map_iter(|(m, y)| (0..NODES).map(move |x| column(&levels, m, y, x)))
+            .collect();
         // From columns to planes of one level.
         let at = |i: usize| {
             let (m, level, rest) = (i / NODES.pow(3), i / NODES.pow(2) % NODES, i % NODES.pow(2));

@@ -209,7 +209,9 @@ mod tests {
             [x / (x + y + z), y / (x + y + z)]
         };
         let line = |nm: f64| f64::from(u8::from((nm - 520.0).abs() < 0.1)) / daylight(nm);
-        for (found, expected) in [(xyz(&line), [0.0743, 0.8338]), (xyz(&|nm| 1.0 / daylight(nm)), [1.0 / 3.0; 2])] {
+        for (found, expected) in
+            [(xyz(&line), [0.0743, 0.8338]), (xyz(&|nm| 1.0 / daylight(nm)), [1.0 / 3.0; 2])]
+        {
             assert!((0..2).all(|c| (found[c] - expected[c]).abs() < 6e-4), "{found:?} {expected:?}");
         }
     }

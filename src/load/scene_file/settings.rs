@@ -9,6 +9,7 @@
 //! | `filter` | `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering | |
 //! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
+//! | `spectral` | `true` renders by wavelength, as `--spectral` | |
 //! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
 //! | `exposure` | exposure of the PNG in stops | -100 to 100 |
 
@@ -41,6 +42,7 @@ pub(super) fn read(fields: &Fields) -> Settings {
             .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
         fresnel: fields
             .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
+        spectral: fields.has("spectral").then(|| fields.flag("spectral", false)),
         aovs: names(fields, "aovs"),
         exposure: fields.has("exposure").then(|| fields.number_in("exposure", -100.0..100.0, 0.0) as f32),
     };

@@ -110,7 +110,7 @@ fn bsdf(random: &mut Random) -> Bsdf {
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let shading = ShadingModel { energy_compensation, fresnel };
+    let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
     let mut bsdf = BsdfProgram::of(&model(random), shading).evaluate(&Factors, &frame);
     if random.next() < 0.1 {
         // Solids within denser ones.
