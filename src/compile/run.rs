@@ -73,7 +73,7 @@ pub(super) fn compile_after(
 
     let mut emitters = emitters::find(&geometries, &materials);
     moving_emitters::add(&mut emitters, &geometries, &materials);
-    let light_spectra = spectral::of_lights(&emitters, &geometries, &materials, options.shading);
+    let light_spectra = spectral::of_lights(scene, &emitters, &geometries, &materials, options.shading);
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };

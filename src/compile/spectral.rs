@@ -3,9 +3,10 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::material::CompiledMaterial;
+use crate::color::Rgb;
 use crate::color::spectral::Spectrum;
 use crate::error::{Problem, Warning};
-use crate::scene::{Medium, Model, Scene, ShadingModel};
+use crate::scene::{Environment, Medium, Model, Scene, ShadingModel};
 use std::sync::Arc;
 
 /// What pictures by wavelength can't show.
@@ -63,6 +64,7 @@ pub(super) fn warn(scene: &Scene, warnings: &mut Vec<Warning>) {
 
 /// The spectra of the lights that shine the same everywhere, by number; empty where pictures are not rendered by wavelength.
 pub(super) fn of_lights(
+    scene: &Scene,
     emitters: &Emitters,
     geometries: &Geometries,
     materials: &[CompiledMaterial],
@@ -71,9 +73,19 @@ pub(super) fn of_lights(
     if !shading.spectral {
         return Vec::new();
     }
+    let of_color = |rgb: [f32; 3]| match Spectrum::of_light(Rgb::from_array(rgb)) {
+        Spectrum::Grey(_) => None,
+        spectrum => Some(Arc::new(spectrum)),
+    };
     let mut spectra = vec![None; emitters.lights.len()];
     for (light, _, material) in emitters.owners(geometries) {
         spectra[light].clone_from(&materials[material as usize].light_spectrum);
     }
+    spectra.extend(scene.lights.iter().map(|light| of_color(light.intensity)));
+    // The environment is the last one.
+    spectra.extend(match scene.environment {
+        Environment::Constant(rgb) => Some(of_color(rgb)),
+        _ => None,
+    });
     spectra
 }

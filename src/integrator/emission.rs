@@ -117,7 +117,7 @@ impl Integrator<'_> {
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
-            let radiance = self.lanes_of_light(radiance, None, w.times.waves(path.sample[i]));
+            let radiance = self.lanes_of_light(radiance, Some(light), w.times.waves(path.sample[i]));
             w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
                 way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
                 group: self.scene.light_groups.of_light(light),

