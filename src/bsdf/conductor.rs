@@ -3,6 +3,7 @@
 use super::microsurface::{Facets, Microsurface};
 use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, fresnel, ggx};
 use crate::color::Rgb;
+use crate::color::spectral::{Metal, Wavelengths};
 use crate::math::Vec3;
 use crate::scene::{EnergyCompensation, FloatSlot};
 
@@ -100,10 +101,22 @@ pub struct ConductorProgram {
     pub eta: Rgb,
     /// See [`Conductor::k`].
     pub k: Rgb,
+    /// Whose they are, if their values at all wavelengths are known.
+    pub metal: Option<Metal>,
     /// Perceptual roughness.
     pub roughness: FloatSlot,
     /// See [`Conductor::energy_compensation`].
     pub energy_compensation: EnergyCompensation,
+}
+
+/// An index given by channel at other wavelengths: straight between those at which the primaries of Rec. 709 dominate, 464.2, 549.1
+/// and 611.4 nm, and constant beyond.
+fn between_channels(index: Rgb, waves: &Wavelengths) -> Rgb {
+    let mix = |from: f32, to: f32, share: f32| from + (to - from) * share.clamp(0.0, 1.0);
+    waves.map(|nm| match nm {
+        nm if nm < 549.1 => mix(index.b, index.g, (nm - 464.2) / (549.1 - 464.2)),
+        nm => mix(index.g, index.r, (nm - 549.1) / (611.4 - 549.1)),
+    })
 }
 
 impl MaterialProgram for ConductorProgram {
@@ -111,9 +124,14 @@ impl MaterialProgram for ConductorProgram {
 
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Conductor {
+        let [eta, k] = match (slots.wavelengths(), self.metal) {
+            (None, _) => [self.eta, self.k],
+            (Some(waves), Some(metal)) => metal.index(waves),
+            (Some(waves), None) => [self.eta, self.k].map(|index| between_channels(index, waves)),
+        };
         Conductor {
-            eta: self.eta,
-            k: self.k,
+            eta,
+            k,
             surface: Microsurface::isotropic(slots.alpha(&self.roughness)),
             energy_compensation: self.energy_compensation,
         }

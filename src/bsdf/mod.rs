@@ -123,6 +123,15 @@ impl BsdfProgram {
         }
     }
 
+    /// Does it depend on the wavelength, though its colours don't?
+    pub fn depends_on_wavelength(&self) -> bool {
+        match self {
+            BsdfProgram::Conductor(_) => true,
+            BsdfProgram::Layered(layered) => layered.has_film(),
+            _ => false,
+        }
+    }
+
     /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
         let energy_compensation = shading.energy_compensation;
@@ -141,7 +150,8 @@ impl BsdfProgram {
             Model::SchlickMetal { color, roughness } => {
                 SchlickMetalProgram { color: *color, roughness: *roughness, energy_compensation }.into()
             }
-            Model::Conductor { eta, k, roughness } => ConductorProgram {
+            Model::Conductor { eta, k, metal, roughness } => ConductorProgram {
+                metal: *metal,
                 eta: Rgb::from_array(*eta),
                 k: Rgb::from_array(*k),
                 roughness: *roughness,

@@ -2,6 +2,7 @@
 
 use super::Lobe;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::math::{Vec2, Vec3};
 use crate::scene::{ColorSlot, FloatSlot};
 
@@ -20,6 +21,12 @@ pub trait Slots {
     fn color(&self, slot: &ColorSlot) -> Rgb;
     /// A number.
     fn number(&self, slot: &FloatSlot) -> f32;
+
+    /// The wavelengths that the channels of colours stand for; `None` where they are red, green and blue.
+    #[inline(always)]
+    fn wavelengths(&self) -> Option<&Wavelengths> {
+        None
+    }
 
     /// A colour within 0..1.
     #[inline(always)]

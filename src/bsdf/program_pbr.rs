@@ -151,6 +151,11 @@ impl LayeredProgram {
 }
 
 impl LayeredProgram {
+    /// Is there a thin film?
+    pub(super) fn has_film(&self) -> bool {
+        self.iridescence.is_some()
+    }
+
     /// Is it a thin wall that light passes without being blurred?
     pub(super) fn is_smooth_sheet(&self) -> bool {
         self.transmission.is_some() && self.walls == Walls::Thin && always(&self.facets.roughness, 0.0)
@@ -210,5 +215,10 @@ fn film(iridescence: &Iridescence, slots: &impl Slots) -> ThinFilm {
     let Iridescence { factor, ior, thickness_min_nm, thickness_max_nm, thickness_texture } = *iridescence;
     let blend = slots.share(&FloatSlot { factor: 1.0, texture: thickness_texture });
     let thickness_nm = thickness_min_nm + (thickness_max_nm - thickness_min_nm) * blend;
-    ThinFilm { factor: slots.share(&factor), ior: ior.max(1.0), thickness_nm: thickness_nm.max(0.0) }
+    ThinFilm {
+        factor: slots.share(&factor),
+        ior: ior.max(1.0),
+        thickness_nm: thickness_nm.max(0.0),
+        wavelengths_nm: slots.wavelengths().map_or([0.0; 3], |waves| waves.nm),
+    }
 }

@@ -21,11 +21,14 @@ pub struct ThinFilm {
     pub ior: f32,
     /// Its thickness in nanometres.
     pub thickness_nm: f32,
+    /// The wavelengths that the channels stand for; 0 where they are red, green and blue.
+    pub wavelengths_nm: [f32; 3],
 }
 
 impl ThinFilm {
     /// No film.
-    pub const NONE: ThinFilm = ThinFilm { factor: 0.0, ior: 1.3, thickness_nm: 0.0 };
+    pub const NONE: ThinFilm =
+        ThinFilm { factor: 0.0, ior: 1.3, thickness_nm: 0.0, wavelengths_nm: [0.0; 3] };
 
     /// The reflectance at normal incidence that stands for `f0` under the film, seen under a cosine.
     #[inline]
@@ -60,6 +63,13 @@ impl ThinFilm {
             let rs = t121 * t121 * r / (1.0 - r123);
             let mut value = r12 + rs;
             let mut term = rs - t121;
+            if self.wavelengths_nm[c] > 0.0 {
+                // The sum over all orders at one wavelength.
+                let (_, cosine) = poly::sin_cos((TAU * path_nm / self.wavelengths_nm[c] + phase) % TAU);
+                let orders = (round * cosine - r123) / (1.0 - 2.0 * round * cosine + r123);
+                sum[c] = value + term * 2.0 * orders;
+                continue;
+            }
             for order in 1..=2 {
                 term *= round;
                 let m = order as f32;
@@ -123,7 +133,7 @@ mod tests {
 
     #[test]
     fn no_film_changes_nothing() {
-        let film = ThinFilm { factor: 1.0, ior: 1.8, thickness_nm: 0.0 };
+        let film = ThinFilm { factor: 1.0, ior: 1.8, ..ThinFilm::NONE };
         for f0 in [0.02f32, 0.04, 0.3, 0.9] {
             for cosine in [1.0, 0.7, 0.3] {
                 let ior = (1.0 + f0.sqrt()) / (1.0 - f0.sqrt());
@@ -142,7 +152,7 @@ mod tests {
     /// Far beyond the coherence length only the incoherent sum is left.
     #[test]
     fn thick_films_have_no_colour() {
-        let film = ThinFilm { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0 };
+        let film = ThinFilm { factor: 1.0, ior: 1.4, thickness_nm: 60_000.0, ..ThinFilm::NONE };
         let r = film.reflectance(Rgb::splat(0.2), LayerFresnel::Schlick, 0.8);
         assert!(r.max_element() - r.min_element() < 1e-4, "{r}");
     }
@@ -180,11 +190,41 @@ mod tests {
                 }
             }
             let exact = RGB_FROM_XYZ.map(|row| (0..3).map(|i| f64::from(row[i]) * sums[i]).sum::<f64>());
-            let film = ThinFilm { factor: 1.0, ior: film_ior as f32, thickness_nm: thickness as f32 };
+            let film = ThinFilm {
+                factor: 1.0,
+                ior: film_ior as f32,
+                thickness_nm: thickness as f32,
+                ..ThinFilm::NONE
+            };
             let found = film.reflectance(Rgb::splat(base as f32), LayerFresnel::Schlick, 1.0).to_array();
             for c in 0..3 {
                 let error = (f64::from(found[c]) - exact[c].clamp(0.0, 1.0)).abs();
                 assert!(error < 0.02, "{film_ior} {thickness}: {found:?} {exact:?}");
+            }
+        }
+    }
+
+    /// By wavelength, against the Airy formula itself, for films denser and thinner than what is below.
+    #[test]
+    fn wavelengths_follow_the_airy_formula() {
+        for (film_ior, thickness, base) in
+            [(1.3f32, 300.0f32, 0.2f32), (1.8, 250.0, 0.04), (1.5, 4500.0, 0.5)]
+        {
+            let base_ior = (1.0 + base.sqrt()) / (1.0 - base.sqrt());
+            let (r1, r2) =
+                ((1.0 - film_ior) / (1.0 + film_ior), (film_ior - base_ior) / (film_ior + base_ior));
+            let wavelengths_nm = [412.0, 555.5, 701.0];
+            let film = ThinFilm { factor: 1.0, ior: film_ior, thickness_nm: thickness, wavelengths_nm };
+            let found = film.reflectance(Rgb::splat(base), LayerFresnel::Schlick, 1.0).to_array();
+            for (found, nm) in found.into_iter().zip(wavelengths_nm) {
+                let delta = std::f64::consts::TAU * f64::from(2.0 * film_ior * thickness / nm);
+                let (r1, r2) = (f64::from(r1), f64::from(r2));
+                let cross = 2.0 * r1 * r2 * delta.cos();
+                let airy = (r1 * r1 + r2 * r2 + cross) / (1.0 + r1 * r1 * r2 * r2 + cross);
+                assert!(
+                    (f64::from(found) - airy).abs() < 1e-4,
+                    "{film_ior} {thickness} {nm}: {found} {airy}"
+                );
             }
         }
     }

@@ -220,6 +220,9 @@ pub(crate) struct RenderArgs {
     /// How dielectric layers of glTF materials reflect more towards grazing incidence [default: exact].
     #[arg(long)]
     pub fresnel: Option<FresnelArg>,
+    /// Render by wavelength instead of red, green and blue.
+    #[arg(long)]
+    pub spectral: bool,
     /// Remedy for the jagged edge of self-shadowing on shapes with shading normals.
     #[arg(long, default_value = "soft")]
     pub terminator: TerminatorArg,

@@ -41,6 +41,7 @@ pub(crate) fn choices(args: &RenderArgs) -> Choices {
             filter,
             energy_compensation,
             fresnel,
+            spectral: args.spectral.then_some(true),
             exposure: args.exposure,
             ..Settings::default()
         },

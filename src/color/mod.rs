@@ -2,6 +2,7 @@
 
 mod primaries;
 mod rgb;
+pub mod spectral;
 mod white_balance;
 
 pub use primaries::Primaries;

@@ -37,11 +37,16 @@ impl Primaries {
     }
 
     /// XYZ of linear RGB, with a luminance of 1 for white (SMPTE RP 177-1993).
-    fn xyz_from_rgb(&self) -> Option<Matrix> {
+    pub(super) fn xyz_from_rgb(&self) -> Option<Matrix> {
         let columns = [self.red, self.green, self.blue].map(xyz);
         let rows = transposed(&columns);
         let amounts = apply(&inverse(&rows)?, xyz(self.white));
         Some(rows.map(|row| [0, 1, 2].map(|c| row[c] * amounts[c])))
+    }
+
+    /// Linear RGB of XYZ, as it is: white stays what it is.
+    pub(super) fn rgb_from_xyz(&self) -> Option<Matrix> {
+        inverse(&self.xyz_from_rgb()?)
     }
 
     /// The matrix on linear colours of this space that gives those of another, with its white for white: adapted as by Bradford

@@ -42,7 +42,7 @@ impl CompiledMaterial {
             MetalRough | SchlickMetal | Conductor if self.is_polished() || self.is_painted_metal() => {
                 Role::Sends
             }
-            _ => match self.constant {
+            _ => match self.alike() {
                 Some(bsdf) if bsdf.is_specular() && self.is_the_same_in_solids(bsdf) => Role::Sends,
                 _ => Role::Neither,
             },
@@ -55,7 +55,7 @@ impl CompiledMaterial {
     }
 
     fn is_polished(&self) -> bool {
-        let look = self.constant.map(|bsdf| bsdf.look());
+        let look = self.alike().map(|bsdf| bsdf.look());
         look.is_some_and(|look| look.diffuse.max_element() <= 0.0 && look.roughness <= MOST_ROUGHNESS)
     }
 

@@ -2,8 +2,10 @@
 
 use super::fold::{fold_color, fold_float, fold_model};
 use super::medium::{Medium, lets_light_in};
+use super::uplift;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
 use crate::color::Rgb;
+use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
@@ -12,6 +14,7 @@ use crate::scene::{
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
+use std::sync::Arc;
 
 /// A material as the integrator sees it.
 #[derive(Clone, Debug)]
@@ -20,10 +23,14 @@ pub struct CompiledMaterial {
     pub class: BsdfClass,
     /// The same BSDF everywhere.
     pub constant: Option<Bsdf>,
+    /// The same but for its colours, where pictures are rendered by wavelength.
+    pub example: Option<Bsdf>,
     /// Its albedo there; black otherwise.
     pub albedo: Rgb,
     /// Emission, if any.
     pub emission: Option<CompiledEmission>,
+    /// The spectrum of its emission, where pictures are rendered by wavelength and it is the same everywhere and not white.
+    pub light_spectrum: Option<Arc<Spectrum>>,
     /// Paths that come from behind pass it, as if it wasn't there.
     pub is_absent_from_behind: bool,
     /// A smooth thin sheet, which light passes straight on: light samples reach through it.
@@ -110,14 +117,45 @@ impl Slots for PointReader<'_> {
     }
 }
 
+/// The values of slots in the lanes of a path.
+struct ByWavelength<'a> {
+    slots: &'a PointReader<'a>,
+    waves: &'a Wavelengths,
+}
+
+impl Slots for ByWavelength<'_> {
+    #[inline]
+    fn color(&self, slot: &ColorSlot) -> Rgb {
+        let factor = Rgb::from_array(slot.factor);
+        match slot.texture {
+            None => uplifted_share(factor, self.waves),
+            Some(id) => self.slots.by_wavelength(id, factor, self.waves),
+        }
+    }
+
+    #[inline]
+    fn number(&self, slot: &FloatSlot) -> f32 {
+        self.slots.number(slot)
+    }
+
+    #[inline]
+    fn wavelengths(&self) -> Option<&Wavelengths> {
+        Some(self.waves)
+    }
+}
+
 impl CompiledMaterial {
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
         let is_absent_from_behind = !material.double_sided && !is_transmissive(&model);
         let program = BsdfProgram::of(&model, shading);
         let class = program.class();
-        let emission = material.emission.and_then(|e| {
-            let radiance = fold_color(e.radiance, textures);
+        let light = material.emission.map(|e| match shading.spectral {
+            true => uplift::of_light(e.radiance, textures),
+            false => (fold_color(e.radiance, textures), None),
+        });
+        let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
+        let emission = material.emission.zip(light).and_then(|(e, radiance)| {
             let beam = Beam::new(material.lamp.unwrap_or_default().beam);
             (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
                 radiance,
@@ -133,7 +171,9 @@ impl CompiledMaterial {
             ..Presence::FULL
         });
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
-        let is_textured = has_textures(&model);
+        let is_textured = has_textures(&model, textures);
+        let is_spectral =
+            shading.spectral && (has_spectra(&model, textures) || program.depends_on_wavelength());
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
@@ -146,16 +186,24 @@ impl CompiledMaterial {
             || emission.is_some_and(|e| e.radiance.texture.is_some())
             || alpha.is_some_and(|a| a.slot.texture.is_some());
         let is_constant = !is_textured && !uses_vertex_colors && !uses_frame;
-        let constant = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let example = is_constant.then(|| program.evaluate(&Factors, &LocalFrame::STRAIGHT));
+        let constant = example.filter(|_| !is_spectral);
+        let medium = Medium::of(&model, class, material.medium.as_ref());
         CompiledMaterial {
             class,
             constant,
+            example: example.filter(|_| is_spectral),
             albedo: constant.map_or(Rgb::ZERO, |b| b.albedo()),
             emission,
+            light_spectrum,
             // What passes would not take its light along.
-            passes_straight: program.may_pass_straight() && emission.is_none(),
+            // By wavelength paths find their way through sheets by themselves.
+            passes_straight: program.may_pass_straight() && emission.is_none() && !shading.spectral,
             is_absent_from_behind,
-            medium: Medium::of(&model, class, material.medium.as_ref()),
+            medium: match shading.spectral {
+                true => medium.map(|medium| medium.by_wavelength(&model)),
+                false => medium,
+            },
             is_boundary: matches!(model, Model::Boundary {}),
             medium_index: 0,
             normal_map,
@@ -167,6 +215,11 @@ impl CompiledMaterial {
             coat_normal_map,
             program,
         }
+    }
+
+    /// Its BSDF, which is the same everywhere but for colours by wavelength.
+    pub fn alike(&self) -> Option<Bsdf> {
+        self.constant.or(self.example)
     }
 
     /// The same material of objects with traits.
@@ -221,6 +274,21 @@ impl CompiledMaterial {
         }
         let bsdf = self.program.evaluate(slots, frame);
         if self.uses_vertex_colors { bsdf.tinted(vertex_color) } else { bsdf }
+    }
+
+    /// The BSDF at a point in the lanes of a path.
+    pub fn bsdf_by_wavelength(
+        &self,
+        slots: &PointReader<'_>,
+        frame: &LocalFrame,
+        vertex_color: Rgb,
+        waves: &Wavelengths,
+    ) -> Bsdf {
+        if let Some(bsdf) = self.constant {
+            return bsdf;
+        }
+        let bsdf = self.program.evaluate(&ByWavelength { slots, waves }, frame);
+        if self.uses_vertex_colors { bsdf.tinted(uplifted_share(vertex_color, waves)) } else { bsdf }
     }
 
     /// The shading normal at a point, from the normal map if there is one. It stays on the outer side of the surface.
@@ -327,8 +395,19 @@ fn is_transmissive(model: &Model) -> bool {
     }
 }
 
-fn has_textures(model: &Model) -> bool {
+/// Are there textures that differ from place to place?
+fn has_textures(model: &Model, textures: &CompiledTextures) -> bool {
+    let differs = |id| textures.spectrum(id).is_none();
     let mut found = false;
-    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some());
+    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(differs));
+    found
+}
+
+/// Are there spectra?
+fn has_spectra(model: &Model, textures: &CompiledTextures) -> bool {
+    let mut found = false;
+    model.visit("", &mut |_, parameter| {
+        found |= parameter.texture().is_some_and(|id| textures.spectrum(id).is_some());
+    });
     found
 }

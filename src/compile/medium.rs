@@ -3,6 +3,7 @@
 use super::scattering::Scattering;
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
+use crate::color::spectral::{Spectrum, Wavelengths};
 use crate::math::poly;
 use crate::scene::{self, Model, PbrMaterial, Transmission};
 
@@ -21,12 +22,29 @@ pub struct Medium {
     pub is_boundary: bool,
     /// Where solids overlap the one of the highest priority counts.
     pub priority: i32,
+    /// What it does to each wavelength; where pictures are rendered by wavelength and it does not treat all alike.
+    pub spectra: Option<MediumSpectra>,
+}
+
+/// A medium by wavelength.
+#[derive(Clone, Debug, PartialEq)]
+pub struct MediumSpectra {
+    /// Index of refraction of a dispersive one: these are A and B, with wavelengths in micrometres, of Cauchy's A + B / l^2.
+    cauchy: Option<[f32; 2]>,
+    /// What of light is left after a way of so many metres.
+    left: Option<(Spectrum, f32)>,
 }
 
 impl Medium {
     /// What surrounds the scene.
-    pub const AIR: Medium =
-        Medium { iors: Some([1.0; 3]), absorption: None, scattering: None, is_boundary: false, priority: 0 };
+    pub const AIR: Medium = Medium {
+        iors: Some([1.0; 3]),
+        absorption: None,
+        scattering: None,
+        is_boundary: false,
+        priority: 0,
+        spectra: None,
+    };
 
     /// What a material's solids are filled with; `None` for opaque and thin-walled ones.
     pub(super) fn of(model: &Model, class: BsdfClass, filling: Option<&scene::Medium>) -> Option<Medium> {
@@ -54,6 +72,46 @@ impl Medium {
                 let iors = dispersion(pbr).unwrap_or([pbr.ior; 3]);
                 has_inside.then(|| Medium { absorption: absorption(pbr), ..clear(relative_to_air(iors)) })
             }
+        }
+    }
+
+    /// The same for pictures that are rendered by wavelength.
+    pub(super) fn by_wavelength(self, model: &Model) -> Medium {
+        let pbr = model.pbr();
+        let cauchy = pbr.filter(|_| self.iors.is_some()).and_then(|pbr| {
+            let b = spread(pbr)?;
+            Some([(f64::from(pbr.ior) - b * inverse_square(D_LINE_NM)) as f32, b as f32])
+        });
+        let left = self.absorption.filter(|a| a.max_element() > a.min_element()).map(|absorption| {
+            // The way whose colour the file gives; else that after which some third is left.
+            let given = pbr.map_or(0.0, |pbr| pbr.attenuation_distance);
+            let way = if given > 0.0 && given.is_finite() { given } else { 1.0 / absorption.mean() };
+            (Spectrum::of_share((absorption * -way).map(poly::exp)), way)
+        });
+        let spectra = (cauchy.is_some() || left.is_some()).then_some(MediumSpectra { cauchy, left });
+        Medium { spectra, ..self }
+    }
+
+    /// Its indices of refraction in the lanes of a path.
+    #[inline]
+    pub fn iors_at(&self, waves: Option<&Wavelengths>) -> Option<[f32; 3]> {
+        let cauchy = self.spectra.as_ref().and_then(|spectra| spectra.cauchy);
+        match (waves, cauchy) {
+            (Some(waves), Some([a, b])) => Some(waves.nm.map(|nm| (a + b * 1e6 / (nm * nm)).max(1.0))),
+            _ => self.iors,
+        }
+    }
+
+    /// What is left of light in the lanes of a path after a way through the medium, in metres.
+    #[inline]
+    pub fn transmittance_at(&self, distance: f32, waves: Option<&Wavelengths>) -> Rgb {
+        let left = self.spectra.as_ref().and_then(|spectra| spectra.left.as_ref());
+        match (waves, left) {
+            (Some(waves), Some((spectrum, way))) => {
+                let depth = spectrum.at(waves).map(|left| poly::ln(left.max(f32::MIN_POSITIVE)));
+                (depth * (distance / way)).map(|depth| if depth > -87.0 { poly::exp(depth) } else { 0.0 })
+            }
+            _ => self.transmittance(distance),
         }
     }
 
@@ -88,14 +146,26 @@ fn absorption(pbr: &PbrMaterial) -> Option<Rgb> {
 /// F and C lines (486.1 and 656.3 nm). The channels stand for the wavelengths at which the primaries of
 /// Rec.709 dominate: 611.4, 549.1 and 464.2 nm.
 fn dispersion(pbr: &PbrMaterial) -> Option<[f32; 3]> {
+    let b = spread(pbr)?;
+    let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(D_LINE_NM));
+    Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
+}
+
+/// At which indices of refraction are given.
+const D_LINE_NM: f64 = 587.6;
+
+/// Per square micrometre.
+fn inverse_square(nm: f64) -> f64 {
+    1e6 / (nm * nm)
+}
+
+/// Its B.
+fn spread(pbr: &PbrMaterial) -> Option<f64> {
     if pbr.transmission.factor <= 0.0 || pbr.dispersion <= 0.0 || pbr.ior <= 0.0 {
         return None;
     }
-    let inverse_square = |nm: f64| 1e6 / (nm * nm);
     let spread = (f64::from(pbr.ior) - 1.0) * f64::from(pbr.dispersion) / 20.0;
-    let b = spread / (inverse_square(486.1) - inverse_square(656.3));
-    let at = |nm: f64| f64::from(pbr.ior) + b * (inverse_square(nm) - inverse_square(587.6));
-    Some([611.4, 549.1, 464.2].map(|nm| at(nm).max(1.0) as f32))
+    Some(spread / (inverse_square(486.1) - inverse_square(656.3)))
 }
 
 /// Does light pass the surface?

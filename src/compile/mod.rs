@@ -24,8 +24,10 @@ mod reuse;
 mod run;
 mod scattering;
 mod scene;
+mod spectral;
 mod tangents;
 mod tree;
+mod uplift;
 mod vectors;
 mod view;
 

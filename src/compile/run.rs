@@ -13,6 +13,8 @@ use super::moving_emitters;
 use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
+use super::spectral;
+use super::uplift;
 use super::vectors::Vectors;
 use crate::accel::BuildStats;
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
@@ -52,12 +54,17 @@ pub(super) fn compile_after(
     let anchor = options.anchor.unwrap_or_else(|| default_anchor(scene));
     let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
+    if options.shading.spectral {
+        check(spectral::problems(scene))?;
+        spectral::warn(scene, &mut report.warnings);
+    }
     let textures = match kept.textures.take() {
         Some(textures) => textures.moved(anchor.as_vec3()),
         None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
     };
+    let mut textures = textures.with_spectra(&scene.textures, options.shading.spectral);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
-    let (materials, media, classes) = materials(scene, (anchor, &textures), options.shading, warnings);
+    let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
     check_size(scene, &plan)?;
@@ -66,6 +73,7 @@ pub(super) fn compile_after(
 
     let mut emitters = emitters::find(&geometries, &materials);
     moving_emitters::add(&mut emitters, &geometries, &materials);
+    let light_spectra = spectral::of_lights(scene, &emitters, &geometries, &materials, options.shading);
     let light_groups = LightGroups::of(scene, &emitters, &geometries);
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
@@ -92,6 +100,7 @@ pub(super) fn compile_after(
         textures,
         lights,
         light_groups,
+        light_spectra,
         light_kinds,
         caught_lights,
         own_materials: scene.materials.len() as u32,
@@ -126,13 +135,16 @@ fn environment(
 /// The materials, with the copies that objects have for themselves; the media of solids; and which objects have copies.
 fn materials(
     scene: &Scene,
-    (anchor, textures): (DVec3, &CompiledTextures),
+    (anchor, textures): (DVec3, &mut CompiledTextures),
     shading: ShadingModel,
     warnings: &mut Vec<Warning>,
 ) -> (Vec<CompiledMaterial>, Vec<Medium>, Classes) {
     let replaced = media::without_bodies(scene, warnings);
     let replaced = scene.materials.iter().zip(&replaced).map(|(m, other)| other.as_ref().unwrap_or(m));
-    let compiled = |m| CompiledMaterial::new(m, textures, shading);
+    let compiled = |m| match shading.spectral {
+        true => CompiledMaterial::new(&uplift::with_spectra(m, textures), textures, shading),
+        false => CompiledMaterial::new(m, textures, shading),
+    };
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
     let media = media::number(scene, anchor, &mut materials, warnings);
     let classes = Classes::of(scene);

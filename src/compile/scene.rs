@@ -11,11 +11,13 @@ use super::tree::Tree;
 use super::vectors::Vectors;
 use crate::accel::{Accel, TreeQuality};
 use crate::bsdf::ShadingModel;
+use crate::color::spectral::Spectrum;
 use crate::error::Warning;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
 use crate::scene::{RayKinds, Scene, ShapeTag};
 use crate::texture::CompiledTextures;
+use std::sync::Arc;
 
 /// What to compile for.
 #[derive(Clone, Copy, Debug, Default)]
@@ -77,6 +79,8 @@ pub struct CompiledScene {
     pub lights: Lights,
     /// Which group each is in.
     pub light_groups: LightGroups,
+    /// Their spectra, by number; see [`CompiledScene::spectrum_of_light`].
+    pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,
     /// What each lights, by number; empty where all light everything.
     pub(super) light_kinds: Vec<RayKinds>,
     /// By light: is it left out where the effect of objects on shadow catchers is told? Empty without catchers.
@@ -145,6 +149,12 @@ impl CompiledScene {
     #[inline]
     pub fn kinds_of_light(&self, index: u32) -> RayKinds {
         self.light_kinds.get(index as usize).copied().unwrap_or(RayKinds::ALL)
+    }
+
+    /// The spectrum of light `index`, where pictures are rendered by wavelength and it shines the same everywhere and not white.
+    #[inline]
+    pub fn spectrum_of_light(&self, index: u32) -> Option<&Spectrum> {
+        self.light_spectra.get(index as usize).and_then(Option::as_deref)
     }
 
     /// Is light `index` left out where the effect of objects on shadow catchers is told?

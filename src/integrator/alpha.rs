@@ -167,7 +167,8 @@ impl Integrator<'_> {
                         }
                     }
                 }
-                self.cross_with_light(i, &shadow_rays[k], (&hit, time), shadow_ways.get_mut(k), light);
+                let (way, waves) = (shadow_ways.get_mut(k), times.waves(path.sample[i]));
+                self.cross_with_light(i, &shadow_rays[k], (&hit, time), way, light, waves);
                 self.step_past(&mut shadow_rays[k], &hit, time);
                 true
             });

@@ -107,6 +107,7 @@ impl<const COMPENSATES: bool, const EXACT: bool> Kernel for Prepare<'_, COMPENSA
         let shading = ShadingModel {
             energy_compensation: if COMPENSATES { EnergyCompensation::On } else { EnergyCompensation::Off },
             fresnel: if EXACT { FresnelModel::Exact } else { FresnelModel::Schlick },
+            spectral: false,
         };
         let range = self.range.start..self.range.end.min(WAVE);
         // The second loop looks up tables, and has nothing else in it because that does not vectorise.

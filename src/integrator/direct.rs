@@ -31,7 +31,7 @@ impl Integrator<'_> {
         }
         let features = &self.scene.features;
         if (features.absorption || features.scattering) && !features.boundaries {
-            self.absorb_light(sorted, &mut w.wave);
+            self.absorb_light(sorted, &mut w.wave, &w.times);
         }
         self.trace_shadow_rays(bounce, sorted, w);
     }

@@ -6,7 +6,6 @@ use super::layers::{Origin, Way, way_of_path};
 use super::surface::HitPoint;
 use super::wave::Scratch;
 use super::workspace::Workspace;
-use crate::bsdf::Slots;
 use crate::color::Rgb;
 use crate::light::{
     EnvironmentLight, ImageMap, Lights, Receiver, SelectedSun, TexelPosition, solid_angle_density,
@@ -24,14 +23,7 @@ impl Integrator<'_> {
         if self.is_left_to_lamps(bounce, i, self.scene.light_at(hit), w) {
             return;
         }
-        let radiance = match emission.radiance.texture {
-            None => Rgb::from_array(emission.radiance.factor),
-            Some(_) => {
-                // A point: light sampling, which this is weighted against, uses points too.
-                let at = self.scene.geometries.coordinates(surface, hit, false, *time);
-                self.slots(&at, surface, 0.0).color(&emission.radiance)
-            }
-        };
+        let radiance = self.emitted(at, w.times.waves(w.arriving.carried.sample[i]));
         let radiance = emission.beam.of(radiance, surface.ng, -w.rays[i].direction);
         let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
         let mut weight = 1.0;
@@ -76,7 +68,9 @@ impl Integrator<'_> {
                 if self.is_left_to_lamps(bounce, i, Some(selected.index), w) {
                     continue;
                 }
-                let value = get_rgb(&path.throughput, i) * sun.radiance * weight;
+                let waves = w.times.waves(path.sample[i]);
+                let radiance = self.lanes_of_light(sun.radiance, Some(selected.index), waves);
+                let value = get_rgb(&path.throughput, i) * radiance * weight;
                 w.sink.contribute(path.sample[i], value, || Origin {
                     way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
                     group: self.scene.light_groups.of_light(selected.index),
@@ -123,6 +117,7 @@ impl Integrator<'_> {
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
+            let radiance = self.lanes_of_light(radiance, Some(light), w.times.waves(path.sample[i]));
             w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
                 way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
                 group: self.scene.light_groups.of_light(light),

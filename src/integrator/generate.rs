@@ -37,6 +37,9 @@ impl Integrator<'_> {
         if self.is_moving() {
             self.start_times(w);
         }
+        if self.is_spectral() {
+            self.start_waves(w);
+        }
         let (paths, vertices) = (&mut *w.arriving, &w.wave.vertices);
         if self.parts.footprints {
             let (width, spread) = camera.pixel_cone();

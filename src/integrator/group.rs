@@ -143,7 +143,7 @@ impl Sorted {
 }
 
 /// The group of a material's vertices, on shapes that don't demand another.
-pub fn group_of(material: &CompiledMaterial) -> Group {
+pub fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> Group {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => Group::None,
@@ -158,9 +158,10 @@ pub fn group_of(material: &CompiledMaterial) -> Group {
         _ => {
             // What is smooth in air need not be within another solid.
             let stays_smooth = |b: Bsdf| material.medium_index == 0 || b.with_ior(2.0).is_specular();
-            let is_specular = material.constant.is_some_and(|b| b.is_specular() && stays_smooth(b));
+            let is_specular = material.alike().is_some_and(|b| b.is_specular() && stays_smooth(b));
             match material.class {
                 _ if is_specular => Group::Specular,
+                BsdfClass::MetalRough if by_wavelength && material.constant.is_none() => Group::MetalRough,
                 BsdfClass::MetalRough if material.uses_uv && !material.uses_vertex_colors => Group::Textured,
                 BsdfClass::MetalRough if is_plain && material.medium_index == 0 => Group::PlainMetalRough,
                 BsdfClass::MetalRough => Group::MetalRough,

@@ -10,10 +10,12 @@ use super::Integrator;
 use super::group::Sorted;
 use super::interior::Interior;
 use super::lanes::{get, get_rgb, set_rgb};
+use super::times::Times;
 use super::wave::{Carried, Paths, Vertices, Wave};
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, Dielectric};
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::compile::CompiledMaterial;
 use crate::math::Vec3;
 use crate::sampling::hash::{hash32, unit};
@@ -37,18 +39,19 @@ fn hidden(tint: Rgb) -> Bsdf {
 impl Integrator<'_> {
     /// Applies absorption to the ways to the hits. What ends nowhere in a solid was not closed, and absorbs nothing.
     pub(super) fn absorb(&self, w: &mut Workspace) {
-        let paths = &mut *w.arriving;
+        let (paths, times) = (&mut *w.arriving, &w.times);
         for (i, hit) in w.hits.iter().enumerate() {
             let medium = &self.scene.media[usize::from(paths.interior[i].medium())];
             if medium.absorption.is_some() && hit.is_hit() {
                 let throughput = get_rgb(&paths.carried.throughput, i);
-                set_rgb(&mut paths.carried.throughput, i, throughput * medium.transmittance(hit.t));
+                let left = medium.transmittance_at(hit.t, times.waves(paths.carried.sample[i]));
+                set_rgb(&mut paths.carried.throughput, i, throughput * left);
             }
         }
     }
 
     /// Applies absorption to the ways from vertices to the lights that were sampled.
-    pub(super) fn absorb_light(&self, sorted: &Sorted, wave: &mut Wave) {
+    pub(super) fn absorb_light(&self, sorted: &Sorted, wave: &mut Wave, times: &Times) {
         let Wave { paths, vertices: v, .. } = wave;
         for i in sorted.lit() {
             if get_rgb(&v.light.contribution, i).max_element() <= 0.0 {
@@ -56,7 +59,8 @@ impl Integrator<'_> {
             }
             let ray = (get(&v.light.origin, i), get(&v.light.direction, i));
             let end = if v.light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
-            let left = self.left_between(self.towards_light(sorted, paths, v, i), ray, 0.0, end);
+            let waves = times.waves(paths.carried.sample[i]);
+            let left = self.left_between(self.towards_light(sorted, paths, v, i), ray, [0.0, end], waves);
             if left != Rgb::ONE {
                 let contribution = get_rgb(&v.light.contribution, i);
                 set_rgb(&mut v.light.contribution, i, contribution * left);
@@ -81,25 +85,32 @@ impl Integrator<'_> {
         &self,
         interior: Interior,
         (origin, direction): (Vec3, Vec3),
-        from: f32,
-        to: f32,
+        [from, to]: [f32; 2],
+        waves: Option<&Wavelengths>,
     ) -> Rgb {
         let medium = &self.scene.media[usize::from(interior.medium())];
         match &medium.scattering {
             Some(scattering) => scattering.transmittance_between(origin, direction, from, to),
             None if medium.absorption.is_some() && to.is_finite() => {
-                medium.transmittance((to - from) * direction.length())
+                medium.transmittance_at((to - from) * direction.length(), waves)
             }
             None => Rgb::ONE,
         }
     }
 
     /// A path that knows of no solid hits one from behind: it must have been inside, and absorption applies.
-    pub(super) fn assume_inside(&self, material: &CompiledMaterial, way: f32, i: usize, paths: &mut Paths) {
+    pub(super) fn assume_inside(
+        &self,
+        material: &CompiledMaterial,
+        way: f32,
+        i: usize,
+        paths: &mut Paths,
+        waves: Option<&Wavelengths>,
+    ) {
         if paths.interior[i] == Interior::AIR {
             let medium = material.medium_index;
             paths.interior[i] = Interior::AIR.entered(medium);
-            let left = self.scene.media[usize::from(medium)].transmittance(way);
+            let left = self.scene.media[usize::from(medium)].transmittance_at(way, waves);
             let throughput = get_rgb(&paths.carried.throughput, i);
             set_rgb(&mut paths.carried.throughput, i, throughput * left);
         }
@@ -119,9 +130,9 @@ impl Integrator<'_> {
         bsdf: Bsdf,
         material: &CompiledMaterial,
         is_back: bool,
-        bounce: u32,
-        i: usize,
+        (bounce, i): (u32, usize),
         paths: &mut Paths,
+        waves: Option<&Wavelengths>,
     ) -> Boundary {
         let (here, own) = (paths.interior[i], material.medium_index);
         // A body may have several materials, one where it is entered and another where it is left: then what was entered
@@ -139,7 +150,7 @@ impl Integrator<'_> {
         }
         let media = &self.scene.media;
         let (inside, outside) = (&media[usize::from(medium)], &media[usize::from(outer.medium())]);
-        let (Some(inner_iors), Some(outer_iors)) = (inside.iors, outside.iors) else {
+        let (Some(inner_iors), Some(outer_iors)) = (inside.iors_at(waves), outside.iors_at(waves)) else {
             return Boundary { bsdf, is_inverted: false, beyond };
         };
         if inside.is_dispersive() || outside.is_dispersive() {

@@ -46,6 +46,7 @@ mod shadow;
 mod sheets;
 mod shutter;
 mod sink;
+mod spectra;
 mod split;
 mod surface;
 #[cfg(test)]
@@ -163,6 +164,9 @@ const PREPARED_BOUNCES: u32 = 32;
 /// The set of dimensions of the time: far from those of all bounces.
 const TIME_SET: u32 = 1 << 31;
 
+/// The set of dimensions of the wavelengths.
+const WAVELENGTH_SET: u32 = TIME_SET - 1;
+
 /// Bounces between two questions whether to stop; few paths see the first.
 const STOP_INTERVAL: u32 = 64;
 
@@ -183,13 +187,15 @@ enum Purpose {
     Flight,
     /// When it looks at the scene (1).
     Time,
+    /// Which wavelengths it carries (1).
+    Wavelength,
 }
 
 impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
-        let groups = scene.materials.iter().map(group_of).collect();
+        let groups = scene.materials.iter().map(|m| group_of(m, scene.shading.spectral)).collect();
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
         let left_out = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();
@@ -242,6 +248,9 @@ impl<'a> Integrator<'a> {
             }
             if !self.trace_wave(block, w, stop) || self.catches() && !self.trace_without(w, stop) {
                 return false;
+            }
+            if self.is_spectral() {
+                w.sink.to_rgb(w.times.all_waves());
             }
             let divides = w.sink.divides();
             for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
@@ -303,6 +312,9 @@ impl<'a> Integrator<'a> {
             }
             if !self.scene.lights.is_empty() {
                 self.sample_lights(bounce, &sorted, w);
+                if self.is_spectral() {
+                    self.take_lights_apart(&sorted, w);
+                }
                 self.leave_light_samples(bounce, &sorted, w);
                 self.direct_light(bounce, &sorted, w);
             }
@@ -345,6 +357,7 @@ impl<'a> Integrator<'a> {
             // Behind those of all bounces.
             Purpose::Flight => u32::MAX - bounce,
             Purpose::Time => TIME_SET,
+            Purpose::Wavelength => WAVELENGTH_SET,
         };
         self.dimensions.get(set as usize).copied().unwrap_or_else(|| Dimensions::new(set))
     }

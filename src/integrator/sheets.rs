@@ -83,7 +83,7 @@ impl Integrator<'_> {
         let wo = -ray.direction.normalize();
         let at = self.point_of(ray, *hit, index, time);
         // A point, as all that competes with light sampling.
-        let (bsdf, ns) = self.read_material(&at, 0.0, wo);
+        let (bsdf, ns) = self.read_material(&at, 0.0, wo, None);
         let ns = scattering_normal(ns, at.surface.ng, wo);
         bsdf.straight(Frame::from_normal(ns).to_local(wo))
     }

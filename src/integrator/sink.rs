@@ -3,6 +3,7 @@
 use super::lanes::WAVE;
 use super::layers::{Layers, Origin, Way};
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 
 /// Alphas are multiples of one over this: coarse enough that single floats hold all that occur, and sums in doubles of 2^31
 /// of them are exact.
@@ -181,6 +182,18 @@ impl Sink {
             self.parts[at] = with.to_array();
             self.parts[at + 1] = without.to_array();
             self.parts[at + 2] = [1.0; 3];
+        }
+    }
+
+    /// From what arrived in the lanes of paths to red, green and blue, by the wavelengths of the samples.
+    pub fn to_rgb(&mut self, waves: &[Wavelengths]) {
+        let count = self.layers.count();
+        for (i, waves) in waves.iter().enumerate().take(self.count) {
+            let [a, b, c, alpha] = self.samples[i];
+            let [red, green, blue] = waves.rgb([a, b, c]);
+            self.samples[i] = [red, green, blue, alpha];
+            self.plain.get_mut(i).into_iter().for_each(|plain| *plain = waves.rgb(*plain));
+            self.parts[i * count..(i + 1) * count].iter_mut().for_each(|part| *part = waves.rgb(*part));
         }
     }
 

@@ -13,6 +13,7 @@ use super::wave::Vertices;
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::compile::{CompiledMaterial, SurfaceCoordinates};
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::shape::Surface;
@@ -227,9 +228,11 @@ impl Integrator<'_> {
         let (material, is_back) = (at.material, at.is_back);
         let is_solid = material.medium_index != 0;
         if is_solid && is_back {
-            self.assume_inside(material, at.hit.t, i, &mut w.arriving);
+            let waves = w.times.waves(w.arriving.carried.sample[i]);
+            self.assume_inside(material, at.hit.t, i, &mut w.arriving, waves);
         }
-        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo);
+        let waves = w.times.waves(w.arriving.carried.sample[i]);
+        let (mut bsdf, ns) = self.read_material(&at, w.arriving.footprints.width[i], wo, waves);
         if material.passes_straight && w.arriving.carried.pdf[i] > 0.0 {
             bsdf = self.stop_at_sheet(bsdf, i, w);
         }
@@ -244,7 +247,8 @@ impl Integrator<'_> {
             self.emit(bounce, i, &at, w);
         }
         if is_solid {
-            let boundary = self.boundary(bsdf, material, is_back, bounce, i, &mut w.arriving);
+            let waves = w.times.waves(w.arriving.carried.sample[i]);
+            let boundary = self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves);
             (vertex.bsdf, vertex.beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 vertex.surface.ng = -vertex.surface.ng;
@@ -256,7 +260,8 @@ impl Integrator<'_> {
         }
         if bounce == 0 && self.first_hits.any() {
             let surface = Surface { material: w.materials[i], ..vertex.surface };
-            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf: &vertex.bsdf };
+            let shown = if self.is_spectral() { self.shown_bsdf(&at, wo) } else { vertex.bsdf };
+            let hit = FirstHit { hit: w.hits[i], time: at.time, surface, wo, bsdf: &shown };
             w.first_hits.record(w.arriving.carried.sample[i] as usize, &hit, &self.shown());
         }
         vertex
@@ -274,15 +279,21 @@ impl Integrator<'_> {
 
     /// The BSDF and the shading normal at a point, from textures, vertex colours and normal maps where there are some.
     #[inline(always)]
-    pub(super) fn read_material(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
+    pub(super) fn read_material(
+        &self,
+        at: &HitPoint<'_>,
+        width: f32,
+        wo: Vec3,
+        waves: Option<&Wavelengths>,
+    ) -> (Bsdf, Vec3) {
         match at.material.constant.filter(|_| !at.material.uses_uv) {
             Some(bsdf) => (bsdf, at.surface.ns),
-            None => self.textured(at, width, wo),
+            None => self.textured(at, width, wo, waves),
         }
     }
 
     /// Looks up textures, vertex colours and the normal map.
-    fn textured(&self, at: &HitPoint<'_>, width: f32, wo: Vec3) -> (Bsdf, Vec3) {
+    fn textured(&self, at: &HitPoint<'_>, width: f32, wo: Vec3, waves: Option<&Wavelengths>) -> (Bsdf, Vec3) {
         let HitPoint { surface, hit, material, time, .. } = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
         let slots = self.slots(&at, surface, width);
@@ -295,7 +306,12 @@ impl Integrator<'_> {
         } else {
             LocalFrame::STRAIGHT
         };
-        (material.bsdf(&slots, &frame, Rgb::from_slice(&at.color)), ns)
+        let vertex_color = Rgb::from_slice(&at.color);
+        let bsdf = match waves {
+            None => material.bsdf(&slots, &frame, vertex_color),
+            Some(waves) => material.bsdf_by_wavelength(&slots, &frame, vertex_color, waves),
+        };
+        (bsdf, ns)
     }
 
     /// Texture lookups at a point that a path covers in a certain width.

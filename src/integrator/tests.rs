@@ -157,7 +157,8 @@ fn gltf_loops_do_as_the_general_ones() {
             store_material(&mut wave.vertices.metal_rough, i, &material);
             bsdfs.push(Bsdf::MetalRough(material));
         }
-        closure_metal_rough::prepare(&mut wave, 0..COUNT, ShadingModel { energy_compensation, fresnel });
+        let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
+        closure_metal_rough::prepare(&mut wave, 0..COUNT, shading);
         compare(wave, MetalRoughClass, &bsdfs);
     }
 }

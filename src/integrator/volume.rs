@@ -15,6 +15,7 @@ use super::layers::{Origin, Way, way_of_path};
 use super::wave::{LightLanes, Wave};
 use super::workspace::Workspace;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::light::Receiver;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -114,7 +115,9 @@ impl Integrator<'_> {
         let medium = &self.scene.media[usize::from(flight.medium)];
         let Some(scattering) = &medium.scattering else {
             let is_absorbed = medium.absorption.is_some() && to.is_finite();
-            return if is_absorbed { medium.transmittance(to - flight.extent[0]) } else { Rgb::ONE };
+            let waves = w.times.waves(w.arriving.carried.sample[i]);
+            let way = to - flight.extent[0];
+            return if is_absorbed { medium.transmittance_at(way, waves) } else { Rgb::ONE };
         };
         if scattering.emission.max_element() > 0.0 {
             let path = &w.arriving.carried;
@@ -131,16 +134,20 @@ impl Integrator<'_> {
 
     /// What arriving path `i` is taken times at a point of its ray, which it reached.
     pub(super) fn left_on_the_way(&self, i: usize, to: f32, w: &Workspace) -> Rgb {
+        let waves = w.times.waves(w.arriving.carried.sample[i]);
         if self.scene.features.scattering {
             let flight = &w.flights[i];
             let medium = &self.scene.media[usize::from(flight.medium)];
             return match &medium.scattering {
                 Some(scattering) => flight.weight_of_passing(scattering, to),
-                None => medium.transmittance(to - flight.extent[0]),
+                None => medium.transmittance_at(to - flight.extent[0], waves),
             };
         }
         match self.scene.features.absorption {
-            true => self.scene.media[usize::from(w.arriving.interior[i].medium())].transmittance(to),
+            true => {
+                let medium = &self.scene.media[usize::from(w.arriving.interior[i].medium())];
+                medium.transmittance_at(to, waves)
+            }
             false => Rgb::ONE,
         }
     }
@@ -262,10 +269,12 @@ impl Integrator<'_> {
         (hit, time): (&Hit, f32),
         way: Option<&mut ShadowWay>,
         light: &mut LightLanes,
+        waves: Option<&Wavelengths>,
     ) {
         let Some(way) = way else { return };
         if let Some(beyond) = self.beyond_boundary(ray, (hit, time), way.interior, way.from) {
-            let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, hit.t);
+            let stretch = [way.from, hit.t];
+            let left = self.left_between(way.interior, (ray.origin, ray.direction), stretch, waves);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);
             *way = ShadowWay { interior: beyond, from: hit.t };
@@ -274,11 +283,12 @@ impl Integrator<'_> {
 
     /// Ends the ways of all shadow rays at their lights.
     pub(super) fn end_shadow_ways(&self, w: &mut Workspace) {
-        let Workspace { wave, shadow_ways, shadow_vertices, shadow_rays, occluded, .. } = w;
-        let light = &mut wave.vertices.light;
+        let Workspace { wave, shadow_ways, shadow_vertices, shadow_rays, occluded, times, .. } = w;
+        let (light, path) = (&mut wave.vertices.light, &wave.paths.carried);
         for (k, way) in shadow_ways.iter().enumerate().filter(|&(k, _)| !occluded[k]) {
             let (ray, i) = (&shadow_rays[k], shadow_vertices[k] as usize);
-            let left = self.left_between(way.interior, (ray.origin, ray.direction), way.from, ray.t_max);
+            let (stretch, waves) = ([way.from, ray.t_max], times.waves(path.sample[i]));
+            let left = self.left_between(way.interior, (ray.origin, ray.direction), stretch, waves);
             let contribution = get_rgb(&light.contribution, i);
             set_rgb(&mut light.contribution, i, contribution * left);
         }

@@ -102,6 +102,7 @@ pub fn guiding_bytes(options: &RenderOptions) -> u64 {
 fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static str> {
     let is_diffuse = |class: BsdfClass| class == BsdfClass::Lambert;
     let reasons = [
+        (scene.shading.spectral, "paths carry wavelengths"),
         (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is ideally diffuse"),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
         (part(options) < LEAST_PART, "there are too few samples to learn from"),

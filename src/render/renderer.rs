@@ -108,6 +108,12 @@ impl Renderer {
         self
     }
 
+    /// Whether paths carry wavelengths instead of red, green and blue: see [`crate::color::spectral`]. Default false.
+    pub fn spectral(mut self, spectral: bool) -> Renderer {
+        self.choices.settings.spectral = Some(spectral);
+        self
+    }
+
     /// Exposure of PNGs, stops: colours are multiplied by 2 to this power.
     pub fn exposure(mut self, stops: f32) -> Renderer {
         self.choices.settings.exposure = Some(stops);

@@ -58,7 +58,10 @@ impl Choice {
         // Connections would have to cross media that scatter.
         // They would not know the kinds of rays that they stand for, and what one path found may stand elsewhere at
         // another's time.
-        let is_plain = !has_random_surfaces(scene) && !scene.features.scattering && !scene.is_moving();
+        // Paths of other wavelengths have found something else.
+        let is_rgb = !scene.shading.spectral;
+        let is_plain =
+            is_rgb && !has_random_surfaces(scene) && !scene.features.scattering && !scene.is_moving();
         let can_share = is_plain && !scene.features.ray_kinds && !options.catchers && options.max_depth >= 2;
         let branches = match options.splitting {
             Splitting::Into(branches) if options.max_depth >= 1 && !options.catchers => branches,
@@ -90,7 +93,9 @@ impl Choice {
     /// What is said where paths were to be shared and are not.
     pub fn warning(self, scene: &CompiledScene, options: &RenderOptions) -> Option<Warning> {
         let is_refused = matches!(options.path_reuse, PathReuse::Groups(_)) && self.now.shape().is_none();
-        let reason = if has_random_surfaces(scene) {
+        let reason = if scene.shading.spectral {
+            "they carry wavelengths of their own"
+        } else if has_random_surfaces(scene) {
             "the scene has surfaces that are partly transparent"
         } else if scene.features.scattering {
             "the scene has media that scatter"

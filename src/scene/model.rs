@@ -3,6 +3,7 @@
 
 use super::pbr::PbrMaterial;
 use super::slot::{ColorSlot, FloatSlot, Parameter, ParameterMut, Parameters};
+use crate::color::spectral::Metal;
 
 /// Which Fresnel term a dielectric uses.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -15,6 +16,7 @@ pub enum FresnelModel {
 }
 
 impl Parameters for FresnelModel {}
+impl Parameters for Metal {}
 
 /// Makes [`Model`] of its rows. Rows under `plain` have a key in scene files (`type = "..."`) and for each parameter a key
 /// with a default: they are read and reported as they stand here. Other rows have a reader and words of their own.
@@ -127,6 +129,8 @@ models! {
             eta: [f32; 3],
             /// Extinction coefficient by channel.
             k: [f32; 3],
+            /// Whose they are, if their values at all wavelengths are known.
+            metal: Option<Metal>,
             /// Perceptual roughness 0..1.
             roughness: FloatSlot,
         }

@@ -33,6 +33,8 @@ pub struct ShadingModel {
     pub energy_compensation: EnergyCompensation,
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fresnel: FresnelModel,
+    /// Paths carry wavelengths instead of red, green and blue.
+    pub spectral: bool,
 }
 
 /// Names of the ways in which pictures to look at are encoded (`output::ViewTransform`).
@@ -57,6 +59,8 @@ pub struct Settings {
     pub energy_compensation: Option<EnergyCompensation>,
     /// Fresnel term of the dielectric layers of glTF materials.
     pub fresnel: Option<FresnelModel>,
+    /// Whether paths carry wavelengths instead of red, green and blue.
+    pub spectral: Option<bool>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
     /// How pictures to look at are encoded: one of [`VIEWS`].
@@ -86,6 +90,7 @@ impl Settings {
             filter: self.filter.or(other.filter),
             energy_compensation: self.energy_compensation.or(other.energy_compensation),
             fresnel: self.fresnel.or(other.fresnel),
+            spectral: self.spectral.or(other.spectral),
             exposure: self.exposure.or(other.exposure),
             view: self.view.clone().or_else(|| other.view.clone()),
             white_balance: self.white_balance.or(other.white_balance),
@@ -101,6 +106,7 @@ impl Settings {
         ShadingModel {
             energy_compensation: self.energy_compensation.unwrap_or_default(),
             fresnel: self.fresnel.unwrap_or_default(),
+            spectral: self.spectral.unwrap_or_default(),
         }
     }
 }

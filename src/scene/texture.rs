@@ -1,7 +1,9 @@
 //! Textures: images and procedural patterns, and how they map to surfaces.
 
 use super::{ImageId, TextureId};
+use crate::color::spectral::Curve;
 use crate::math::Vec2;
+use std::sync::Arc;
 
 /// How many textures may lie one in the other: checkers, and what is in the cells of the innermost.
 pub const MOST_NESTED_TEXTURES: u32 = 64;
@@ -121,6 +123,9 @@ pub enum Texture {
     },
     /// The surface's unit geometric normal n in world space as a colour, (n + 1) / 2: its front's, whichever side is seen.
     Normal,
+    /// A measured spectrum, the same everywhere: what it looks like in daylight, or as light, where pictures are not rendered by
+    /// wavelength.
+    Spectrum(Arc<Curve>),
     /// Noise in world space.
     Noise {
         /// Which noise.

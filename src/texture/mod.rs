@@ -12,6 +12,7 @@ pub use image::ImageLookup;
 pub use noise::{marble, perlin, turbulence};
 pub use reader::PointReader;
 
+use crate::color::spectral::Spectrum;
 use crate::image::Image;
 use crate::math::Vec3;
 use crate::scene::{ImageId, Interpolation, MOST_NESTED_TEXTURES, NoiseKind, Texture, TextureId};
@@ -35,6 +36,7 @@ enum Compiled {
         coordinates: TextureCoordinates,
     },
     Normal,
+    Spectrum(Spectrum),
     Noise {
         kind: NoiseKind,
         frequency: f32,
@@ -75,6 +77,37 @@ impl CompiledTextures {
             Some(Compiled::Constant(c)) => Some(*c),
             Some(_) => None,
             None => Some([0.0, 0.0, 0.0, 1.0]),
+        }
+    }
+
+    /// The same with spectra as they are, where pictures are rendered by wavelength; else they are constant colours. Those that were
+    /// [added](CompiledTextures::add_spectrum) to the `count` textures of the scene are gone.
+    #[must_use]
+    pub fn with_spectra(mut self, textures: &[Texture], are_kept: bool) -> CompiledTextures {
+        self.textures.truncate(textures.len());
+        for (compiled, texture) in self.textures.iter_mut().zip(textures) {
+            if let Texture::Spectrum(curve) = texture {
+                let spectrum = Spectrum::Measured(curve.clone());
+                *compiled = match are_kept {
+                    true => Compiled::Spectrum(spectrum),
+                    false => Compiled::Constant(rgba(&spectrum)),
+                };
+            }
+        }
+        self
+    }
+
+    /// Adds a spectrum.
+    pub fn add_spectrum(&mut self, spectrum: Spectrum) -> TextureId {
+        self.textures.push(Compiled::Spectrum(spectrum));
+        TextureId(self.textures.len() as u32 - 1)
+    }
+
+    /// The spectrum that a texture is.
+    pub fn spectrum(&self, id: TextureId) -> Option<&Spectrum> {
+        match self.textures.get(id.index()) {
+            Some(Compiled::Spectrum(spectrum)) => Some(spectrum),
+            _ => None,
         }
     }
 
@@ -128,6 +161,7 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
             coordinates: TextureCoordinates::new(mapping),
         },
         Texture::Normal => Compiled::Normal,
+        Texture::Spectrum(curve) => Compiled::Constant(rgba(&Spectrum::Measured(curve.clone()))),
         Texture::Noise { kind, frequency, octaves, low, high, seed } => {
             if low == high {
                 return Compiled::Constant([low[0], low[1], low[2], 1.0]);
@@ -143,6 +177,12 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
             }
         }
     }
+}
+
+/// What a spectrum looks like; colours beyond the gamut at its edge.
+fn rgba(spectrum: &Spectrum) -> [f32; 4] {
+    let [r, g, b] = spectrum.rgb().to_array().map(|c| c.max(0.0));
+    [r, g, b, 1.0]
 }
 
 /// Numbers the grids of images, equal ones alike.

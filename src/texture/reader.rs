@@ -2,7 +2,9 @@
 
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
 use super::image::{ImageLookup, Taps};
-use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, noise_value};
+use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, noise_value, rgba};
+use crate::color::Rgb;
+use crate::color::spectral::{Wavelengths, uplifted_share};
 use crate::math::{Vec2, Vec3};
 use crate::scene::{MOST_NESTED_TEXTURES, TextureId};
 use std::cell::Cell;
@@ -39,6 +41,25 @@ impl<'a> PointReader<'a> {
         value
     }
 
+    /// A texture times a factor in the lanes of a path: a spectrum, or that of a colour.
+    pub fn by_wavelength(&self, id: TextureId, factor: Rgb, waves: &Wavelengths) -> Rgb {
+        let mut at = id;
+        for _ in 0..MOST_NESTED_TEXTURES {
+            match self.textures.textures.get(at.index()) {
+                Some(Compiled::Checker { even, odd, inverse_size, coordinates }) => {
+                    let is_odd = checker_is_odd(coordinates, *inverse_size, &self.moved());
+                    at = TextureId(if is_odd { *odd } else { *even });
+                }
+                Some(Compiled::Spectrum(spectrum)) => {
+                    return spectrum.at(waves) * uplifted_share(factor, waves);
+                }
+                _ => break,
+            }
+        }
+        let [r, g, b, _] = self.eval(id);
+        uplifted_share(factor * Rgb::new(r, g, b), waves)
+    }
+
     fn look_up(&self, id: TextureId) -> [f32; 4] {
         let mut at = id.index();
         for _ in 0..MOST_NESTED_TEXTURES {
@@ -54,6 +75,7 @@ impl<'a> PointReader<'a> {
                 Some(Compiled::Image { lookup, coordinates, .. }) => {
                     return projected(lookup, coordinates, &self.moved());
                 }
+                Some(Compiled::Spectrum(spectrum)) => return rgba(spectrum),
                 Some(Compiled::Normal) => {
                     let [r, g, b] = (0.5 + 0.5 * self.point.normal).to_array();
                     return [r, g, b, 1.0];

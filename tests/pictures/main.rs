@@ -27,6 +27,7 @@ mod reuse;
 mod shadow;
 mod sheets;
 mod solids;
+mod spectral;
 mod splitting;
 mod stepping;
 mod support;

@@ -116,6 +116,7 @@ fn settings(scene: &Scene) -> Vec<String> {
         FresnelModel::Schlick => "schlick",
     };
     shown.extend(s.fresnel.map(|f| format!("fresnel {}", fresnel(f))));
+    shown.extend(s.spectral.map(|spectral| format!("spectral {spectral}")));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
     shown.extend(s.view.as_ref().map(|view| format!("view {view}")));
     shown.extend(s.white_balance.map(|kelvin| format!("white balance {kelvin} K")));

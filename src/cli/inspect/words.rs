@@ -30,7 +30,7 @@ pub fn material(scene: &Scene, m: &Material) -> String {
         Model::SchlickMetal { color: c, roughness } => {
             format!("metal, colour {}, roughness {}", color(c), share(roughness))
         }
-        Model::Conductor { eta, k, roughness } => {
+        Model::Conductor { eta, k, roughness, .. } => {
             format!("metal of index {} + i {}, roughness {}", list(eta), list(k), share(roughness))
         }
         Model::Dielectric { ior, tint, .. } => {

@@ -11,6 +11,7 @@ use super::passage::STILL;
 use super::path::{CausticTally, LampPath};
 use crate::bsdf::{Bsdf, BsdfEval};
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::film::{Splat, SplatPart};
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::hash::hash32;
@@ -24,11 +25,22 @@ pub(super) struct Caught {
     film: [f32; 2],
     /// What a pixel gets whose filter is 1 there.
     value: Rgb,
+    /// The wavelengths that it has by channel, where those are not red, green and blue.
+    waves: Option<Wavelengths>,
     /// What of it belongs to layers.
     parts: Option<[(Option<usize>, Rgb); 3]>,
     /// What a path from the camera that found this light would bring; infinite where none can.
     brought_from_camera: f32,
     salt: u32,
+}
+
+impl Caught {
+    /// Linear Rec. 709 of a value by channel.
+    #[inline]
+    fn rgb(&self, value: Rgb) -> [f32; 3] {
+        let value = value.to_array();
+        self.waves.as_ref().map_or(value, |waves| waves.rgb(value))
+    }
 }
 
 /// A surface that scatters light to a viewer.
@@ -67,10 +79,11 @@ impl Integrator<'_> {
         if is_hidden || at.material.is_absent_from_behind && is_behind {
             return None;
         }
+        let waves = path.waves();
         // As wide as what the camera sees there.
         let (width, spread) = self.view.camera.pixel_cone();
         let (wo, wi) = (sight.direction, -path.ray.direction);
-        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo);
+        let (bsdf, ns) = self.read_material(at, width + spread * sight.distance, wo, waves.as_ref());
         let catcher = self.catcher(material, bsdf, [ns, at.surface.ng]).seen(wo, wi);
         let BsdfEval { f_cos, pdf_solid_angle } = self.scattered(&catcher)?;
         let Catcher { ng, wo, wi, .. } = catcher;
@@ -82,8 +95,11 @@ impl Integrator<'_> {
             AroundCamera::Differs => Interior::around(self.scene, sight.lens, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
-        let left =
-            if self.scene.features.absorption { medium.transmittance(sight.distance) } else { Rgb::ONE };
+        let left = if self.scene.features.absorption {
+            medium.transmittance_at(sight.distance, waves.as_ref())
+        } else {
+            Rgb::ONE
+        };
         let value = path.radiance * f_cos * left * (path.scale * area / plan.paths as f32);
         let found = (path.radiance * f_cos).luminance() / pdf_solid_angle;
         let side = if wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
@@ -95,6 +111,7 @@ impl Integrator<'_> {
             film: sight.film,
             value,
             parts: self.parts_of(&catcher, path.light),
+            waves,
             brought_from_camera: if path.is_only_way { f32::INFINITY } else { found },
             salt: hash32(seed ^ hash32(index ^ path.bounces)),
         })
@@ -180,13 +197,13 @@ impl Integrator<'_> {
             for x in range(film_x, self.view.width) {
                 let weight = of_row * filter.value(film_x - (x as f32 + 0.5));
                 if weight > 0.0 {
-                    let rgb = caught.value * weight;
+                    let value = caught.value * weight;
                     let of_layer = |(layer, share): (Option<usize>, Rgb)| match layer {
-                        Some(layer) => SplatPart { layer: layer as u16, rgb: (rgb * share).to_array() },
+                        Some(layer) => SplatPart { layer: layer as u16, rgb: caught.rgb(value * share) },
                         None => SplatPart::NONE,
                     };
                     let parts = caught.parts.map(|parts| Box::new(parts.map(of_layer)));
-                    splats.push(Splat { x, y, rgb: rgb.to_array(), parts });
+                    splats.push(Splat { x, y, rgb: caught.rgb(value), parts });
                 }
             }
         }

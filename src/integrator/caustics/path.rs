@@ -2,6 +2,7 @@
 
 use super::super::interior::Interior;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::math::Ray;
 use crate::sampling::sampler::SobolPoint;
 
@@ -26,6 +27,16 @@ pub(super) struct LampPath {
     pub light: u32,
     /// It has no size, and where its light went first is perfectly smooth: no path from the camera finds it.
     pub is_only_way: bool,
+    /// Where in the distribution of wavelengths its hero is, if it carries wavelengths; else NaN.
+    pub hero: f32,
+}
+
+impl LampPath {
+    /// The wavelengths that it carries.
+    #[inline]
+    pub fn waves(&self) -> Option<Wavelengths> {
+        (!self.hero.is_nan()).then(|| Wavelengths::draw(self.hero))
+    }
 }
 
 /// What paths from lamps have brought, to judge them.

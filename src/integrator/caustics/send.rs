@@ -52,20 +52,22 @@ impl Integrator<'_> {
         material_index: u32,
         w: &mut Workspace,
     ) -> Option<LampPath> {
+        let waves = path.waves();
+        let waves = waves.as_ref();
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
         arriving.interior[0] = path.interior;
         set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
         (arriving.carried.seed[0], arriving.carried.shuffled[0]) = path.point.to_parts();
         let is_solid = material.medium_index != 0;
         if is_solid && at.is_back {
-            self.assume_inside(material, at.hit.t, 0, arriving);
+            self.assume_inside(material, at.hit.t, 0, arriving, waves);
         }
-        let (bsdf, ns) = self.read_material(at, 0.0, wo);
+        let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
         let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
         let mut beyond = arriving.interior[0];
         if is_solid {
-            let boundary = self.boundary(bsdf, material, at.is_back, path.bounces, 0, arriving);
+            let boundary = self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves);
             (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 (sender.ng, sender.ns) = (-sender.ng, -sender.ns);

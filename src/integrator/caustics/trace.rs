@@ -1,13 +1,14 @@
 //! Paths from lamps, from their start to where caustics show.
 
-use super::super::Integrator;
 use super::super::interior::Interior;
 use super::super::workspace::Workspace;
+use super::super::{Integrator, Purpose};
 use super::catch::Caught;
 use super::passage::{MOST_PASSES, STILL};
 use super::path::{CausticTally, LampPath};
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::compile::Role;
 use crate::film::Splat;
 use crate::light::Emitted;
@@ -55,6 +56,7 @@ impl Integrator<'_> {
         let Some(plan) = self.options.caustics else { return Vec::new() };
         let seed = hash32(hash32(plan.seed ^ LAMPS).wrapping_add(sample));
         let (first, second) = (Dimensions::new(0), Dimensions::new(1));
+        let wavelength = self.dimensions(0, Purpose::Wavelength);
         let (lights, textures) = (&self.scene.lights, &self.scene.textures);
         let start = |index: u32| {
             let point = SobolPoint::new(seed, index);
@@ -62,9 +64,12 @@ impl Integrator<'_> {
             let [of_lamp, of_ball, x, y] = point.sample_4d(&second);
             let emitted = plan.emission.sample(lights, textures, [a, b], [c, d], of_lamp, of_ball)?;
             let Emitted { ray, radiance, scale, light, is_delta } = emitted;
+            let hero = if self.is_spectral() { point.sample_4d(&wavelength)[0] } else { f32::NAN };
+            let waves = (!hero.is_nan()).then(|| Wavelengths::draw(hero));
             Some(LampPath {
                 ray,
-                radiance,
+                radiance: self.lanes_of_light(radiance, Some(light), waves.as_ref()),
+                hero,
                 scale,
                 interior: Interior::AIR,
                 point,
@@ -103,7 +108,11 @@ impl Integrator<'_> {
         }
         let at = self.point_of(&path.ray, *hit, material, STILL);
         let medium = &self.scene.media[usize::from(path.interior.medium())];
-        let left = if self.scene.features.absorption { medium.transmittance(hit.t) } else { Rgb::ONE };
+        let left = if self.scene.features.absorption {
+            medium.transmittance_at(hit.t, path.waves().as_ref())
+        } else {
+            Rgb::ONE
+        };
         let path = LampPath { radiance: path.radiance * left, ..*path };
         if shows {
             caught.extend(self.catch(&path, &at, material));

@@ -205,7 +205,7 @@ impl Shift {
                 even.0 += self.texture;
                 odd.0 += self.texture;
             }
-            Texture::Solid(_) | Texture::Normal | Texture::Noise { .. } => {}
+            Texture::Solid(_) | Texture::Normal | Texture::Spectrum(_) | Texture::Noise { .. } => {}
         }
         texture
     }

@@ -253,7 +253,7 @@ fn metal(fields: &Fields, name: &str, color: ColorSlot) -> Material {
     };
     let roughness = FloatSlot::constant(roughness);
     let model = match measured {
-        Some(m) => Model::Conductor { eta: m.eta, k: m.k, roughness },
+        Some(m) => Model::Conductor { eta: m.eta, k: m.k, metal: m.metal, roughness },
         None => Model::SchlickMetal { color, roughness },
     };
     Material::new(name, model)

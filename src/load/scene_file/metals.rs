@@ -4,16 +4,19 @@
 //! titanium-nitride and tungsten.
 
 use super::fields::Fields;
+use crate::color::spectral::Metal;
 
 /// Complex index of refraction eta + i k by channel of linear Rec.709.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct MeasuredMetal {
     pub eta: [f32; 3],
     pub k: [f32; 3],
+    /// The same by wavelength.
+    pub metal: Option<Metal>,
 }
 
 const fn metal(eta: [f32; 3], k: [f32; 3]) -> MeasuredMetal {
-    MeasuredMetal { eta, k }
+    MeasuredMetal { eta, k, metal: None }
 }
 
 /// Measured spectra (Palik 1998, "Handbook of Optical Constants of Solids"), weighted with the CIE 1931 matching functions
@@ -37,6 +40,8 @@ const METALS: [(&str, MeasuredMetal); 13] = [
 /// The metal that `name` asks for, if it does.
 pub(super) fn named(fields: &Fields) -> Option<MeasuredMetal> {
     let found = fields.choice("name", &METALS);
+    let name = fields.string("name").map_or("", |name| name.value);
+    let found = found.map(|found| MeasuredMetal { metal: Metal::named(name), ..found });
     if found.is_some() && fields.has("color") {
         fields.problems.push(fields.span(), "'name' gives the metal its colour: leave 'color' out");
     }

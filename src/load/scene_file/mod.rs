@@ -5,7 +5,7 @@
 //! | `[camera]` | `camera` |
 //! | `[environment]` | `environment` |
 //! | `[render]` | `settings` |
-//! | `[textures.NAME]` | `textures` |
+//! | `[textures.NAME]` | `textures`, `spectra` |
 //! | `[materials.NAME]` | `materials` |
 //! | `[[objects]]` | `objects`, `transform`, `motion` |
 //! | `[[lights]]` | `lights` |
@@ -42,6 +42,7 @@ mod round;
 mod settings;
 mod shutter;
 pub mod sidecar;
+mod spectra;
 mod textures;
 mod transform;
 mod visibility;

@@ -21,7 +21,7 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[environment]", &[include_str!("environment.rs")]),
     chapter("media", &[include_str!("media.rs")]),
     chapter("[render]", &[include_str!("settings.rs")]),
-    chapter("[textures]", &[include_str!("textures.rs")]),
+    chapter("[textures]", &[include_str!("textures.rs"), include_str!("spectra.rs")]),
     chapter(
         "[materials]",
         &[

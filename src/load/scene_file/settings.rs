@@ -9,6 +9,7 @@
 //! | `filter` | `box`, `gaussian`, `blackman-harris` | |
 //! | `microfacet` | `multi` or `single` scattering | |
 //! | `fresnel` | `exact` or `schlick`: how dielectric layers of glTF materials reflect more towards grazing incidence | |
+//! | `spectral` | `true` renders by wavelength, as `--spectral` | |
 //! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
 //! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
 //! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma` | |
@@ -65,6 +66,7 @@ pub(super) fn read(fields: &Fields) -> Settings {
             .choice("microfacet", &[("multi", EnergyCompensation::On), ("single", EnergyCompensation::Off)]),
         fresnel: fields
             .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
+        spectral: fields.has("spectral").then(|| fields.flag("spectral", false)),
         aovs: names(fields, "aovs"),
         view: fields.choice("view", &VIEWS.map(|view| (view, view))).map(str::to_string),
         white_balance: number(fields, "white_balance", 1667.0..25_000.0),

@@ -6,14 +6,17 @@
 //! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `mapping` = `uv`, or `triplanar` with the `size` that the image covers (1 m) |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
+//! | `"spectrum"` | a measured spectrum, see `spectra` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
 use super::build::Build;
 use super::fields::{Fields, color, named};
+use super::spectra;
 use crate::load::image::{self, Use};
 use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
 use std::collections::HashMap;
 use std::ops::Range;
+use std::sync::Arc;
 use toml::Spanned;
 use toml::de::DeValue;
 
@@ -23,14 +26,16 @@ enum Kind {
     Image,
     Checker,
     Normal,
+    Spectrum,
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, Kind); 7] = [
+const KINDS: [(&str, Kind); 8] = [
     ("solid", Kind::Solid),
     ("image", Kind::Image),
     ("checker", Kind::Checker),
     ("normal", Kind::Normal),
+    ("spectrum", Kind::Spectrum),
     ("perlin", Kind::Noise(NoiseKind::Perlin)),
     ("turbulence", Kind::Noise(NoiseKind::Turbulence)),
     ("marble", Kind::Noise(NoiseKind::Marble)),
@@ -89,6 +94,7 @@ impl<'a> Textures<'a> {
             Kind::Image => image_texture(build, &fields, self.checking),
             Kind::Checker => self.checker(build, &fields, name),
             Kind::Normal => Some(Texture::Normal),
+            Kind::Spectrum => spectra::read(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
             Kind::Noise(kind) => Some(noise(&fields, kind)),
         };
         fields.finish();

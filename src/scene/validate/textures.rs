@@ -25,7 +25,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 let is_met = depth <= MOST_NESTED_TEXTURES;
                 findings.require(is_met, place, "nesting", depth, "at most 64 textures, one in the other");
             }
-            Texture::Normal => {}
+            Texture::Normal | Texture::Spectrum(_) => {}
             Texture::Noise { frequency, low, high, .. } => {
                 findings.require(frequency.is_finite(), place, "frequency", frequency, "a finite number");
                 findings.require_color(low, place, "low");

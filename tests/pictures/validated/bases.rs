@@ -1,6 +1,7 @@
 //! Small scenes that together hold everything that a scene can hold.
 
 use crate::support::{camera, disk, material, quad, sphere};
+use oscura::color::spectral::Metal;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::math::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use oscura::scene::{
@@ -268,8 +269,13 @@ fn materials() -> Scene {
         Model::Black,
         Model::SchlickMetal { color, roughness: rough },
         Model::SchlickMetal { color, roughness: smooth },
-        Model::Conductor { eta: [0.2, 0.9, 1.1], k: [3.9, 2.4, 2.1], roughness: FloatSlot::constant(0.3) },
-        Model::Conductor { eta: [0.2, 0.9, 1.1], k: [3.9, 2.4, 2.1], roughness: smooth },
+        Model::Conductor {
+            eta: [0.2, 0.9, 1.1],
+            k: [3.9, 2.4, 2.1],
+            metal: Metal::named("copper"),
+            roughness: FloatSlot::constant(0.3),
+        },
+        Model::Conductor { eta: [0.2, 0.9, 1.1], k: [3.9, 2.4, 2.1], metal: None, roughness: smooth },
         Model::Dielectric { ior: 1.5, tint: color, fresnel: FresnelModel::Exact },
         Model::Dielectric { ior: 2.4, tint: color, fresnel: FresnelModel::Schlick },
         glass(smooth, true),

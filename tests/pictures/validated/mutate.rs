@@ -1,6 +1,7 @@
 //! How numbers, lists and the like change.
 
 use super::dice::Dice;
+use oscura::color::spectral::{Curve, Metal};
 use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use std::sync::Arc;
 
@@ -65,6 +66,34 @@ impl Mutate for bool {
     fn mutate(&mut self, dice: &mut Dice) {
         *self = !*self;
         dice.note(format!("= {self}"));
+    }
+}
+
+impl Mutate for Metal {
+    fn fresh(_: &mut Dice) -> Metal {
+        Metal::named("gold").expect("it is known")
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        let named = ["silver", "copper", "titanium-nitride"].map(Metal::named);
+        *self = dice.pick(&named).expect("they are known");
+        dice.note(format!("= {self:?}"));
+    }
+}
+
+impl Mutate for Curve {
+    fn fresh(_: &mut Dice) -> Curve {
+        Curve::share(&[(400.0, 0.2), (700.0, 0.8)])
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        let luminance = dice.pick(&[0.0, 1e-30, 1.0, 1e9]);
+        *self = match dice.below(3) {
+            0 => Curve::light(&[(500.0, 0.0), (501.0, 1.0), (502.0, 0.0)], luminance),
+            1 => Curve::black_body(dice.pick(&[100.0, 2700.0, 1e5]), luminance),
+            _ => Curve::share(&[(1.0, 0.0)]),
+        };
+        dice.note(format!("= a curve of luminance {luminance}"));
     }
 }
 

@@ -88,7 +88,7 @@ structs! {
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, exposure, view, white_balance, noise,
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise,
         denoise, crop, aovs,
     }
 }
@@ -106,7 +106,7 @@ enums! {
         OrenNayar { color, roughness }
         Phong { diffuse, specular, exponent }
         SchlickMetal { color, roughness }
-        Conductor { eta, k, roughness }
+        Conductor { eta, k, metal, roughness }
         Dielectric { ior, tint, fresnel }
         Glass { ior, tint, roughness, is_thin }
         Boundary {}
@@ -116,7 +116,7 @@ enums! {
         Checker { even, odd, cell_size, mapping }
         Normal {}
         Noise { kind, frequency, octaves, low, high, seed }
-    } { Solid }
+    } { Solid Spectrum }
     Mapping { Uv { set, transform } World {} Triplanar { size } } {}
     Wrap { Repeat {} Mirror {} Clamp {} } {}
     Interpolation { Trilinear {} Bilinear {} Nearest {} } {}

@@ -59,7 +59,7 @@ fn reflected(cosine: f64, alpha: f64, reflectance: impl Fn(f64) -> f64) -> f64 {
 const SINGLE: EnergyCompensation = EnergyCompensation::Off;
 
 fn with(energy_compensation: EnergyCompensation, fresnel: FresnelModel) -> ShadingModel {
-    ShadingModel { energy_compensation, fresnel }
+    ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() }
 }
 
 /// Nothing below the layer.

@@ -86,7 +86,12 @@ fn model(random: &mut Random) -> Model {
         3 => Model::SchlickMetal { color: color(random), roughness: slot(random) },
         4 => {
             let component = |random: &mut Random| [0, 1, 2].map(|_| 10.0 * unit(random));
-            Model::Conductor { eta: component(random), k: component(random), roughness: slot(random) }
+            Model::Conductor {
+                eta: component(random),
+                k: component(random),
+                metal: None,
+                roughness: slot(random),
+            }
         }
         5 => Model::Dielectric {
             ior: ior(random).max(1.0),
@@ -110,7 +115,7 @@ fn bsdf(random: &mut Random) -> Bsdf {
     let angle = 7.0 * random.next();
     let tangent = Vec2::new(angle.cos(), angle.sin());
     let frame = LocalFrame { tangent, bitangent: tangent.perp(), ..LocalFrame::STRAIGHT };
-    let shading = ShadingModel { energy_compensation, fresnel };
+    let shading = ShadingModel { energy_compensation, fresnel, ..ShadingModel::default() };
     let mut bsdf = BsdfProgram::of(&model(random), shading).evaluate(&Factors, &frame);
     if random.next() < 0.1 {
         // Solids within denser ones.

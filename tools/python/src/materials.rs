@@ -155,7 +155,7 @@ impl Scene {
             (Some(color), None) if eta.is_none() && k.is_none() => {
                 Model::SchlickMetal { color: color.into(), roughness }
             }
-            (None, Some((eta, k))) => Model::Conductor { eta, k, roughness },
+            (None, Some((eta, k))) => Model::Conductor { eta, k, metal: None, roughness },
             _ => return Err(usage("a metal needs either color or both eta and k")),
         };
         self.add(Material::new(name, model))

@@ -1,0 +1,23 @@
+//! Colours as spectra: what pictures by wavelength are made with.
+//!
+//! Light is counted relative to daylight, the illuminant D65 of the CIE: what is 1 at all wavelengths is the white of Rec. 709.
+//! A path carries [`LANES`] wavelengths side by side, where it carries red, green and blue otherwise (hero wavelength
+//! sampling: Wilkie et al. 2014). What arrives at them becomes linear Rec. 709 by the observer of 1931 ([`Wavelengths::rgb`]).
+//! Colours of Rec. 709 get smooth spectra by the method of Jakob and Hanika (2019, "A Low-Dimensional Function Space for
+//! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
+
+mod curve;
+mod fit;
+mod metal;
+mod metals;
+mod observer;
+mod sigmoid;
+mod spectrum;
+mod table;
+mod wavelengths;
+
+pub use curve::Curve;
+pub use metal::Metal;
+pub use sigmoid::Sigmoid;
+pub use spectrum::{Spectrum, uplifted_light, uplifted_share};
+pub use wavelengths::{FIRST_NM, LANES, LAST_NM, Wavelengths, rgb_of};

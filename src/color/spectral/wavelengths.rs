@@ -1,0 +1,218 @@
+//! Which wavelengths a path carries, and what light of them looks like.
+
+use super::observer::{D65, MATCHING};
+use crate::color::{Primaries, Rgb};
+use std::sync::OnceLock;
+
+/// The first wavelength that is seen, nanometres.
+pub const FIRST_NM: f32 = 380.0;
+/// The last one.
+pub const LAST_NM: f32 = 780.0;
+/// Wavelengths that a path carries.
+pub const LANES: usize = 3;
+
+/// Between the nodes of the observer's tables, nanometres.
+const STEP_NM: f32 = 5.0;
+const NODES: usize = MATCHING.len();
+
+/// The least density of a wavelength, as a share of the mean one.
+const LEAST_DENSITY: f64 = 0.05;
+
+/// What light of each wavelength looks like, at the nodes; linear between them.
+struct Observer {
+    /// Linear Rec. 709 per nanometre of light that is 1 relative to D65.
+    rgb: [[f32; 3]; NODES],
+    /// Density per nanometre with which wavelengths are drawn.
+    density: [f32; NODES],
+    /// Its integral up to the node.
+    cumulative: [f32; NODES],
+}
+
+/// Linear Rec. 709 of light that is 1 at one wavelength relative to D65, per nanometre, at the nodes. Its integral is white:
+/// the rows are scaled by some 1e-4 for that, as the white of Rec. 709 is rounded.
+fn rgb_at_nodes() -> [[f64; 3]; NODES] {
+    // Rec. 709 has a matrix.
+    let matrix = Primaries::REC709.rgb_from_xyz().unwrap_or_default();
+    let mut rgb = [[0.0; 3]; NODES];
+    for (rgb, (xyz, power)) in rgb.iter_mut().zip(MATCHING.iter().zip(D65)) {
+        *rgb = matrix.map(|row| (0..3).map(|c| row[c] * f64::from(xyz[c]) * f64::from(power)).sum());
+    }
+    let white = [0, 1, 2].map(|c| trapezoid(rgb.iter().map(|rgb| rgb[c])));
+    rgb.map(|rgb| [0, 1, 2].map(|c| rgb[c] / white[c]))
+}
+
+fn trapezoid(values: impl Iterator<Item = f64>) -> f64 {
+    let ends = |i: usize| if i == 0 || i == NODES - 1 { 0.5 } else { 1.0 };
+    f64::from(STEP_NM) * values.enumerate().map(|(i, value)| value * ends(i)).sum::<f64>()
+}
+
+fn observer() -> &'static Observer {
+    static OBSERVER: OnceLock<Observer> = OnceLock::new();
+    OBSERVER.get_or_init(|| {
+        let rgb = rgb_at_nodes();
+        // In proportion to how much a wavelength tells: then white light varies least.
+        let lengths = rgb.map(|[r, g, b]| (r * r + g * g + b * b).sqrt());
+        let mean = lengths.iter().sum::<f64>() / NODES as f64;
+        let weights = lengths.map(|length| length + LEAST_DENSITY * mean);
+        let sum = trapezoid(weights.into_iter());
+        let density = weights.map(|weight| weight / sum);
+        let mut cumulative = [0.0; NODES];
+        for i in 1..NODES {
+            cumulative[i] = cumulative[i - 1] + 0.5 * f64::from(STEP_NM) * (density[i - 1] + density[i]);
+        }
+        Observer {
+            rgb: rgb.map(|rgb| rgb.map(|v| v as f32)),
+            density: density.map(|v| v as f32),
+            cumulative: cumulative.map(|v| v as f32),
+        }
+    })
+}
+
+/// The nodes and the middles between them with the weights of Simpson's rule on what light there looks like: the sum of a
+/// function's values times these is what light of that spectrum, relative to D65, looks like.
+pub(super) fn quadrature() -> &'static [(f64, [f64; 3])] {
+    static POINTS: OnceLock<Vec<(f64, [f64; 3])>> = OnceLock::new();
+    POINTS.get_or_init(|| {
+        let rgb = rgb_at_nodes();
+        let step = f64::from(STEP_NM);
+        let mut points = Vec::with_capacity(2 * NODES - 1);
+        for i in 0..NODES {
+            let nm = f64::from(FIRST_NM) + step * i as f64;
+            let share = if i == 0 || i == NODES - 1 { 1.0 } else { 2.0 };
+            points.push((nm, rgb[i].map(|v| v * share * step / 6.0)));
+            if let Some(next) = rgb.get(i + 1) {
+                points.push((nm + 0.5 * step, [0, 1, 2].map(|c| (rgb[i][c] + next[c]) * step / 3.0)));
+            }
+        }
+        points
+    })
+}
+
+/// Linear Rec. 709 of a spectrum relative to D65: of a reflectance what it looks like in daylight. May be negative where the
+/// colour is beyond the gamut.
+pub fn rgb_of(spectrum: impl Fn(f64) -> f64) -> [f64; 3] {
+    let mut sum = [0.0; 3];
+    for (nm, weight) in quadrature() {
+        let value = spectrum(*nm);
+        (0..3).for_each(|c| sum[c] += weight[c] * value);
+    }
+    sum
+}
+
+/// Relative power of D65 at a wavelength, 100 at 560 nm.
+pub(super) fn daylight(nm: f64) -> f64 {
+    let at = ((nm - f64::from(FIRST_NM)) / f64::from(STEP_NM)).clamp(0.0, (NODES - 1) as f64);
+    let i = (at as usize).min(NODES - 2);
+    let share = at - i as f64;
+    f64::from(D65[i]) * (1.0 - share) + f64::from(D65[i + 1]) * share
+}
+
+/// The wavelengths of a path.
+#[derive(Clone, Copy, Debug)]
+pub struct Wavelengths {
+    /// By lane, nanometres.
+    pub nm: [f32; LANES],
+    /// By lane: linear Rec. 709 of what is 1 there, over the density.
+    rgb: [[f32; 3]; LANES],
+}
+
+impl Wavelengths {
+    /// A hero by a number in 0..1 and those that lie a third and two thirds of the distribution behind it.
+    #[inline]
+    pub fn draw(u: f32) -> Wavelengths {
+        let observer = observer();
+        let mut drawn = Wavelengths { nm: [0.0; LANES], rgb: [[0.0; 3]; LANES] };
+        for lane in 0..LANES {
+            let turned = u + lane as f32 / LANES as f32;
+            let at = if turned >= 1.0 { turned - 1.0 } else { turned };
+            (drawn.nm[lane], drawn.rgb[lane]) = observer.draw(at);
+        }
+        drawn
+    }
+
+    /// Linear Rec. 709 of what arrived in the lanes: its mean is that of the light.
+    #[inline]
+    pub fn rgb(&self, [a, b, c]: [f32; LANES]) -> [f32; 3] {
+        let [x, y, z] = &self.rgb;
+        [0, 1, 2].map(|i| a * x[i] + b * y[i] + c * z[i])
+    }
+
+    /// A function of the wavelength in each lane.
+    #[inline(always)]
+    pub fn map(&self, f: impl Fn(f32) -> f32) -> Rgb {
+        Rgb::new(f(self.nm[0]), f(self.nm[1]), f(self.nm[2]))
+    }
+}
+
+impl Observer {
+    /// The wavelength at a share of the distribution, and what light of it looks like over density and number of lanes.
+    #[inline]
+    fn draw(&self, u: f32) -> (f32, [f32; 3]) {
+        let above = self.cumulative.partition_point(|&c| c <= u);
+        let i = above.clamp(1, NODES - 1) - 1;
+        let (from, to) = (self.cumulative[i], self.cumulative[i + 1]);
+        let share = ((u - from) / (to - from)).clamp(0.0, 1.0);
+        // The inverse of the integral of a straight line.
+        let (p, q) = (self.density[i], self.density[i + 1]);
+        let t = (share * (p + q) / (p + (p * p + (q * q - p * p) * share).sqrt())).min(1.0);
+        let density = p + (q - p) * t;
+        let (a, b) = (&self.rgb[i], &self.rgb[i + 1]);
+        let scale = 1.0 / (LANES as f32 * density);
+        let nm = FIRST_NM + STEP_NM * (i as f32 + t);
+        (nm, [0, 1, 2].map(|c| (a[c] + (b[c] - a[c]) * t) * scale))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const COUNT: u32 = 100_000;
+
+    fn mean(spectrum: impl Fn(f32) -> f32) -> [f64; 3] {
+        let mut sum = [0.0; 3];
+        for i in 0..COUNT {
+            let drawn = Wavelengths::draw((i as f32 + 0.5) / COUNT as f32);
+            let rgb = drawn.rgb(drawn.nm.map(&spectrum));
+            (0..3).for_each(|c| sum[c] += f64::from(rgb[c]) / f64::from(COUNT));
+        }
+        sum
+    }
+
+    #[test]
+    fn what_is_one_everywhere_is_white() {
+        for (drawn, integral) in mean(|_| 1.0).into_iter().zip(rgb_of(|_| 1.0)) {
+            assert!((integral - 1.0).abs() < 1e-9, "{integral}");
+            assert!((drawn - 1.0).abs() < 1e-4, "{drawn}");
+        }
+    }
+
+    #[test]
+    fn drawn_wavelengths_have_the_mean_of_the_integral() {
+        let hump = |nm: f64| (-((nm - 530.0) / 60.0).powi(2)).exp();
+        let slope = |nm: f64| (nm - 380.0) / 400.0;
+        for spectrum in [&hump as &dyn Fn(f64) -> f64, &slope] {
+            let (drawn, exact) = (mean(|nm| spectrum(nm.into()) as f32), rgb_of(spectrum));
+            for c in 0..3 {
+                assert!((drawn[c] - exact[c]).abs() < 1e-4, "{drawn:?} {exact:?}");
+            }
+        }
+    }
+
+    /// CIE 015: x and y of the light of 520 nm and of the illuminant E.
+    #[test]
+    fn lines_and_equal_energy_have_their_chromaticities() {
+        let xyz = |spectrum: &dyn Fn(f64) -> f64| {
+            let [r, g, b] = rgb_of(spectrum);
+            let to = Primaries::REC709.xyz_from_rgb().expect("a space");
+            let [x, y, z] = to.map(|row| row[0] * r + row[1] * g + row[2] * b);
+            [x / (x + y + z), y / (x + y + z)]
+        };
+        let line = |nm: f64| f64::from(u8::from((nm - 520.0).abs() < 0.1)) / daylight(nm);
+        for (found, expected) in
+            [(xyz(&line), [0.0743, 0.8338]), (xyz(&|nm| 1.0 / daylight(nm)), [1.0 / 3.0; 2])]
+        {
+            assert!((0..2).all(|c| (found[c] - expected[c]).abs() < 6e-4), "{found:?} {expected:?}");
+        }
+    }
+}
