@@ -144,26 +144,37 @@ impl Slots for ByWavelength<'_> {
     }
 }
 
+/// What a surface emits, and its spectrum where that is the same everywhere.
+fn emission_of(
+    material: &Material,
+    textures: &CompiledTextures,
+    shading: ShadingModel,
+    is_absent_from_behind: bool,
+) -> (Option<CompiledEmission>, Option<Arc<Spectrum>>) {
+    let light = material.emission.map(|e| match shading.spectral {
+        true => uplift::of_light(e.radiance, textures),
+        false => (fold_color(e.radiance, textures), None),
+    });
+    let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
+    let emission = material.emission.zip(light).and_then(|(e, radiance)| {
+        let beam = Beam::new(material.lamp.unwrap_or_default().beam);
+        (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
+            radiance,
+            // Nothing shines where nothing is.
+            two_sided: e.two_sided && !is_absent_from_behind,
+            beam,
+        })
+    });
+    (emission, light_spectrum)
+}
+
 impl CompiledMaterial {
     pub(super) fn new(material: &Material, textures: &CompiledTextures, shading: ShadingModel) -> Self {
         let model = fold_model(&material.model, textures);
         let is_absent_from_behind = !material.double_sided && !is_transmissive(&model);
         let program = BsdfProgram::of(&model, shading);
         let class = program.class();
-        let light = material.emission.map(|e| match shading.spectral {
-            true => uplift::of_light(e.radiance, textures),
-            false => (fold_color(e.radiance, textures), None),
-        });
-        let (light, light_spectrum) = light.map_or((None, None), |(slot, spectrum)| (Some(slot), spectrum));
-        let emission = material.emission.zip(light).and_then(|(e, radiance)| {
-            let beam = Beam::new(material.lamp.unwrap_or_default().beam);
-            (radiance.factor != [0.0; 3]).then_some(CompiledEmission {
-                radiance,
-                // Nothing shines where nothing is.
-                two_sided: e.two_sided && !is_absent_from_behind,
-                beam,
-            })
-        });
+        let (emission, light_spectrum) = emission_of(material, textures, shading, is_absent_from_behind);
         let alpha = alpha_of(material, textures);
         let presence = material.lamp.map(|l| Presence {
             visible_to: l.visible_to,

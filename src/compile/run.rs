@@ -55,14 +55,10 @@ pub(super) fn compile_after(
     let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
     if options.shading.spectral {
-        check(spectral::problems(scene))?;
+        check(scene.spectral_problems())?;
         spectral::warn(scene, &mut report.warnings);
     }
-    let textures = match kept.textures.take() {
-        Some(textures) => textures.moved(anchor.as_vec3()),
-        None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
-    };
-    let mut textures = textures.with_spectra(&scene.textures, options.shading.spectral);
+    let mut textures = textures(kept.textures.take(), scene, anchor, options.shading.spectral);
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
@@ -79,11 +75,7 @@ pub(super) fn compile_after(
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let all = (emitters.lights.clone(), punctual);
-    let mut lights = Lights::moving(all, motions, environment, &textures);
-    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
-    if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
-        lights.hide_far();
-    }
+    let lights = lights(scene, Lights::moving(all, motions, environment, &textures));
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
@@ -110,6 +102,29 @@ pub(super) fn compile_after(
         sources: is_sequence.then(|| Sources::of(scene, &plan)),
     };
     Ok((compiled, report))
+}
+
+/// The lights with the environment's sun, and without what fog hides.
+fn lights(scene: &Scene, mut lights: Lights) -> Lights {
+    scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
+    if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
+        lights.hide_far();
+    }
+    lights
+}
+
+/// The textures; `kept` are those of an earlier moment, if they are the same.
+fn textures(
+    kept: Option<CompiledTextures>,
+    scene: &Scene,
+    anchor: DVec3,
+    by_wavelength: bool,
+) -> CompiledTextures {
+    let textures = match kept {
+        Some(textures) => textures.moved(anchor.as_vec3()),
+        None => CompiledTextures::new(&scene.textures, &scene.images, anchor.as_vec3()),
+    };
+    textures.with_spectra(&scene.textures, by_wavelength)
 }
 
 /// The environment with its portals; `kept` is that of an earlier moment, if it is the same.

@@ -68,7 +68,7 @@ pub use workspace::Workspace;
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use group::{Group, group_of};
+use group::{Group, Sorted, group_of};
 use interior::AroundCamera;
 use layers::Layers;
 use light_samplers::has_vector_sampler;
@@ -250,7 +250,7 @@ impl<'a> Integrator<'a> {
                 return false;
             }
             if self.is_spectral() {
-                w.sink.to_rgb(w.times.all_waves());
+                w.sink.convert_to_rgb(w.times.all_waves());
             }
             let divides = w.sink.divides();
             for (i, (&[r, g, b, alpha], &pixel)) in w.sink.samples().iter().zip(&w.pixels).enumerate() {
@@ -310,14 +310,7 @@ impl<'a> Integrator<'a> {
             if shares {
                 self.cut_paths(bounce, &sorted, w);
             }
-            if !self.scene.lights.is_empty() {
-                self.sample_lights(bounce, &sorted, w);
-                if self.is_spectral() {
-                    self.take_lights_apart(&sorted, w);
-                }
-                self.leave_light_samples(bounce, &sorted, w);
-                self.direct_light(bounce, &sorted, w);
-            }
+            self.connect_to_lights(bounce, &sorted, w);
             let sorted = if self.branches(bounce) > 1 { self.split(&sorted, w) } else { sorted };
             self.scatter(bounce, &sorted, w);
             if self.parts.clear {
@@ -342,6 +335,18 @@ impl<'a> Integrator<'a> {
             }
         }
         true
+    }
+
+    /// Takes light samples, and adds what arrives of them.
+    fn connect_to_lights(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
+        if !self.scene.lights.is_empty() {
+            self.sample_lights(bounce, sorted, w);
+            if self.is_spectral() {
+                self.take_lights_apart(sorted, w);
+            }
+            self.leave_light_samples(bounce, sorted, w);
+            self.direct_light(bounce, sorted, w);
+        }
     }
 
     /// Are there normals that make the remedy necessary, and is it wanted?

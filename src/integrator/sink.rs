@@ -186,7 +186,7 @@ impl Sink {
     }
 
     /// From what arrived in the lanes of paths to red, green and blue, by the wavelengths of the samples.
-    pub fn to_rgb(&mut self, waves: &[Wavelengths]) {
+    pub fn convert_to_rgb(&mut self, waves: &[Wavelengths]) {
         let count = self.layers.count();
         for (i, waves) in waves.iter().enumerate().take(self.count) {
             let [a, b, c, alpha] = self.samples[i];

@@ -34,6 +34,7 @@ mod profile;
 mod settings;
 mod shape;
 mod slot;
+mod spectral;
 mod texture;
 mod turning;
 mod validate;

@@ -97,9 +97,8 @@ fn the_ground_meets_the_background_without_a_line() {
         shoot(folder.path(), &[&fixed[..], more].concat());
         let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
         // The key light is on this side, so the shadow falls to the other.
-        let row = |y: u32, c: usize| {
-            (0..8).map(|x| f64::from(picture.get_pixel(x, y).0[c])).sum::<f64>() / 8.0
-        };
+        let row =
+            |y: u32, c: usize| (0..8).map(|x| f64::from(picture.get_pixel(x, y).0[c])).sum::<f64>() / 8.0;
         for c in 0..3 {
             let rows: Vec<f64> = (0..24).map(|y| row(y, c)).collect();
             let most = rows.iter().fold(0.0f64, |most, v| most.max((v - rows[0]).abs()));
@@ -121,11 +120,14 @@ fn shadows_fall_on_pictures_and_on_nothing() {
     assert_eq!(open.get_pixel(1, 1).0, [0; 4]);
     let partly = open.pixels().filter(|p| (12..235).contains(&p.0[3]) && p.0[0] < 16).count();
     assert!(partly > 20, "{partly} pixels of shadow");
-    image::RgbImage::from_pixel(8, 8, image::Rgb([90, 160, 220])).save(folder.path().join("sky.png")).unwrap();
+    image::RgbImage::from_pixel(8, 8, image::Rgb([90, 160, 220]))
+        .save(folder.path().join("sky.png"))
+        .unwrap();
     let plate = pixels("p.png", &["--background", "sky.png"]);
     assert_eq!(plate.get_pixel(1, 1).0, [90, 160, 220, 255]);
     let bare = pixels("n.png", &["--background", "sky.png", "--ground", "none"]);
-    let darker = plate.pixels().zip(bare.pixels()).filter(|(a, b)| b.0 == [90, 160, 220, 255] && a.0[2] < 180);
+    let darker =
+        plate.pixels().zip(bare.pixels()).filter(|(a, b)| b.0 == [90, 160, 220, 255] && a.0[2] < 180);
     assert!(darker.count() > 20);
 }
 

@@ -66,14 +66,12 @@ pub(super) fn fit(rgb: [f64; 3], start: [f64; 3]) -> ([f64; 3], f64) {
 fn step(slopes: &[[f64; 3]; 3], found: [f64; 3], wanted: [f64; 3], damping: f64) -> Option<[f64; 3]> {
     let mut m = [[0.0; 3]; 3];
     let mut right = [0.0; 3];
-    for i in 0..3 {
-        for j in 0..3 {
-            m[i][j] = (0..3).map(|c| slopes[c][i] * slopes[c][j]).sum();
+    for (i, row) in m.iter_mut().enumerate() {
+        for (j, value) in row.iter_mut().enumerate() {
+            *value = (0..3).map(|c| slopes[c][i] * slopes[c][j]).sum();
         }
+        row[i] *= 1.0 + damping;
         right[i] = (0..3).map(|c| slopes[c][i] * (found[c] - wanted[c])).sum();
-    }
-    for i in 0..3 {
-        m[i][i] *= 1.0 + damping;
     }
     let minor = |a: usize, b: usize, c: usize, d: usize| m[a][b] * m[c][d] - m[a][d] * m[c][b];
     let inverse = [

@@ -2,6 +2,7 @@
 //! Made by `tools/spectra/tables.py`.
 
 /// By name: wavelength in nanometres, real part, extinction coefficient.
+#[allow(clippy::approx_constant, reason = "measured, not circles")]
 pub const METALS: [(&str, &[[f32; 3]]); 13] = [
     (
         "aluminium",

@@ -12,6 +12,8 @@ const NODES: usize = 32;
 pub(super) struct Table {
     /// Values of the brightest channel, denser towards 0 and 1, where sigmoids change most.
     levels: [f32; NODES],
+    /// Ratios, denser towards 0 and 1, too: saturated colours.
+    ratios: [f32; NODES],
     sigmoids: Vec<Sigmoid>,
 }
 
@@ -23,15 +25,19 @@ fn levels() -> [f64; NODES] {
     std::array::from_fn(|i| smooth(smooth(i as f64 / (NODES - 1) as f64)))
 }
 
+fn ratios() -> [f64; NODES] {
+    std::array::from_fn(|i| smooth(i as f64 / (NODES - 1) as f64))
+}
+
 /// The table, made when it is first asked for: in some tenths of a second.
 pub(super) fn table() -> &'static Table {
     static TABLE: OnceLock<Table> = OnceLock::new();
     TABLE.get_or_init(|| {
-        let levels = levels();
+        let (levels, ratios) = (levels(), ratios());
         let rows: Vec<(usize, usize)> = (0..3).flat_map(|m| (0..NODES).map(move |y| (m, y))).collect();
         let columns: Vec<Vec<Sigmoid>> = rows
             .into_par_iter()
-            .flat_map_iter(|(m, y)| (0..NODES).map(move |x| column(&levels, m, y, x)))
+            .flat_map_iter(|(m, y)| (0..NODES).map(move |x| column(&levels, m, ratios[y], ratios[x])))
             .collect();
         // From columns to planes of one level.
         let at = |i: usize| {
@@ -39,18 +45,18 @@ pub(super) fn table() -> &'static Table {
             columns[m * NODES.pow(2) + rest][level]
         };
         let sigmoids = (0..3 * NODES.pow(3)).map(at).collect();
-        Table { levels: levels.map(|level| level as f32), sigmoids }
+        let single = |nodes: [f64; NODES]| nodes.map(|node| node as f32);
+        Table { levels: single(levels), ratios: single(ratios), sigmoids }
     })
 }
 
 /// The sigmoids of one chromaticity at all levels: each starts from its neighbour, the first in the middle.
-fn column(levels: &[f64; NODES], brightest: usize, y: usize, x: usize) -> Vec<Sigmoid> {
-    let ratio = |i: usize| i as f64 / (NODES - 1) as f64;
+fn column(levels: &[f64; NODES], brightest: usize, y: f64, x: f64) -> Vec<Sigmoid> {
     let solve = |level: f64, start: [f64; 3]| {
         let mut rgb = [0.0; 3];
         rgb[brightest] = level;
-        rgb[(brightest + 1) % 3] = level * ratio(x);
-        rgb[(brightest + 2) % 3] = level * ratio(y);
+        rgb[(brightest + 1) % 3] = level * x;
+        rgb[(brightest + 2) % 3] = level * y;
         fit(rgb, start).0
     };
     let mut found = vec![Sigmoid::default(); NODES];
@@ -79,16 +85,15 @@ impl Table {
         let [r, g, b] = rgb;
         let m = if r >= g && r >= b { 0 } else { 1 + usize::from(b > g) };
         let most = rgb[m];
-        let grid = (NODES - 1) as f32;
-        let split = |at: f32| {
-            let i = (at as usize).min(NODES - 2);
-            (i, at - i as f32)
+        // The node before a value, and the share of the next one.
+        let split = |nodes: &[f32; NODES], value: f32| {
+            let i = nodes.partition_point(|&node| node <= value).clamp(1, NODES - 1) - 1;
+            (i, (value - nodes[i]) / (nodes[i + 1] - nodes[i]))
         };
-        let (x, u) = split(rgb[(m + 1) % 3] / most * grid);
-        let (y, v) = split(rgb[(m + 2) % 3] / most * grid);
+        let (x, u) = split(&self.ratios, rgb[(m + 1) % 3] / most);
+        let (y, v) = split(&self.ratios, rgb[(m + 2) % 3] / most);
         let level = most.clamp(self.levels[1], 1.0);
-        let z = self.levels.partition_point(|&l| l <= level).clamp(1, NODES - 1) - 1;
-        let w = (level - self.levels[z]) / (self.levels[z + 1] - self.levels[z]);
+        let (z, w) = split(&self.levels, level);
         let mut sum = [0.0; 3];
         for (k, of_level) in [(z, 1.0 - w), (z + 1, w)] {
             for (j, of_row) in [(y, 1.0 - v), (y + 1, v)] {

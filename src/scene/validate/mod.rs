@@ -46,7 +46,11 @@ impl Scene {
             cameras::check(camera, i, &mut findings);
         }
         settings::check(&self.settings, &mut findings);
-        findings.into_problems()
+        let mut problems = findings.into_problems();
+        if self.settings.spectral == Some(true) {
+            problems.extend(self.spectral_problems());
+        }
+        problems
     }
 }
 
