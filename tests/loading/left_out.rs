@@ -93,8 +93,8 @@ fn properties_of_ply_files_that_are_not_read() {
     assert_eq!(
         textured.0,
         [
-            "the texture 'wall.png' of a comment: left out, since the vertices have no texture coordinates",
-            "property 'texcoord' of 'face': left out"
+            "the texture 'wall.png' of a comment: left out, 'wall.png' does not exist",
+            "texture coordinates of 1 faces, which are not two numbers a corner: left out"
         ]
     );
     let coordinates = "property float s\nproperty float t\n";
@@ -124,6 +124,100 @@ fn the_picture_that_a_ply_file_names_is_its_colour() {
     assert!(!loaded.warnings.iter().any(|w| w.message.contains("wall")), "{:?}", loaded.warnings);
     let Model::Lambert { albedo } = &loaded.scene.materials[0].model else { panic!("not diffuse") };
     assert!(albedo.texture.is_some() && loaded.scene.images[0].width == 1);
+}
+
+/// Two squares with a common edge, each with a picture of its own and texture coordinates at its corners, as MeshLab writes
+/// them: as text, and with the same numbers in binary.
+#[test]
+fn corners_of_ply_faces_have_coordinates_and_pictures_of_their_own() {
+    let folder = tempfile::tempdir().expect("a folder");
+    for (name, blue) in [("a.tga", 10), ("b.tga", 200)] {
+        let picture = [0, 0, 2, 0, 0, 0, 0, 0, 0, 0, 0, 0, 1, 0, 1, 0, 24, 0, blue, 20, 30];
+        std::fs::write(folder.path().join(name), picture).expect("written");
+    }
+    let head = |format: &str| {
+        format!(
+            "ply\nformat {format} 1.0\ncomment TextureFile a.tga\ncomment TextureFile b.tga\n\
+             element vertex 6\nproperty float x\nproperty float y\nproperty float z\nelement face 3\n\
+             property list uchar int vertex_indices\nproperty list uchar float texcoord\n\
+             property int texnumber\nend_header\n"
+        )
+    };
+    let vertices = [
+        [0.0f32, 0.0, 0.0],
+        [1.0, 0.0, 0.0],
+        [2.0, 0.0, 0.0],
+        [0.0, 1.0, 0.0],
+        [1.0, 1.0, 0.0],
+        [2.0, 1.0, 0.0],
+    ];
+    let faces: [(&[i32], &[f32], i32); 3] = [
+        (&[1, 2, 5, 4], &[0.0, 0.0, 1.0, 0.0, 1.0, 1.0, 0.0, 1.0], 1),
+        (&[0, 1, 4], &[0.0, 0.0, 0.5, 0.0, 0.5, 1.0], 0),
+        (&[0, 4, 3], &[0.0, 0.0, 0.5, 1.0, 0.0, 1.0], 0),
+    ];
+    let (mut text, mut binary) = (head("ascii"), head("binary_little_endian").into_bytes());
+    for v in vertices {
+        text += &format!("{} {} {}\n", v[0], v[1], v[2]);
+        v.iter().for_each(|x| binary.extend(x.to_le_bytes()));
+    }
+    for (corners, wedges, picture) in faces {
+        text += &format!("{}", corners.len());
+        corners.iter().for_each(|i| text += &format!(" {i}"));
+        text += &format!(" {}", wedges.len());
+        wedges.iter().for_each(|x| text += &format!(" {x}"));
+        text += &format!(" {picture}\n");
+        binary.push(corners.len() as u8);
+        corners.iter().for_each(|i| binary.extend(i.to_le_bytes()));
+        binary.push(wedges.len() as u8);
+        wedges.iter().for_each(|x| binary.extend(x.to_le_bytes()));
+        binary.extend(picture.to_le_bytes());
+    }
+    std::fs::write(folder.path().join("text.ply"), text).expect("written");
+    std::fs::write(folder.path().join("binary.ply"), binary).expect("written");
+    for name in ["text.ply", "binary.ply"] {
+        let loaded = load(folder.path().join(name), &LoadOptions::default()).expect("loaded");
+        assert!(loaded.warnings.iter().all(|w| !w.message.contains("left out")), "{:?}", loaded.warnings);
+        let mesh = &loaded.scene.meshes[0];
+        let parts: Vec<(u32, u32)> =
+            mesh.parts.iter().map(|p| (p.first_triangle, p.triangle_count)).collect();
+        assert_eq!(parts, [(0, 2), (2, 2)]);
+        // Vertices 1 and 4 lie on the seam.
+        assert_eq!(mesh.positions.len(), 8);
+        let of = |triangle: usize| mesh.triangles[triangle].map(|i| mesh.uv_sets[0][i as usize]);
+        assert_eq!(of(0), [[0.0, 1.0], [0.5, 1.0], [0.5, 0.0]]);
+        let corner = |i: u32| (mesh.positions[i as usize], mesh.uv_sets[0][i as usize]);
+        let right: Vec<_> = mesh.triangles[2..].as_flattened().iter().map(|&i| corner(i)).collect();
+        assert!(right.iter().all(|(p, uv)| uv[0] == p[0] - 1.0 && uv[1] == 1.0 - p[1]), "{right:?}");
+        for (part, blue) in mesh.parts.iter().zip([10, 200]) {
+            let Model::Lambert { albedo } = &loaded.scene.materials[part.material.index()].model else {
+                panic!("not diffuse")
+            };
+            let texture = &loaded.scene.textures[albedo.texture.expect("a texture").index()];
+            let oscura::scene::Texture::Image { image, .. } = texture else { panic!("no image") };
+            let texel = loaded.scene.images[image.index()].rgba(0, 0);
+            assert!(
+                (texel[2] - oscura::color::linear_from_srgb(blue as f32 / 255.0)).abs() < 1e-4,
+                "{texel:?}"
+            );
+        }
+    }
+}
+
+/// Files of nothing but vertices are clouds; vertices of drawings are not.
+#[test]
+fn obj_files_of_vertices_alone_are_point_clouds() {
+    let cloud = "v 0 0 0 1 0 0\nv 1 0 0 0 1 0\nv 0 1 0 0 0 1\nvn 0 0 1\n";
+    let read = loaded(&[("a.obj", cloud)]);
+    assert_eq!((read.scene.shapes.len(), read.scene.meshes.len(), read.scene.materials.len()), (3, 0, 3));
+    let far = "v 512345.25 4512345.75 1\nv 512346.25 4512345.75 1\nv 512345.25 4512346.75 1\n";
+    assert_eq!(loaded(&[("a.obj", far)]).scene.shapes[1].center.x, 512346.25);
+    for text in ["v 0 0 0\nv 1 0 0\nl 1 2\n", "vn 0 0 1\n", "o name\n"] {
+        let folder = tempfile::tempdir().expect("a folder");
+        std::fs::write(folder.path().join("a.obj"), text).expect("written");
+        let error = load(folder.path().join("a.obj"), &LoadOptions::default()).expect_err("no surface");
+        assert!(error.to_string().contains("has no faces"), "{error}");
+    }
 }
 
 const SCENE: &str = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\n\

@@ -2,7 +2,8 @@
 //!
 //! Objects and groups become instances; polygons of any size, concave ones included; negative indices; normals, or
 //! smoothing groups where they are missing, else flat shading; texture coordinates (turned so that v grows downwards);
-//! vertex colours (sRGB-encoded, as exporters write them). Points (`p`) become spheres; lines and free-form surfaces are
+//! vertex colours (sRGB-encoded, as exporters write them). Points (`p`), and all vertices of a file that has nothing else,
+//! become spheres; lines and free-form surfaces are
 //! left out, with a count. Positions beyond the precision of single floats are kept around an origin of their own. Text may be UTF-8 or Latin-1, with a byte order mark, any line ends, and lines continued by `\`.
 //!
 //! `tobj` gets even statements without problems (`statements.rs`, `mtl.rs`), which note what it drops: lines, smoothing
@@ -38,9 +39,10 @@ use std::path::{Path, PathBuf};
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let (mut objects, mut statements) = read(path, DVec3::ZERO)?;
+    let points = statements.cloud();
     let origin = match objects.is_empty() {
         false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
-        true => far::origin(cloud::positions(path, &statements.points)?.iter()),
+        true => far::origin(cloud::positions(path, &points)?.iter()),
     };
     if origin != DVec3::ZERO {
         (objects, statements) = read(path, origin)?;
@@ -68,8 +70,8 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     }
     loaded.warnings.extend(repairs.warnings(path));
     warn_of_missing_coordinates(path, &mut loaded);
-    if !statements.points.is_empty() {
-        cloud::add(path, &statements.points, origin, options, &mut loaded)?;
+    if !points.is_empty() {
+        cloud::add(path, &points, origin, options, &mut loaded)?;
     }
     far::place(path, origin, &mut loaded);
     let mut defined = HashSet::new();

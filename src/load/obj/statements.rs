@@ -368,7 +368,7 @@ impl Statements {
             let message = format!("{} more statements are broken", self.problem_count - LISTED);
             problems.push(Problem::new("", message));
         }
-        if self.pieces.is_empty() && self.points.is_empty() && problems.is_empty() {
+        if self.pieces.is_empty() && self.points.is_empty() && !self.is_cloud() && problems.is_empty() {
             let mut problem = Problem::new("", "has no faces").with_help("only surfaces can be rendered");
             if let Some((what, (line, count))) = self.ignored.iter().next() {
                 problem.message = format!("has no faces, but {count} {what}, the first in line {line}");
@@ -376,6 +376,20 @@ impl Statements {
             problems.push(problem);
         }
         problems
+    }
+
+    /// Has the file vertices and nothing that they could be meant for?
+    fn is_cloud(&self) -> bool {
+        let has_only_vertices = self.ignored.keys().all(|what| what.starts_with("colours"));
+        self.pieces.is_empty() && self.points.is_empty() && self.totals[0] > 0 && has_only_vertices
+    }
+
+    /// Positions, from 0, that are shown as points: those of `p`, or all of a file that has nothing else.
+    pub fn cloud(&mut self) -> Vec<u32> {
+        match self.is_cloud() {
+            true => (0..self.totals[0] as u32).collect(),
+            false => std::mem::take(&mut self.points),
+        }
     }
 
     /// What was left out: line and message.

@@ -1,6 +1,6 @@
 //! Rows of ascii elements, one a line.
 
-use super::elements::{Record, Slot};
+use super::elements::{List, Record, Slot};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
 use crate::load::words::{integer, next_word};
@@ -82,10 +82,16 @@ fn read_row<E: Record>(line: &[u8], targets: &[Target], record: &mut E) -> Optio
             Target::List(name) => {
                 let length = usize::try_from(integer(word)?).ok()?;
                 match record.list(name) {
-                    Some(list) => {
+                    Some(List::Integers(list)) => {
                         list.clear();
                         for _ in 0..length {
                             list.push(integer(words.next()?)?);
+                        }
+                    }
+                    Some(List::Numbers(list)) => {
+                        list.clear();
+                        for _ in 0..length {
+                            list.push(std::str::from_utf8(words.next()?).ok()?.parse().ok()?);
                         }
                     }
                     None => {

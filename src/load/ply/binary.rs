@@ -2,7 +2,7 @@
 //!
 //! `ply-rs` makes a string for every property and a list for every face, which takes most of its time.
 
-use super::elements::{Record, Slot};
+use super::elements::{List, Record, Slot, number};
 use ply_rs::ply::{ElementDef, Property, PropertyType, ScalarType};
 
 /// A property of the rows.
@@ -55,8 +55,13 @@ fn read_field<E: Record>(rest: &mut &[u8], field: &Field, big: bool, record: &mu
                 _ => return None,
             };
             let bytes = take(rest, length.checked_mul(size(item))?)?;
-            if let Some(list) = record.list(field.name) {
-                integers(item, bytes, big, list);
+            match record.list(field.name) {
+                Some(List::Integers(list)) => integers(item, bytes, big, list),
+                Some(List::Numbers(list)) => {
+                    list.clear();
+                    list.extend(bytes.chunks_exact(size(item)).map(|b| number(&scalar(item, b, big))));
+                }
+                None => {}
             }
         }
     }

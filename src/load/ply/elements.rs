@@ -12,7 +12,13 @@ pub(super) trait Record {
     /// Stores a scalar property.
     fn set(&mut self, slot: Slot, value: &Property);
     /// Where the list property of that name goes, if anywhere.
-    fn list(&mut self, name: &str) -> Option<&mut Vec<i64>>;
+    fn list(&mut self, name: &str) -> Option<List<'_>>;
+}
+
+/// What a list becomes.
+pub(super) enum List<'a> {
+    Integers(&'a mut Vec<i64>),
+    Numbers(&'a mut Vec<f32>),
 }
 
 /// Which number of a vertex.
@@ -23,6 +29,8 @@ pub(super) enum Slot {
     Uv(usize),
     Color(usize),
     Alpha,
+    /// The number of a face's picture.
+    Picture,
 }
 
 /// One vertex; what the file lacks keeps its default.
@@ -66,32 +74,48 @@ impl Record for Vertex {
             Slot::Uv(i) => self.uv[i] = number(value),
             Slot::Color(i) => self.color[i] = color(value),
             Slot::Alpha => self.color[3] = unit(value),
+            Slot::Picture => {}
         }
     }
 
-    fn list(&mut self, _: &str) -> Option<&mut Vec<i64>> {
+    fn list(&mut self, _: &str) -> Option<List<'_>> {
         None
     }
 }
 
 /// One polygon or strip: indices as the file says, not yet checked.
+#[derive(Clone)]
 pub(super) struct Face {
     pub indices: Vec<i64>,
+    /// Texture coordinates of its corners, u and v in turn, as in the file: v grows upwards.
+    pub wedges: Vec<f32>,
+    /// Which of the file's pictures is on it.
+    pub picture: i64,
 }
 
 impl Record for Face {
     fn new() -> Face {
-        Face { indices: Vec::new() }
+        Face { indices: Vec::new(), wedges: Vec::new(), picture: 0 }
     }
 
-    fn slot(_: &str) -> Option<Slot> {
-        None
+    fn slot(name: &str) -> Option<Slot> {
+        (name == "texnumber").then_some(Slot::Picture)
     }
 
-    fn set(&mut self, _: Slot, _: &Property) {}
+    fn set(&mut self, slot: Slot, value: &Property) {
+        if matches!(slot, Slot::Picture) {
+            // `as` saturates; what is no number is the first.
+            self.picture = exact(value) as i64;
+        }
+    }
 
-    fn list(&mut self, name: &str) -> Option<&mut Vec<i64>> {
-        (name == "vertex_index" || name == "vertex_indices").then_some(&mut self.indices)
+    #[inline]
+    fn list(&mut self, name: &str) -> Option<List<'_>> {
+        match name {
+            "vertex_index" | "vertex_indices" => Some(List::Integers(&mut self.indices)),
+            "texcoord" => Some(List::Numbers(&mut self.wedges)),
+            _ => None,
+        }
     }
 }
 
@@ -109,7 +133,7 @@ impl Record for Skipped {
 
     fn set(&mut self, _: Slot, _: &Property) {}
 
-    fn list(&mut self, _: &str) -> Option<&mut Vec<i64>> {
+    fn list(&mut self, _: &str) -> Option<List<'_>> {
         None
     }
 }
@@ -123,7 +147,7 @@ impl PropertyAccess for Skipped {
 
 /// A scalar as it is; lists (refused by the header check) give NaN.
 #[inline]
-fn number(value: &Property) -> f32 {
+pub(super) fn number(value: &Property) -> f32 {
     match *value {
         Property::Char(v) => f32::from(v),
         Property::UChar(v) => f32::from(v),

@@ -1,5 +1,7 @@
 //! Polygons and strips to triangles, with their indices checked.
 
+use super::elements::Face;
+use super::wedges::Wedges;
 use crate::error::Problem;
 use crate::load::polygon::triangulate;
 use crate::scene::Mesh;
@@ -21,8 +23,10 @@ pub(super) struct Faces {
     problems: Vec<Problem>,
     bad: usize,
     /// Faces that stand before the vertices in the file.
-    waiting: Vec<(Kind, usize, Vec<i64>)>,
+    waiting: Vec<(Kind, usize, Face)>,
     vertices_known: bool,
+    /// What corners have of their own, where the file has that.
+    pub wedges: Option<Wedges>,
     /// Faces of fewer than three corners.
     pub short: usize,
 }
@@ -30,10 +34,11 @@ pub(super) struct Faces {
 impl Faces {
     /// Adds row `i` of the faces or strips.
     #[inline]
-    pub fn add(&mut self, mesh: &mut Mesh, kind: Kind, i: usize, indices: &[i64]) {
+    pub fn add(&mut self, mesh: &mut Mesh, kind: Kind, i: usize, face: &Face) {
         if !self.vertices_known {
-            return self.waiting.push((kind, i, indices.to_vec()));
+            return self.waiting.push((kind, i, face.clone()));
         }
+        let indices = &face.indices[..];
         let count = mesh.positions.len() as i64;
         let inside = |v: i64| (0..count).contains(&v);
         if let ([a, b, c], Kind::Polygon) = (indices, kind)
@@ -41,31 +46,44 @@ impl Faces {
             && inside(*b)
             && inside(*c)
         {
+            if let Some(wedges) = &mut self.wedges {
+                wedges.add(face, &[[0, 1, 2]]);
+            }
             return mesh.triangles.push([*a, *b, *c].map(|v| v as u32));
         }
         match indices.iter().find(|&&v| !(inside(v) || kind == Kind::Strip && v == -1)) {
             Some(&v) => self.complain(kind, i, v, count),
             None if indices.len() < 3 => self.short += 1,
-            None if kind == Kind::Polygon => add_polygon(mesh, indices),
-            None => add_strip(mesh, indices),
+            None if kind == Kind::Polygon => {
+                let cut = cut_polygon(mesh, indices);
+                if let Some(wedges) = &mut self.wedges {
+                    wedges.add(face, &cut);
+                }
+            }
+            None => {
+                add_strip(mesh, indices);
+                if let Some(wedges) = &mut self.wedges {
+                    wedges.pad(mesh.triangles.len());
+                }
+            }
         }
     }
 
     /// Call when the vertices have been read: adds the faces that came before them.
     pub fn catch_up(&mut self, mesh: &mut Mesh) {
         self.vertices_known = true;
-        for (kind, i, indices) in std::mem::take(&mut self.waiting) {
-            self.add(mesh, kind, i, &indices);
+        for (kind, i, face) in std::mem::take(&mut self.waiting) {
+            self.add(mesh, kind, i, &face);
         }
     }
 
     /// Everything that was wrong.
-    pub fn problems(mut self) -> Vec<Problem> {
+    pub fn problems(&mut self) -> Vec<Problem> {
         if self.bad > LISTED {
             let message = format!("{} more faces refer to missing vertices", self.bad - LISTED);
             self.problems.push(Problem::new("", message));
         }
-        self.problems
+        std::mem::take(&mut self.problems)
     }
 
     #[cold]
@@ -79,9 +97,12 @@ impl Faces {
     }
 }
 
-fn add_polygon(mesh: &mut Mesh, indices: &[i64]) {
+/// Adds a polygon; gives the corners of its triangles.
+fn cut_polygon(mesh: &mut Mesh, indices: &[i64]) -> Vec<[usize; 3]> {
     let corners: Vec<[f32; 3]> = indices.iter().map(|&v| mesh.positions[v as usize]).collect();
-    mesh.triangles.extend(triangulate(&corners).iter().map(|t| t.map(|k| indices[k] as u32)));
+    let cut = triangulate(&corners);
+    mesh.triangles.extend(cut.iter().map(|t| t.map(|k| indices[k] as u32)));
+    cut
 }
 
 fn add_strip(mesh: &mut Mesh, indices: &[i64]) {

@@ -128,6 +128,12 @@ impl<'a> Source<'a> {
         VertexLayout { position, normal, uv, color, is_splat, incomplete }
     }
 
+    /// Do the corners of faces have texture coordinates of their own?
+    pub fn has_wedges(&self) -> bool {
+        let face = self.header.elements.get("face").and_then(|face| face.properties.get("texcoord"));
+        face.is_some_and(|p| matches!(p.data_type, PropertyType::List(..)))
+    }
+
     /// The pictures that comments name, as MeshLab writes them.
     fn texture_files(&self) -> Vec<String> {
         let named = self.header.comments.iter().filter_map(|c| c.trim().strip_prefix("TextureFile"));
@@ -163,10 +169,13 @@ impl<'a> Source<'a> {
         let texture_files = self.texture_files();
         let (writer_up, has_exact_positions) = (self.writer_up(), self.has_exact_positions());
         let mut unread = Unread { shown, rest: Vec::new(), texture_files, writer_up, has_exact_positions };
+        let has_wedges = self.has_wedges();
         let known = |element: &str, name: &str, data: &PropertyType| match (element, data) {
             ("vertex", PropertyType::Scalar(_)) => Vertex::slot(name).is_some(),
-            ("face" | "tristrips", PropertyType::List(..)) => Face::new().list(name).is_some(),
-            ("vertex" | "face" | "tristrips", _) => false,
+            ("face", PropertyType::List(..)) => Face::new().list(name).is_some(),
+            ("face", PropertyType::Scalar(_)) => has_wedges && Face::slot(name).is_some(),
+            ("tristrips", PropertyType::List(..)) => is_index(name),
+            ("vertex" | "tristrips", _) => false,
             // Elements of other names are left out as a whole.
             _ => true,
         };
@@ -220,7 +229,7 @@ impl<'a> Source<'a> {
     fn check_types(&self) -> Result<()> {
         for (name, e) in &self.header.elements {
             for (property, p) in &e.properties {
-                let is_index = property == "vertex_index" || property == "vertex_indices";
+                let is_index = is_index(property);
                 let ok = match (name.as_str(), &p.data_type) {
                     ("face" | "tristrips", PropertyType::List(_, item)) if is_index => {
                         !matches!(item, ScalarType::Float | ScalarType::Double)
@@ -241,6 +250,11 @@ impl<'a> Source<'a> {
         }
         Ok(())
     }
+}
+
+/// Is it the name of lists of vertices?
+fn is_index(name: &str) -> bool {
+    name == "vertex_index" || name == "vertex_indices"
 }
 
 fn first_line(text: &str) -> String {

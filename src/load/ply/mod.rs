@@ -3,9 +3,10 @@
 //!
 //! Read: `x y z`, `nx ny nz`, texture coordinates (`s t`, `u v`, `texture_u texture_v`; v turned to grow downwards),
 //! `red green blue alpha` or `diffuse_red` and so on (integers are sRGB-encoded, floats linear), faces of any size
-//! (`vertex_index` or `vertex_indices`) and `tristrips`. Other elements, and properties of faces that a picture would show,
-//! are left out with a warning, and any other property without. Where a comment names a picture (`TextureFile`, as MeshLab
-//! writes it) and vertices have texture coordinates, it is the colour. Vertices without faces are a point
+//! (`vertex_index` or `vertex_indices`) with texture coordinates of their corners (`texcoord`, as MeshLab writes them) and the
+//! number of their picture (`texnumber`), and `tristrips`. Other elements, and properties of faces that a picture would show,
+//! are left out with a warning, and any other property without. Where comments name pictures (`TextureFile`, as MeshLab
+//! writes them) and there are texture coordinates, they are the colour: the first one, or that of the face's number. Vertices without faces are a point
 //! cloud, which becomes spheres. Positions beyond the precision of single floats are kept around an origin of their own.
 //! Gaussian splats are refused by their name.
 
@@ -16,6 +17,7 @@ mod faces;
 mod header;
 mod lines;
 mod texture;
+mod wedges;
 
 use super::points::Cloud;
 use super::shapes::Repairs;
@@ -27,23 +29,29 @@ use elements::{Face, Skipped, Vertex};
 use faces::{Faces, Kind};
 use header::{Source, Unread};
 use std::path::Path;
+use wedges::{Run, Wedges};
 
 /// Reads a PLY file as one mesh with a white diffuse material.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let mut origin = DVec3::ZERO;
-    let (mut mesh, mut left_out) = parse(path, &bytes, origin)?;
+    let (mut mesh, mut wedges, mut left_out) = parse(path, &bytes, origin)?;
     if left_out.has_exact_positions {
         origin = far::origin(mesh.positions.iter());
     }
     if origin != DVec3::ZERO {
-        (mesh, left_out) = parse(path, &bytes, origin)?;
+        (mesh, wedges, left_out) = parse(path, &bytes, origin)?;
     }
     drop(bytes);
-    let mut loaded = finish(path, mesh, origin, options)?;
+    let runs = wedges.map(|wedges| {
+        wedges.split(&mut mesh);
+        wedges.runs(&mesh.triangles, left_out.texture_files.len())
+    });
+    let pictures = texture::numbers(runs.as_deref(), &left_out.texture_files);
+    let mut loaded = finish(path, mesh, runs, origin, options)?;
     loaded.up_hint = UpHint { writer: left_out.writer_up, is_mostly_y: false };
-    texture::add(path, &left_out.texture_files, options, &mut loaded);
+    texture::add(path, &left_out.texture_files, &pictures, options, &mut loaded);
     let warning = |what| Warning::new(path, "", format!("{what}: left out"));
     loaded.warnings.extend(left_out.shown.into_iter().map(warning));
     loaded.left_out.extend(left_out.rest.into_iter().map(|what| format!("{what}: no picture shows it")));
@@ -52,13 +60,14 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Unread)> {
+fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Option<Wedges>, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
     let mut source = Source::open(bytes).map_err(fail)?;
     let defined = source.vertex_layout();
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
-    let (mut uv, mut faces) = (Vec::new(), Faces::default());
+    let wedges = source.has_wedges().then(Wedges::default);
+    let (mut uv, mut faces) = (Vec::new(), Faces { wedges, ..Faces::default() });
     let mut left_out = source.unread(&defined);
     for (name, definition) in source.elements() {
         match name.as_str() {
@@ -84,13 +93,13 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Unread)> {
             "face" | "tristrips" => {
                 let kind = if name == "face" { Kind::Polygon } else { Kind::Strip };
                 mesh.triangles.reserve_exact(if kind == Kind::Polygon { definition.count } else { 0 });
-                let add = |i, face: &Face| faces.add(&mut mesh, kind, i, &face.indices);
+                let add = |i, face: &Face| faces.add(&mut mesh, kind, i, face);
                 source.read(&definition, add).map_err(fail)?;
             }
             _ => {
                 source.read(&definition, |_, _: &Skipped| {}).map_err(fail)?;
-                if definition.count > 0 {
-                    let count = definition.count;
+                let count = definition.count;
+                if count > 0 {
                     left_out.shown.push(format!("{count} of the element '{name}', which is no surface"));
                 }
             }
@@ -102,12 +111,16 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Unread)> {
     if faces.short > 0 {
         left_out.shown.push(format!("{} faces of fewer than three corners", faces.short));
     }
+    if let Some(odd) = faces.wedges.as_ref().map(|wedges| wedges.odd).filter(|&odd| odd > 0) {
+        let message = format!("texture coordinates of {odd} faces, which are not two numbers a corner");
+        left_out.shown.push(message);
+    }
     left_out.shown.extend(unused_alpha(&mesh));
     let problems = faces.problems();
     if !problems.is_empty() {
         return Err(Error::input_problems(path, problems));
     }
-    Ok((mesh, left_out))
+    Ok((mesh, faces.wedges, left_out))
 }
 
 /// Says how many vertices would let light through.
@@ -116,31 +129,43 @@ fn unused_alpha(mesh: &Mesh) -> Option<String> {
     (count > 0).then(|| format!("the alpha of {count} vertex colours, which are taken as opaque"))
 }
 
-/// The scene of a mesh around an origin.
-fn finish(path: &Path, mut mesh: Mesh, origin: DVec3, options: &LoadOptions) -> Result<Loaded> {
+/// The scene of a mesh around an origin, with a part for each run of triangles.
+fn finish(
+    path: &Path,
+    mut mesh: Mesh,
+    runs: Option<Vec<Run>>,
+    origin: DVec3,
+    options: &LoadOptions,
+) -> Result<Loaded> {
     if mesh.positions.is_empty() {
         return Err(Error::input(path, "is empty: it has no vertices"));
     }
+    let mut loaded = Loaded::default();
     if mesh.triangles.is_empty() {
         let cloud = Cloud { positions: &mesh.positions, colors: &mesh.colors, origin };
-        let mut loaded = Loaded::default();
         cloud.add(path, options, &mut loaded)?;
         far::place(path, origin, &mut loaded);
         return Ok(loaded);
     }
-    let mut loaded = Loaded::default();
+    let counts = runs.map(|runs| in_runs(&mut mesh, runs));
     let mut repairs = Repairs::default();
     repairs.make(&mut mesh);
     loaded.warnings.extend(repairs.warnings(path));
-    let triangle_count = u32::try_from(mesh.triangles.len())
-        .map_err(|_| Error::input(path, "has more than 4,294,967,295 triangles"))?;
-    mesh.parts = vec![MeshPart { first_triangle: 0, triangle_count, material: MaterialId(0) }];
-    let mut material = Material::lambert("default", [0.8; 3]);
-    if !mesh.colors.is_empty() {
-        material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
+    let too_many = || Error::input(path, "has more than 4,294,967,295 triangles or vertices");
+    u32::try_from(mesh.positions.len()).map_err(|_| too_many())?;
+    let all = u32::try_from(mesh.triangles.len()).map_err(|_| too_many())?;
+    let mut first_triangle = 0;
+    for (i, triangle_count) in counts.unwrap_or_else(|| vec![all]).into_iter().enumerate() {
+        let material = MaterialId(i as u32);
+        mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
+        first_triangle += triangle_count;
+        let mut material = Material::lambert("default", [0.8; 3]);
+        if !mesh.colors.is_empty() {
+            material = Material { use_vertex_colors: true, ..Material::lambert("vertex colours", [1.0; 3]) };
+        }
+        loaded.scene.materials.push(material);
+        loaded.stand_ins.push(MaterialId(i as u32));
     }
-    loaded.scene.materials.push(material);
-    loaded.stand_ins.push(MaterialId(0));
     loaded.scene.meshes.push(mesh);
     loaded
         .scene
@@ -148,4 +173,17 @@ fn finish(path: &Path, mut mesh: Mesh, origin: DVec3, options: &LoadOptions) -> 
         .push(Instance { name: "mesh".to_string(), ..Instance::new(MeshId(0), DAffine3::IDENTITY) });
     far::place(path, origin, &mut loaded);
     Ok(loaded)
+}
+
+/// Puts a mesh's triangles into the order of the runs; gives how many of each will be left by repairs.
+fn in_runs(mesh: &mut Mesh, runs: Vec<Run>) -> Vec<u32> {
+    mesh.triangles.clear();
+    let finite = |t: &&[u32; 3]| t.iter().all(|&i| mesh.positions[i as usize].iter().all(|x| x.is_finite()));
+    runs.into_iter()
+        .map(|run| {
+            let count = run.triangles.iter().filter(finite).count() as u32;
+            mesh.triangles.extend(run.triangles);
+            count
+        })
+        .collect()
 }

@@ -1,5 +1,6 @@
-//! The picture that a comment of a PLY file names.
+//! The pictures that comments of a PLY file name.
 
+use super::wedges::Run;
 use crate::error::Warning;
 use crate::load::image::{self, Use};
 use crate::load::obj::find_file;
@@ -7,26 +8,47 @@ use crate::load::{LoadOptions, Loaded};
 use crate::scene::{ColorSlot, Interpolation, Mapping, Model, Texture, Wrap};
 use std::path::Path;
 
-/// Gives the mesh's material the picture, if there is one and the vertices have texture coordinates; says why not.
-pub(super) fn add(path: &Path, files: &[String], options: &LoadOptions, loaded: &mut Loaded) {
-    let Some(name) = files.first().filter(|_| !options.geometry_only) else { return };
-    for further in &files[1..] {
-        loaded.warnings.push(Warning::new(
-            path,
-            "",
-            format!("the texture '{further}' of a comment: left out"),
-        ));
-    }
-    if let Err(why) = try_add(path, name, options, loaded) {
-        loaded.warnings.push(Warning::new(
-            path,
-            "",
-            format!("the texture '{name}' of a comment: left out, {why}"),
-        ));
+/// By material of the mesh: which of the files is on it, if any.
+pub(super) fn numbers(runs: Option<&[Run]>, files: &[String]) -> Vec<Option<usize>> {
+    match runs {
+        None => vec![(!files.is_empty()).then_some(0)],
+        Some(runs) => runs.iter().map(|run| usize::try_from(run.picture).ok()).collect(),
     }
 }
 
-fn try_add(path: &Path, name: &str, options: &LoadOptions, loaded: &mut Loaded) -> Result<(), String> {
+/// Gives the mesh's materials their pictures, if there are any and the mesh has texture coordinates; says why not.
+pub(super) fn add(
+    path: &Path,
+    files: &[String],
+    numbers: &[Option<usize>],
+    options: &LoadOptions,
+    loaded: &mut Loaded,
+) {
+    if options.geometry_only {
+        return;
+    }
+    for (number, name) in files.iter().enumerate() {
+        let outcome = match numbers.iter().position(|n| *n == Some(number)) {
+            // A mesh without triangles has no material.
+            Some(material) => {
+                try_add(path, name, material, options, loaded).map_err(|why| format!(", {why}"))
+            }
+            None => Err(String::new()),
+        };
+        if let Err(why) = outcome {
+            let message = format!("the texture '{name}' of a comment: left out{why}");
+            loaded.warnings.push(Warning::new(path, "", message));
+        }
+    }
+}
+
+fn try_add(
+    path: &Path,
+    name: &str,
+    material: usize,
+    options: &LoadOptions,
+    loaded: &mut Loaded,
+) -> Result<(), String> {
     if loaded.scene.meshes.first().is_none_or(|mesh| mesh.uv_sets.is_empty()) {
         return Err("since the vertices have no texture coordinates".into());
     }
@@ -43,7 +65,7 @@ fn try_add(path: &Path, name: &str, options: &LoadOptions, loaded: &mut Loaded) 
         interpolation: Interpolation::default(),
         mapping: Mapping::default(),
     });
-    if let Some(material) = loaded.scene.materials.first_mut() {
+    if let Some(material) = loaded.scene.materials.get_mut(material) {
         material.model = Model::Lambert { albedo: ColorSlot::texture(texture) };
     }
     Ok(())

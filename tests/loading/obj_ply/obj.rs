@@ -25,7 +25,7 @@ fn corners() {
 fn errors_name_the_line() {
     let error = load_files(&[("a.obj", b"v 0 0 0\nv 1 x 0\n")]).expect_err("a bad number");
     assert_eq!(error.problems[0].place, "line 2");
-    assert!(load_files(&[("a.obj", b"v 0 0 0\n")]).expect_err("no faces").to_string().contains("no faces"));
+    assert!(load_files(&[("a.obj", b"vn 0 0 1\n")]).expect_err("no faces").to_string().contains("no faces"));
     assert!(load_files(&[("a.obj", b"v 0 0 0\nf 1 2 3\n")]).is_err());
 }
 

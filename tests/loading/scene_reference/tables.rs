@@ -80,6 +80,7 @@ pub const TABLES: &[Table] = &[
             ("filter", "\"box\"", "\"gaussian\""),
             ("microfacet", "\"single\"", "\"multi\""),
             ("fresnel", "\"schlick\"", "\"exact\""),
+            ("spectral", "true", "false"),
             ("exposure", "-1.5", "2"),
             ("view", "\"agx\"", "\"filmic\""),
             ("white_balance", "3200", "6500"),
