@@ -32,6 +32,11 @@ pub(super) struct Faces {
 }
 
 impl Faces {
+    /// Of a file whose corners have something of their own, or not.
+    pub fn with_wedges(has_wedges: bool) -> Faces {
+        Faces { wedges: has_wedges.then(Wedges::default), ..Faces::default() }
+    }
+
     /// Adds row `i` of the faces or strips.
     #[inline]
     pub fn add(&mut self, mesh: &mut Mesh, kind: Kind, i: usize, face: &Face) {

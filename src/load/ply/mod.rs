@@ -66,8 +66,7 @@ fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Option<Wedge
     let defined = source.vertex_layout();
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };
-    let wedges = source.has_wedges().then(Wedges::default);
-    let (mut uv, mut faces) = (Vec::new(), Faces { wedges, ..Faces::default() });
+    let (mut uv, mut faces) = (Vec::new(), Faces::with_wedges(source.has_wedges()));
     let mut left_out = source.unread(&defined);
     for (name, definition) in source.elements() {
         match name.as_str() {
