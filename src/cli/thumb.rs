@@ -12,7 +12,9 @@ use oscura::load::{LoadOptions, Loaded, is_of_blender, load};
 use oscura::output::{
     Format, PngOptions, ViewTransform, check_target, encode, is_same_target, place_folder, write_atomically,
 };
-use oscura::render::{CancelHandle, Caustics, PathReuse, Renderer, Splitting, denoising_guides, in_pool};
+use oscura::render::{
+    CancelHandle, Caustics, Guiding, PathReuse, Renderer, Splitting, denoising_guides, in_pool,
+};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -112,6 +114,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         .samples(args.spp)
         .max_depth(DEPTH)
         .caustics(Caustics::Off)
+        .guiding(Guiding::Off)
         .path_reuse(PathReuse::Off)
         .splitting(Splitting::OFF)
         .aovs(denoising_guides())

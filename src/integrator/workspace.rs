@@ -70,6 +70,8 @@ pub struct Workspace {
     /// Where paths train a guide: vertices of the wave, and what all paths have found.
     pub(super) vertex_records: Vec<VertexRecord>,
     pub(super) training_samples: Vec<TrainingSample>,
+    /// Squares of the luminances that vertices brought to samples.
+    pub(super) brought_squares: f64,
     /// Rays traced so far.
     pub ray_counts: RayCounts,
 }
@@ -109,6 +111,7 @@ impl Workspace {
             rays_before_split: None,
             vertex_records: Vec::new(),
             training_samples: Vec::new(),
+            brought_squares: 0.0,
             ray_counts: RayCounts::default(),
         }
     }

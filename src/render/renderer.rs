@@ -187,7 +187,7 @@ impl Renderer {
         self
     }
 
-    /// Sets whether paths are guided. Default [`Guiding::Off`].
+    /// Sets whether paths are guided. Default [`Guiding::Auto`].
     pub fn guiding(mut self, guiding: Guiding) -> Renderer {
         self.choices.guiding = guiding;
         self

@@ -129,6 +129,35 @@ fn threads_and_cpu_levels_agree() {
     }
 }
 
+/// Paths find out by themselves: a room that gets its light through a slit is guided, a room with a lamp in it is not.
+#[test]
+fn guiding_is_chosen_where_indirect_light_is_noisy() {
+    let options = options(96, 64, 100).guiding(Guiding::Auto);
+    for (what, scene, is_guided) in [("slit", room(false), true), ("box", cornell(), false)] {
+        for seed in [0, 1, 2] {
+            let mut rendering = rendering(&scene, &options.seed(seed));
+            rendering.next_pass();
+            assert_eq!(rendering.statistics().guide_cells.is_some(), is_guided, "{what}, {seed}");
+            assert!(rendering.warnings().is_empty(), "{what}: {:?}", rendering.warnings());
+        }
+    }
+}
+
+#[test]
+fn the_choice_to_guide_depends_on_neither_threads_nor_cpu_levels_nor_parts() {
+    let (scene, options) = (room(false), plain(options(72, 64, 8)).guiding(Guiding::Auto));
+    assert_same_bits("chosen", &scene, &options);
+    let whole = rendering(&scene, &options);
+    let region = Region { x0: 8, y0: 24, x1: 40, y1: 56 };
+    let part = finished(&scene, &options.region(region));
+    assert!(part.statistics().guide_cells.is_some());
+    let mut whole = whole.with_whole_passes();
+    whole.run();
+    for (x, y) in [(0, 0), (31, 0), (5, 17), (31, 31)] {
+        assert_eq!(part.film().mean_rgba(x, y), whole.film().mean_rgba(x + 8, y + 24), "{x}, {y}");
+    }
+}
+
 fn finished(scene: &Scene, options: &RenderOptions) -> Rendering {
     let mut rendering = rendering(scene, options).with_whole_passes();
     assert_eq!(rendering.run(), PassOutcome::Done);

@@ -6,7 +6,7 @@ use crate::cli::page::{Frame, Order, Shared, Wish};
 use oscura::error::Result;
 use oscura::film::{Aov, AovSet};
 use oscura::load::SavedFiles;
-use oscura::render::{CancelHandle, Labels, PassOutcome, Rendering};
+use oscura::render::{CancelHandle, Guiding, Labels, PassOutcome, Rendering};
 use std::time::{Duration, Instant};
 
 /// How long a small first picture may take, seconds.
@@ -109,6 +109,8 @@ fn render_at(
         .samples(samples)
         .aovs(aovs)
         .time_limit(Some(Duration::from_secs(1 << 30)))
+        // The first picture can't wait until paths have learned.
+        .guiding(Guiding::Off)
         // Estimated, but never low enough to stop.
         .noise(Some(f32::MIN_POSITIVE));
     let labels = Labels::of(&model.loaded.scene, &options);

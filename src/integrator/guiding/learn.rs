@@ -22,6 +22,8 @@ pub struct BlockSamples {
     /// Sum of the luminances of the samples, and how many there are.
     pub luminance: f64,
     pub samples: u64,
+    /// Sum over the vertices of the squared luminance that each brought to its sample.
+    pub squares: f64,
 }
 
 /// Least part of what a sample has that is told from rounding.
@@ -32,6 +34,7 @@ impl Integrator<'_> {
     pub fn learn(&self, block: &Block, w: &mut Workspace, stop: &dyn Fn() -> bool) -> Option<BlockSamples> {
         w.training_samples.clear();
         w.vertex_records.clear();
+        w.brought_squares = 0.0;
         let (mut light, mut samples) = (0.0, 0);
         let is_done = self.trace(block, w, stop, |sample| {
             let value = f64::from(luminance(sample.rgb));
@@ -39,7 +42,8 @@ impl Integrator<'_> {
             samples += 1;
         });
         let training_samples = std::mem::take(&mut w.training_samples);
-        is_done.then_some(BlockSamples { training_samples, luminance: light, samples })
+        let squares = w.brought_squares;
+        is_done.then_some(BlockSamples { training_samples, luminance: light, samples, squares })
     }
 
     /// Takes down the Lambertian vertices of a bounce, once they are scattered.
@@ -85,6 +89,9 @@ impl Integrator<'_> {
             };
             let value = (after - before) / carried;
             let counts = !ends && value.is_finite() && after - before > LEAST_SHARE * after;
+            if counts {
+                w.brought_squares += f64::from(after - before).powi(2);
+            }
             w.training_samples
                 .push(TrainingSample { value: if counts { value } else { 0.0 }, ..training_sample });
         }

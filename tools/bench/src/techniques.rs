@@ -17,18 +17,19 @@ struct Technique {
 }
 
 /// The first is what the others are compared with.
-const TECHNIQUES: [Technique; 7] = [
+const TECHNIQUES: [Technique; 8] = [
     Technique { name: "none", with: plain },
     Technique { name: "by default", with: |options| options },
     Technique { name: "paths not shared", with: |options| options.path_reuse(PathReuse::Off) },
     Technique { name: "no splitting", with: |options| options.splitting(Splitting::OFF) },
     Technique { name: "no caustics from lamps", with: |options| options.caustics(Caustics::Off) },
-    Technique { name: "guiding", with: |options| options.guiding(Guiding::On) },
+    Technique { name: "always guided", with: |options| options.guiding(Guiding::On) },
+    Technique { name: "never guided", with: |options| options.guiding(Guiding::Off) },
     Technique { name: "adaptive", with: |options| options.adaptive(Adaptive::Auto) },
 ];
 
 fn plain(options: RenderOptions) -> RenderOptions {
-    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).caustics(Caustics::Off)
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).caustics(Caustics::Off).guiding(Guiding::Off)
 }
 
 /// Sums over the renderings of a scene by one technique.

@@ -47,7 +47,7 @@ fn run(
 #[pyfunction]
 #[pyo3(signature = (
     scene, *, samples=None, width=None, height=None, max_depth=None, seed=None, camera=None, aovs=vec![],
-    light_groups=false, crypto_levels=6, denoise=false, caustics="auto", guiding="off", path_reuse="auto", splitting="auto",
+    light_groups=false, crypto_levels=6, denoise=false, caustics="auto", guiding="auto", path_reuse="auto", splitting="auto",
     adaptive="off", time_limit=None, exposure=None, threads=None, progress=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
