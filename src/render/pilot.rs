@@ -44,6 +44,12 @@ const WORSE: f64 = 1.5;
 /// for a gain in every seventh try, 12 of them in every fortieth).
 const MORE_SQUARES: u32 = 3;
 
+/// A few squares try splitting first, as many as a shape of groups; the others only where it seems so efficient.
+const PROMISING: f64 = 1.15;
+
+/// Larger groups are tried only where the smallest ones are so efficient: what these can't share, larger ones can't either.
+const HOPEFUL: f64 = 0.8;
+
 /// Where sharing gains more than this, splitting is not tried: it seldom gains as much.
 const CLEAR_GAIN: f64 = 3.0;
 
@@ -68,7 +74,9 @@ enum Question {
     Shape(GroupShape),
     /// The best of these again, where its gain is not clear.
     Again,
+    /// Splitting; the first squares that try it, and others if these promise something.
     Splitting,
+    SplittingAgain,
 }
 
 /// The squares that try something.
@@ -104,7 +112,9 @@ pub(super) fn trials(choice: Choice, view: &View, pass: Pass) -> Vec<Trial> {
         trials.push(Trial { question: Question::Again, squares: again.to_vec() });
     }
     if choice.may_split {
-        trials.push(Trial { question: Question::Splitting, squares: of_splitting.to_vec() });
+        let (first, others) = of_splitting.split_at(more.min(of_each as usize));
+        trials.push(Trial { question: Question::Splitting, squares: first.to_vec() });
+        trials.push(Trial { question: Question::SplittingAgain, squares: others.to_vec() });
     }
     trials
 }
@@ -117,17 +127,24 @@ fn square(x: u32, y: u32, pass: Pass) -> Block {
 /// The technique that a trial tries after what the earlier ones showed, if that is worth while.
 pub(super) fn technique_of(trial: &Trial, results: &[(Technique, Errors)]) -> Option<Technique> {
     let so_far = best(results);
+    let splitting = Technique::Alone { branches: BRANCHES };
     match trial.question {
-        // Its groups have four times as many connections as the last ones.
-        Question::Shape(shape) if results.len() == SHAPES.len() - 1 => {
-            let last = &results[results.len() - 1].1;
-            let is_worth_it = last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST;
-            is_worth_it.then_some(Technique::Shared(shape))
+        Question::Shape(shape) => {
+            let is_hopeful = match results {
+                [] => true,
+                [(_, smallest)] => smallest.gain_of_sharing() >= HOPEFUL,
+                // The last shape's groups have four times as many connections as these.
+                [.., (_, last)] => {
+                    last.gain_of_sharing() >= LEAST_GAIN && last.cost_of_connections() < MOST_COST
+                }
+            };
+            is_hopeful.then_some(Technique::Shared(shape))
         }
-        Question::Shape(shape) => Some(Technique::Shared(shape)),
         Question::Again => Some(so_far.technique).filter(|t| t.shape().is_some() && so_far.gain < CLEAR_GAIN),
-        Question::Splitting => {
-            Some(Technique::Alone { branches: BRANCHES }).filter(|_| so_far.gain < CLEAR_GAIN)
+        Question::Splitting => Some(splitting).filter(|_| so_far.gain < CLEAR_GAIN),
+        Question::SplittingAgain => {
+            let tried = results.last().filter(|(technique, _)| *technique == splitting);
+            tried.filter(|(_, errors)| errors.gain_of_splitting() >= PROMISING).map(|_| splitting)
         }
     }
 }
@@ -261,6 +278,11 @@ impl Errors {
         self.plain / self.tried / cost
     }
 
+    /// How many times more efficient splitting is, into as many paths as suits best.
+    fn gain_of_splitting(&self) -> f64 {
+        numbers_of_branches().map(|branches| self.splitting_into(branches).gain).fold(0.0, f64::max)
+    }
+
     /// What splitting into so many paths brings: the part of the error that comes from them falls with their number, and
     /// their rays grow with it.
     fn splitting_into(&self, branches: u32) -> Best {
@@ -310,6 +332,11 @@ impl Best {
     }
 }
 
+/// How many paths samples may go on in.
+fn numbers_of_branches() -> impl Iterator<Item = u32> {
+    (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits)
+}
+
 /// The technique that gains most, or the plain one if none gains enough.
 pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
     // All squares that tried the same together.
@@ -324,8 +351,7 @@ pub(super) fn best(results: &[(Technique, Errors)]) -> Best {
             if gain >= LEAST_GAIN { vec![best] } else { Vec::new() }
         }
         Technique::Alone { .. } => {
-            let numbers = (1..=MOST_BRANCHES.trailing_zeros()).map(|bits| 1 << bits);
-            let ways = numbers.map(|branches| of(technique).splitting_into(branches));
+            let ways = numbers_of_branches().map(|branches| of(technique).splitting_into(branches));
             ways.filter(|way| way.gain >= LEAST_GAIN_OF_SPLITTING).collect()
         }
     });
