@@ -80,6 +80,83 @@ fn backgrounds_are_colours_pictures_or_nothing() {
     assert!((mean - 128.0).abs() < 14.0, "{mean}");
 }
 
+/// Seen from the front, the horizon is in the picture: left of the model, rows above and below it look alike.
+#[test]
+fn the_ground_meets_the_background_without_a_line() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let more: [&[&str]; 5] = [
+        &[],
+        &["--background", "#c02020"],
+        &["--background", "#f0f0ff"],
+        &["--stage", "sky"],
+        &["--stage", "white"],
+    ];
+    for more in more {
+        let fixed = ["-o", "a.png", "--view-from", "front", "--spp", "256", "--up", "z"];
+        shoot(folder.path(), &[&fixed[..], more].concat());
+        let picture = image::open(folder.path().join("a.png")).unwrap().into_rgb8();
+        // The key light is on this side, so the shadow falls to the other.
+        let row =
+            |y: u32, c: usize| (0..8).map(|x| f64::from(picture.get_pixel(x, y).0[c])).sum::<f64>() / 8.0;
+        for c in 0..3 {
+            let rows: Vec<f64> = (0..24).map(|y| row(y, c)).collect();
+            let most = rows.iter().fold(0.0f64, |most, v| most.max((v - rows[0]).abs()));
+            assert!(most < 2.0, "{more:?}, channel {c}: {rows:?}");
+        }
+    }
+}
+
+#[test]
+fn shadows_fall_on_pictures_and_on_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    pyramid(folder.path());
+    let pixels = |name: &str, more: &[&str]| {
+        shoot(folder.path(), &[&["-o", name, "--up", "z", "--spp", "64"], more].concat());
+        image::open(folder.path().join(name)).unwrap().into_rgba8()
+    };
+    // The shadow lies to the right of the model, away from the key light.
+    let open = pixels("t.png", &["--background", "transparent"]);
+    assert_eq!(open.get_pixel(1, 1).0, [0; 4]);
+    let partly = open.pixels().filter(|p| (12..235).contains(&p.0[3]) && p.0[0] < 16).count();
+    assert!(partly > 20, "{partly} pixels of shadow");
+    image::RgbImage::from_pixel(8, 8, image::Rgb([90, 160, 220]))
+        .save(folder.path().join("sky.png"))
+        .unwrap();
+    let plate = pixels("p.png", &["--background", "sky.png"]);
+    assert_eq!(plate.get_pixel(1, 1).0, [90, 160, 220, 255]);
+    // Where alpha says that the ground is shaded the picture behind it is darker, and far above nothing has changed.
+    let shades: Vec<(u8, u8)> = open
+        .pixels()
+        .zip(plate.pixels())
+        .filter(|(over, _)| over.0[3] < 235 && over.0[..3].iter().all(|&v| v < 16))
+        .map(|(over, onto)| (over.0[3], onto.0[2]))
+        .collect();
+    let dark: Vec<_> = shades.iter().filter(|(alpha, _)| *alpha > 30).collect();
+    assert!(dark.len() > 20 && dark.iter().all(|(_, blue)| *blue < 210), "{dark:?}");
+    assert!((0..48).all(|x| plate.get_pixel(x, 0).0 == [90, 160, 220, 255]));
+}
+
+/// A copy that stands elsewhere is turned as the one at the origin is.
+#[test]
+fn where_a_model_stands_says_nothing_about_its_axis() {
+    let folder = tempfile::tempdir().unwrap();
+    let base = [[-1.0, 0.0, -1.0], [1.0, 0.0, -1.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0], [0.0, 3.0, 0.0]];
+    for (turn, axis) in [([0, 1, 2], "y"), ([2, 0, 1], "z")] {
+        for offset in [[0.0; 3], [512345.0, 0.0, 4512345.0], [512345.0, 4512345.0, 12.0]] {
+            let corner = |p: &[f64; 3]| {
+                let at: [f64; 3] = std::array::from_fn(|i| p[turn[i]] + offset[i]);
+                format!("v {} {} {}\n", at[0], at[1], at[2])
+            };
+            let vertices: String = base.iter().map(corner).collect();
+            let faces = "f 1 2 3 4\nf 2 1 5\nf 3 2 5\nf 4 3 5\nf 1 4 5\n";
+            fs::write(folder.path().join("a.obj"), vertices + faces).unwrap();
+            let said = shoot(folder.path(), &["-o", "a.png", "--spp", "1"]);
+            assert!(said.contains(&format!("{axis} points up")), "{offset:?}: {said}");
+        }
+    }
+}
+
 #[test]
 fn choices_about_the_stage_are_refused_or_said_to_change_nothing() {
     let folder = tempfile::tempdir().unwrap();

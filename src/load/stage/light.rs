@@ -127,7 +127,7 @@ fn mix(a: f64, b: f64, t: f64) -> f64 {
 }
 
 /// A cubic from 0 at `low` to 1 at `high`.
-fn smooth(low: f64, high: f64, x: f64) -> f64 {
+pub(super) fn smooth(low: f64, high: f64, x: f64) -> f64 {
     let t = ((x - low) / (high - low)).clamp(0.0, 1.0);
     t * t * (3.0 - 2.0 * t)
 }

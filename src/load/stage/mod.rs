@@ -64,7 +64,7 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
 fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: bool) {
     let scene = &loaded.scene;
     let (materials, stand_ins) = (scene.materials.clone(), loaded.stand_ins.clone());
-    let (images, shapes) = (scene.images.len(), scene.shapes.len());
+    let (images, textures, shapes) = (scene.images.len(), scene.textures.len(), scene.shapes.len());
     let environment = (scene.environment.clone(), scene.environment_visible_to);
     let backdrop = scene.backdrop.clone();
     complete(loaded, &StageOptions { is_foretold: false, ..options.clone() }, brings_environment);
@@ -72,6 +72,7 @@ fn foretell(loaded: &mut Loaded, options: &StageOptions, brings_environment: boo
     (scene.environment, scene.environment_visible_to) = environment;
     (scene.backdrop, scene.materials, loaded.stand_ins) = (backdrop, materials, stand_ins);
     scene.images.truncate(images);
+    scene.textures.truncate(textures);
     scene.shapes.truncate(shapes);
     loaded.is_stage_lit = false;
 }

@@ -147,8 +147,7 @@ impl StageOptions {
 
     /// The ground of a bare model; `is_lit` tells that light does not come from the stage.
     pub(super) fn ground_for(&self, is_lit: bool) -> Ground {
-        let is_open = matches!(self.background, Some(Background::Transparent | Background::Picture(_)));
-        let suits = match self.light.is_stage() && !is_lit && !is_open {
+        let suits = match self.light.is_stage() && !is_lit {
             true => Ground::Shadow,
             false => Ground::None,
         };

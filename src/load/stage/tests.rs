@@ -120,6 +120,7 @@ fn what_would_be_added_is_told_and_left_out() {
     let scene = &loaded.scene;
     assert!(loaded.notes[0].message.contains("studio light, on a ground"), "{:?}", loaded.notes);
     assert_eq!((scene.shapes.len(), scene.images.len(), scene.cameras.len()), (1, 0, 1));
+    assert_eq!((scene.textures.len(), scene.materials.len()), (0, 1));
     assert_eq!((&scene.environment, &scene.materials[0]), (&Environment::Black, &grey()));
     assert!(scene.backdrop.is_none());
     assert!(scene.environment_visible_to.contains(RayKinds::CAMERA));
@@ -246,6 +247,35 @@ fn the_studio_is_for_bare_models_alone() {
     assert_eq!(lit.scene.environment, Environment::Constant([1.0; 3]));
     assert_eq!((lit.scene.shapes.len(), lit.scene.cameras.len()), (1, 1));
     assert!(lit.scene.environment_visible_to.contains(RayKinds::CAMERA) && lit.scene.backdrop.is_none());
+}
+
+/// Behind what no ground can look like it catches shadows; floors and grounds before an environment fade.
+#[test]
+fn grounds_melt_into_whatever_is_behind_them() {
+    let picture = crate::image::Image::from_linear_rgb("sky", 1, 1, vec![0.2; 3]);
+    let none = StageOptions::studio;
+    let before = |background| StageOptions { background: Some(background), ..none() };
+    let on = |ground, options| StageOptions { ground: Some(ground), ..options };
+    for (options, is_lit, is_catcher, is_fading) in [
+        (none(), false, false, false),
+        (before(Background::Color([0.5, 0.01, 0.01])), false, false, false),
+        (before(Background::Color([0.9; 3])), false, false, false),
+        (before(Background::Color([1.5; 3])), false, true, false),
+        (StageOptions { light: StageLight::White, ..none() }, false, true, false),
+        (before(Background::Transparent), false, true, false),
+        (before(Background::Picture(picture)), false, true, false),
+        (on(Ground::Floor, none()), false, false, true),
+        (on(Ground::Shadow, none()), true, false, true),
+        (on(Ground::Shadow, before(Background::Transparent)), true, true, false),
+    ] {
+        let mut loaded = ball(DVec3::ZERO, 1.0, grey());
+        complete(&mut loaded, &options, is_lit);
+        let ground = loaded.scene.shapes.last().expect("a ground");
+        let material = &loaded.scene.materials[ground.material.index()];
+        assert_eq!(ground.traits.is_shadow_catcher, is_catcher, "{options:?}");
+        assert_eq!(material.alpha.texture.is_some(), is_fading, "{options:?}");
+        assert!(loaded.scene.validate().is_empty());
+    }
 }
 
 #[test]

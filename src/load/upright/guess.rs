@@ -20,14 +20,12 @@ const LEAD: [f64; 2] = [0.45, 0.1];
 /// Open surfaces whose faces mostly look one way are terrain, if they have so many triangles.
 const TERRAIN: usize = 100;
 
-/// The axis, and why in words; without words where nothing speaks for either.
+/// The axis, and why in words; without words where nothing speaks for either. Where a model stands in the world says nothing:
+/// it is the same for a copy that was moved to the origin.
 pub(super) fn up(loaded: &Loaded) -> (Up, &'static str) {
     let UpHint { writer, is_mostly_y } = loaded.up_hint;
     if let Some((up, why)) = writer {
         return (up, why);
-    }
-    if loaded.offset != DVec3::ZERO {
-        return (Up::Z, "its coordinates, which are those of a map");
     }
     let surface = Surface::of(&loaded.scene);
     if surface.points.len() < 8 {
