@@ -60,6 +60,8 @@ pub struct Loaded {
     pub empties: Vec<EmptyNode>,
     /// What Blender's own exporter left out of the file, where it wrote it.
     pub blender: Option<BlenderExport>,
+    /// Some surfaces are lamps by the file's own word, however little they light.
+    pub has_area_lights: bool,
     /// Materials of faces for which the file has none.
     pub stand_ins: Vec<MaterialId>,
     /// What the file tells about which axis points up.

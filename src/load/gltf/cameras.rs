@@ -100,6 +100,11 @@ fn divisors(units: LightUnits) -> (f64, f64) {
     }
 }
 
+/// What luminances in the file, cd/m2, are divided by to be radiances.
+pub(super) fn lumens_per_watt(doc: &Document) -> f64 {
+    divisors(doc.options.light_units).1
+}
+
 /// How spot lights fade: Blender's own way in its files, which KHR_lights_punctual has no words for, unless the user
 /// wants the specification's.
 fn fade(doc: &Document) -> SpotFade {

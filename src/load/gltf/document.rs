@@ -111,7 +111,7 @@ impl<'a> Document<'a> {
 
     /// A JSON pointer in words, where it leads to something that has a name, or into it.
     pub fn in_names(&self, pointer: &str) -> String {
-        const LISTS: [(&str, &str); 7] = [
+        const LISTS: [(&str, &str); 8] = [
             ("/materials/", "material"),
             ("/nodes/", "node"),
             ("/meshes/", "mesh"),
@@ -119,6 +119,7 @@ impl<'a> Document<'a> {
             ("/cameras/", "camera"),
             ("/animations/", "animation"),
             ("/extensions/KHR_lights_punctual/lights/", "light"),
+            ("/extensions/EXT_lights_area/lights/", "area light"),
         ];
         let named = LISTS.iter().find_map(|(list, kind)| {
             let rest = pointer.strip_prefix(list)?;

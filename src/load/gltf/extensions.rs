@@ -9,8 +9,11 @@ use std::collections::BTreeMap;
 
 /// Extensions that are read, some of them by a decoder that a build may lack.
 const READ: &[&str] = &[
+    "EXT_lights_area",
     "EXT_lights_ies",
+    "EXT_lights_image_based",
     "EXT_mesh_gpu_instancing",
+    "EXT_mesh_primitive_restart",
     "EXT_meshopt_compression",
     "EXT_texture_webp",
     "KHR_animation_pointer",
@@ -25,6 +28,7 @@ const READ: &[&str] = &[
     "KHR_materials_ior",
     "KHR_materials_iridescence",
     "KHR_materials_pbrSpecularGlossiness",
+    "KHR_materials_scatter",
     "KHR_materials_sheen",
     "KHR_materials_specular",
     "KHR_materials_transmission",
@@ -32,6 +36,7 @@ const READ: &[&str] = &[
     "KHR_materials_variants",
     "KHR_materials_volume",
     "KHR_materials_volume_scatter",
+    "KHR_mesh_primitive_restart",
     "KHR_mesh_quantization",
     "KHR_meshopt_compression",
     "KHR_node_visibility",
@@ -46,10 +51,8 @@ const HARMLESS: &[(&str, &str)] = &[("KHR_xmp_json_ld", "metadata are not read")
 const OF_INTERACTION: &[&str] = &["KHR_interactivity", "KHR_node_hoverability", "KHR_node_selectability"];
 
 /// Extensions that are not read, and what that means.
-const UNREAD: &[(&str, &str)] = &[
-    ("EXT_lights_image_based", "its picture of the surroundings lights nothing; give it as the environment"),
-    ("KHR_gaussian_splatting", "splats are not surfaces and can't be rendered; export a mesh of them"),
-];
+const UNREAD: &[(&str, &str)] =
+    &[("KHR_gaussian_splatting", "splats are not surfaces and can't be rendered; export a mesh of them")];
 
 impl Document<'_> {
     /// Does the file declare the use of an extension?

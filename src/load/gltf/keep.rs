@@ -3,6 +3,7 @@
 use super::ies_lights::Profiles;
 use super::materials::Materials;
 use super::meshes::Skipped;
+use super::report::Sound;
 use crate::image::Image;
 use crate::scene::{Mesh, MeshId, Scene};
 use std::collections::HashMap;
@@ -18,6 +19,8 @@ pub(super) struct Kept {
     pub still: HashMap<usize, Vec<Mesh>>,
     /// The profiles of EXT_lights_ies met so far.
     pub profiles: Profiles,
+    /// The picture of EXT_lights_image_based, once it was asked for.
+    pub surroundings: Option<Sound<Image>>,
     /// What the meshes left out.
     pub skipped: Skipped,
 }

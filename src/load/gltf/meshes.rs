@@ -5,12 +5,17 @@ use super::accessor::Accessor;
 use super::document::{Document, name_of, pointer};
 use super::materials::Materials;
 use super::report::{Report, Sound};
+use super::triangles::Corners;
 use super::vertices::{Attributes, Deformation, add_vertices, attributes};
 use super::{draco, repair, triangles, variants};
 use crate::scene::{MaterialId, Mesh, MeshPart};
 use gltf::json::mesh::{Mode, Primitive};
 use gltf::json::validation::Checked;
 use std::collections::HashMap;
+
+/// The extensions by which the largest index begins another strip or fan. `EXT_mesh_primitive_restart` first had lists of primitives
+/// that may be drawn as one: those are read one by one, which is the same.
+const RESTARTS: [&str; 2] = ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"];
 
 /// What the meshes of a file left out.
 #[derive(Default)]
@@ -147,7 +152,9 @@ impl MeshReader<'_, '_> {
         }
         let mesh = &mut group.mesh;
         let first = mesh.triangles.len();
-        triangles::append(mode, indices.as_ref(), count, base, at, &mut mesh.triangles, self.report)?;
+        let may_restart = RESTARTS.iter().any(|name| doc.extension_used(name));
+        let corners = Corners { mode, indices: indices.as_ref(), vertices: count, may_restart };
+        triangles::append(corners, base, at, &mut mesh.triangles, self.report)?;
         add_part(mesh, first, material, at, self.report)
     }
 }

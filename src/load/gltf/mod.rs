@@ -10,6 +10,7 @@
 
 mod accessor;
 mod animation;
+mod area_lights;
 mod buffers;
 mod cameras;
 mod container;
@@ -18,6 +19,7 @@ mod draco;
 mod exported;
 mod extensions;
 mod ies_lights;
+mod image_light;
 mod images;
 mod instancing;
 mod keep;
@@ -142,8 +144,10 @@ fn at(
         EmptyNode { name, world_from_node, motion }
     };
     let empties = hierarchy.empties(doc).into_iter().map(empty).collect();
-    let left_out = left_out(doc, &builder, &pose);
+    let left_out = left_out(doc, &builder, hierarchy.scene, &pose);
+    let has_area_lights = builder.has_area_lights();
     let (mut scene, still) = builder.finish(report);
+    image_light::light(doc, hierarchy.scene, (&mut scene, kept), report);
     moments.into_iter().for_each(|moments| moments.tell(&mut scene, report));
     read_scene(doc, hierarchy.scene, &mut scene, report);
     let blender = exported::signs_of_loss(doc, &hierarchy, &scene, &kept.materials.signs, report);
@@ -157,8 +161,8 @@ fn at(
     };
     let (warnings, notes) = (named(report.warnings()), named(report.notes()));
     let stand_ins = materials::stand_ins(&scene.materials);
-    let loaded =
-        Loaded { scene, warnings, notes, left_out, empties, blender, stand_ins, ..Loaded::default() };
+    let said = Loaded { warnings, notes, left_out, ..Loaded::default() };
+    let loaded = Loaded { scene, empties, blender, has_area_lights, stand_ins, ..said };
     Ok((loaded, still))
 }
 
@@ -181,8 +185,9 @@ fn read_scene(doc: &Document, index: Option<usize>, scene: &mut Scene, report: &
 }
 
 /// What was not read because nothing that is seen uses it.
-fn left_out(doc: &Document, builder: &Builder, pose: &Pose) -> Vec<String> {
-    let images = builder.images();
+fn left_out(doc: &Document, builder: &Builder, scene: Option<usize>, pose: &Pose) -> Vec<String> {
+    let mut images = builder.images();
+    images.extend(image_light::images_of(doc, scene));
     let used_buffers = doc.buffers.iter().filter(|b| b.get().is_some()).count();
     let unused = |used: usize, kind: &str, why: &str| {
         let total = doc.count(kind);

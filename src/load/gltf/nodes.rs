@@ -36,7 +36,12 @@ impl Node {
     /// Does it hold a mesh, a camera or a light?
     pub fn shows(&self, doc: &Document) -> bool {
         let has_own = self.mesh.is_some() || self.camera.is_some() || self.light.is_some();
-        has_own || self.profiled_light(doc).is_some()
+        has_own || self.profiled_light(doc).is_some() || self.area_light(doc).is_some()
+    }
+
+    /// What EXT_lights_area says of it.
+    pub fn area_light<'d>(&self, doc: &'d Document) -> Option<&'d Value> {
+        doc.json.pointer(&format!("{}/extensions/EXT_lights_area", self.pointer()))
     }
 
     /// What EXT_lights_ies says of it.

@@ -1,5 +1,6 @@
 //! Puts what the nodes show into the scene: meshes, each shape once, cameras and lights.
 
+use super::area_lights::{self, AreaLight};
 use super::document::Document;
 use super::keep::{Kept, StillMesh};
 use super::meshes::MeshReader;
@@ -48,6 +49,8 @@ pub(super) struct Builder<'b, 'a> {
     /// Other moments of the scene are to be compared with this one.
     is_one_of_many: bool,
     shapes: HashMap<Shape, Vec<MeshId>>,
+    /// Lights with a surface, whose materials come after all others.
+    area_lights: Vec<AreaLight>,
 }
 
 impl<'b, 'a> Builder<'b, 'a> {
@@ -58,8 +61,8 @@ impl<'b, 'a> Builder<'b, 'a> {
         family: &'b Family<'b, 'a>,
         kept: &'b mut Kept,
     ) -> Builder<'b, 'a> {
-        let (scene, shapes) = (Scene::default(), HashMap::new());
-        Builder { doc, pose, family, scene, kept, is_one_of_many: false, shapes }
+        let (scene, shapes, area_lights) = (Scene::default(), HashMap::new(), Vec::new());
+        Builder { doc, pose, family, scene, kept, is_one_of_many: false, shapes, area_lights }
     }
 
     /// The same for one of the moments of a shutter, in all of which nodes whose morph targets are animated have meshes of their own.
@@ -83,9 +86,11 @@ impl<'b, 'a> Builder<'b, 'a> {
             if let Some(light) = ies_lights::light(self.doc, node, &mut self.kept.profiles, report) {
                 self.scene.lights.extend(light);
             }
+            let may_move = self.is_one_of_many && node.moves;
+            self.area_lights.extend(area_lights::light(self.doc, node, may_move, report));
         }
         let punctual = self.scene.lights.iter().filter(|light| light.profile.is_none()).count();
-        cameras::note_units(self.doc, punctual, report);
+        cameras::note_units(self.doc, punctual + self.area_lights.len(), report);
         self.kept.skipped.warn(report);
     }
 
@@ -231,6 +236,11 @@ impl<'b, 'a> Builder<'b, 'a> {
         weights
     }
 
+    /// Are there lights with a surface?
+    pub fn has_area_lights(&self) -> bool {
+        !self.area_lights.is_empty()
+    }
+
     /// How many meshes of the file are shown.
     pub fn used_meshes(&self) -> usize {
         self.shapes.keys().map(|shape| shape.mesh).collect::<HashSet<_>>().len()
@@ -248,7 +258,7 @@ impl<'b, 'a> Builder<'b, 'a> {
 
     /// Decodes the images and gives the scene, with the places in it of the meshes that can be kept.
     pub fn finish(self, report: &mut Report) -> (Scene, Vec<StillMesh>) {
-        let Builder { mut scene, kept, doc, shapes, .. } = self;
+        let Builder { mut scene, kept, doc, shapes, area_lights, .. } = self;
         let needs = &kept.materials.textures.images;
         let further = report.lasting(|report| images::read(doc, &needs[kept.images.len()..], report));
         kept.images.extend(further);
@@ -256,6 +266,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         kept.materials.settle_glass(&mut scene.meshes, doc.options.glass, report);
         scene.materials = kept.materials.list.clone();
         scene.textures = kept.materials.textures.list.clone();
+        area_lights.into_iter().for_each(|light| light.add_to(&mut scene));
         let still = shapes.into_iter().filter(|(shape, _)| shape.is_still());
         (scene, still.map(|(shape, meshes)| StillMesh { mesh: shape.mesh, meshes }).collect())
     }

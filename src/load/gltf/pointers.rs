@@ -16,6 +16,8 @@ const PROPERTIES: &[(&str, usize)] = &[
     ("/cameras/*/orthographic/ymag", 1),
     ("/cameras/*/perspective/aspectRatio", 1),
     ("/cameras/*/perspective/yfov", 1),
+    ("/extensions/EXT_lights_area/lights/*/color", 3),
+    ("/extensions/EXT_lights_area/lights/*/intensity", 1),
     ("/extensions/KHR_lights_punctual/lights/*/color", 3),
     ("/extensions/KHR_lights_punctual/lights/*/intensity", 1),
     ("/extensions/KHR_lights_punctual/lights/*/range", 1),
@@ -62,7 +64,14 @@ const OF_MATERIALS: &[(&str, &[(&str, usize)])] = &[
     ("KHR_materials_specular", &[("specularFactor", 1), ("specularColorFactor", 3)]),
     ("KHR_materials_transmission", &[("transmissionFactor", 1)]),
     ("KHR_materials_volume", &[("thicknessFactor", 1), ("attenuationDistance", 1), ("attenuationColor", 3)]),
-    ("KHR_materials_volume_scatter", &[("multiscatterColor", 3), ("scatterAnisotropy", 1)]),
+    (
+        "KHR_materials_scatter",
+        &[("scatterStrengthFactor", 1), ("multiscatterColorFactor", 3), ("scatterAnisotropy", 1)],
+    ),
+    (
+        "KHR_materials_volume_scatter",
+        &[("multiscatterColorFactor", 3), ("multiscatterColor", 3), ("scatterAnisotropy", 1)],
+    ),
 ];
 
 /// Those of a reference to a texture.
@@ -87,7 +96,7 @@ const IMPLIED: &[&str] = &[
 ];
 
 /// Nothing of lights may be below 0, but curves between keys overshoot.
-const LIGHTS: &str = "/extensions/KHR_lights_punctual/lights/";
+const LIGHTS: [&str; 2] = ["/extensions/KHR_lights_punctual/lights/", "/extensions/EXT_lights_area/lights/"];
 
 /// What is written at a pointer.
 type Change = (String, Value);
@@ -151,7 +160,7 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
                 continue;
             }
             if let Ok(mut numbers) = samplers.value(animation, channel, element, &at, report) {
-                if pointer.starts_with(LIGHTS) && numbers.iter().any(|n| *n < 0.0) {
+                if LIGHTS.iter().any(|list| pointer.starts_with(list)) && numbers.iter().any(|n| *n < 0.0) {
                     numbers.iter_mut().for_each(|n| *n = n.max(0.0));
                     report.warn(at, format!("leads {pointer} below 0 at times; it is 0 there"));
                 }

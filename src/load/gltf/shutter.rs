@@ -2,6 +2,7 @@
 //! elsewhere or has another shape then moves.
 
 use super::animation;
+use super::area_lights::world_from_quad;
 use super::document::Document;
 use super::keep::Kept;
 use super::nodes;
@@ -22,6 +23,8 @@ struct Moment {
     meshes: HashMap<usize, Vertices>,
     cameras: Vec<Camera>,
     lights: Vec<Light>,
+    /// Rectangles that shine: their names, and where each is.
+    quads: Vec<(String, DAffine3)>,
     /// Where nodes stand that hold nothing, by their index.
     empties: HashMap<usize, DAffine3>,
 }
@@ -119,6 +122,7 @@ impl Moments {
         }
         self.tell_cameras(scene);
         self.tell_lights(scene);
+        self.tell_quads(scene);
     }
 
     /// Is a placed mesh deformed at a moment?
@@ -159,6 +163,17 @@ impl Moments {
             let kind = |m: &Moment| m.lights.get(i).filter(|l| l.name == light.name).map(|l| l.kind);
             let differs = |moving: &Moving<LightKind>| differs(moving, &light.kind);
             light.motion = self.all(kind).filter(differs);
+        }
+    }
+
+    fn tell_quads(&self, scene: &mut Scene) {
+        for (i, quad) in scene.quads.iter().enumerate() {
+            let now = world_from_quad(quad);
+            let place =
+                |m: &Moment| m.quads.get(i).filter(|(name, _)| *name == quad.name).map(|(_, place)| *place);
+            if let Some(moving) = self.all(place).filter(|moving| differs(moving, &now)) {
+                scene.motion.quads.insert(i, moving.map(|then| *then * now.inverse()));
+            }
         }
     }
 }
@@ -233,6 +248,7 @@ fn moment(doc: &Document, time_s: f64, kept: &mut Kept, report: &mut Report) -> 
         meshes: vertices.collect(),
         cameras: scene.cameras,
         lights: scene.lights,
+        quads: scene.quads.iter().map(|quad| (quad.name.clone(), world_from_quad(quad))).collect(),
         empties: empties.collect(),
     }
 }

@@ -2,16 +2,27 @@
 
 use super::accessor::Accessor;
 use super::report::{Report, Sound};
+use crate::error::Problem;
 use crate::simd::prefer_huge_pages;
 use gltf::json::accessor::{ComponentType, Type};
 use gltf::json::mesh::Mode;
 
+/// What the triangles of a primitive are made of.
+pub(super) struct Corners<'c, 'd> {
+    /// How corners become triangles.
+    pub mode: Mode,
+    /// Which vertices they are; all in order without.
+    pub indices: Option<&'c Accessor<'d>>,
+    /// How many vertices there are.
+    pub vertices: usize,
+    /// May the largest index there is begin another strip or fan (KHR_mesh_primitive_restart)?
+    pub may_restart: bool,
+}
+
 /// Appends a primitive's triangles to `triangles`, with `base` added to each index. Every index is below `base` plus
-/// `vertices` afterwards; nothing is appended if the file says otherwise.
+/// the number of vertices afterwards; nothing is appended if the file says otherwise.
 pub(super) fn append(
-    mode: Mode,
-    indices: Option<&Accessor>,
-    vertices: usize,
+    Corners { mode, indices, vertices, may_restart }: Corners,
     base: u32,
     at: &str,
     triangles: &mut Vec<[u32; 3]>,
@@ -39,9 +50,11 @@ pub(super) fn append(
     } else {
         let mut corners = vec![0; count];
         read(indices, &mut corners);
+        let restart = indices.filter(|_| may_restart).map(restart_index);
+        let pieces = corners.split(|&corner| Some(corner) == restart);
         match mode {
-            Mode::TriangleStrip => triangles.extend(strip(&corners)),
-            Mode::TriangleFan => triangles.extend(fan(&corners)),
+            Mode::TriangleStrip => triangles.extend(pieces.flat_map(strip)),
+            Mode::TriangleFan => triangles.extend(pieces.flat_map(fan)),
             _ => {}
         }
     }
@@ -50,13 +63,26 @@ pub(super) fn append(
     if let Some(largest) = largest.filter(|&i| i as usize >= vertices) {
         let at = indices.map_or(at, |a| &a.pointer);
         let message = format!("holds the index {largest}, but there are {vertices} vertices");
+        let is_restart = mode != Mode::Triangles && indices.is_some_and(|a| restart_index(a) == largest);
+        let help = "where that index begins another strip or fan, the file must say so in \
+                    extensionsUsed and extensionsRequired: KHR_mesh_primitive_restart";
         triangles.truncate(first);
-        return Err(report.problem(at, message));
+        let problem = Problem::new(at, message);
+        return Err(report.add(if is_restart { problem.with_help(help) } else { problem }));
     }
     if base > 0 {
         added.iter_mut().for_each(|i| *i += base);
     }
     Ok(())
+}
+
+/// The index that no vertex can have: the largest of its type.
+fn restart_index(accessor: &Accessor) -> u32 {
+    match accessor.component {
+        ComponentType::U8 => u32::from(u8::MAX),
+        ComponentType::U16 => u32::from(u16::MAX),
+        _ => u32::MAX,
+    }
 }
 
 fn check_indices(accessor: &Accessor, report: &mut Report) -> Sound<()> {

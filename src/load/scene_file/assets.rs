@@ -5,7 +5,9 @@ use super::build::Build;
 use crate::error::{Error, Result, Warning};
 use crate::load::formats::{self, Format};
 use crate::load::{LoadOptions, Loaded, smooth};
-use crate::scene::{Camera, Instance, MaterialId, MeshId, Motion, Scene, Shape, Texture};
+use crate::scene::{
+    Camera, Environment, Instance, MaterialId, MeshId, Motion, Scene, Shape, ShapeKind, Texture,
+};
 use std::borrow::Cow;
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
@@ -142,10 +144,18 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
     build.loaded.warnings.append(&mut loaded.warnings);
     build.loaded.notes.append(&mut loaded.notes);
     build.loaded.left_out.append(&mut loaded.left_out);
-    let Scene { meshes, instances, shapes, materials, textures, images, lights, cameras, motion, .. } =
+    let Scene { meshes, instances, mut shapes, materials, textures, images, cameras, motion, .. } =
         loaded.scene;
-    if !lights.is_empty() {
-        let message = format!("its {} lights are left out: a scene file lists its own", lights.len());
+    let points = shapes.len();
+    // The disks of models are lamps.
+    shapes.retain(|shape| shape.kind == ShapeKind::Sphere);
+    let lights = loaded.scene.lights.len() + loaded.scene.quads.len() + points - shapes.len();
+    if lights > 0 {
+        let message = format!("its {lights} lights are left out: a scene file lists its own");
+        build.loaded.notes.push(Warning::new(path, "", message));
+    }
+    if loaded.scene.environment != Environment::Black {
+        let message = "its surroundings are left out: a scene file has an [environment] of its own";
         build.loaded.notes.push(Warning::new(path, "", message));
     }
     let scene = &mut build.loaded.scene;

@@ -44,7 +44,8 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
     }
     let is_bare = scene.cameras.is_empty();
     // A black environment that a scene file asks for is a choice, and stays.
-    let has_lamps = scene.environment != Environment::Black || !scene.lights.is_empty();
+    let has_lamps =
+        scene.environment != Environment::Black || !scene.lights.is_empty() || loaded.has_area_lights;
     let is_chosen = options.is_light_chosen && options.light.is_stage();
     let is_lit = brings_environment || has_lamps && !is_chosen;
     if is_bare {

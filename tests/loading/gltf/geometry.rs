@@ -50,6 +50,81 @@ fn strips_fans_and_plain_corners() {
     }
 }
 
+/// Eight corners: two strips or fans of a square each, told apart by the largest index of its type.
+fn restarted(mode: u8, component: u32, indices: &[u32], extension: &str) -> Result<Vec<[u32; 3]>, String> {
+    let mut bytes: Vec<u8> = (0..8).flat_map(|i| floats(&[(i % 2) as f32, (i / 2) as f32, 0.0])).collect();
+    for &index in indices {
+        let size = match component {
+            5121 => 1,
+            5123 => 2,
+            _ => 4,
+        };
+        bytes.extend(&index.to_le_bytes()[..size]);
+    }
+    let asset = triangle_with(|a| {
+        a["accessors"][0]["count"] = json!(8);
+        a["accessors"][1] =
+            json!({"bufferView": 1, "componentType": component, "type": "SCALAR", "count": indices.len()});
+        a["bufferViews"] = json!([
+            {"buffer": 0, "byteLength": 96},
+            {"buffer": 0, "byteOffset": 96, "byteLength": bytes.len() - 96}
+        ]);
+        a["buffers"][0]["byteLength"] = json!(bytes.len());
+        a["meshes"][0]["primitives"][0]["mode"] = json!(mode);
+        if !extension.is_empty() {
+            (a["extensionsUsed"], a["extensionsRequired"]) = (json!([extension]), json!([extension]));
+        }
+    });
+    let loaded = load_with(&asset, &[("a.bin", &bytes)]).map_err(|e| e.to_string())?;
+    assert!(loaded.warnings.iter().all(|w| w.file.is_none()), "{:?}", loaded.warnings);
+    Ok(loaded.scene.meshes.into_iter().flat_map(|mesh| mesh.triangles).collect())
+}
+
+/// KHR_mesh_primitive_restart, and EXT_mesh_primitive_restart in files that use it likewise.
+#[test]
+fn strips_and_fans_begin_again() {
+    let two = |restart: u32| [0, 1, 2, 3, restart, 4, 5, 6, 7];
+    for (component, restart) in [(5121, 255), (5123, 65535), (5125, u32::MAX)] {
+        for extension in ["KHR_mesh_primitive_restart", "EXT_mesh_primitive_restart"] {
+            let strips = restarted(5, component, &two(restart), extension).expect("strips");
+            assert_eq!(strips, [[0, 1, 2], [1, 3, 2], [4, 5, 6], [5, 7, 6]], "{component}");
+            let fans = restarted(6, component, &two(restart), extension).expect("fans");
+            assert_eq!(fans, [[1, 2, 0], [2, 3, 0], [5, 6, 4], [6, 7, 4]], "{component}");
+        }
+        let undeclared = restarted(5, component, &two(restart), "").expect_err("a vertex that is not there");
+        assert!(
+            undeclared.contains(&format!("holds the index {restart}"))
+                && undeclared.contains("KHR_mesh_primitive_restart"),
+            "{undeclared}"
+        );
+        // Lists of triangles don't begin again.
+        let list = [0, 1, 2, restart, 4, 5];
+        assert!(restarted(4, component, &list, "KHR_mesh_primitive_restart").is_err());
+    }
+    // Pieces without a triangle, restarts in a row and at the ends; an index that is the restart of a smaller type.
+    let odd = [255, 255, 0, 1, 255, 2, 3, 4, 255, 255, 5, 255];
+    let odd = restarted(5, 5121, &odd, "KHR_mesh_primitive_restart");
+    assert_eq!(odd.expect("it loads"), [[2, 3, 4]]);
+    assert!(restarted(5, 5123, &two(255), "KHR_mesh_primitive_restart").is_err());
+}
+
+/// EXT_mesh_primitive_restart as it was published: groups of primitives that may be drawn as one. They are drawn one by one, whatever
+/// is wrong with a group.
+#[test]
+fn groups_of_strips_are_read_one_by_one() {
+    for group in [json!({"primitives": [0], "indices": 1}), json!({"primitives": [7, 7], "indices": 99})] {
+        let asset = triangle_with(|a| {
+            a["extensionsUsed"] = json!(["EXT_mesh_primitive_restart"]);
+            a["meshes"][0]["primitives"][0]["mode"] = json!(5);
+            a["meshes"][0]["extensions"] =
+                json!({"EXT_mesh_primitive_restart": {"primitiveGroups": [group]}});
+        });
+        let loaded = load_triangle(&asset).expect("it loads");
+        assert_eq!(loaded.scene.meshes[0].triangles, [[0, 1, 2]]);
+        assert!(loaded.warnings.iter().all(|w| w.file.is_none()), "{:?}", loaded.warnings);
+    }
+}
+
 #[test]
 fn points_and_lines_are_counted() {
     for (mode, kind) in [(0, "points"), (1, "lines"), (2, "lines"), (3, "lines")] {

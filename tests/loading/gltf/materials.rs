@@ -208,8 +208,8 @@ fn extensions_that_are_not_read_are_named() {
 fn extensions_that_are_known_and_not_read() {
     let asset = triangle_with(|a| {
         a["extensionsRequired"] = json!(["KHR_interactivity", "KHR_node_selectability"]);
-        a["extensions"] =
-            json!({"KHR_interactivity": {"graphs": []}, "EXT_lights_image_based": {"lights": []}});
+        a["extensions"] = json!({"KHR_interactivity": {"graphs": []}});
+        a["materials"][0]["extensions"] = json!({"KHR_materials_coat": {}, "KHR_materials_fuzz": {}});
         a["nodes"][0]["extensions"] = json!({"KHR_node_hoverability": {"hoverable": false}});
         a["meshes"][0]["primitives"][0]["extensions"] = json!({"KHR_gaussian_splatting": {}});
     });
@@ -217,7 +217,7 @@ fn extensions_that_are_known_and_not_read() {
     let said: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
     let has = |words: &str| said.iter().any(|w| w.contains(words));
     assert!(has("KHR_gaussian_splatting is not read") && has("splats are not surfaces"), "{said:?}");
-    assert!(has("EXT_lights_image_based is not read") && has("surroundings"), "{said:?}");
+    assert!(has("KHR_materials_coat is not read") && has("KHR_materials_fuzz is not read"), "{said:?}");
     assert!(!has("interactivity") && !has("ability"), "{said:?}");
     let demanded = triangle_with(|a| a["extensionsRequired"] = json!(["KHR_gaussian_splatting"]));
     let message = refusal(&demanded);
@@ -251,4 +251,58 @@ fn volumes_that_scatter() {
     assert!(!pbr(&loaded.scene.materials[0]).attenuation_distance.is_finite());
     let flat = load_material(json(0.0));
     assert!(flat.scene.materials[0].medium.is_none() && told(&flat, "scatters nothing"));
+}
+
+/// The draft that replaces it: in solids the strength is a factor on the colour, in sheets the share that is scattered.
+#[test]
+fn materials_that_scatter() {
+    let json = |transmission: f32, strength: f32, anisotropy: f32, volume: Option<f32>| {
+        let mut json = json!({
+            "pbrMetallicRoughness": {"baseColorFactor": [0.2, 0.4, 0.6, 1], "metallicFactor": 0},
+            "extensions": {
+                "KHR_materials_transmission": {"transmissionFactor": transmission},
+                "KHR_materials_scatter": {
+                    "scatterStrengthFactor": strength, "scatterAnisotropy": anisotropy,
+                    "multiscatterColorFactor": [0.9, 0.5, 0.3]
+                }
+            }
+        });
+        if let Some(thickness) = volume {
+            json["extensions"]["KHR_materials_volume"] = json!({"attenuationColor": [0.5, 0.5, 0.5], "attenuationDistance": 1, "thicknessFactor": thickness});
+        }
+        load_material(json)
+    };
+    let told = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message.contains(words));
+    let solid = json(1.0, 0.5, 0.25, Some(1.0));
+    assert!(told(&solid, "KHR_materials_scatter is a draft"), "{:?}", solid.warnings);
+    let medium = solid.scene.materials[0].medium.expect("a medium");
+    let color = medium.color();
+    assert!((color[0] - 0.45).abs() < 1e-3 && (color[2] - 0.15).abs() < 1e-3, "{color:?}");
+    assert!((medium.extinction[0] - 2.0f32.ln()).abs() < 1e-5 && medium.anisotropy == 0.25);
+    // All that is transmitted is scattered, half of it back.
+    let paper = json(1.0, 1.0, 0.0, None);
+    let model = pbr(&paper.scene.materials[0]);
+    let through = model.diffuse_transmission.expect("transmitted");
+    assert_eq!((model.transmission.factor, model.has_volume, through.factor.factor), (0.0, false, 0.5));
+    assert_eq!((model.base_color.factor, through.color.factor), ([0.9, 0.5, 0.3], [0.9, 0.5, 0.3]));
+    assert!(!told(&paper, "mixed"));
+    // A quarter goes on as it came, a quarter is scattered to the other side; of what comes back, half is the base's.
+    let mixed = json(0.5, 0.5, 1.0, Some(0.0));
+    let model = pbr(&mixed.scene.materials[0]);
+    assert_eq!(model.transmission.factor, 0.25);
+    assert!((model.diffuse_transmission.expect("some").factor.factor - 0.25 / 0.75).abs() < 1e-6);
+    let back = json(0.5, 1.0, -1.0, None);
+    let model = pbr(&back.scene.materials[0]);
+    assert!(model.diffuse_transmission.is_none() && (model.base_color.factor[0] - 0.55).abs() < 1e-6);
+    let clear = json(1.0, 0.0, 0.0, None);
+    assert!(
+        clear.scene.materials[0].medium.is_none()
+            && pbr(&clear.scene.materials[0]).transmission.factor == 1.0
+    );
+    assert!(told(&json(0.0, 1.0, 0.0, None), "scatters nothing"));
+    let broken = triangle_with(|a| {
+        a["materials"][0]["extensions"] =
+            json!({"KHR_materials_scatter": {"multiscatterColorFactor": "white"}});
+    });
+    assert!(refusal(&broken).contains("KHR_materials_scatter/multiscatterColorFactor"));
 }

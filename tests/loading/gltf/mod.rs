@@ -9,6 +9,7 @@ mod exported;
 mod geometry;
 mod images;
 mod layers;
+mod lights;
 mod materials;
 mod motion;
 mod nodes;

@@ -2,9 +2,7 @@
 //! diffuse transmission. A layer with a factor of 0 is left out, with its textures.
 
 use super::builder::Builder;
-use crate::scene::{
-    Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, Medium, PbrMaterial, Sheen, coefficients,
-};
+use crate::scene::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 
 const UNIT: [f32; 2] = [0.0, 1.0];
 
@@ -113,30 +111,5 @@ impl Builder<'_, '_> {
         let texture = self.info(from, "diffuseTransmissionColorTexture");
         let color = self.color(color, texture.as_ref(), &format!("{place}/diffuseTransmissionColorTexture"));
         Some(DiffuseTransmission { factor, color })
-    }
-
-    /// What scatters in the solid. The extension is a draft: its attenuation is taken as that of scattering and
-    /// absorption together, its colour as that of [`Medium::subsurface`].
-    pub fn volume_scatter(&mut self, model: &mut PbrMaterial) -> Option<Medium> {
-        let (extension, place) = self.extension("KHR_materials_volume_scatter")?;
-        let from = (extension, place.as_str());
-        let color = self.numbers(from, "multiscatterColor", [0.0; 3]);
-        let anisotropy = self.number(from, "scatterAnisotropy", 0.0, [-0.999, 0.999]);
-        let place = format!("{}{place}", self.at);
-        self.report.warn(&*place, "KHR_materials_volume_scatter is a draft: what is made of it may change");
-        let (attenuation, distance) = (model.attenuation_color, model.attenuation_distance);
-        let extinction = coefficients(attenuation, distance).filter(|_| model.has_volume);
-        let Some(extinction) = extinction else {
-            let message =
-                "scatters nothing: it needs KHR_materials_volume with a thickness and an attenuation";
-            self.report.warn(&*place, message);
-            return None;
-        };
-        if color == [0.0; 3] {
-            return None;
-        }
-        model.attenuation_distance = f32::INFINITY;
-        let medium = Medium::subsurface(color.map(|c| c.min(1.0)), [1.0; 3], anisotropy);
-        Some(Medium { extinction, ..medium })
     }
 }

@@ -6,6 +6,7 @@ mod builder;
 mod layers;
 mod needs;
 mod panes;
+mod scattering;
 mod signs;
 mod specular_glossiness;
 
@@ -155,7 +156,7 @@ fn build(
             None => builder.model(&json, base.color, &extensions),
         };
         builder.add_layers(&mut model);
-        material.medium = builder.volume_scatter(&mut model);
+        material.medium = builder.scattering(&mut model);
         material.model = Model::Pbr(Box::new(model));
         material.normal_map = builder.normal_map(&json);
     }
