@@ -304,7 +304,8 @@ impl Geometries {
             }
             Primitive::Quad(q) => {
                 let uv = Vec2::new(hit.u, hit.v);
-                let tangent_frame = frame_of(q.edge_u, surface.ns, 1.0);
+                // The image's up is against v.
+                let tangent_frame = frame_of(q.edge_u, surface.ns, -1.0);
                 let uv_per_metre = [q.edge_u.cross(q.edge_v).length().sqrt().recip(); 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }

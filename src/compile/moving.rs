@@ -102,7 +102,7 @@ impl Moment<'_> {
                 let [u, v] = [linear * q.edge_u, linear * q.edge_v];
                 let uv = Vec2::new(hit.u, hit.v);
                 let uv_per_metre = [u.cross(v).length().sqrt().recip(); 2];
-                let tangent_frame = frame_of(u, surface.ns, 1.0);
+                let tangent_frame = frame_of(u, surface.ns, -1.0);
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
             Primitive::Analytic(index, shape) => {

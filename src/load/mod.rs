@@ -9,6 +9,7 @@ mod formats;
 pub mod gltf;
 mod grid;
 mod guard;
+mod heights;
 mod ies;
 pub mod image;
 mod loaded;

@@ -115,7 +115,7 @@ impl Shape for Sphere {
         Parametrization {
             // Eastwards: u grows counter-clockwise as seen from above.
             tangent: object_from_world.transpose() * Vec3::new(local.z, 0.0, -local.x),
-            handedness: -1.0,
+            handedness: 1.0,
             // At the equator: 2 pi r by pi r metres.
             uv_per_metre: 1.0 / (SQRT_2 * PI * self.radius),
         }

@@ -170,3 +170,65 @@ fn lights_move_with_their_nodes() {
     assert!(keys.expect("it moves").map(place).eq([2.0, 6.0]));
     assert!(with("spot = { node = \"Lamp\", power = 1 }", 0.0).lights[0].motion.is_none());
 }
+
+/// Cameras and lights of scene files move by the same key.
+#[test]
+fn cameras_and_lights_move() {
+    let motion = "motion = { translate = [0, 4, 0], rotate = { axis = [0, 1, 0], angle = 20 } }\n";
+    let camera = HEAD.replace("shutter = 0.5\n", &format!("shutter = 0.5\n{motion}"));
+    let camera = read(&format!("{camera}{BALL}")).scene.cameras.remove(0);
+    let keys = &camera.motion.as_ref().expect("it moves").keys;
+    assert!(keys.len() > 1);
+    let expected = |frames: f64| {
+        let turn = DAffine3::from_rotation_y((20.0 * frames).to_radians());
+        DAffine3::from_translation(DVec3::Y * 4.0 * frames) * turn * camera.world_from_camera
+    };
+    assert!(transform_at(keys, 0.0).abs_diff_eq(expected(-0.25), 1e-9));
+    assert!(transform_at(keys, 1.0).abs_diff_eq(expected(0.25), 1e-9));
+    for light in [
+        "area = { center = [3, 0, 0], target = [0, 0, 0], size = [1, 2], power = 5 }",
+        "point = { position = [3, 0, 0], power = 5 }",
+        "point = { position = [3, 0, 0], power = 5, radius = 0.5 }",
+        "spot = { position = [3, 0, 0], target = [0, 0, 0], power = 5 }",
+        "sun = { direction = [-1, 0, 0], irradiance = 1 }",
+    ] {
+        let scene = read(&format!("{HEAD}{BALL}[[lights]]\n{light}\n{motion}")).scene;
+        let half = (10.0f64 / 2.0).to_radians();
+        let place = |time: f64| DVec3::new(3.0 * (half * time).cos(), time, -3.0 * (half * time).sin());
+        match scene.lights.first().map(|l| (l.kind, l.motion.as_ref().map(|m| m.keys.clone()))) {
+            None => {
+                let motion = [&scene.motion.quads, &scene.motion.shapes].map(|m| m.values().next());
+                let keys = &motion.into_iter().flatten().next().expect("it moves").keys;
+                let middle = scene.quads.first().map(|q| q.corner + (q.edge_u + q.edge_v) / 2.0);
+                let middle = middle.unwrap_or(DVec3::new(3.0, 0.0, 0.0));
+                assert!(middle.distance(place(0.0)) < 1e-9, "{light}");
+                let last = keys.last().expect("one").transform_point3(middle);
+                assert!(last.distance(place(1.0)) < 1e-9, "{light}: {last}");
+            }
+            Some((now, keys)) => {
+                let last = *keys.expect("it moves").last().expect("one");
+                assert_ne!(now, last, "{light}");
+                let (at, along) = match last {
+                    LightKind::Point { position } => (position, None),
+                    LightKind::Spot { position, direction, .. } => (position, Some(direction)),
+                    LightKind::Directional { direction } => (place(1.0), Some(direction)),
+                    other => panic!("{other:?}"),
+                };
+                assert!(at.distance(place(1.0)) < 1e-9, "{light}");
+                let inwards = -(place(1.0) - DVec3::Y) / 3.0;
+                assert!(along.is_none_or(|way| way.distance(inwards) < 1e-9), "{light}");
+            }
+        }
+    }
+}
+
+#[test]
+fn cameras_and_lights_neither_grow_nor_follow_two() {
+    let grows = "motion = { keys = [{ frame = 0 }, { frame = 1, transform = [{ scale = 2 }] }] }\n";
+    let camera = HEAD.replace("shutter = 0.5\n", &format!("shutter = 0.5\n{grows}"));
+    let light = format!("{HEAD}{BALL}[[lights]]\npoint = {{ position = [0, 0, 0], power = 1 }}\n{grows}");
+    for text in [format!("{camera}{BALL}"), light] {
+        let error = read_by(&text, &LoadOptions::default()).expect_err("it scales").to_string();
+        assert!(error.contains("scales or mirrors") && error.matches("error").count() <= 1, "{error}");
+    }
+}

@@ -3,6 +3,7 @@
 mod adaptive;
 mod blur;
 mod blur_beside;
+mod bumps;
 mod catcher;
 mod caustic_rooms;
 mod caustics;

@@ -42,7 +42,8 @@ pub(super) fn adjusted<'a>(
         let lamp = material.lamp.unwrap_or_default();
         material.lamp = Some(Lamp { visible_to: visible_to(fields, lamp.visible_to), ..lamp });
     }
-    material.displacement = displaced::read(build, fields).or(material.displacement);
+    material.displacement = displaced::read(build, fields, false).or(material.displacement);
+    material.normal_map = displaced::normals(build, fields, false).or(material.normal_map);
     material.priority = media::priority(fields).unwrap_or(material.priority);
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })

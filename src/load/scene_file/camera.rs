@@ -16,20 +16,21 @@
 //! | `shift` | `[x, y]`: what is seen moves right and up by so many heights of the picture, and upright lines stay parallel | `[0, 0]` |
 //! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
 //! | `shutter_position` | `"centre"`: around the picture's moment; `"start"`: from it on; `"end"`: up to it | `"centre"` |
+//! | `motion` | how the camera moves on, see `motion` | none |
 //!
-//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens
-//! and `shift` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
+//! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
+//! `shift` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
 
 use super::assets::Assets;
 use super::build::Build;
 use super::fields::{Fields, nearest};
-use super::shutter;
+use super::{motion, shutter};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Aperture, Camera, Projection, ThinLens, looking_at};
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
-    let camera = chosen(build, fields, assets);
+    let camera = moved(build, fields, assets);
     finish(build, fields);
     build.loaded.scene.cameras = camera.into_iter().collect();
 }
@@ -37,7 +38,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
 /// Reads what the file beside a model says about its cameras.
 pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     if fields.has("look_from") || fields.has("from") {
-        let camera = chosen(build, fields, assets);
+        let camera = moved(build, fields, assets);
         finish(build, fields);
         build.loaded.scene.cameras.splice(0..0, camera);
         return;
@@ -88,6 +89,21 @@ fn finish(build: &mut Build, fields: &Fields) {
     settings.height = settings.height.or(height);
     shutter::check(fields);
     fields.finish();
+}
+
+/// The camera at the picture's moment, and how it moves on.
+fn moved(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Camera> {
+    let camera = chosen(build, fields, assets);
+    let Some(moved) = motion::rigid(build, fields, "the camera") else { return camera };
+    let mut camera = camera?;
+    if camera.motion.is_some() {
+        let message = "this camera is moved by its file: leave 'motion' out";
+        fields.problems.push(fields.span(), message);
+    }
+    let world_from_camera = moved.at_moment * camera.world_from_camera;
+    camera.world_from_camera = world_from_camera;
+    camera.motion = moved.onwards.map(|onwards| onwards.map(|by| *by * world_from_camera));
+    Some(camera)
 }
 
 /// The camera of a file, or the one that the table places.

@@ -37,6 +37,7 @@ pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) 
     if size.value.iter().any(|s| *s <= 0.0) {
         return fields.problems.push(size.span, "'size' of an area light must be above 0");
     }
+    let placement = placement.map(|placed| placed.moved(traits.moved.as_ref()));
     let Some(Placed { now, motion }) = placement else { return };
     let Placement { center, direction, right, scale } = now;
     let [width, height] = [size.value[0] * scale[0], size.value[1] * scale[1]];
@@ -82,7 +83,7 @@ pub(super) fn add(
     beam: Beam,
     radiance: f64,
 ) {
-    let LightTraits { name, color, lamp, group } = traits;
+    let LightTraits { name, color, lamp, group, .. } = traits;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);

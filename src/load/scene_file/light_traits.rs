@@ -1,6 +1,7 @@
 //! What lights of scene files have in common.
 
 use super::fields::Fields;
+use super::motion::Moved;
 use crate::scene::{Lamp, is_group_name};
 
 /// What all shapes of lights have.
@@ -9,6 +10,8 @@ pub(super) struct LightTraits {
     pub color: [f32; 3],
     pub lamp: Lamp,
     pub group: String,
+    /// Where it moves.
+    pub moved: Option<Moved>,
 }
 
 /// The name of a group of lights; empty where none is given.

@@ -1,5 +1,5 @@
 //! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a `group`, whose
-//! light `--light-groups` keeps apart, `visible_to_camera` and `obstacle` (both true), and
+//! light `--light-groups` keeps apart, a `motion` (see there), `visible_to_camera` and `obstacle` (both true), and
 //! `visible_to`, the kinds of rays that it lights and that see it, as for objects (all).
 //!
 //! | Shape | Value |
@@ -30,9 +30,9 @@ use super::fields::Fields;
 use super::light_shapes::{self, Surface};
 use super::light_traits::{LightTraits, group, positive, strength};
 use super::placement::{Placed, Placement, at_node, direction};
-use super::profiled;
 use super::visibility::visible_to;
-use crate::math::{DQuat, DVec3};
+use super::{motion, profiled};
+use crate::math::{DAffine3, DQuat, DVec3};
 use crate::scene::{Beam, Lamp, Light, LightKind, LightProfile, Moving, RayKinds, SpotFade};
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -57,11 +57,16 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
         };
+        let moved = motion::rigid(build, &fields, &name);
         let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
         match given[..] {
             [shape] => {
                 if let Some(shape_fields) = fields.table(shape) {
-                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group: group.clone() });
+                    if moved.is_some() && shape_fields.has("node") {
+                        let message = "a light at a node moves along with it: leave 'motion' out";
+                        fields.problems.push(shape_fields.span(), message);
+                    }
+                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group, moved });
                     shape_fields.finish();
                 }
             }
@@ -106,13 +111,18 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
         return add_profiled(build, fields, traits, (position, node), cone);
     }
     let radius = fields.number_in("radius", 0.0..1e9, 0.0);
+    let given = position.map(|position| {
+        let axis = cone.flatten().map_or(DVec3::Y, |(axis, ..)| axis);
+        Placed { now: Placement::of_axis(position, axis), motion: node.flatten().and_then(|n| n.motion) }
+    });
+    let given = given.map(|given| given.moved(traits.moved.as_ref()));
     let intensity = strength(fields, "intensity", 1.0 / (4.0 * PI));
-    let (Some(position), Some(intensity)) = (position, intensity) else { return };
-    let motion = node.flatten().and_then(|node| node.motion);
+    let (Some(Placed { now, motion }), Some(intensity)) = (given, intensity) else { return };
+    let (position, direction) = (now.center, now.direction);
     let (kind, beam) = match cone {
         None => (LightKind::Point { position }, Beam::Even),
         Some(None) => return,
-        Some(Some((direction, inner_angle_rad, outer_angle_rad, fade))) => (
+        Some(Some((_, inner_angle_rad, outer_angle_rad, fade))) => (
             LightKind::Spot { position, direction, inner_angle_rad, outer_angle_rad, fade },
             Beam::Cone { direction, inner_angle_rad, outer_angle_rad, fade },
         ),
@@ -155,9 +165,13 @@ fn add_profiled(
         None => profiled::aimed(fields, center, axis),
     };
     let (Some(rotation), Some((profile, intensity))) = (rotation, profile) else { return };
-    let kind = turned(local, center, rotation);
+    let mut kind = turned(local, center, rotation);
     let motion = node.and_then(|node| node.motion.as_ref());
-    let motion = motion.map(|moving| moving.map(|then| at(local, then)));
+    let mut motion = motion.map(|moving| moving.map(|then| at(local, then)));
+    if let Some(moved) = &traits.moved {
+        kind = carried(kind, &moved.at_moment);
+        motion = moved.onwards.as_ref().map(|onwards| onwards.map(|by| carried(kind, by)));
+    }
     push(build, traits, (kind, motion), intensity, Some(profile));
 }
 
@@ -169,13 +183,16 @@ fn add_sun(build: &mut Build, fields: &Fields, traits: LightTraits) {
     };
     let angle_rad = fields.number_in("angle", 0.0..180.0, 0.0).to_radians();
     let irradiance = fields.require("irradiance", positive(fields, "irradiance"));
-    if let (Some(direction), Some(irradiance)) = (direction, irradiance) {
+    let motion = node.flatten().and_then(|node| node.motion);
+    let given = direction.map(|way| Placed { now: Placement::of_axis(DVec3::ZERO, way), motion });
+    let given = given.map(|given| given.moved(traits.moved.as_ref()));
+    if let (Some(Placed { now, motion }), Some(irradiance)) = (given, irradiance) {
+        let direction = now.direction;
         // Smaller ones are points.
         let kind = match angle_rad > 1e-5 {
             true => LightKind::Sun { direction, angle_rad },
             false => LightKind::Directional { direction },
         };
-        let motion = node.flatten().and_then(|node| node.motion);
         let motion = motion.map(|moving| moving.map(|then| at(kind, then)));
         push(build, traits, (kind, motion), irradiance, None);
     }
@@ -192,6 +209,15 @@ fn at(mut kind: LightKind, place: &Placement) -> LightKind {
         LightKind::Directional { direction } | LightKind::Sun { direction, .. } => {
             *direction = place.direction;
         }
+    }
+    kind
+}
+
+/// A light with a profile that a motion without scales moves.
+fn carried(mut kind: LightKind, by: &DAffine3) -> LightKind {
+    if let LightKind::Profiled { position, rotation, .. } = &mut kind {
+        *position = by.transform_point3(*position);
+        *rotation = (DQuat::from_mat3(&by.matrix3) * *rotation).normalize();
     }
     kind
 }

@@ -212,7 +212,8 @@ fn read<'a>(
         }
     };
     material.light_group = light_group;
-    material.displacement = displaced::read(build, fields);
+    material.displacement = displaced::read(build, fields, textures.is_check());
+    material.normal_map = displaced::normals(build, fields, textures.is_check());
     if let Kind::Dielectric | Kind::Medium | Kind::Pbr = kind {
         material.priority = media::priority(fields).unwrap_or(0);
     }

@@ -1,4 +1,5 @@
-//! `motion` of an object: how it moves on from the place that its `transform` gives it. Times are in frames; 0 is the moment of a
+//! `motion` of an object, of the camera or of a light: how it moves on from the place that it has, an object by its `transform`. Cameras and
+//! lights can't grow; those at a node of a model move along with it. Times are in frames; 0 is the moment of a
 //! single picture, and N that of frame N of a sequence. With `shutter` of `[camera]` (`--shutter`) pictures show the way that it
 //! takes while the shutter is open.
 //!
@@ -12,7 +13,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::transform;
 use crate::error::Warning;
-use crate::math::{DAffine3, DVec3};
+use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Moving;
 
 /// How an object moves.
@@ -63,6 +64,22 @@ pub(super) struct Moved {
     pub onwards: Option<Moving<DAffine3>>,
 }
 
+/// The motion of something that keeps its size: of the camera, of a light.
+pub(super) fn rigid(build: &mut Build, fields: &Fields, name: &str) -> Option<Moved> {
+    let moved = read(build, fields, name)?;
+    let is_rigid = |m: &DAffine3| {
+        let m = m.matrix3;
+        (m * m.transpose()).abs_diff_eq(DMat3::IDENTITY, 1e-6) && m.determinant() > 0.0
+    };
+    let others = moved.onwards.iter().flat_map(Moving::all);
+    if std::iter::once(&moved.at_moment).chain(others).all(is_rigid) {
+        return Some(moved);
+    }
+    let message = "cameras and lights are moved and turned only: their 'motion' scales or mirrors";
+    fields.problems.push(fields.span(), message);
+    None
+}
+
 /// The motion of an object's table; none without the key.
 pub(super) fn read(build: &mut Build, object: &Fields, name: &str) -> Option<Moved> {
     let fields = object.table("motion")?;
@@ -89,7 +106,7 @@ pub(super) fn read(build: &mut Build, object: &Fields, name: &str) -> Option<Mov
 }
 
 fn say_closed(build: &mut Build) {
-    let message = "objects move, but the shutter is closed: 'shutter' of [camera] opens it";
+    let message = "something moves, but the shutter is closed: 'shutter' of [camera] opens it";
     let note = Warning::new(build.file, "", message);
     if build.options.shutter.frames.is_none() && !build.loaded.notes.iter().any(|n| n.message == note.message)
     {

@@ -2,6 +2,7 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
+use super::motion::Moved;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3};
 use crate::scene::Moving;
@@ -27,6 +28,15 @@ pub(super) struct Placement {
     pub scale: [f64; 2],
 }
 
+impl Placed {
+    /// With the motion that its table gives it.
+    pub fn moved(self, moved: Option<&Moved>) -> Placed {
+        let Some(Moved { at_moment, onwards }) = moved else { return self };
+        let now = self.now.moved(at_moment);
+        Placed { now, motion: onwards.as_ref().map(|onwards| onwards.map(|by| now.moved(by))) }
+    }
+}
+
 impl Placement {
     /// That of a light at a node; `None` if the node is flattened. Sheared axes are made square, so that the light stays a
     /// rectangle.
@@ -36,6 +46,18 @@ impl Placement {
         let right = -(x - direction * x.dot(direction)).try_normalize()?;
         let scale = [x.length(), y.length()];
         (scale[1] > 0.0).then_some(Placement { center: m.translation, direction, right, scale })
+    }
+
+    /// That of something that only has a place and a way that it shines.
+    pub fn of_axis(center: DVec3, direction: DVec3) -> Placement {
+        Placement { center, direction, right: direction.any_orthonormal_vector(), scale: [1.0; 2] }
+    }
+
+    /// Where a motion without scales brings it.
+    pub fn moved(&self, by: &DAffine3) -> Placement {
+        let turned = |v: DVec3| by.transform_vector3(v).normalize_or(v);
+        let (direction, right) = (turned(self.direction), turned(self.right));
+        Placement { center: by.transform_point3(self.center), direction, right, scale: self.scale }
     }
 
     /// From a rectangle of width and height 1 around the origin, in the plane of x and y, that shines along z.

@@ -55,6 +55,11 @@ impl<'a> Textures<'a> {
         Textures { fields, done: HashMap::new(), checking: false }
     }
 
+    /// Are only keys checked?
+    pub fn is_check(&self) -> bool {
+        self.checking
+    }
+
     /// A colour: constant, or the name of a texture.
     pub fn slot(&mut self, build: &mut Build, fields: &Fields<'a>, key: &'static str) -> Option<ColorSlot> {
         let value = fields.raw(key)?;

@@ -5,7 +5,7 @@ use oscura::load::{LoadOptions, Loaded};
 use oscura::math::{DVec3, Vec3};
 use oscura::scene::{Environment, Quad, Shape};
 use serde_json::{Value, json};
-use std::f64::consts::PI;
+use std::f64::consts::{FRAC_1_SQRT_2, PI};
 use std::io::Cursor;
 
 /// The triangle and a light of EXT_lights_area on a node.
@@ -52,7 +52,7 @@ fn rectangles_shine_along_minus_z() {
 
 #[test]
 fn disks_and_what_is_left_out_of_them() {
-    let node = json!({"rotation": [0.7071067811865476, 0, 0, 0.7071067811865476]});
+    let node = json!({"rotation": [FRAC_1_SQRT_2, 0, 0, FRAC_1_SQRT_2]});
     let loaded = load_triangle(&with_area(json!({"type": "disk", "size": 3}), node)).expect("it loads");
     let [disk @ Shape { radius, .. }] = &loaded.scene.shapes[..] else { panic!("one") };
     // Turned by a right angle about x, -z is y.
@@ -189,7 +189,7 @@ fn six_pictures_are_the_environment() {
     // A right angle about y takes what was at +z to +x.
     let turned = surrounded(|a| {
         let light = &mut a["extensions"]["EXT_lights_image_based"]["lights"][0];
-        light["rotation"] = json!([0, 0.7071067811865476, 0, 0.7071067811865476]);
+        light["rotation"] = json!([0, FRAC_1_SQRT_2, 0, FRAC_1_SQRT_2]);
     });
     assert_eq!(seen(&turned.expect("it loads"), [1.0, 0.1, 0.2]), Vec3::new(0.0, 0.0, 2.0));
 }

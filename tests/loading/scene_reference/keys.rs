@@ -12,7 +12,8 @@ fn scene(text: &str) -> String {
     let path = folder.path().join("scene.toml");
     std::fs::write(&path, text).expect("written");
     for (name, red) in [("one.png", 10), ("two.png", 20)] {
-        let picture = image::RgbImage::from_pixel(4, 2, image::Rgb([red, 0, 0]));
+        let picture =
+            image::RgbImage::from_fn(4, 2, |x, y| image::Rgb([red * (1 + x as u8 + y as u8), 0, 0]));
         picture.save(folder.path().join(name)).expect("a picture");
     }
     for (name, value) in [("one.vol", 1.0f32), ("two.vol", 2.0)] {
@@ -65,9 +66,9 @@ fn no_key_is_left_out() {
             1,
         );
         let known = known_keys(&text);
-        // The type is in every table's head, displacement may be in all of materials; cameras and lights from models have tests
+        // The type is in every table's head, displacement and normals may be in all of materials; cameras and lights from models, and motion, have tests
         // of their own.
-        let elsewhere = ["type", "from", "name", "node", "displacement"];
+        let elsewhere = ["type", "from", "name", "node", "displacement", "normal", "bump", "motion"];
         let missing: Vec<&String> = known
             .iter()
             .filter(|k| !tried.contains(k.as_str()) && !elsewhere.contains(&k.as_str()))

@@ -219,6 +219,30 @@ pub const TABLES: &[Table] = &[
             ("repeat", "[2, 1]", "[1, 3]"),
         ],
     },
+    Table {
+        about: "normal",
+        before: concat!(before!(material "lambert"), "normal = { "),
+        between: ", ",
+        after: " }\n[[objects]]\nquad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }\nmaterial = \"a\"\n",
+        keys: &[
+            ("image", "\"one.png\"", "\"two.png\""),
+            ("scale", "0.5", "-0.2"),
+            ("wrap", "\"mirror\"", "\"clamp\""),
+            ("repeat", "[2, 1]", "[1, 3]"),
+        ],
+    },
+    Table {
+        about: "bump",
+        before: concat!(before!(material "pbr"), "bump = { "),
+        between: ", ",
+        after: " }\n[[objects]]\nquad = { corner = [0, 0, 0], u = [1, 0, 0], v = [0, 1, 0] }\nmaterial = \"a\"\n",
+        keys: &[
+            ("image", "\"one.png\"", "\"two.png\""),
+            ("scale", "0.5", "-0.2"),
+            ("wrap", "\"repeat\"", "\"clamp\""),
+            ("repeat", "[2, 1]", "[1, 3]"),
+        ],
+    },
     lines(
         "oren-nayar",
         before!(material "oren-nayar"),
