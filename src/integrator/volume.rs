@@ -123,7 +123,16 @@ impl Integrator<'_> {
             let path = &w.arriving.carried;
             let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
             let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
-            let value = flight.glow(scattering, get_rgb(&path.throughput, i), to, u);
+            let throughput = get_rgb(&path.throughput, i);
+            let value = match &scattering.grid {
+                Some(grid) => {
+                    // Where light would collide, the way ends: what lies before it shines whole.
+                    let ray = grid.ray(w.rays[i].origin, w.rays[i].direction, 1.0);
+                    let end = to.min(flight.until);
+                    throughput * scattering.emission * grid.integral(&ray, flight.extent[0], end, salt ^ GLOW)
+                }
+                None => flight.glow(scattering, throughput, to, u),
+            };
             w.sink.contribute(path.sample[i], value, || Origin {
                 way: way_of_path(bounce, Way::Emission, &w.arriving.first_bounces, i),
                 group: 0,

@@ -27,10 +27,7 @@ pub(super) fn read(path: &Path, choice: Choice) -> Result<Grid, String> {
     let extension = path.extension().map_or_else(String::new, |e| e.to_string_lossy().to_lowercase());
     let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
     let grid = match extension.as_str() {
-        "vdb" => vdb::parse(&bytes, &name, choice.name).map(|grid| match choice.is_z_up {
-            true => vdb::from_z_up(grid),
-            false => grid,
-        }),
+        "vdb" => vdb::parse(&bytes, &name, choice.name, choice.is_z_up),
         "nvdb" => {
             Err("is a file of NanoVDB, which is not read: convert it by nanovdb_convert to .vdb".into())
         }

@@ -16,7 +16,7 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Radiance that each metre adds.
     pub emission: [f32; 3],
-    /// Factors on the extinction, which is the same for all channels then; a medium with a grid does not shine.
+    /// Factors on the extinction, which is the same for all channels then, and on the emission.
     pub grid: Option<GridId>,
 }
 

@@ -20,6 +20,7 @@ mod parts;
 mod passes;
 mod path_reuse;
 mod physical_sky;
+mod picture_lamps;
 mod portals;
 mod priorities;
 mod profiled;

@@ -1,7 +1,7 @@
 //! Media that scatter, absorb and shine, against closed forms and quadrature.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, bits};
-use crate::support::{assert_radiance, camera, material, options, picture, sphere, walls};
+use crate::support::{assert_radiance, camera, material, measure, options, picture, sphere, walls};
 use oscura::math::DVec3;
 use oscura::scene::{
     Camera, ColorSlot, Environment, Fog, FresnelModel, Grid, Light, LightKind, Material, MaterialId, Medium,
@@ -120,6 +120,51 @@ fn grids_agree_with_homogeneous_media() {
     with_grid(&mut furnace, &|i| (i % 7) as f32 * 3.0, 1.0);
     furnace.cameras.push(beam([0.2, 0.1, 5.0]));
     assert_radiance("grid, furnace", &furnace, &options(16, 16, 3000), 1.0, 5e-3);
+}
+
+/// Grids shine as far as they are dense: e / sigma (1 - exp(-sigma m)) through m metres of density 1, whatever their profile, and
+/// e m where they hide nothing. What scatters as well is brighter.
+#[test]
+fn grids_shine() {
+    for (extinction, what) in [(0.0, "pure"), (0.7, "thin"), (40.0, "thick")] {
+        let mut scene = Scene::default();
+        let size = [3, 2, 40];
+        // A ramp along the view, and a gap.
+        let value = |i: usize| if (20..25).contains(&(i / 6)) { 0.0 } else { (i / 6) as f32 * 0.1 };
+        let values: Vec<f32> = (0..240).map(value).collect();
+        let (name, min, max) = ("flame".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
+        // By the trapezoids between middles of voxels, the outer halves even.
+        let along: Vec<f64> = (0..40).map(|z| f64::from(values[z * 6])).collect();
+        let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
+        let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
+        let grid = scene.add_grid(Grid { name, size, values: std::sync::Arc::new(values), min, max });
+        let shining = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
+        let filled = body(&mut scene, shining);
+        sphere(&mut scene, [0.0; 3], 4.0, filled);
+        scene.cameras.push(beam([0.1, 0.2, 6.0]));
+        let sigma = f64::from(extinction);
+        let filled_up = if sigma > 0.0 { (1.0 - (-sigma * mass).exp()) / sigma } else { mass };
+        let options = &options(16, 256, 8);
+        assert_radiance(&format!("shining grid, {what}"), &scene, options, 0.3 * filled_up, 3e-3);
+        // Red and green are made of the same points.
+        let film = picture(&scene, options);
+        let [red, green, blue, _] = film.mean_rgba(3, 4);
+        assert!((red / green - 2.0).abs() < 1e-4 && (blue / green - 0.5).abs() < 1e-4);
+    }
+    let mut scene = Scene::default();
+    let values = std::sync::Arc::new(vec![1.0; 8]);
+    let (name, min, max) = (String::new(), DVec3::splat(-300.0), DVec3::splat(300.0));
+    let grid = scene.add_grid(Grid { name, size: [2; 3], values, min, max });
+    let shining = Medium { grid: Some(grid), emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
+    let filled = body(&mut scene, shining);
+    sphere(&mut scene, [0.0; 3], 200.0, filled);
+    scene.cameras.push(beam([0.0, 0.0, 250.0]));
+    // Seen from outside a half space is darker than within: as where the same medium has no grid.
+    let mut even = scene.clone();
+    even.materials[0].medium = Some(Medium { grid: None, ..shining });
+    let [(a, of_a), (b, of_b)] = [&scene, &even].map(|scene| measure(scene, &options(16, 256, 200)));
+    let error = of_a.hypot(of_b);
+    assert!((a - b).abs() < 4.5 * error && error < 0.01 * b, "{a} {b} +- {error}");
 }
 
 /// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not

@@ -123,6 +123,7 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         .iter()
         .map(|part| part.map(|(d, _)| if d.edge > 0.0 { d.edge } else { DEFAULT_EDGE * diagonal(own) }))
         .collect();
+    let edges = affordable(own, edges, budget, warnings);
     let (fine, longest) = subdivide::subdivided(own, &edges, budget);
     if let Some(longest) = longest {
         let message = format!(
@@ -131,6 +132,33 @@ fn displaced(own: &Mesh, parts: &Parts, budget: usize, warnings: &mut Vec<Warnin
         warn(warnings, &own.name, message);
     }
     Some(lift::lifted(fine, parts))
+}
+
+/// Edges that are not far too short: where so many triangles are out of reach, nothing is gained by cutting until the limit.
+fn affordable(
+    own: &Mesh,
+    mut edges: Vec<Option<f32>>,
+    budget: usize,
+    warnings: &mut Vec<Warning>,
+) -> Vec<Option<f32>> {
+    /// Times as many triangles as may be.
+    const FAR: f64 = 16.0;
+    let least = subdivide::least_triangles(own, &edges);
+    if least <= FAR * budget as f64 {
+        return edges;
+    }
+    let default = DEFAULT_EDGE * diagonal(own);
+    // Halves of edges make up to four times as many triangles as are needed.
+    let shortest = (least * 4.0 / budget.max(1) as f64).sqrt();
+    let wanted = edges.iter().flatten().copied().fold(f32::INFINITY, f32::min);
+    let message = format!(
+        "is subdivided to edges of {default:.3}, the default: edges of {wanted:e} would take at least {least:.1e} triangles, and all displaced \
+         meshes together may have {MOST_TRIANGLES}; edge = {:.1e} is possible",
+        f64::from(wanted) * shortest
+    );
+    warn(warnings, &own.name, message);
+    edges.iter_mut().flatten().for_each(|edge| *edge = edge.max(default));
+    edges
 }
 
 /// Of the box around a mesh.

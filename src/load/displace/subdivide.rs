@@ -36,6 +36,22 @@ pub(super) fn subdivided(mesh: &Mesh, edges: &[Option<f32>], most: usize) -> (Me
     (fine, longest)
 }
 
+/// At least so many triangles have edges that are no longer than wanted: those with three such edges are the largest.
+pub(super) fn least_triangles(mesh: &Mesh, edges: &[Option<f32>]) -> f64 {
+    let area = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|i| Vec3::from_array(mesh.positions[i as usize]).as_dvec3());
+        0.5 * (b - a).cross(c - a).length()
+    };
+    let of_part = |(part, edge): (&MeshPart, &Option<f32>)| {
+        let first = part.first_triangle as usize;
+        let triangles = &mesh.triangles[first..first + part.triangle_count as usize];
+        let edge = f64::from((*edge)?);
+        let largest = 3f64.sqrt() / 4.0 * edge * edge;
+        Some(triangles.iter().map(|t| (area(t) / largest).max(1.0)).sum::<f64>())
+    };
+    mesh.parts.iter().zip(edges).filter_map(of_part).sum()
+}
+
 fn sides(triangle: &[u32; 3]) -> impl Iterator<Item = [u32; 2]> + use<> {
     let [a, b, c] = *triangle;
     [[a, b], [b, c], [c, a]].into_iter()

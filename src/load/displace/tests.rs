@@ -167,3 +167,16 @@ fn both_sides_of_a_card_are_displaced() {
     let heights: Vec<f32> = mesh.positions.iter().map(|p| p[2]).collect();
     assert_eq!(heights, [0.375, 0.375, 0.375, 0.375, -0.375, -0.375, -0.375, -0.375]);
 }
+
+/// Edges that no number of triangles reaches are told at once.
+#[test]
+fn edges_that_are_far_too_short() {
+    let mut scene = Scene::default();
+    let rock = displaced_by(&mut scene, 4, 1e-6, |x, _| x as f32 / 4.0);
+    scene.quads.push(Quad::new([0.0; 3], [2.0, 0.0, 0.0], [0.0, 1.0, 0.0], rock));
+    let loaded = applied(scene);
+    let told: Vec<String> = loaded.warnings.iter().map(|w| w.message.clone()).collect();
+    assert!(told.iter().any(|w| w.contains("at least") && w.contains("is possible")), "{told:?}");
+    let triangles: usize = loaded.scene.meshes.iter().map(|mesh| mesh.triangles.len()).max().unwrap_or(0);
+    assert!((10_000..1_000_000).contains(&triangles), "{triangles}");
+}

@@ -7,6 +7,7 @@ use super::keep::Kept;
 use super::report::{Report, Sound};
 use super::samplers::{Element, Samplers};
 use serde_json::{Map, Value};
+use std::f64::consts::PI;
 
 const NAME: &str = "KHR_animation_pointer";
 
@@ -98,6 +99,9 @@ const IMPLIED: &[&str] = &[
 /// Nothing of lights may be below 0, but curves between keys overshoot.
 const LIGHTS: [&str; 2] = ["/extensions/KHR_lights_punctual/lights/", "/extensions/EXT_lights_area/lights/"];
 
+/// The angle that a camera sees, which must be above 0 and below pi.
+const FIELD_OF_VIEW: &str = "/cameras/*/perspective/yfov";
+
 /// What is written at a pointer.
 type Change = (String, Value);
 
@@ -160,6 +164,9 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
                 continue;
             }
             if let Ok(mut numbers) = samplers.value(animation, channel, element, &at, report) {
+                if fits(FIELD_OF_VIEW, pointer) {
+                    keep_field_of_view(pointer, &mut numbers, &at, report);
+                }
                 if LIGHTS.iter().any(|list| pointer.starts_with(list)) && numbers.iter().any(|n| *n < 0.0) {
                     numbers.iter_mut().for_each(|n| *n = n.max(0.0));
                     report.warn(at, format!("leads {pointer} below 0 at times; it is 0 there"));
@@ -169,6 +176,15 @@ fn changes(doc: &Document, time_s: f64, report: &mut Report) -> Vec<Change> {
         }
     }
     changes
+}
+
+/// Curves between keys may overshoot what a camera can see.
+fn keep_field_of_view(pointer: &str, numbers: &mut [f64], at: &str, report: &mut Report) {
+    const LEAST: f64 = 1e-3;
+    for number in numbers.iter_mut().filter(|n| !(LEAST..=PI - LEAST).contains(*n)) {
+        *number = number.clamp(LEAST, PI - LEAST);
+        report.warn(at, format!("leads {pointer} out of 0 to pi at times; it stays between there"));
+    }
 }
 
 /// The pointer of a channel and what it leads to; `None` for what has no effect on pictures.

@@ -1,14 +1,16 @@
 //! Lights of scene files that have a surface.
 
 use super::build::Build;
-use super::fields::Fields;
+use super::fields::{self, Fields};
 use super::light_traits::{LightTraits, strength};
 use super::placement::{Placed, Placement, at_node, placed};
+use super::textures::read_image;
 use crate::error::Warning;
-use crate::math::{DAffine3, DMat3, DVec3};
+use crate::load::image::Use;
+use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
-    Beam, Instance, Lamp, Material, MaterialId, Mesh, MeshId, MeshPart, Motion, Moving, Quad, Shape,
-    ShapeKind,
+    Beam, Instance, Interpolation, Lamp, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Motion,
+    Moving, Quad, Shape, ShapeKind, Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -52,9 +54,27 @@ pub(super) fn add_area(build: &mut Build, fields: &Fields, traits: LightTraits) 
         true => Beam::Grid { half_angle_rad: spread.to_radians() / 2.0 },
         false => Beam::Even,
     };
+    let picture = fields.string("image").and_then(|image| picture(build, image, is_ellipse));
     let unit_from_world = now.world_from_unit().inverse();
     let motion = motion.map(|moving| moving.map(|then| then.world_from_unit() * unit_from_world));
-    add(build, (surface, motion), traits, beam, radiance);
+    add(build, (surface, motion), traits, beam, (radiance, picture));
+}
+
+/// A picture that covers a light, upright for who looks at it. Rows of images go along v of rectangles, which runs upwards; disks have
+/// their own coordinates.
+fn picture(build: &mut Build, image: fields::Placed<&str>, is_ellipse: bool) -> Option<TextureId> {
+    let image = read_image(build, image.value, image.span, Use::Color)?;
+    let transform = match is_ellipse {
+        true => TextureTransform::default(),
+        false => TextureTransform { offset: Vec2::Y, scale: Vec2::new(1.0, -1.0), ..Default::default() },
+    };
+    Some(build.loaded.scene.add_texture(Texture::Image {
+        image,
+        wrap_u: Wrap::Clamp,
+        wrap_v: Wrap::Clamp,
+        interpolation: Interpolation::Bilinear,
+        mapping: Mapping::Uv { set: 0, transform },
+    }))
 }
 
 /// How a ball moves on from its place at the picture's moment. A cone that turns would be another beam at each time: it is warned
@@ -75,18 +95,21 @@ pub(super) fn ball_motion(
     moving.map(|then| DAffine3::from_translation(then.center - position))
 }
 
-/// Adds a light with a surface of a radiance, which may move on from where it is.
+/// Adds a light with a surface of a radiance, times a picture if it has one, which may move on from where it is.
 pub(super) fn add(
     build: &mut Build,
     (surface, motion): (Surface, Option<Moving<DAffine3>>),
     traits: LightTraits,
     beam: Beam,
-    radiance: f64,
+    (radiance, picture): (f64, Option<TextureId>),
 ) {
     let LightTraits { name, color, lamp, group, .. } = traits;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
+    if let Some(emission) = &mut emitter.emission {
+        emission.radiance.texture = picture;
+    }
     emitter.lamp = Some(Lamp { beam, ..lamp }).filter(|lamp| *lamp != Lamp::default());
     emitter.light_group = group;
     scene.materials.push(emitter);
@@ -103,8 +126,12 @@ pub(super) fn add(
             let (u, v) = (axis_u.length(), axis_v.length());
             // Rays to lights find no disks that move.
             if (u - v).abs() <= 1e-6 * u && motion.is_none() {
-                let normal = axis_u.cross(axis_v);
-                scene.shapes.push(Shape { name, ..Shape::disk(center, normal, u, material) });
+                let normal = axis_u.cross(axis_v).normalize_or_zero();
+                let disk = Shape::disk(center, normal, u, material);
+                let turned = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
+                let rotation =
+                    if picture.is_some() { DQuat::from_mat3(&turned).normalize() } else { disk.rotation };
+                scene.shapes.push(Shape { name, rotation, ..disk });
                 return;
             }
             let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };

@@ -4,7 +4,7 @@
 //!
 //! | Shape | Value |
 //! |---|---|
-//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays |
+//! | `area` | `{ center, target or direction, up = [0, 1, 0], size = [width, height], shape = "rectangle", spread = 180, image, power or radiance }`: a rectangle, or an `"ellipse"` of that size, that shines from its front, which faces the target; height is along `up`, or -z where the light shines along `up`. `spread` is the full angle in degrees of its beam, as slats in front of it would leave; the power stays. `image` is a file that covers the light, upright as seen from in front of it, and multiplies its radiance (power is that of a white one) |
 //! | `point` | `{ position, radius = 0, power or intensity }`: a sphere, if it has a radius; with `ies`, see below |
 //! | `spot` | `{ position, target or direction, angle = 45, blend = 0.15, radius = 0, power or intensity }`: a cone of the full angle, which fades over the outer share `blend` of it; with `ies`, see below |
 //! | `sun` | `{ direction, angle = 0, irradiance }`: parallel light that travels that way, or that of a disk of a diameter of `angle` degrees, infinitely far away |
@@ -137,7 +137,7 @@ fn add_local(build: &mut Build, is_spot: bool, fields: &Fields, traits: LightTra
             (Surface::Ball { position, radius }, motion),
             traits,
             beam,
-            radiance,
+            (radiance, None),
         );
     }
     let motion = motion.map(|moving| moving.map(|then| at(kind, then)));

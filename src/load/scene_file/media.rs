@@ -7,7 +7,7 @@
 //! | `color` | 1 | share of that light that is scattered, 0 to 1; the rest is absorbed |
 //! | `anisotropy` | 0 | mean cosine of the scattering angle, above -1 and below 1: 0 scatters to all sides, 0.8 forward as haze does |
 //! | `emission` | 0 | radiance that each metre adds |
-//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, in solids only; `density` is one number then and there is no `emission` |
+//! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; `density` is one number then, and with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
 //! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
 //! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |

@@ -12,6 +12,7 @@
 use super::build::Build;
 use super::fields::{Fields, color, named};
 use super::spectra;
+use crate::image::{Encoding, Image, Pixels};
 use crate::load::image::{self, Use};
 use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
 use std::collections::HashMap;
@@ -202,9 +203,13 @@ fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
 pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purpose: Use) -> Option<ImageId> {
     let path = build.file.parent().unwrap_or(build.file).join(name);
     let images = &mut build.loaded.scene.images;
-    // One file serves several textures.
+    // One file serves several textures, but colours are other numbers than heights.
     let known = path.display().to_string();
-    if let Some(i) = images.iter().position(|i| i.name == known) {
+    let is_same = |i: &Image| {
+        let encoding = if purpose == Use::Data { Encoding::Linear } else { Encoding::Srgb };
+        i.name == known && (i.encoding == encoding || matches!(*i.pixels, Pixels::F32(_)))
+    };
+    if let Some(i) = images.iter().position(is_same) {
         return Some(ImageId(i as u32));
     }
     build.options.files.note(&path);

@@ -32,13 +32,13 @@ struct Entry {
     at: i64,
 }
 
-/// Reads the grid of a name, or `density`, or the only one; an error is a sentence.
-pub(super) fn parse(bytes: &[u8], file: &str, wanted: Option<&str>) -> Result<Grid, String> {
+/// Reads the grid of a name, or `density`, or the only one, of a world whose y or z points up; an error is a sentence.
+pub(super) fn parse(bytes: &[u8], file: &str, wanted: Option<&str>, is_z_up: bool) -> Result<Grid, String> {
     let mut from = Bytes::new(bytes);
     let entries = entries(&mut from)?;
     let entry = chosen(&entries, wanted)?;
     let (map, cubes) = grid(&mut from, entry)?;
-    dense(&map, &cubes, format!("{file} ({})", entry.name))
+    dense(&map, &cubes, format!("{file} ({})", entry.name), is_z_up)
 }
 
 /// What grids the file has.
@@ -125,8 +125,8 @@ fn grid(from: &mut Bytes, entry: &Entry) -> Result<(Map, Vec<Cube>), String> {
     Ok((map, tree::read(from, &mut values)?))
 }
 
-/// Puts cubes into one box.
-fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
+/// The box around cubes: its least corner, and voxels along each axis.
+fn box_of(cubes: &[Cube], name: &str) -> Result<([i64; 3], [u64; 3]), String> {
     let (mut low, mut high) = ([i64::MAX; 3], [i64::MIN; 3]);
     for cube in cubes {
         for k in 0..3 {
@@ -144,7 +144,40 @@ fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
         let message = format!("spans {x} x {y} x {z} voxels, more than {MOST_VOXELS}");
         return Err(message + ": resample it to a lower resolution");
     }
-    let mut values = vec![0.0f32; (x * y * z) as usize];
+    Ok((low, size))
+}
+
+/// Where the voxels of a file's box go in a grid: in the order of its axes, each from the least corner on.
+struct Order {
+    /// Numbers of voxels between neighbours along each of the file's axes.
+    strides: [usize; 3],
+    /// The last place along those whose order turns round.
+    turned_from: [Option<usize>; 3],
+}
+
+impl Order {
+    /// Axes whose scale is below 0 turn round. Where z points up, what was along y is along -z, and z becomes y.
+    fn new(size: [u64; 3], scale: DVec3, is_z_up: bool) -> Order {
+        let [x, y, z] = size.map(|n| n as usize);
+        let strides = if is_z_up { [1, x * z, x] } else { [1, x, x * y] };
+        let is_turned = [scale.x < 0.0, (scale.y < 0.0) != is_z_up, scale.z < 0.0];
+        let last = [x - 1, y - 1, z - 1];
+        Order { strides, turned_from: [0, 1, 2].map(|k| is_turned[k].then_some(last[k])) }
+    }
+
+    /// The number of a voxel.
+    #[inline]
+    fn index(&self, at: [usize; 3]) -> usize {
+        let place = |k: usize| self.turned_from[k].map_or(at[k], |last| last - at[k]);
+        place(0) * self.strides[0] + place(1) * self.strides[1] + place(2) * self.strides[2]
+    }
+}
+
+/// Puts cubes into one box, each voxel where it stays.
+fn dense(map: &Map, cubes: &[Cube], name: String, is_z_up: bool) -> Result<Grid, String> {
+    let (low, size) = box_of(cubes, &name)?;
+    let order = Order::new(size, map.scale, is_z_up);
+    let mut values = vec![0.0f32; size.iter().product::<u64>() as usize];
     let (mut negative, mut positive) = (0u64, 0u64);
     for cube in cubes {
         let first = [0, 1, 2].map(|k| (i64::from(cube.origin[k]) - low[k]) as usize);
@@ -157,8 +190,7 @@ fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
             if !value.is_finite() {
                 return Err(format!("{name} holds values that are no numbers"));
             }
-            let at = ((first[2] + k) * y as usize + first[1] + j) * x as usize + first[0] + i;
-            values[at] = value.max(0.0);
+            values[order.index([first[0] + i, first[1] + j, first[2] + k])] = value.max(0.0);
             negative += u64::from(value < 0.0);
             positive += u64::from(value > 0.0);
         }
@@ -171,44 +203,13 @@ fn dense(map: &Map, cubes: &[Cube], name: String) -> Result<Grid, String> {
     }
     let corner = |of: [i64; 3]| {
         let middle = DVec3::from_array(of.map(|c| c as f64 - 0.5));
-        middle * map.scale + map.origin
+        let DVec3 { x, y, z } = middle * map.scale + map.origin;
+        if is_z_up { DVec3::new(x, z, -y) } else { DVec3::new(x, y, z) }
     };
-    let (a, b) = (corner(low), corner(high));
-    let grid =
-        Grid { name, size: size.map(|n| n as u32), values: Arc::new(values), min: a.min(b), max: a.max(b) };
-    Ok(mirrored(grid, map.scale))
-}
-
-/// Turns the order of voxels along axes whose scale is below 0.
-fn mirrored(grid: Grid, scale: DVec3) -> Grid {
-    if scale.min_element() > 0.0 {
-        return grid;
-    }
-    let [x, y, z] = grid.size.map(|n| n as usize);
-    let flip = |at: usize, count: usize, scale: f64| if scale < 0.0 { count - 1 - at } else { at };
-    let from = |n: usize| {
-        let (i, j, k) = (n % x, n / x % y, n / (x * y));
-        (flip(k, z, scale.z) * y + flip(j, y, scale.y)) * x + flip(i, x, scale.x)
-    };
-    let values = (0..grid.values.len()).map(|n| grid.values[from(n)]).collect();
-    Grid { values: Arc::new(values), ..grid }
-}
-
-/// Stands a grid of a world whose z points up in one whose y does: what was along y is along -z.
-pub(super) fn from_z_up(grid: Grid) -> Grid {
-    let [x, y, z] = grid.size.map(|n| n as usize);
-    let mut values = Vec::with_capacity(grid.values.len());
-    // The new z runs from the greatest old y down.
-    for j in (0..y).rev() {
-        for k in 0..z {
-            let row = (k * y + j) * x;
-            values.extend_from_slice(&grid.values[row..row + x]);
-        }
-    }
-    let turn = |v: DVec3| DVec3::new(v.x, v.z, -v.y);
-    let (a, b) = (turn(grid.min), turn(grid.max));
-    let size = [grid.size[0], grid.size[2], grid.size[1]];
-    Grid { size, values: Arc::new(values), min: a.min(b), max: a.max(b), ..grid }
+    let (a, b) = (corner(low), corner([0, 1, 2].map(|k| low[k] + size[k] as i64)));
+    let [x, y, z] = size.map(|n| n as u32);
+    let size = if is_z_up { [x, z, y] } else { [x, y, z] };
+    Ok(Grid { name, size, values: Arc::new(values), min: a.min(b), max: a.max(b) })
 }
 
 #[cfg(test)]

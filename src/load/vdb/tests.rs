@@ -5,6 +5,11 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use std::io::Write;
 
+/// A grid of a world whose y points up.
+fn parse(bytes: &[u8], file: &str, wanted: Option<&str>) -> Result<Grid, String> {
+    super::parse(bytes, file, wanted, false)
+}
+
 /// Two grids, packed by Blosc; the second, `density`, has 1 + i + 10 j + 100 k over 64 at the voxel (i - 2, j + 4, k + 1).
 const BLOSC: &[u8] = include_bytes!("tests/blosc.vdb");
 /// The same density as half floats, and a grid of truth values.
@@ -40,7 +45,7 @@ fn files_of_openvdb_are_read() {
 #[test]
 fn z_becomes_y() {
     let grid = parse(BLOSC, "smoke.vdb", None).expect("a grid");
-    let up = from_z_up(grid.clone());
+    let up = super::parse(BLOSC, "smoke.vdb", None, true).expect("a grid that stands");
     assert_eq!(up.size, [16, 8, 16]);
     assert_eq!((up.min.y, up.max.y, up.min.z, up.max.z), (2.75, 6.75, -5.875, -1.875));
     for at in [[6, 4, 1], [9, 7, 3], [15, 9, 5]] {

@@ -52,7 +52,9 @@ impl Findings {
         allowed: &'static str,
     ) {
         if self.is_listed(field, allowed) {
-            let message = format!("is {found:?}, but must be {allowed}");
+            // Vectors as lists of their numbers.
+            let found = format!("{found:?}").replace("DVec3", "").replace("DQuat", "");
+            let message = format!("is {found}, but must be {allowed}");
             self.list.push(Problem::new(format!("{place}, {field}"), message));
         }
     }

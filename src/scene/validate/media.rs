@@ -30,13 +30,6 @@ pub(super) fn check_medium(
     };
     let [r, g, b] = medium.extinction;
     findings.require(r == g && g == b, place, "extinction", medium.extinction, "grey where there is a grid");
-    findings.require(
-        medium.emission == [0.0; 3],
-        place,
-        "emission",
-        medium.emission,
-        "0 where there is a grid",
-    );
     let thickest = grid.values.iter().fold(0.0f32, |most, x| most.max(*x));
     let paths = f64::from(thickest) * f64::from(r) * (grid.max - grid.min).length();
     // Numbers that are none have had their complaint.

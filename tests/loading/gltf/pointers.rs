@@ -235,3 +235,21 @@ fn lights_that_are_driven_below_zero_are_out() {
     assert_eq!(dark.scene.lights[0].intensity, [0.0; 3]);
     assert!(said(&dark, "below 0"), "{:?}", dark.warnings);
 }
+
+/// A field of view that a curve leads out of 0 to pi stays between, and the camera is there.
+#[test]
+fn fields_of_view_stay_possible() {
+    let mut numbers = NUMBERS;
+    numbers[2..4].copy_from_slice(&[1.0, -1.0]);
+    let asset = driven(|a| {
+        a["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]);
+        a["nodes"][0]["camera"] = json!(0);
+        drive(a, "/cameras/0/perspective/yfov", 3, "LINEAR");
+    });
+    let seen = |time_s| at(&asset, &numbers, Some(time_s)).unwrap_or_else(|e| panic!("{e}"));
+    let narrow = seen(2.0);
+    let Projection::Perspective { vfov_rad } = narrow.scene.cameras[0].projection else { panic!("flat") };
+    assert_eq!(vfov_rad, 1e-3);
+    assert!(said(&narrow, "stays between") && !said(&narrow, "left out"), "{:?}", narrow.warnings);
+    assert!(!said(&seen(0.0), "stays between"));
+}

@@ -423,6 +423,7 @@ pub const TABLES: &[Table] = &[
             ("size", "[1, 2]", "[2, 2]"),
             ("shape", "\"ellipse\"", "\"rectangle\""),
             ("spread", "60", "180"),
+            ("image", "\"one.png\"", "\"two.png\""),
             ("power", "10", "20"),
         ],
     ),
