@@ -10,6 +10,9 @@
 //! | `wrap` | `repeat` | or `mirror`, `clamp` |
 //! | `repeat` | [1, 1] | how often the image lies along u and v |
 //!
+//! Parts of a mesh with displacements of different `edge` or `scale`, or beside one that is not displaced, come apart where they meet: give
+//! both the same, with heights that end at `midlevel` there.
+//!
 //! And any may have `normal = { image = "normals.png" }` or `bump = { image = "heights.png" }`: light falls on it as if its surface were
 //! uneven, while its shape stays. They go by texture coordinates, which meshes must have; quads, spheres and disks have their own.
 //!
