@@ -259,14 +259,19 @@ fn rich() -> Value {
         a["nodes"] = json!([
             {"mesh": 0, "children": [1], "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1]},
             {"camera": 0, "translation": [1, 2, 3], "rotation": [0, 0, 0, 1], "scale": [1, 1, 1],
-             "extensions": {"KHR_lights_punctual": {"light": 0}}}
+             "extensions": {"KHR_lights_punctual": {"light": 0}, "EXT_lights_area": {"light": 0}}}
         ]);
+        a["scenes"][0]["extensions"] = json!({"EXT_lights_image_based": {"light": 0}});
         a["cameras"] =
             json!([{"type": "perspective", "perspective": {"yfov": 0.7, "aspectRatio": 1, "znear": 0.1}}]);
         a["extensionsUsed"] = json!(["KHR_lights_punctual", "KHR_texture_transform"]);
         a["extensionsRequired"] = json!(["KHR_lights_punctual"]);
         a["extensions"] = json!({"KHR_lights_punctual": {"lights": [
-            {"type": "spot", "intensity": 683, "color": [1, 1, 1], "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.3}}]}});
+            {"type": "spot", "intensity": 683, "color": [1, 1, 1], "spot": {"innerConeAngle": 0.2, "outerConeAngle": 0.3}}]},
+            "EXT_lights_area": {"lights": [
+                {"type": "rect", "intensity": 683, "color": [1, 1, 1], "size": 2, "rect": {"aspect": 0.5}}]},
+            "EXT_lights_image_based": {"lights": [{"intensity": 1, "rotation": [0, 0, 0, 1], "specularImageSize": 1,
+                "specularImages": [[0, 0, 0, 0, 0, 0]]}]}});
         a["accessors"][0]["sparse"] = json!({"count": 1, "indices": {"bufferView": 1, "componentType": 5123},
             "values": {"bufferView": 0}});
         a["meshes"][0]["primitives"][0]["attributes"] =
@@ -298,6 +303,8 @@ fn rich() -> Value {
                     "iridescenceThicknessMinimum": 100, "iridescenceThicknessMaximum": 300,
                     "iridescenceThicknessTexture": {"index": 0}},
                 "KHR_materials_dispersion": {"dispersion": 0.1},
+                "KHR_materials_scatter": {"scatterStrengthFactor": 0.5, "multiscatterColorFactor": [1, 1, 0.5],
+                    "multiscatterColorTexture": {"index": 0}, "scatterAnisotropy": 0.1},
                 "KHR_materials_diffuse_transmission": {"diffuseTransmissionFactor": 0.5,
                     "diffuseTransmissionColorFactor": [1, 1, 1], "diffuseTransmissionTexture": {"index": 0}}}
         });
