@@ -53,6 +53,7 @@ struct Readme;
 
 pub mod error;
 pub mod film;
+pub mod gauge;
 #[cfg(doc)]
 pub mod guide;
 pub mod image;

@@ -64,6 +64,7 @@ impl Accel {
             first_changing,
             moving,
             quality,
+            gauge: None,
         })
     }
 
@@ -119,7 +120,11 @@ impl<'a> Builder<'a> {
 
     /// Builds what is not there yet.
     fn finish(mut self, reuse: Reuse, begin: Instant) -> Accel {
-        let AccelInput { instances, first_moving, first_changing, .. } = self.input;
+        let AccelInput { instances, first_moving, first_changing, geometries, gauge, .. } = self.input;
+        if let Some(gauge) = gauge {
+            // Each is cut out and built.
+            gauge.begin(geometries.iter().map(|g| 2 * g.triangles.len() as u64).sum());
+        }
         let used = |g: usize| instances.iter().any(|i| i.geometry as usize == g);
         if reuse < Reuse::Shared {
             for geometry in (1..first_changing).filter(|g| used(*g)) {
@@ -228,7 +233,7 @@ impl<'a> Builder<'a> {
         let shapes = Shapes { geometry, records };
         let quality = self.input.quality;
         let mut emitted = if primitives.len() > largest_whole(quality) {
-            pieces::build(&mut primitives, &space, shapes, quality, &mut self.lines)
+            pieces::build(&mut primitives, &space, shapes, &self.input, &mut self.lines)
         } else {
             let workspace = &mut Workspace::default();
             let binary = binary::build(&primitives, &space, Effort::Most, workspace);

@@ -3,6 +3,7 @@
 
 use super::gather::Primitive;
 use super::normalize::Space;
+use crate::gauge::Gauge;
 use crate::math::Vec3;
 use glam::Vec3A;
 use obvhs::aabb::Aabb;
@@ -16,25 +17,41 @@ const PARALLEL: usize = 1 << 16;
 /// After so many cuts on the way to a chunk the rest is halved.
 const MAX_CUTS: u32 = 40;
 
-/// Reorders primitives into chunks of at most `limit`, and gives the places of these.
-pub fn cut(primitives: &mut [Primitive], space: &Space, limit: usize) -> Vec<Range<usize>> {
+/// Reorders primitives into chunks of at most `limit`, and gives the places of these; the gauge counts the primitives of finished
+/// chunks.
+pub fn cut(
+    primitives: &mut [Primitive],
+    space: &Space,
+    limit: usize,
+    gauge: Option<&Gauge>,
+) -> Vec<Range<usize>> {
     let mut chunks = Vec::new();
     let mut rest = 0;
-    for size in sizes(primitives, space, limit, 0) {
+    for size in sizes(primitives, space, (limit, gauge), 0) {
         chunks.push(rest..rest + size);
         rest += size;
     }
     chunks
 }
 
-fn sizes(primitives: &mut [Primitive], space: &Space, limit: usize, cuts: u32) -> Vec<usize> {
+fn sizes(
+    primitives: &mut [Primitive],
+    space: &Space,
+    (limit, gauge): (usize, Option<&Gauge>),
+    cuts: u32,
+) -> Vec<usize> {
     if primitives.len() <= limit {
+        if let Some(gauge) = gauge {
+            gauge.add(primitives.len() as u64);
+        }
         return vec![primitives.len()];
     }
     let middle = if cuts < MAX_CUTS { part(primitives, space) } else { primitives.len() / 2 };
     let (left, right) = primitives.split_at_mut(middle);
-    let (mut sizes, more) =
-        rayon::join(|| sizes(left, space, limit, cuts + 1), || sizes(right, space, limit, cuts + 1));
+    let (mut sizes, more) = rayon::join(
+        || sizes(left, space, (limit, gauge), cuts + 1),
+        || sizes(right, space, (limit, gauge), cuts + 1),
+    );
     sizes.extend(more);
     sizes
 }

@@ -1,5 +1,6 @@
 //! What a structure is built over, and how.
 
+use crate::gauge::Gauge;
 use crate::math::{DAffine3, TransformKeys};
 use crate::shape::{Analytic, Quad};
 
@@ -64,6 +65,8 @@ pub struct AccelInput<'a> {
     pub moving: &'a [MovingInstance],
     /// How good trees are.
     pub quality: TreeQuality,
+    /// Is told how far building is.
+    pub gauge: Option<&'a Gauge>,
 }
 
 /// How much of an earlier structure a new one keeps. What is kept stays in its place in the buffer: the rest is cut off

@@ -9,9 +9,10 @@ use super::chunks;
 use super::collapse::{Collapse, Piece};
 use super::emit::{Emit, Emitted, Shapes};
 use super::gather::{Kind, Primitive};
-use super::input::TreeQuality;
+use super::input::{AccelInput, TreeQuality};
 use super::normalize::Space;
 use super::relocate::move_references;
+use crate::gauge::Gauge;
 use crate::math::Bounds3;
 use crate::simd::{Line, reserve_lines};
 use rayon::prelude::*;
@@ -48,18 +49,21 @@ pub fn build(
     primitives: &mut [Primitive],
     space: &Space,
     shapes: Shapes,
-    quality: TreeQuality,
+    input: &AccelInput,
     lines: &mut Vec<Line>,
 ) -> Emitted {
     let limit = (primitives.len() / CHUNKS).clamp(SMALLEST, LARGEST);
     let count = large_to_front(primitives, space, limit);
     let (large, primitives) = primitives.split_at_mut(count);
-    let chunks = chunks::cut(primitives, space, limit);
-    let effort = match quality {
+    // In the space of a ground, the triangles of a scan that stands on it may be too small to be told apart.
+    let own_space = (count > 0).then(|| Space::of(primitives));
+    let space = own_space.as_ref().unwrap_or(space);
+    let chunks = chunks::cut(primitives, space, limit, input.gauge);
+    let effort = match input.quality {
         TreeQuality::Fast => Effort::Least,
         TreeQuality::Full => Effort::Chunk,
     };
-    let pieces = Pieces { primitives, space, shapes, effort }.build(&chunks, lines);
+    let pieces = Pieces { primitives, space, shapes, effort, gauge: input.gauge }.build(&chunks, lines);
     let of_piece =
         |(i, piece): (usize, &Piece)| Primitive { kind: Kind::Piece, id: i as u32, bounds: piece.bounds };
     let tops: Vec<Primitive> = pieces.iter().enumerate().map(of_piece).chain(large.iter().copied()).collect();
@@ -96,6 +100,8 @@ struct Pieces<'a> {
     space: &'a Space,
     shapes: Shapes<'a>,
     effort: Effort,
+    /// Is told how many primitives are done.
+    gauge: Option<&'a Gauge>,
 }
 
 /// Where pieces go: one behind the other in the order of their chunks, however many threads there are.
@@ -133,6 +139,9 @@ impl Pieces<'_> {
                 let Some(chunk) = chunks.get(index) else { break };
                 let (piece, lines) = self.piece(&self.primitives[chunk.clone()], &mut workspace);
                 output.lock().expect("no thread fails").put(index, piece, lines);
+                if let Some(gauge) = self.gauge {
+                    gauge.add(chunk.len() as u64);
+                }
             }
         });
         output.into_inner().expect("no thread fails").pieces

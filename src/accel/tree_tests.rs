@@ -16,6 +16,7 @@ fn build(geometries: &[&Geometry], instances: &[AccelInstance], quality: TreeQua
         first_changing,
         moving: &[],
         quality,
+        gauge: None,
     });
     accel.validate().expect("valid");
     assert_eq!(accel.stats().quality, quality);
@@ -87,6 +88,21 @@ fn ties_do_not_depend_on_the_tree() {
         assert!(fast == full);
         // The first of two equal triangles.
         assert!(full.0.iter().all(|hit| !hit.is_hit() || (hit.prim as usize) < sheet.triangles.len()));
+    }
+}
+
+/// A ground thousands of times as large as what stands on it, whose triangles are then next to nothing.
+#[test]
+fn a_large_ground_does_not_spoil_the_tree() {
+    let alone = sheet(400);
+    let mut grounded = alone.clone();
+    let first = grounded.positions.len() as u32;
+    let far = 2000.0f32;
+    grounded.positions.extend([[-far, -far, -1.0], [far, -far, -1.0], [0.0, far, -1.0]]);
+    grounded.triangles.push([first, first + 1, first + 2]);
+    for quality in BOTH {
+        let bytes = [&alone, &grounded].map(|g| build(&[g], &[], quality).stats().bytes as f64);
+        assert!(bytes[1] < 1.02 * bytes[0], "{quality:?}: {bytes:?}");
     }
 }
 

@@ -2,11 +2,12 @@
 
 use super::args::RenderArgs;
 use super::pictures::Targets;
-use super::progress::Waiting;
 use super::report::Said;
+use super::waiting::{Telling, Waiting};
 use oscura::denoise::Denoiser;
 use oscura::error::{Result, Warning};
 use oscura::film::AovSet;
+use oscura::gauge::Gauge;
 use oscura::render::Rendering;
 use std::time::Instant;
 
@@ -40,7 +41,8 @@ impl<'a> Denoising<'a> {
     pub fn run(&self, rendering: &mut Rendering, said: &mut Said) -> (Option<f64>, Option<Warning>) {
         let Some(kept) = self.kept().filter(|_| self.has_pictures) else { return (None, None) };
         let start = Instant::now();
-        let waiting = Waiting::new(self.args.quiet, "denoise");
+        let telling = Telling::of(self.args.quiet, self.args.long.progress);
+        let waiting = Waiting::new(telling, "denoise", &Gauge::default());
         let done = rendering.denoise_by(&self.denoiser, kept);
         drop(waiting);
         let failed = |error| Warning::general(format!("the picture keeps its noise: {error}"));

@@ -76,6 +76,7 @@ mod thumb;
 mod thumb_args;
 mod thumbnailer;
 mod view;
+mod waiting;
 
 use command_line::{Arguments, Command};
 use oscura::error::Error;

@@ -8,12 +8,10 @@ use oscura::render::Event;
 use serde::Serialize;
 use std::io::IsTerminal;
 use std::sync::Mutex;
-use std::sync::mpsc::{Receiver, RecvTimeoutError, Sender, channel};
-use std::thread::JoinHandle;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
 /// Least time between two lines for programs.
-const MACHINE_PAUSE: Duration = Duration::from_millis(500);
+pub(super) const MACHINE_PAUSE: Duration = Duration::from_millis(500);
 
 /// Least time between two plain lines.
 const PAUSE: Duration = Duration::from_secs(2);
@@ -181,60 +179,6 @@ impl Progress {
             Progress::Silent | Progress::Lines { .. } => {}
         }
     }
-}
-
-/// How long something may take before it is said that it does.
-const PATIENCE: Duration = Duration::from_secs(2);
-
-/// Says that something takes a while, from two seconds on and until it is dropped.
-pub(crate) struct Waiting {
-    /// Hangs up when it is over.
-    over: Option<Sender<()>>,
-    thread: Option<JoinHandle<()>>,
-}
-
-impl Waiting {
-    /// For what `label` names, which begins now.
-    pub fn new(quiet: bool, label: &'static str) -> Waiting {
-        if quiet {
-            return Waiting { over: None, thread: None };
-        }
-        let (over, until) = channel();
-        let thread = std::thread::spawn(move || wait(label, &until));
-        Waiting { over: Some(over), thread: Some(thread) }
-    }
-}
-
-impl Drop for Waiting {
-    fn drop(&mut self) {
-        self.over = None;
-        // It can't fail; if it did, a message would be missing.
-        self.thread.take().map(JoinHandle::join);
-    }
-}
-
-/// A spinner with the seconds on a terminal, elsewhere a line now and then.
-fn wait(label: &'static str, until: &Receiver<()>) {
-    let start = Instant::now();
-    if until.recv_timeout(PATIENCE) != Err(RecvTimeoutError::Timeout) {
-        return;
-    }
-    if !std::io::stderr().is_terminal() {
-        let mut pause = PATIENCE;
-        while until.recv_timeout(pause) == Err(RecvTimeoutError::Timeout) {
-            say!("{label:<8} {:.0} s so far", start.elapsed().as_secs_f64());
-            pause *= 2;
-        }
-        return;
-    }
-    let spinner = ProgressBar::new_spinner().with_message(label).with_elapsed(PATIENCE);
-    if let Ok(style) = ProgressStyle::with_template("{spinner} {msg}  {elapsed}") {
-        spinner.set_style(style);
-    }
-    while until.recv_timeout(Duration::from_millis(100)) == Err(RecvTimeoutError::Timeout) {
-        spinner.tick();
-    }
-    spinner.finish_and_clear();
 }
 
 /// Shorter times say nothing about how long the rest takes: memory is being filled for the first time.

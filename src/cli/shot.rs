@@ -10,8 +10,9 @@ use super::pictures::{Pictures, Shot, Targets};
 use super::prepared::{Prepared, Wants, prepare};
 use super::preview::Preview;
 use super::process::peak_memory;
-use super::progress::{Ends, Progress, Waiting};
+use super::progress::{Ends, Progress};
 use super::report::{Run, Said};
+use super::waiting::{Telling, Waiting};
 use super::{idle, json, of_scene, report_json, show};
 use oscura::compile::Compiler;
 use oscura::error::{Error, ErrorKind, Problem, Result, Warning};
@@ -25,7 +26,8 @@ use std::time::Instant;
 /// Loads the scene; says so if it takes a while.
 pub(super) fn load_scene(args: &RenderArgs, cancel: &CancelHandle, options: &LoadOptions) -> Result<Loaded> {
     say_export(args);
-    let waiting = Waiting::new(args.quiet, "load");
+    let telling = Telling::of(args.quiet, args.long.progress);
+    let waiting = Waiting::new(telling, "load", &options.gauge);
     let loaded = load(&args.scene, options);
     drop(waiting);
     // A signal ends Blender, too, whose failure is then no news.

@@ -7,6 +7,7 @@ use super::tree::Tree;
 use super::view::View;
 use crate::bsdf::ShadingModel;
 use crate::error::Result;
+use crate::gauge::Gauge;
 use crate::scene::{Camera, Scene};
 use std::sync::Arc;
 
@@ -19,17 +20,28 @@ pub struct Compiler {
     latest: Option<Arc<CompiledScene>>,
     tree: Tree,
     keeps_uv: bool,
+    gauge: Gauge,
 }
 
 impl Compiler {
     /// For one moment, or for several that have nothing to do with each other.
     pub fn single() -> Compiler {
-        Compiler { is_sequence: false, latest: None, tree: Tree::default(), keeps_uv: false }
+        Compiler::new(false)
     }
 
     /// For the moments of a sequence.
     pub fn sequence() -> Compiler {
-        Compiler { is_sequence: true, latest: None, tree: Tree::default(), keeps_uv: false }
+        Compiler::new(true)
+    }
+
+    fn new(is_sequence: bool) -> Compiler {
+        let (tree, gauge) = (Tree::default(), Gauge::default());
+        Compiler { is_sequence, latest: None, tree, keeps_uv: false, gauge }
+    }
+
+    /// Tells how far building is.
+    pub fn gauge(&self) -> &Gauge {
+        &self.gauge
     }
 
     /// Chooses how good the trees are that rays walk. Default [`Tree::Full`].
@@ -64,7 +76,8 @@ impl Compiler {
         let earlier = self.latest.take();
         let anchor = earlier.as_ref().filter(suits).map(|s| s.anchor);
         let anchor = Some(anchor.unwrap_or(camera.world_from_camera.translation));
-        let options = CompileOptions { shading, anchor, tree: self.tree, keeps_uv: self.keeps_uv };
+        let (tree, keeps_uv, gauge) = (self.tree, self.keeps_uv, self.gauge.clone());
+        let options = CompileOptions { shading, anchor, tree, keeps_uv, gauge };
         // Who still renders the earlier moment keeps it.
         let earlier = earlier.and_then(|scene| Arc::try_unwrap(scene).ok());
         let (compiled, report) = compile_after(earlier, scene, &options, self.is_sequence)?;

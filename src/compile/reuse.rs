@@ -6,6 +6,7 @@ use super::material::CompiledMaterial;
 use super::plan::{Keys, Plan};
 use super::tree::Tree;
 use crate::accel::{self, Accel, AccelInput, Reuse};
+use crate::gauge::Gauge;
 use crate::image::Image;
 use crate::light::{EnvironmentLight, Lights};
 use crate::math::DVec3;
@@ -89,7 +90,7 @@ impl Kept {
         materials: &[CompiledMaterial],
         origin: DVec3,
         plan: &Plan,
-        tree: Tree,
+        tree: (Tree, &Gauge),
     ) -> Geometry {
         let earlier = self.geometry.take();
         let (reuse, kept, accel) = match (earlier, &plan.keys) {
@@ -108,7 +109,13 @@ impl Kept {
     }
 }
 
-fn build(baked: &Baked, plan: &Plan, tree: Tree, reuse: Reuse, earlier: Option<Accel>) -> Accel {
+fn build(
+    baked: &Baked,
+    plan: &Plan,
+    (tree, gauge): (Tree, &Gauge),
+    reuse: Reuse,
+    earlier: Option<Accel>,
+) -> Accel {
     let Geometries { world, shared, .. } = &baked.geometries;
     let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
     let triangles = geometries.iter().map(|g| g.triangles.len() as u64).sum();
@@ -120,6 +127,7 @@ fn build(baked: &Baked, plan: &Plan, tree: Tree, reuse: Reuse, earlier: Option<A
         first_changing: plan.first_changing + 1,
         moving: &baked.moving,
         quality: tree.quality(triangles),
+        gauge: Some(gauge),
     };
     match earlier {
         Some(earlier) => earlier.rebuild(reuse, &input),

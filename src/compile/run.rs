@@ -64,7 +64,8 @@ pub(super) fn compile_after(
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
     let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
     check_size(scene, &plan)?;
-    let Geometry { geometries, accel } = kept.geometry(scene, &materials, anchor, &plan, options.tree);
+    let Geometry { geometries, accel } =
+        kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge));
     report_accel(accel.stats(), &mut report, || flat::count(scene, &plan));
 
     let mut emitters = emitters::find(&geometries, &materials);

@@ -13,6 +13,7 @@ use crate::accel::{Accel, TreeQuality};
 use crate::bsdf::ShadingModel;
 use crate::color::spectral::Spectrum;
 use crate::error::Warning;
+use crate::gauge::Gauge;
 use crate::light::Lights;
 use crate::math::{DVec3, Hit};
 use crate::scene::{RayKinds, Scene, ShapeTag};
@@ -20,7 +21,7 @@ use crate::texture::CompiledTextures;
 use std::sync::Arc;
 
 /// What to compile for.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Debug, Default)]
 pub struct CompileOptions {
     /// Models that all materials share.
     pub shading: ShadingModel,
@@ -32,6 +33,8 @@ pub struct CompileOptions {
     pub tree: Tree,
     /// Keep texture coordinates that no material asks for: an output shows them.
     pub keeps_uv: bool,
+    /// Is told how far the building of trees is.
+    pub gauge: Gauge,
 }
 
 /// What compiling did.

@@ -7,6 +7,7 @@ use super::shutter::ShutterOptions;
 use super::stage::{StageOptions, Turntable};
 use super::upright::{Up, UpHint};
 use crate::error::Warning;
+use crate::gauge::Gauge;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{MaterialId, Moving, Scene};
 use std::collections::BTreeSet;
@@ -41,6 +42,8 @@ pub struct LoadOptions {
     pub stage: StageOptions,
     /// Is told which files are read or looked for.
     pub files: SavedFiles,
+    /// Is told how far reading is, of PLY and OBJ files.
+    pub gauge: Gauge,
     /// Don't look for a file of settings beside the model (`model.oscura.toml` beside `model.glb`).
     pub no_sidecar: bool,
 }

@@ -156,3 +156,28 @@ fn a_frame_that_is_stopped_is_left_to_the_next_time() {
     assert_eq!(child.wait_with_output().expect("it ends").status.code(), Some(130));
     assert_eq!(names(folder.path()), ["f.0001.exr"]);
 }
+
+/// A pipe that gives the model late: meanwhile it is said that loading takes a while, to people or programs as they have it.
+#[test]
+fn what_takes_more_than_two_seconds_is_said() {
+    let folder = tempfile::tempdir().unwrap();
+    let pipe = folder.path().join("late.ply");
+    let model = fs::read(Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/meshes/torus.ply")).unwrap();
+    assert!(Command::new("mkfifo").arg(&pipe).status().expect("mkfifo runs").success());
+    let fixed = ["render", "late.ply", "--width", "16", "--spp", "1", "--threads", "1", "-o"];
+    for (more, on_stdout) in [
+        (&["a.png", "--progress", "json"][..], "{\"event\": \"load\", \"elapsed_s\": 2.0"),
+        (&["b.png", "--progress", "openjd"], "openjd_status: load, 2 s\n"),
+        (&["c.png"], ""),
+        (&["d.png", "--quiet"], ""),
+    ] {
+        let child = start(folder.path(), &fixed, more);
+        std::thread::sleep(Duration::from_millis(2400));
+        fs::write(&pipe, &model).expect("the program reads");
+        let output = child.wait_with_output().expect("the program ends");
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        assert!(stdout(&output).contains(on_stdout), "{more:?}: {}", stdout(&output));
+        let says = stderr(&output).contains("load     2 s so far");
+        assert_eq!(says, more == ["c.png"], "{more:?}: {}", stderr(&output));
+    }
+}

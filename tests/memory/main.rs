@@ -43,6 +43,7 @@ fn building_takes_at_most_150_bytes_a_triangle() {
                 first_changing: 1,
                 moving: &[],
                 quality,
+                gauge: None,
             })
         });
         let peak = (status("VmHWM:") - before) / triangles;

@@ -1,10 +1,11 @@
 //! Lines of OBJ and MTL files as the formats mean them: without a byte order mark, with any kind of line end, and
 //! joined where a `\` says that a line goes on; and what is made of them, for `tobj` to read.
 
+use crate::gauge::Gauge;
 use crate::load::guard;
 use crate::load::words::next_word;
 use std::fs::File;
-use std::io::{BufRead, BufReader, Read, Result, Seek};
+use std::io::{BufRead, BufReader, Read, Result, Seek, SeekFrom};
 use std::panic::resume_unwind;
 use std::sync::mpsc::{Receiver, sync_channel};
 
@@ -13,6 +14,35 @@ const CHUNK: usize = 1 << 18;
 
 /// Pieces that the cleaner may be ahead of `tobj`.
 const AHEAD: usize = 4;
+
+/// A file that tells how much of it has been read.
+pub(super) struct Counted<'a> {
+    file: File,
+    gauge: &'a Gauge,
+}
+
+impl<'a> Counted<'a> {
+    /// The file from where it stands.
+    pub fn new(file: File, gauge: &'a Gauge) -> Counted<'a> {
+        // A pipe has no length, and no share that is done.
+        gauge.begin(file.metadata().map_or(0, |data| data.len()));
+        Counted { file, gauge }
+    }
+}
+
+impl Read for Counted<'_> {
+    fn read(&mut self, out: &mut [u8]) -> Result<usize> {
+        let count = self.file.read(out)?;
+        self.gauge.add(count as u64);
+        Ok(count)
+    }
+}
+
+impl Seek for Counted<'_> {
+    fn seek(&mut self, to: SeekFrom) -> Result<u64> {
+        self.file.seek(to)
+    }
+}
 
 /// Says what `tobj` gets to see of a line.
 pub(super) trait Clean {
@@ -146,7 +176,7 @@ type Parsed<T> = std::result::Result<T, tobj::LoadError>;
 /// # Errors
 /// Says in words why the file can't be read.
 pub(super) fn by_tobj<C: Clean + Send, T>(
-    file: File,
+    file: impl Read + Seek + Send,
     cleaner: C,
     parse: impl FnOnce(&mut Pieces) -> Parsed<T>,
 ) -> std::result::Result<(Parsed<T>, C), String> {

@@ -23,10 +23,11 @@ pub(in crate::load) use files::find as find_file;
 use super::shapes::Repairs;
 use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
+use crate::gauge::Gauge;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
 use build::Object;
-use lines::by_tobj;
+use lines::{Counted, by_tobj};
 use maps::Maps;
 use mtl::Mtl;
 use statements::{MaterialName, Statements};
@@ -38,14 +39,14 @@ use std::path::{Path, PathBuf};
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
-    let (mut objects, mut statements) = read(path, DVec3::ZERO)?;
+    let (mut objects, mut statements) = read(path, DVec3::ZERO, &options.gauge)?;
     let points = statements.cloud();
     let origin = match objects.is_empty() {
         false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
         true => far::origin(cloud::positions(path, &points)?.iter()),
     };
     if origin != DVec3::ZERO {
-        (objects, statements) = read(path, origin)?;
+        (objects, statements) = read(path, origin, &options.gauge)?;
     }
     let mut loaded = Loaded { up_hint: up_hint(path), ..Loaded::default() };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -127,7 +128,7 @@ fn up_hint(path: &Path) -> UpHint {
 ///
 /// # Errors
 /// An input error with all problems of the file.
-fn read(path: &Path, origin: DVec3) -> Result<(Vec<Object>, Statements)> {
+fn read(path: &Path, origin: DVec3, gauge: &Gauge) -> Result<(Vec<Object>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let mut file = File::open(path).map_err(unreadable)?;
     let mut start = Vec::new();
@@ -138,7 +139,7 @@ fn read(path: &Path, origin: DVec3) -> Result<(Vec<Object>, Statements)> {
     // Corners with the same indices become one vertex; polygons stay what they are.
     let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(file, Statements::around(origin), |reader| {
+    let (models, statements) = by_tobj(Counted::new(file, gauge), Statements::around(origin), |reader| {
         tobj::load_obj_buf(reader, &options, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;

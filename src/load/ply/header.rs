@@ -8,6 +8,7 @@ use super::binary;
 use super::elements::{Face, Record, Vertex};
 use super::lines::{cut, split_line};
 use crate::error::Problem;
+use crate::gauge::Gauge;
 use crate::load::Up;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
@@ -16,6 +17,9 @@ type Result<T> = std::result::Result<T, Problem>;
 
 /// Longest header that is looked for, in bytes.
 const LONGEST_HEADER: usize = 1 << 20;
+
+/// Rows that are counted at a time.
+const COUNTED: usize = 1 << 16;
 
 /// A file whose header has been read; element lists are read in file order.
 pub(super) struct Source<'a> {
@@ -26,6 +30,8 @@ pub(super) struct Source<'a> {
     lines: Lines<'a>,
     /// Lines of the header that mean nothing.
     strays: Vec<String>,
+    /// Is told how many rows have been read.
+    gauge: &'a Gauge,
 }
 
 /// A header's text.
@@ -91,16 +97,17 @@ const COLORS: [[&str; 3]; 3] =
     [["red", "green", "blue"], ["r", "g", "b"], ["diffuse_red", "diffuse_green", "diffuse_blue"]];
 
 impl<'a> Source<'a> {
-    /// Checks and reads the header.
-    pub fn open(bytes: &'a [u8]) -> Result<Source<'a>> {
+    /// Checks and reads the header, and begins to count rows.
+    pub fn open(bytes: &'a [u8], gauge: &'a Gauge) -> Result<Source<'a>> {
         let HeaderText { text, length, lines, strays } = header_text(bytes)?;
         let header = Parser::<super::Skipped>::new()
             .read_header(&mut text.as_bytes())
             .map_err(|e| Problem::new("header", first_line(&e.to_string())))?;
         let rest = &bytes[length..];
-        let source = Source { header, rest, lines: Lines::new(rest, lines), strays };
+        let source = Source { header, rest, lines: Lines::new(rest, lines), strays, gauge };
         source.check_counts()?;
         source.check_types()?;
+        gauge.begin(source.header.elements.iter().map(|(_, e)| e.count as u64).sum());
         Ok(source)
     }
 
@@ -192,10 +199,21 @@ impl<'a> Source<'a> {
     }
 
     /// Reads the next element list, which must be the next in file order, and hands each row with its number to `each`.
-    pub fn read<E: Record>(&mut self, definition: &ElementDef, each: impl FnMut(usize, &E)) -> Result<()> {
+    pub fn read<E: Record>(
+        &mut self,
+        definition: &ElementDef,
+        mut each: impl FnMut(usize, &E),
+    ) -> Result<()> {
         if definition.properties.is_empty() {
             return Ok(());
         }
+        let gauge = self.gauge;
+        let each = |row: usize, record: &E| {
+            if (row + 1).is_multiple_of(COUNTED) {
+                gauge.add(COUNTED as u64);
+            }
+            each(row, record);
+        };
         let big = match self.header.encoding {
             Encoding::Ascii => return ascii::read(&mut self.lines, definition, each),
             Encoding::BinaryBigEndian => true,

@@ -23,6 +23,7 @@ use super::points::Cloud;
 use super::shapes::Repairs;
 use super::{LoadOptions, Loaded, UpHint, far};
 use crate::error::{Error, Problem, Result, Warning};
+use crate::gauge::Gauge;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, Mesh, MeshId, MeshPart};
 use elements::{Face, Skipped, Vertex};
@@ -36,12 +37,12 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let bytes = std::fs::read(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let mut origin = DVec3::ZERO;
-    let (mut mesh, mut wedges, mut left_out) = parse(path, &bytes, origin)?;
+    let (mut mesh, mut wedges, mut left_out) = parse(path, &bytes, origin, &options.gauge)?;
     if left_out.has_exact_positions {
         origin = far::origin(mesh.positions.iter());
     }
     if origin != DVec3::ZERO {
-        (mesh, wedges, left_out) = parse(path, &bytes, origin)?;
+        (mesh, wedges, left_out) = parse(path, &bytes, origin, &options.gauge)?;
     }
     drop(bytes);
     let runs = wedges.map(|wedges| {
@@ -60,9 +61,9 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 /// Reads the content of a PLY file around an origin, and what it leaves out; `path` is for messages.
-fn parse(path: &Path, bytes: &[u8], origin: DVec3) -> Result<(Mesh, Option<Wedges>, Unread)> {
+fn parse(path: &Path, bytes: &[u8], origin: DVec3, gauge: &Gauge) -> Result<(Mesh, Option<Wedges>, Unread)> {
     let fail = |problem: Problem| Error::input_problems(path, vec![problem]);
-    let mut source = Source::open(bytes).map_err(fail)?;
+    let mut source = Source::open(bytes, gauge).map_err(fail)?;
     let defined = source.vertex_layout();
     defined.check().map_err(fail)?;
     let mut mesh = Mesh { name: "mesh".to_string(), ..Mesh::default() };

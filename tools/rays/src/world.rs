@@ -45,6 +45,7 @@ impl World {
             first_changing,
             moving: &[],
             quality,
+            gauge: None,
         })
     }
 

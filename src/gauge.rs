@@ -1,0 +1,54 @@
+//! How far work is that takes long: who does it counts, and who waits for it looks.
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+
+/// Counts of what is done and of what there is to do, in units of the work itself: bytes, rows, triangles. Copies are of the same
+/// counts, and any thread may look at them.
+#[derive(Clone, Debug, Default)]
+pub struct Gauge(Arc<Counts>);
+
+#[derive(Debug, Default)]
+struct Counts {
+    done: AtomicU64,
+    total: AtomicU64,
+}
+
+impl Gauge {
+    /// Begins work of so many units; nothing of it is done.
+    pub fn begin(&self, total: u64) {
+        self.0.done.store(0, Ordering::Relaxed);
+        self.0.total.store(total, Ordering::Relaxed);
+    }
+
+    /// So many more units are done.
+    pub fn add(&self, units: u64) {
+        self.0.done.fetch_add(units, Ordering::Relaxed);
+    }
+
+    /// The share that is done, 0..1; `None` as long as nobody has said how much there is.
+    pub fn share(&self) -> Option<f64> {
+        let total = self.0.total.load(Ordering::Relaxed);
+        (total > 0).then(|| (self.0.done.load(Ordering::Relaxed) as f64 / total as f64).min(1.0))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn copies_show_the_same_share() {
+        let gauge = Gauge::default();
+        let seen = gauge.clone();
+        assert_eq!(seen.share(), None);
+        gauge.begin(8);
+        assert_eq!(seen.share(), Some(0.0));
+        gauge.add(2);
+        assert_eq!(seen.share(), Some(0.25));
+        gauge.add(100);
+        assert_eq!(seen.share(), Some(1.0));
+        gauge.begin(4);
+        assert_eq!(seen.share(), Some(0.0));
+    }
+}
