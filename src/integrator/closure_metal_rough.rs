@@ -172,6 +172,29 @@ impl VertexClass for MetalRoughClass {
 }
 
 impl MetalRoughVertex {
+    /// The density of a direction over that of [`Closure::sample`], where the diffuse lobe is chosen from `density` times as densely
+    /// there.
+    #[inline(always)]
+    pub fn guided(&self, wi: Vec3, density: f32) -> f32 {
+        let local = self.frame.to_local(wi);
+        let pdf = self.lobes.eval(&self.surface, self.wo, local).pdf_solid_angle;
+        let diffuse = self.lobes.probability_diffuse * local.z * FRAC_1_PI;
+        if (pdf > 0.0) & (diffuse > 0.0) { 1.0 + (density - 1.0) * (diffuse / pdf) } else { 1.0 }
+    }
+
+    /// Does a number choose the diffuse lobe?
+    #[inline(always)]
+    pub fn is_diffuse(&self, u: f32) -> bool {
+        u >= self.lobes.probability_specular
+    }
+
+    /// What paths that the diffuse lobe scatters bring of the irradiance over pi.
+    #[inline(always)]
+    pub fn diffuse_weight(&self) -> Rgb {
+        let probability = self.lobes.probability_diffuse;
+        self.lobes.diffuse * (1.0 / if probability > 0.0 { probability } else { 1.0 })
+    }
+
     /// The share of the light from `wi` that is reflected diffusely.
     pub fn diffuse_share(&self, wi: Vec3) -> Rgb {
         self.share_of(self.lobes.diffuse * FRAC_1_PI, wi).min(Rgb::ONE)

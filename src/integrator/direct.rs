@@ -4,7 +4,7 @@ use super::Integrator;
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
 use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
-use super::guiding::GuidedLambert;
+use super::guiding::Guided;
 use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::layers::Origin;
 use super::normals::terminator;
@@ -109,11 +109,13 @@ impl Integrator<'_> {
 fn direct<const SOFT: bool>(branches: f32, guided: bool, sorted: &Sorted, w: &mut Workspace) {
     let Workspace { wave, bsdfs, .. } = w;
     if guided {
-        dispatch(Direct::<_, SOFT> { wave, class: GuidedLambert, range: sorted.lambert(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class: Guided(LambertClass), range: sorted.lambert(), branches });
+        let class = Guided(MetalRoughClass);
+        dispatch(Direct::<_, SOFT> { wave, class, range: sorted.metal_rough(), branches });
     } else {
         dispatch(Direct::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), branches });
+        dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
     }
-    dispatch(Direct::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), branches });
     if !sorted.medium().is_empty() {
         dispatch(Direct::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), branches });
     }

@@ -116,6 +116,11 @@ impl Sorted {
         self.from(Group::PlainMetalRough, Group::Medium)
     }
 
+    /// All that a guide may guide: these and the Lambertian ones.
+    pub fn guided(&self) -> Range<usize> {
+        self.from(Group::Plain, Group::Medium)
+    }
+
     /// The points of media.
     pub fn medium(&self) -> Range<usize> {
         self.from(Group::Medium, Group::Rough)

@@ -148,7 +148,7 @@ impl Integrator<'_> {
         let pdf = if sorted.lambert().contains(&i) {
             LambertClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
         } else if sorted.metal_rough().contains(&i) {
-            MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle
+            MetalRoughClass.closure(v, i).eval(wi).pdf_solid_angle * self.light_density(v, i)
         } else if sorted.medium().contains(&i) {
             MediumClass.closure(v, i).eval(wi).pdf_solid_angle
         } else {

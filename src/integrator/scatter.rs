@@ -39,11 +39,13 @@ impl Integrator<'_> {
     fn scatter_all<const SOFT: bool>(&self, bounce: u32, how: How<'_>, sorted: &Sorted, w: &mut Workspace) {
         let Workspace { wave, bsdfs, .. } = w;
         if let Some(guide) = self.options.guide {
-            guiding::scatter::<SOFT>(how, self.uses_adjoint_roulette(bounce), guide, sorted.lambert(), wave);
+            let uses_adjoint_roulette = self.uses_adjoint_roulette(bounce);
+            guiding::scatter::<SOFT>(how, uses_adjoint_roulette, guide, sorted.lambert(), wave);
+            guiding::scatter_metal_rough::<SOFT>(how, uses_adjoint_roulette, guide, sorted.metal_rough(), wave);
         } else {
             dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
+            dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
         }
-        dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });
         if !sorted.medium().is_empty() {
             dispatch(Scatter::<_, SOFT> { wave, class: MediumClass, range: sorted.medium(), how });
         }
@@ -62,7 +64,7 @@ impl Integrator<'_> {
                 let k = w.rays.len();
                 paths.copy_to(i, &mut w.arriving, k, self.parts);
                 if self.parts.footprints {
-                    let is_guided = sorted.lambert().contains(&i);
+                    let is_guided = sorted.guided().contains(&i);
                     let pdf = if is_guided { self.unguided(pdf, &w.wave, i) } else { pdf };
                     widen(&mut w.arriving.footprints.spread[k], pdf);
                 }

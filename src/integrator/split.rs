@@ -100,7 +100,7 @@ fn repeat_vertices(v: &mut Vertices, sorted: &Sorted, times: usize, is_guided: b
     v.anisotropy.repeat(sorted.medium().end, times);
     v.albedo.repeat(sorted.lambert().end, times);
     if is_guided {
-        v.guided.cell.repeat(sorted.lambert().end, times);
+        v.guided.cell.repeat(sorted.guided().end, times);
     }
     if !sorted.metal_rough().is_empty() {
         let count = sorted.metal_rough().end;

@@ -107,8 +107,8 @@ impl GuidingChoice {
             return None;
         }
         let nothing = match options.time_limit {
-            None => "no path found an ideally diffuse surface",
-            Some(_) => "no path found an ideally diffuse surface in the time there was to learn",
+            None => "no path found a diffuse surface",
+            Some(_) => "no path found a diffuse surface in the time there was to learn",
         };
         let in_vain = (self.is_decided && self.guide.is_none()).then_some(nothing);
         let reason = obstacle(scene, options).or(in_vain)?;
@@ -130,10 +130,10 @@ pub fn guiding_bytes(options: &RenderOptions) -> u64 {
 
 /// Why they can't be.
 fn obstacle(scene: &CompiledScene, options: &RenderOptions) -> Option<&'static str> {
-    let is_diffuse = |class: BsdfClass| class == BsdfClass::Lambert;
+    let is_diffuse = |class: BsdfClass| matches!(class, BsdfClass::Lambert | BsdfClass::MetalRough);
     let reasons = [
         (scene.shading.spectral, "paths carry wavelengths"),
-        (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is ideally diffuse"),
+        (!scene.materials.iter().any(|m| is_diffuse(m.class)), "no surface of the scene is diffuse"),
         (options.max_depth < 2, "there is no indirect light with so few bounces"),
         (part(options) < least_part(options), "there are too few samples to learn from"),
     ];

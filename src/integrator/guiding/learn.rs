@@ -6,6 +6,7 @@ use super::super::group::Sorted;
 use super::super::lanes::{WAVE, get};
 use super::super::wave::{Vertices, Wave};
 use super::super::workspace::Workspace;
+use super::guide::NO_MEAN;
 use super::histogram;
 use super::training::{TrainingSample, VertexRecord};
 use crate::color::luminance;
@@ -46,12 +47,18 @@ impl Integrator<'_> {
         is_done.then_some(BlockSamples { training_samples, luminance: light, samples, squares })
     }
 
-    /// Takes down the Lambertian vertices of a bounce, once they are scattered.
+    /// Takes down the vertices of a bounce that are guided, once they are scattered.
     pub(in super::super) fn record_vertices(&self, sorted: &Sorted, w: &mut Workspace) {
-        let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
+        let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let Wave { vertices, paths, .. } = &mut *w.wave;
         dispatch(FindBins { vertices, range: range.clone() });
         for i in range {
+            let is_lambert = sorted.lambert().contains(&i);
+            // Mirrors and metals have no use for a guide.
+            let is_diffuse = vertices.metal_rough_closures.probability_diffuse[i] > 0.0;
+            if !is_lambert && (paths.carried.pdf[i] == 0.0 || !is_diffuse) {
+                continue;
+            }
             let sample = paths.carried.sample[i];
             let training_sample = TrainingSample {
                 p: get(&vertices.p, i).to_array(),
@@ -64,7 +71,12 @@ impl Integrator<'_> {
                 sample,
                 before: w.sink.radiance(sample).luminance(),
                 carried: vertices.guided.carried[i],
-                expected: guide.histograms[vertices.guided.cell[i] as usize].mean,
+                // Facets bring more than what is expected of the cell.
+                expected: if is_lambert {
+                    guide.histograms[vertices.guided.cell[i] as usize].mean
+                } else {
+                    NO_MEAN
+                },
                 ends: paths.carried.pdf[i] < 0.0,
             });
         }

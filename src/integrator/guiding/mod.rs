@@ -8,7 +8,8 @@
 //! is that of the cosine lobe times the histogram's, the product with the cosine comes for free, and part of each
 //! histogram is even, so that no direction is left out.
 //!
-//! Only Lambertian vertices are guided. Which cell a vertex uses depends on its place, its normal and the path's random
+//! Lambertian vertices are guided, and the diffuse lobe of opaque glTF materials: it is chosen as often as without, and its directions
+//! by the histogram. Which cell a vertex uses depends on its place, its normal and the path's random
 //! numbers for that alone; all weights against other ways to find the same light (light samples, shared paths) have the
 //! guided density. So pictures have the same mean with any guide.
 //!
@@ -28,10 +29,12 @@ pub(super) mod training;
 pub use grid::Grid;
 pub use guide::Guide;
 pub use learn::BlockSamples;
-pub(super) use scatter::{GuidedLambert, scatter};
+pub(super) use scatter::{Guided, scatter, scatter_metal_rough};
 pub use training::{CellSamples, TrainedCells, TrainingSample};
 
 use super::Integrator;
+use super::closure::VertexClass;
+use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
 use super::lanes::{WAVE, get};
 use super::wave::{Vertices, Wave};
@@ -43,9 +46,9 @@ use keys::FindKeys;
 use std::ops::Range;
 
 impl Integrator<'_> {
-    /// Finds the cells of the Lambertian vertices.
+    /// Finds the cells of the vertices that are guided.
     pub(super) fn find_cells(&self, bounce: u32, sorted: &Sorted, w: &mut Workspace) {
-        let (Some(guide), range) = (self.options.guide, sorted.lambert()) else { return };
+        let (Some(guide), range) = (self.options.guide, sorted.guided()) else { return };
         let wave = &mut *w.wave;
         dispatch(FindKeys { grid: guide.grid, wave, range: range.clone(), bounce });
         let v = &mut wave.vertices.guided;
@@ -54,20 +57,22 @@ impl Integrator<'_> {
         }
     }
 
-    /// Finds how densely the Lambertian vertices would have chosen the directions of their light samples.
+    /// Finds how densely the vertices would have chosen the directions of their light samples.
     pub(super) fn weigh_light_samples(&self, sorted: &Sorted, w: &mut Workspace) {
         if let Some(guide) = self.options.guide {
             let densities = guide.densities();
-            dispatch(LightDensities { vertices: &mut w.wave.vertices, range: sorted.lambert(), densities });
+            let vertices = &mut w.wave.vertices;
+            dispatch(LightDensities { vertices, range: sorted.guided(), densities });
+            dispatch(LightFactors { vertices, range: sorted.metal_rough() });
         }
     }
 
-    /// The density, over that of the cosine lobe, with which Lambertian vertex `i` might choose the direction of its light sample.
+    /// The density, over that without a guide, with which vertex `i` might choose the direction of its light sample.
     pub(super) fn light_density(&self, v: &Vertices, i: usize) -> f32 {
         if self.options.guide.is_some() { v.guided.light_density[i] } else { 1.0 }
     }
 
-    /// The density with which Lambertian vertex `i` would have chosen its path's direction unguided, instead of `pdf`.
+    /// The density with which vertex `i` would have chosen its path's direction unguided, instead of `pdf`.
     pub(super) fn unguided(&self, pdf: f32, wave: &Wave, i: usize) -> f32 {
         if self.options.guide.is_some() { pdf / wave.vertices.guided.density[i] } else { pdf }
     }
@@ -95,6 +100,26 @@ impl Kernel for LightDensities<'_> {
         for i in self.range.start..self.range.end.min(WAVE) {
             let place = place(v.guided.cell[i], get(&v.ns, i), get(&v.light.wi, i));
             v.guided.light_density[i] = self.densities.at(place);
+        }
+    }
+}
+
+/// Makes the densities of light samples at opaque glTF materials, of which only the diffuse lobe is guided, factors of the whole
+/// density.
+struct LightFactors<'a> {
+    vertices: &'a mut Vertices,
+    range: Range<usize>,
+}
+
+impl Kernel for LightFactors<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let v = self.vertices;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let closure = MetalRoughClass.closure(v, i);
+            v.guided.light_density[i] = closure.guided(get(&v.light.wi, i), v.guided.light_density[i]);
         }
     }
 }

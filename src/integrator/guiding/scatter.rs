@@ -1,17 +1,19 @@
 //! Lambertian vertices scatter by a guide, and paths end by what is expected of them.
 
 use super::super::Integrator;
-use super::super::closure::{LambertClass, LambertClosure, VertexClass};
+use super::super::closure::{Closure, VertexClass};
+use super::super::closure_metal_rough::MetalRoughClass;
 use super::super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::super::normals::terminator;
 use super::super::roulette::{FIRST_ROULETTE, How, survival};
 use super::super::wave::{Vertices, Wave};
-use super::guide::Guide;
+use super::guide::{Guide, NO_MEAN};
+use super::place;
 use crate::math::{Frame, offset_along};
 use crate::sampling::sampler::SobolPoint;
 use crate::sampling::warp;
-use crate::simd::{Kernel, dispatch};
-use std::f32::consts::FRAC_1_PI;
+use crate::simd::{Kernel, Table, dispatch};
+use std::f32::consts::{FRAC_1_PI, PI};
 use std::ops::Range;
 
 /// The first bounce after which a path may be ended by what is expected of it.
@@ -23,16 +25,16 @@ const LEAST: f32 = 0.05;
 /// A path that is expected to bring this share of what it might have brought from its first vertex goes on for certain.
 const WHOLE_SHARE: f32 = 0.5;
 
-/// Lambertian vertices that are guided.
+/// Vertices of a class that are guided.
 #[derive(Clone, Copy)]
-pub(in super::super) struct GuidedLambert;
+pub(in super::super) struct Guided<C>(pub C);
 
-impl VertexClass for GuidedLambert {
-    type Closure = LambertClosure;
+impl<C: VertexClass> VertexClass for Guided<C> {
+    type Closure = C::Closure;
 
     #[inline(always)]
-    fn closure(&self, v: &Vertices, i: usize) -> LambertClosure {
-        LambertClass.closure(v, i)
+    fn closure(&self, v: &Vertices, i: usize) -> C::Closure {
+        self.0.closure(v, i)
     }
 
     #[inline(always)]
@@ -58,7 +60,59 @@ pub(in super::super) fn scatter<const SOFT: bool>(
     wave: &mut Wave,
 ) {
     dispatch(Choose { how, guide, range: range.clone(), wave });
-    dispatch(GoOn::<SOFT> { how, floor: guide.floor, uses_adjoint_roulette, range, wave });
+    let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
+    dispatch(GoOn::<SOFT> { how, judge, range, wave });
+}
+
+/// Scatters at vertices of opaque glTF materials, whose diffuse lobes are guided.
+pub(in super::super) fn scatter_metal_rough<const SOFT: bool>(
+    how: How<'_>,
+    uses_adjoint_roulette: bool,
+    guide: &Guide,
+    range: Range<usize>,
+    wave: &mut Wave,
+) {
+    if range.is_empty() {
+        return;
+    }
+    let judge = Judge { floor: guide.floor, uses_adjoint_roulette };
+    dispatch(ChooseLobe { how, guide, range: range.clone(), wave });
+    dispatch(GoOnRough::<SOFT> { how, judge, densities: guide.densities(), range, wave });
+}
+
+/// Ends paths by what is expected of them.
+#[derive(Clone, Copy)]
+struct Judge {
+    /// Luminance against which paths are judged at least.
+    floor: f32,
+    /// May paths end by that?
+    uses_adjoint_roulette: bool,
+}
+
+impl Judge {
+    /// Does a path go on of which so much is expected, and the factor that makes up for those that don't? Where the cell's mean is not
+    /// known, or no reference, as `plain` says. `reference` is what was expected at the path's first guided vertex, 0 before.
+    #[inline(always)]
+    fn survival(
+        self,
+        expected: f32,
+        mean: f32,
+        reference: &mut f32,
+        chance: f32,
+        plain: (bool, f32),
+    ) -> (bool, f32) {
+        let is_known = mean >= 0.0;
+        let is_first = *reference == 0.0;
+        let by = if is_first & is_known { expected + self.floor } else { *reference };
+        *reference = by;
+        let judged = is_known & (by > 0.0);
+        let share = expected / if judged { by * WHOLE_SHARE } else { 1.0 };
+        let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
+        let q = if q > LEAST { q } else { LEAST };
+        let q = if self.uses_adjoint_roulette { q } else { 1.0 };
+        let survives = if judged { chance < q } else { plain.0 };
+        (survives, if judged { 1.0 / q } else { plain.1 })
+    }
 }
 
 /// Chooses points of the square of directions, and gets roulette's number and the mean of the cell: into the first four lanes of the
@@ -92,9 +146,7 @@ impl Kernel for Choose<'_> {
 /// Makes directions of the chosen points, and plays roulette.
 struct GoOn<'a, const SOFT: bool> {
     how: How<'a>,
-    floor: f32,
-    /// May paths end by what is expected of them?
-    uses_adjoint_roulette: bool,
+    judge: Judge,
     range: Range<usize>,
     wave: &'a mut Wave,
 }
@@ -119,26 +171,97 @@ impl<const SOFT: bool> Kernel for GoOn<'_, SOFT> {
                 throughput *= terminator(ns, ng, wi);
             }
             let eta_squared = path.eta_squared[i];
-            // Both kinds of roulette, and then the choice.
-            let (survives, scale) = survival(throughput, eta_squared, chances[i], self.how.roulette);
+            let plain = survival(throughput, eta_squared, chances[i], self.how.roulette);
             let expected = carried * eta_squared * means[i];
-            let is_known = means[i] >= 0.0;
-            let reference = paths.reference[i];
-            let is_first = reference == 0.0;
-            let reference = if is_first & is_known { expected + self.floor } else { reference };
-            paths.reference[i] = reference;
-            let judged = is_known & (reference > 0.0);
-            let share = expected / if judged { reference * WHOLE_SHARE } else { 1.0 };
-            let q = (if share < 1.0 { share } else { 1.0 }).sqrt();
-            let q = if q > LEAST { q } else { LEAST };
-            let q = if self.uses_adjoint_roulette { q } else { 1.0 };
-            let survives = if judged { (chances[i] < q) & (carried > 0.0) } else { survives };
-            let scale = if judged { 1.0 / q } else { scale };
+            let (survives, scale) =
+                self.judge.survival(expected, means[i], &mut paths.reference[i], chances[i], plain);
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
             set(&mut v.next_direction, i, wi);
-            let goes_on = survives & (wi.dot(ng) > 0.0);
+            let goes_on = survives & (carried > 0.0) & (wi.dot(ng) > 0.0);
             let pdf = local.z * FRAC_1_PI * density * self.how.branches;
+            path.pdf[i] = if goes_on { pdf } else { -1.0 };
+        }
+    }
+}
+
+/// As [`Choose`], for the diffuse lobes of opaque glTF materials: the points of others stay; the lobe's number into a fifth lane.
+struct ChooseLobe<'a> {
+    how: How<'a>,
+    guide: &'a Guide,
+    range: Range<usize>,
+    wave: &'a mut Wave,
+}
+
+impl Kernel for ChooseLobe<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
+        let range = self.range.start..self.range.end.min(WAVE);
+        for i in range.clone() {
+            let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
+            [us[i], vs[i], lobes[i], chances[i]] = point.sample_4d(self.how.dimensions);
+        }
+        for i in range {
+            let histogram = &self.guide.histograms[v.guided.cell[i] as usize];
+            let ([x, y], _) = histogram.sample([us[i], vs[i]]);
+            let is_diffuse = lobes[i] >= v.metal_rough_closures.probability_specular[i];
+            us[i] = if is_diffuse { x } else { us[i] };
+            vs[i] = if is_diffuse { y } else { vs[i] };
+            means[i] = histogram.mean;
+        }
+    }
+}
+
+/// Makes directions of the chosen points and lobes, and plays roulette.
+struct GoOnRough<'a, const SOFT: bool> {
+    how: How<'a>,
+    judge: Judge,
+    densities: Table<'a, f32>,
+    range: Range<usize>,
+    wave: &'a mut Wave,
+}
+
+impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self) {
+        let Wave { paths, vertices: v, scratch: [us, vs, chances, means, lobes, ..] } = self.wave;
+        let path = &mut paths.carried;
+        for i in self.range.start..self.range.end.min(WAVE) {
+            let (ng, ns) = (get(&v.ng, i), get(&v.ns, i));
+            let closure = MetalRoughClass.closure(v, i);
+            let s = closure.sample([us[i], vs[i], lobes[i]]);
+            let density = self.densities.at(place(v.guided.cell[i], ns, s.wi));
+            let factor = closure.guided(s.wi, density);
+            let factor = if s.is_specular { 1.0 } else { factor };
+            v.guided.density[i] = factor;
+            let before = get_rgb(&path.throughput, i);
+            // The value over the cosine lobe's: what a mean of the cell would bring by this direction.
+            let over_cosine = s.pdf_solid_angle * PI / s.wi.dot(ns);
+            v.guided.carried[i] = (before * s.weight).luminance() * over_cosine;
+            let mut throughput = before * s.weight * (1.0 / factor);
+            if SOFT {
+                throughput *= if s.is_specular { 1.0 } else { terminator(ns, ng, s.wi) };
+            }
+            let eta_squared = path.eta_squared[i];
+            let plain = survival(throughput, eta_squared, chances[i], self.how.roulette);
+            // What facets reflect may be much brighter than what is expected of the cell.
+            let is_diffuse = closure.is_diffuse(lobes[i]);
+            let mean = if is_diffuse { means[i] } else { NO_MEAN };
+            let expected = (before * closure.diffuse_weight()).luminance() * eta_squared * mean;
+            let mut reference = paths.reference[i];
+            let (survives, scale) =
+                self.judge.survival(expected, mean, &mut reference, chances[i], plain);
+            paths.reference[i] = if is_diffuse { reference } else { paths.reference[i] };
+            set_rgb(&mut path.throughput, i, throughput * scale);
+            set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
+            set(&mut v.next_direction, i, s.wi);
+            let goes_on = survives & (s.pdf_solid_angle > 0.0) & (s.wi.dot(ng) > 0.0);
+            let pdf = if s.is_specular { 0.0 } else { s.pdf_solid_angle * factor * self.how.branches };
             path.pdf[i] = if goes_on { pdf } else { -1.0 };
         }
     }

@@ -1,6 +1,7 @@
 //! Prefixes against suffixes: what every prefix of a group would get from one suffix, in vectorised loops.
 
 use super::super::closure::{Closure, VertexClass};
+use super::super::closure_metal_rough::MetalRoughClass;
 use super::super::guiding;
 use super::super::lanes::{RgbLanes, WAVE, get, get_rgb, set_rgb};
 use super::super::normals::terminator;
@@ -64,7 +65,7 @@ impl<C: VertexClass, const SOFT: bool> Kernel for Connect<'_, C, SOFT> {
     }
 }
 
-/// Makes the densities of Lambertian prefixes at runs of places those of guided ones.
+/// Makes the densities of prefixes at runs of places those of guided ones.
 pub struct GuidePairs<'a> {
     pub runs: &'a [u16],
     pub densities: Table<'a, f32>,
@@ -84,11 +85,14 @@ impl Kernel for GuidePairs<'_> {
             for i in first..first + RUN {
                 let way = get(&pairs.y, i) - get(&v.next_origin, i);
                 let wi = way / way.dot(way).sqrt();
-                let is_guided = prefixes.class[i] == LAMBERT;
+                let is_lambert = prefixes.class[i] == LAMBERT;
+                let is_metal_rough = prefixes.class[i] == METAL_ROUGH;
                 // Others have no cell.
-                let cell = v.guided.cell[i] * u32::from(is_guided);
+                let cell = v.guided.cell[i] * u32::from(is_lambert | is_metal_rough);
                 let density = densities.at(guiding::place(cell, get(&v.ns, i), wi));
-                pairs.density[i] *= if is_guided { density } else { 1.0 };
+                let factor = MetalRoughClass.closure(v, i).guided(wi, density);
+                let factor = if is_metal_rough { factor } else { 1.0 };
+                pairs.density[i] *= if is_lambert { density } else { factor };
             }
         }
     }

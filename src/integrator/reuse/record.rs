@@ -133,15 +133,13 @@ impl Prefixes {
         set(&mut to.ng, k, ng);
         from.ns.copy_to(i, &mut to.ns, k);
         match class {
-            LAMBERT => {
-                from.albedo.copy_to(i, &mut to.albedo, k);
-                from.guided.cell.copy_to(i, &mut to.guided.cell, k);
-            }
+            LAMBERT => from.albedo.copy_to(i, &mut to.albedo, k),
             _ => {
                 from.wo.copy_to(i, &mut to.wo, k);
                 copy_metal_rough(from, i, to, k);
             }
         }
+        from.guided.cell.copy_to(i, &mut to.guided.cell, k);
         set_rgb(&mut self.throughput, k, throughput);
         self.class[k] = class;
         self.bounce[k] = bounce;
