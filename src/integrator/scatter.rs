@@ -41,7 +41,13 @@ impl Integrator<'_> {
         if let Some(guide) = self.options.guide {
             let uses_adjoint_roulette = self.uses_adjoint_roulette(bounce);
             guiding::scatter::<SOFT>(how, uses_adjoint_roulette, guide, sorted.lambert(), wave);
-            guiding::scatter_metal_rough::<SOFT>(how, uses_adjoint_roulette, guide, sorted.metal_rough(), wave);
+            guiding::scatter_metal_rough::<SOFT>(
+                how,
+                uses_adjoint_roulette,
+                guide,
+                sorted.metal_rough(),
+                wave,
+            );
         } else {
             dispatch(Scatter::<_, SOFT> { wave, class: LambertClass, range: sorted.lambert(), how });
             dispatch(Scatter::<_, SOFT> { wave, class: MetalRoughClass, range: sorted.metal_rough(), how });

@@ -12,7 +12,7 @@ use std::path::Path;
 
 /// Nothing but guiding differs.
 fn plain(options: RenderOptions) -> RenderOptions {
-    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF)
+    options.path_reuse(PathReuse::Off).splitting(Splitting::OFF).guiding(Guiding::Off)
 }
 
 fn guided(options: RenderOptions) -> RenderOptions {
@@ -48,6 +48,18 @@ fn room(things: bool) -> Scene {
     scene
 }
 
+/// The same with walls of a glossy plastic.
+fn glossy_room() -> Scene {
+    let mut scene = room(false);
+    for material in &mut scene.materials {
+        if let Model::Lambert { albedo } = &material.model {
+            let color = albedo.factor;
+            material.model = pbr("wall", color, 0.0, 0.35).model;
+        }
+    }
+    scene
+}
+
 fn cornell() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/cornell-quads.toml");
     oscura::load::load(&path, &Default::default()).expect("the scene loads").scene
@@ -68,9 +80,12 @@ fn assert_alike(what: &str, scene: &Scene, options: &RenderOptions) {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn guiding_changes_no_mean() {
-    for (what, scene, samples) in
-        [("room", room(false), 64), ("things", room(true), 64), ("box", cornell(), 32)]
-    {
+    for (what, scene, samples) in [
+        ("room", room(false), 64),
+        ("things", room(true), 64),
+        ("gloss", glossy_room(), 64),
+        ("box", cornell(), 32),
+    ] {
         let options = plain(options(40, samples, 100));
         assert!(finished(&scene, &guided(options)).statistics().guide_cells > Some(10), "{what}");
         assert_alike(what, &scene, &options);
@@ -83,14 +98,16 @@ fn guiding_changes_no_mean() {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn guided_paths_that_split_or_are_shared_have_the_same_mean() {
-    let (scene, options) = (room(false), plain(options(40, 64, 100)));
-    let split = options.splitting(Splitting::Into(4));
-    assert_alike("split", &scene, &split);
-    for shape in ["4x4/2", "2x2/1"] {
-        let shared = options.path_reuse(shape.parse().expect("a shape"));
-        let rendering = finished(&scene, &guided(shared));
-        assert!(rendering.statistics().path_reuse.is_some() && rendering.statistics().guide_cells.is_some());
-        assert_alike(shape, &scene, &shared);
+    for (what, scene) in [("room", room(false)), ("gloss", glossy_room())] {
+        let options = plain(options(40, 64, 100));
+        assert_alike(&format!("{what}, split"), &scene, &options.splitting(Splitting::Into(4)));
+        for shape in ["4x4/2", "2x2/1"] {
+            let shared = options.path_reuse(shape.parse().expect("a shape"));
+            let rendering = finished(&scene, &guided(shared));
+            let statistics = rendering.statistics();
+            assert!(statistics.path_reuse.is_some() && statistics.guide_cells.is_some());
+            assert_alike(&format!("{what}, {shape}"), &scene, &shared);
+        }
     }
 }
 
@@ -113,10 +130,12 @@ fn a_closed_box_has_its_closed_form() {
 #[test]
 #[ignore = "means of many pictures, which take long"]
 fn a_room_lit_through_a_slit_is_less_noisy() {
-    let (scene, options) = (room(false), plain(options(96, 64, 100)));
-    let [off, on] = [options, guided(options)].map(|options| noise(&scene, &options));
-    println!("noise {off:.2e}, guided {on:.2e}");
-    assert!(on < 0.4 * off, "{on} {off}");
+    let options = plain(options(96, 64, 100));
+    for (what, scene, most) in [("room", room(false), 0.4), ("gloss", glossy_room(), 0.5)] {
+        let [off, on] = [options, guided(options)].map(|options| noise(&scene, &options));
+        println!("{what}: noise {off:.2e}, guided {on:.2e}");
+        assert!(on < most * off, "{what}: {on} {off}");
+    }
 }
 
 #[test]
@@ -126,6 +145,7 @@ fn threads_and_cpu_levels_agree() {
             options(40, 64, 100).splitting(Splitting::OFF).path_reuse(reuse.parse().expect("a way"));
         assert_same_bits(reuse, &room(true), &guided(options));
         assert_same_bits(reuse, &room(false), &guided(options));
+        assert_same_bits(reuse, &glossy_room(), &guided(options));
     }
 }
 
@@ -133,7 +153,9 @@ fn threads_and_cpu_levels_agree() {
 #[test]
 fn guiding_is_chosen_where_indirect_light_is_noisy() {
     let options = options(96, 64, 100).guiding(Guiding::Auto);
-    for (what, scene, is_guided) in [("slit", room(false), true), ("box", cornell(), false)] {
+    for (what, scene, is_guided) in
+        [("slit", room(false), true), ("gloss", glossy_room(), true), ("box", cornell(), false)]
+    {
         for seed in [0, 1, 2] {
             let mut rendering = rendering(&scene, &options.seed(seed));
             rendering.next_pass();

@@ -254,8 +254,7 @@ impl<const SOFT: bool> Kernel for GoOnRough<'_, SOFT> {
             let mean = if is_diffuse { means[i] } else { NO_MEAN };
             let expected = (before * closure.diffuse_weight()).luminance() * eta_squared * mean;
             let mut reference = paths.reference[i];
-            let (survives, scale) =
-                self.judge.survival(expected, mean, &mut reference, chances[i], plain);
+            let (survives, scale) = self.judge.survival(expected, mean, &mut reference, chances[i], plain);
             paths.reference[i] = if is_diffuse { reference } else { paths.reference[i] };
             set_rgb(&mut path.throughput, i, throughput * scale);
             set(&mut v.next_origin, i, offset_along(get(&v.p, i), ng, v.offset[i]));
