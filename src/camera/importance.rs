@@ -1,6 +1,7 @@
 //! The way back: where on the film a camera shows a point, for light that looks for the camera.
 
 use super::Camera;
+use super::panorama::Panorama;
 use super::sight::Sight;
 use crate::math::Vec3;
 
@@ -12,6 +13,9 @@ impl Camera {
     /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
     /// what it sends to the plane in focus is the film's picture, scaled.
     pub fn sight(&self, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
+        if let Some(panorama) = &self.panorama {
+            return self.panoramic_sight(panorama, p, lens);
+        }
         let depth = self.depth(p);
         if depth.is_nan() || depth <= 0.0 {
             return None;
@@ -52,6 +56,55 @@ impl Camera {
             pixels_per_area: on_plane / (width * height).sqrt(),
         };
         sight.pixels_per_area.is_finite().then_some(sight)
+    }
+
+    /// The same for panoramas.
+    ///
+    /// All directions of such a camera and all points of their round lenses together are as many as rotations, times the distance
+    /// from the lens's middle. Let a ray meet a sphere around the camera: to turn it so that its direction or so that the point which
+    /// it meets is a given one is the same to their measure. So the lens may as well be chosen around the point; only the
+    /// density of the picture is that of the direction, which follows from where the ray is in focus.
+    fn panoramic_sight(&self, panorama: &Panorama, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
+        let to = p - self.origin;
+        let away = to.length();
+        let (towards, focus) = (to / away, self.focus_distance);
+        let (x, y) = if self.has_lens() { self.aperture.point(lens) } else { (0.0, 0.0) };
+        let radius_squared = x * x + y * y;
+        // The ray reaches the point at this share of its way from the lens to the focus. Points as near as the lens is wide
+        // are on its glass.
+        let behind = away * away - radius_squared;
+        if behind.is_nan() || behind <= 0.0 {
+            return None;
+        }
+        let sum = radius_squared + focus * focus;
+        let share = (radius_squared + (radius_squared * radius_squared + sum * behind).sqrt()) / sum;
+        // Seen from the camera the point is at this angle to the direction in focus, on the side of the point of the lens
+        // where the focus lies behind it.
+        let ((u, v), radius) = (towards.any_orthonormal_pair(), radius_squared.sqrt());
+        let side = if radius > 0.0 { (u * x + v * y) / radius } else { Vec3::ZERO };
+        let (along, across) = (share * focus / away, (1.0 - share) * radius / away);
+        let ahead = towards * along - side * across;
+        let start = self.origin + (towards * across + side * along) * radius;
+        let way = start - p;
+        let distance = way.length();
+        let direction = way / distance;
+        let [x, y, back] = self.along_axes(ahead).to_array();
+        let local = Vec3::new(x, y, -back);
+        let sight = Sight {
+            film: panorama.place(local),
+            lens: start,
+            direction,
+            distance,
+            pixels_per_area: panorama.pixels_per_steradian(local) / (away * away * -direction.dot(towards)),
+        };
+        (sight.pixels_per_area > 0.0 && sight.pixels_per_area.is_finite()).then_some(sight)
+    }
+
+    /// All film points near the picture that show what a film point shows.
+    pub fn alike(&self, film: [f32; 2]) -> impl Iterator<Item = [f32; 2]> + use<> {
+        let around = self.panorama.map(|panorama| panorama.alike(film));
+        let own = around.is_none().then_some(film);
+        around.into_iter().flatten().chain(own)
     }
 }
 

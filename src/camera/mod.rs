@@ -4,6 +4,7 @@ mod aperture;
 mod importance;
 mod moving;
 mod ndc;
+mod panorama;
 mod sight;
 
 pub use moving::MovingCamera;
@@ -12,6 +13,7 @@ pub use ndc::ndc_from_world;
 use crate::math::{DVec3, Ray, Vec3};
 use crate::scene;
 use aperture::Aperture;
+use panorama::Panorama;
 pub use sight::Sight;
 
 /// A camera ready to shoot rays. It lives in coordinates around the compiled scene's anchor.
@@ -30,6 +32,7 @@ pub struct Camera {
     aperture: Aperture,
     focus_distance: f32,
     is_perspective: bool,
+    panorama: Option<Panorama>,
 }
 
 impl Camera {
@@ -39,14 +42,22 @@ impl Camera {
     pub fn new(camera: &scene::Camera, width: u32, height: u32, anchor: DVec3) -> Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
+        let panorama = match &camera.projection {
+            scene::Projection::Panorama(own) => Some(Panorama::new(own, width, height, camera.shift)),
+            _ => None,
+        };
         let half_height = match camera.projection {
             scene::Projection::Perspective { vfov_rad } => (vfov_rad * 0.5).tan(),
             scene::Projection::Orthographic { half_height } => half_height,
+            // Only the size of pixels counts.
+            scene::Projection::Panorama(_) => {
+                0.5 * f64::from(height) * f64::from(panorama.map_or(0.0, |p| p.pixel_rad()))
+            }
         };
         let pixel = 2.0 * half_height / f64::from(height);
         let [shift_x, shift_y] = camera.shift.map(|s| s * 2.0 * half_height);
         let to_corner = right * (shift_x - pixel * 0.5 * f64::from(width)) + up * (half_height + shift_y);
-        let is_perspective = matches!(camera.projection, scene::Projection::Perspective { .. });
+        let is_perspective = !matches!(camera.projection, scene::Projection::Orthographic { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
         Camera {
             origin: (camera.world_from_camera.translation - anchor).as_vec3(),
@@ -59,6 +70,7 @@ impl Camera {
             aperture: Aperture::new(camera.lens),
             focus_distance: camera.lens.map_or(1.0, |lens| lens.focus_distance) as f32,
             is_perspective,
+            panorama,
         }
     }
 
@@ -73,9 +85,17 @@ impl Camera {
     }
 
     /// The ray through film point (x, y), in pixels from the top left corner, and lens point `lens` in 0..1 squared.
-    /// Its direction has unit length.
-    #[inline(always)]
+    /// Its direction has unit length. Where a panorama shows nothing it is the ray ahead.
     pub fn ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
+        match &self.panorama {
+            Some(_) => self.panoramic_ray(x, y, lens).unwrap_or(Ray::new(self.origin, self.forward)),
+            None => self.lens_ray(x, y, lens),
+        }
+    }
+
+    /// The same for cameras that are no panoramas.
+    #[inline(always)]
+    pub fn lens_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Ray {
         if self.has_lens() {
             let (origin, direction) = self.line(x, y);
             // A point of the focus plane is `focus_distance` ahead along the axis, not along the ray.
@@ -89,7 +109,7 @@ impl Camera {
         self.pinhole_ray(x, y)
     }
 
-    /// The ray through film point (x, y) and the middle of the lens: that of a camera without one.
+    /// The ray through film point (x, y) and the middle of the lens: that of a camera without one that is no panorama.
     #[inline(always)]
     pub fn pinhole_ray(&self, x: f32, y: f32) -> Ray {
         let (origin, direction) = self.line(x, y);
@@ -103,6 +123,32 @@ impl Camera {
         if self.is_perspective { (self.origin, film) } else { (self.origin + film, self.forward) }
     }
 
+    /// The ray of a panorama; `None` where that shows nothing, and for other cameras.
+    ///
+    /// The lens is a disk across the direction of the film point, and what is in focus lies on a sphere (as in Cycles).
+    pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
+        let ahead = self.from_axes(self.panorama.as_ref()?.direction(x, y)?);
+        if !self.has_lens() {
+            return Some(Ray::new(self.origin, ahead));
+        }
+        let (x, y) = self.aperture.point(lens);
+        let (u, v) = ahead.any_orthonormal_pair();
+        let offset = u * x + v * y;
+        let direction = (ahead * self.focus_distance - offset).try_normalize().unwrap_or(ahead);
+        Some(Ray::new(self.origin + offset, direction))
+    }
+
+    /// The unit vector of a direction along its axes: to the right, up, and ahead. (Those of a camera that turns are mixtures.)
+    fn from_axes(&self, d: Vec3) -> Vec3 {
+        (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
+    }
+
+    /// Does it see around itself?
+    #[inline(always)]
+    pub fn is_panorama(&self) -> bool {
+        self.panorama.is_some()
+    }
+
     /// Do rays depend on the point on the lens?
     #[inline(always)]
     pub fn has_lens(&self) -> bool {
@@ -112,10 +158,22 @@ impl Camera {
     /// Where a point is seen: the film point whose rays through the middle of the lens meet it. Infinite or NaN for points beside a
     /// perspective camera.
     pub fn film_point(&self, p: Vec3) -> [f32; 2] {
+        if let Some(panorama) = &self.panorama {
+            let [x, y, back] = self.seen_from(p).to_array();
+            return panorama.place(Vec3::new(x, y, -back));
+        }
         let from = p - self.origin;
         let film = if self.is_perspective { from / from.dot(self.forward) } else { from };
         let offset = film - self.corner;
         [self.step_x, self.step_y].map(|step| offset.dot(step) / step.length_squared())
+    }
+
+    /// How far it is on the film from one of its points to another, which a panorama that goes around is the shorter way.
+    pub fn film_way(&self, from: [f32; 2], to: [f32; 2]) -> [f32; 2] {
+        match &self.panorama {
+            Some(panorama) => panorama.way(from, to),
+            None => [to[0] - from[0], to[1] - from[1]],
+        }
     }
 
     /// Its position, in the middle of the lens.
@@ -135,9 +193,12 @@ impl Camera {
         if self.is_perspective { (0.0, half_pixel) } else { (half_pixel, 0.0) }
     }
 
-    /// Distance of a point from the camera's plane: the depth that compositing programs call Z.
+    /// Distance of a point from the camera's plane: the depth that compositing programs call Z. Of panoramas, from the camera.
     #[inline(always)]
     pub fn depth(&self, p: Vec3) -> f32 {
+        if self.panorama.is_some() {
+            return (p - self.origin).length();
+        }
         (p - self.origin).dot(self.forward)
     }
 }

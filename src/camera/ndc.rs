@@ -5,8 +5,8 @@ use crate::scene::{Camera, Projection};
 
 /// From the world to normalized device coordinates as OpenEXR defines them for its attribute `worldToNDC` (after RenderMan):
 /// what is seen has x from 0 at the left edge of a picture of `width` x `height` pixels to 1 at the right one, and y from 0 at
-/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors.
-pub fn ndc_from_world(camera: &Camera, width: u32, height: u32) -> DMat4 {
+/// the top to 1 at the bottom. z is one over the depth with perspective, the depth with parallel rays. Column vectors. No matrix says it of a panorama.
+pub fn ndc_from_world(camera: &Camera, width: u32, height: u32) -> Option<DMat4> {
     let world_from_camera = camera.world_from_camera;
     let m = world_from_camera.matrix3;
     let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
@@ -17,13 +17,14 @@ pub fn ndc_from_world(camera: &Camera, width: u32, height: u32) -> DMat4 {
     let (half_height, weight) = match camera.projection {
         Projection::Perspective { vfov_rad } => ((0.5 * vfov_rad).tan(), depth),
         Projection::Orthographic { half_height } => (half_height, one),
+        Projection::Panorama(_) => return None,
     };
     let half_width = half_height * f64::from(width) / f64::from(height);
     let [shift_x, shift_y] = camera.shift.map(|shift| shift * 2.0 * half_height);
     let ndc_x = (x + weight * (half_width - shift_x)) / (2.0 * half_width);
     let ndc_y = (weight * (half_height + shift_y) - y) / (2.0 * half_height);
     let z = if weight == one { depth } else { one };
-    DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose()
+    Some(DMat4::from_cols(ndc_x, ndc_y, z, weight).transpose())
 }
 
 #[cfg(test)]
@@ -38,7 +39,7 @@ mod tests {
         let parallel = Projection::Orthographic { half_height: 1.5 };
         for camera in [camera.clone(), Camera { projection: parallel, ..camera }] {
             let shown = crate::camera::Camera::new(&camera, width, height, DVec3::ZERO);
-            let matrix = ndc_from_world(&camera, width, height);
+            let matrix = ndc_from_world(&camera, width, height).expect("no panorama");
             for p in [DVec3::ZERO, DVec3::new(0.7, -0.4, 1.0), DVec3::new(-1.0, 0.8, -3.0)] {
                 let [x, y] = shown.film_point(p.as_vec3());
                 let ndc = matrix.project_point3(p);

@@ -56,6 +56,12 @@ impl CameraArgs {
             (_, None, None) => {}
             (Projection::Perspective { vfov_rad }, Some(fov), None) => *vfov_rad = fov.to_radians(),
             (Projection::Orthographic { half_height }, None, Some(height)) => *half_height = 0.5 * height,
+            (Projection::Panorama(_), ..) => {
+                let message =
+                    format!("--fov and --view-height have no meaning for '{}', a panorama", camera.name);
+                return Err(Error::usage(message)
+                    .with_help("say 'longitude' and 'latitude' or 'fov' in the scene file"));
+            }
             (Projection::Perspective { .. }, ..) => {
                 let message = format!(
                     "--view-height is about parallel rays, and '{}' has a field of view",

@@ -158,6 +158,21 @@ impl Framed {
         }
     }
 
+    /// May the picture of a camera get pixels around it?
+    ///
+    /// # Errors
+    /// A usage error for panoramas, which show all that they can.
+    pub fn check_camera(self, camera: &Camera) -> Result<()> {
+        let is_larger = self.size != self.frame;
+        match camera.projection {
+            Projection::Panorama(_) if is_larger => {
+                let message = format!("--overscan has no meaning for '{}', which is a panorama", camera.name);
+                Err(Error::usage(message).with_help("leave --overscan out"))
+            }
+            _ => Ok(()),
+        }
+    }
+
     /// For the header.
     pub fn window(self) -> ExrWindow {
         ExrWindow { origin: self.origin, frame: self.frame }
@@ -174,6 +189,8 @@ impl Framed {
                 Projection::Orthographic { half_height } => {
                     Projection::Orthographic { half_height: half_height * factor }
                 }
+                // Refused: see `check_camera`.
+                Projection::Panorama(panorama) => Projection::Panorama(panorama),
             };
             camera.shift = camera.shift.map(|shift| shift / factor);
         }

@@ -84,6 +84,7 @@ pub(super) fn prepare(
     let framed = args.exr.window(frame, cropped(args), loaded.scene.backdrop.as_ref())?;
     let mut camera = settled.camera(&loaded.scene)?.clone();
     if let Some(framed) = framed {
+        framed.check_camera(&camera)?;
         camera = framed.widened(camera);
         settled.options = settled.options.size(framed.size.0, framed.size.1).region(framed.region);
     }

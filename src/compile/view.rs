@@ -21,8 +21,8 @@ pub struct View {
     pub height: u32,
     /// From the scene's world to the camera's own space.
     pub camera_from_world: DMat4,
-    /// From there to normalized device coordinates.
-    pub ndc_from_world: DMat4,
+    /// From there to normalized device coordinates; panoramas have no such matrix.
+    pub ndc_from_world: Option<DMat4>,
 }
 
 impl View {

@@ -80,7 +80,8 @@ impl FirstHit<'_> {
         let [x, y] = view.camera.film_point(way.now);
         let to = |k: usize| {
             let [x1, y1] = view.neighbours[k].film_point(way.neighbours[k]);
-            [x1 - x, y - y1]
+            let [right, down] = view.camera.film_way([x, y], [x1, y1]);
+            [right, -down]
         };
         let ([a, b], [c, d]) = (to(0), to(1));
         [a, b, c, d].map(|v| if v.is_finite() { v } else { 0.0 })

@@ -1,7 +1,7 @@
 //! Paths start: camera rays.
 
 use super::interior::{AroundCamera, Interior};
-use super::lanes::{WAVE, get, set, set_rgb};
+use super::lanes::{WAVE, get, get_rgb, set, set_rgb};
 use super::samples::Samples;
 use super::wave::{Carried, Scratch, Vertices};
 use super::workspace::Workspace;
@@ -29,7 +29,9 @@ impl Integrator<'_> {
         let (path, branch_bits) = (&mut paths.carried, self.options.branches.trailing_zeros());
         let start =
             StartPaths { path, vertices, scratch, count, branch_bits, dimensions: &dimensions, filter };
-        if camera.has_lens() {
+        if camera.is_panorama() {
+            start.all_around(camera);
+        } else if camera.has_lens() {
             dispatch(StartBehindLens { camera, start });
         } else {
             dispatch(StartBehindPinhole { camera, start });
@@ -69,6 +71,9 @@ impl Integrator<'_> {
         }
         let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
+        if camera.is_panorama() {
+            end_blank_rays(&paths.carried, &mut w.rays);
+        }
     }
 
     /// Gives each path its sequence's seed and its sample's number there, and the first lanes of the scratch memory the
@@ -95,6 +100,34 @@ struct StartPaths<'a> {
     branch_bits: u32,
     dimensions: &'a Dimensions,
     filter: &'a FilterSampler,
+}
+
+impl StartPaths<'_> {
+    /// For panoramas. Where they show nothing, paths carry nothing.
+    fn all_around(self, camera: &Camera) {
+        let count = self.count.min(WAVE);
+        draw::<true>(self.path, self.scratch, self.dimensions, self.branch_bits, count);
+        spread(self.scratch, self.filter, count);
+        let [film_x, film_y, _, _, lens_u, lens_v, ..] = &*self.scratch;
+        for i in 0..count {
+            let lens = [lens_u[i], lens_v[i]];
+            let ray = camera.panoramic_ray(film_x[i], film_y[i], lens).unwrap_or_else(|| {
+                set_rgb(&mut self.path.throughput, i, Rgb::ZERO);
+                camera.ray(film_x[i], film_y[i], lens)
+            });
+            set(&mut self.vertices.next_origin, i, ray.origin);
+            set(&mut self.vertices.next_direction, i, ray.direction);
+        }
+    }
+}
+
+/// The rays of paths that carry nothing meet nothing.
+fn end_blank_rays(path: &Carried, rays: &mut [Ray]) {
+    for (i, ray) in rays.iter_mut().enumerate() {
+        if get_rgb(&path.throughput, i) == Rgb::ZERO {
+            ray.t_max = 0.0;
+        }
+    }
 }
 
 /// For cameras with a lens.
@@ -178,7 +211,7 @@ fn shoot<const LENS: bool>(v: &mut Vertices, scratch: &Scratch, camera: &Camera,
     let [film_x, film_y, _, _, lens_u, lens_v, ..] = scratch;
     for i in 0..count {
         let ray = if LENS {
-            camera.ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]])
+            camera.lens_ray(film_x[i], film_y[i], [lens_u[i], lens_v[i]])
         } else {
             camera.pinhole_ray(film_x[i], film_y[i])
         };

@@ -38,7 +38,7 @@ impl Rendering {
             render_s: Some(statistics.render_s),
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
-            world_to_ndc: Some(self.view.ndc_from_world),
+            world_to_ndc: self.view.ndc_from_world,
             aov_space: self.options.aov_space,
             denoised: self.denoised.clone(),
             mattes: self.labels.mattes.clone(),

@@ -1,6 +1,7 @@
 //! Cameras.
 
 use super::motion::Moving;
+use super::panorama::Panorama;
 use crate::math::{DAffine3, DMat3, DVec3};
 
 /// How points in front of the camera map to the picture.
@@ -16,9 +17,12 @@ pub enum Projection {
         /// Half the visible height, metres.
         half_height: f64,
     },
+    /// All around, or much of it.
+    Panorama(Panorama),
 }
 
-/// Depth of field by a thin lens.
+/// Depth of field by a thin lens. The lens of a panoramic camera faces each point of its picture, and what is in focus is a sphere
+/// around it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThinLens {
     /// Full angle of the cone from a point on the focus plane to the lens's edge, radians. The lens's radius is
@@ -26,7 +30,7 @@ pub struct ThinLens {
     pub defocus_angle_rad: f64,
     /// Distance from the lens to the plane of perfect focus, metres.
     pub focus_distance: f64,
-    /// The shape of its opening.
+    /// The shape of its opening; round for panoramas.
     pub aperture: Aperture,
 }
 

@@ -16,6 +16,7 @@ mod lamps;
 mod media;
 mod media_edges;
 mod one_sided;
+mod panoramas;
 mod parts;
 mod passes;
 mod path_reuse;

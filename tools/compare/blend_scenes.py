@@ -36,6 +36,14 @@ from blend_objects import (
     visibility,
 )
 from blend_blur import blurred, blurred_camera
+from blend_panoramas import (
+    equirectangular,
+    equirectangular_part,
+    fisheye_equidistant,
+    fisheye_equisolid,
+    mirror_ball,
+    panorama_out_of_focus,
+)
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
 from blend_trees import (
     bright_bakes,
@@ -55,4 +63,5 @@ SCENES = [
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, bright_bakes, nooks,
+    equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
 ]  # fmt: skip

@@ -7,7 +7,7 @@ use super::words::{environment_name, light_kind};
 use oscura::error::Warning;
 use oscura::load::Loaded;
 use oscura::math::DVec3;
-use oscura::scene::{Camera, Light, LightKind, Projection, Scene, instance_extents, scene_extent};
+use oscura::scene::{Camera, Light, LightKind, Panorama, Projection, Scene, instance_extents, scene_extent};
 use serde::Serialize;
 use std::path::Path;
 
@@ -131,11 +131,38 @@ struct CameraEntry<'a> {
     vfov_deg: Option<f64>,
     #[serde(skip_serializing_if = "Option::is_none")]
     height: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    panorama: Option<PanoramaEntry>,
     aspect_ratio: Option<f64>,
     position: [f64; 3],
     direction: [f64; 3],
     up: [f64; 3],
     lens: Option<LensEntry>,
+}
+
+/// What a panorama shows, degrees.
+#[derive(Serialize)]
+struct PanoramaEntry {
+    projection: &'static str,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    longitude_deg: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    latitude_deg: Option<[f64; 2]>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    fov_deg: Option<f64>,
+}
+
+fn panorama(panorama: &Panorama) -> PanoramaEntry {
+    let degrees = |limits: [f64; 2]| limits.map(f64::to_degrees);
+    let (longitude_deg, latitude_deg, fov_deg) = match *panorama {
+        Panorama::Equirectangular { longitude_rad, latitude_rad } => {
+            (Some(degrees(longitude_rad)), Some(degrees(latitude_rad)), None)
+        }
+        Panorama::FisheyeEquidistant { fov_rad } | Panorama::FisheyeEquisolid { fov_rad, .. } => {
+            (None, None, Some(fov_rad.to_degrees()))
+        }
+    };
+    PanoramaEntry { projection: panorama.name(), longitude_deg, latitude_deg, fov_deg }
 }
 
 #[derive(Serialize)]
@@ -149,12 +176,18 @@ fn camera(camera: &Camera) -> CameraEntry<'_> {
     let (kind, vfov_deg, height) = match camera.projection {
         Projection::Perspective { vfov_rad } => ("perspective", Some(vfov_rad.to_degrees()), None),
         Projection::Orthographic { half_height } => ("orthographic", None, Some(2.0 * half_height)),
+        Projection::Panorama(_) => ("panorama", None, None),
+    };
+    let panorama = match &camera.projection {
+        Projection::Panorama(own) => Some(panorama(own)),
+        _ => None,
     };
     CameraEntry {
         name: &camera.name,
         kind,
         vfov_deg,
         height,
+        panorama,
         aspect_ratio: camera.aspect_ratio,
         position: placement.translation.to_array(),
         direction: (-placement.matrix3.z_axis).to_array(),

@@ -3,8 +3,8 @@
 use super::facts::material_images;
 use oscura::math::DVec3;
 use oscura::scene::{
-    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, Parameter,
-    Parameters, PbrMaterial, Projection, Scene,
+    AlphaMode, Camera, ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, Panorama,
+    Parameter, Parameters, PbrMaterial, Projection, Scene,
 };
 
 /// Up to four digits behind the point.
@@ -199,6 +199,24 @@ pub fn environment(scene: &Scene) -> String {
     }
 }
 
+/// What a panorama shows.
+fn words_of_panorama(panorama: &Panorama) -> String {
+    let from_to = |[from, to]: [f64; 2]| {
+        format!("{} to {} degrees", number(from.to_degrees()), number(to.to_degrees()))
+    };
+    let fisheye =
+        |kind: &str, fov_rad: f64| format!("{kind} fisheye of {} degrees", number(fov_rad.to_degrees()));
+    match *panorama {
+        Panorama::Equirectangular { longitude_rad, latitude_rad } => format!(
+            "equirectangular panorama, longitude {}, latitude {}",
+            from_to(longitude_rad),
+            from_to(latitude_rad)
+        ),
+        Panorama::FisheyeEquidistant { fov_rad } => fisheye("equidistant", fov_rad),
+        Panorama::FisheyeEquisolid { fov_rad, .. } => fisheye("equisolid", fov_rad),
+    }
+}
+
 /// A camera with its projection, place and lens.
 pub fn camera(camera: &Camera) -> String {
     let projection = match camera.projection {
@@ -208,6 +226,7 @@ pub fn camera(camera: &Camera) -> String {
         Projection::Orthographic { half_height } => {
             format!("orthographic, {} m high", number(2.0 * half_height))
         }
+        Projection::Panorama(panorama) => words_of_panorama(&panorama),
     };
     let placement = camera.world_from_camera;
     let mut text = format!(

@@ -111,6 +111,8 @@ impl Pose {
         match self.camera.projection {
             Projection::Perspective { vfov_rad } => 2.0 * distance * (0.5 * vfov_rad).tan(),
             Projection::Orthographic { half_height } => 2.0 * half_height,
+            // As near the middle of the picture.
+            Projection::Panorama(panorama) => 2.0 * distance * (0.5 * panorama.height_rad().min(2.0)).tan(),
         }
     }
 

@@ -71,7 +71,8 @@ impl Integrator<'_> {
         let sight = self.view.camera.sight(at.surface.p, path.lens)?;
         let margin = self.options.filter.radius();
         let is_on = |at: f32, size: u32| at > -margin && at < size as f32 + margin;
-        if !(is_on(sight.film[0], self.view.width) && is_on(sight.film[1], self.view.height)) {
+        let is_shown = |[x, y]: [f32; 2]| is_on(x, self.view.width) && is_on(y, self.view.height);
+        if !self.view.camera.alike(sight.film).any(is_shown) {
             return None;
         }
         let is_behind = sight.direction.dot(at.surface.ng) <= 0.0;
@@ -179,19 +180,20 @@ impl Integrator<'_> {
             if is_inside {
                 tally.add(caught.value.luminance(), caught.brought_from_camera);
             }
-            self.spread(caught, splats);
+            for film in self.view.camera.alike(caught.film) {
+                self.spread(caught, film, splats);
+            }
         }
         tally
     }
 
     /// The pixels in whose filters a place of the film is.
-    fn spread(&self, caught: &Caught, splats: &mut Vec<Splat>) {
+    fn spread(&self, caught: &Caught, [film_x, film_y]: [f32; 2], splats: &mut Vec<Splat>) {
         let filter = self.options.filter;
         let range = |at: f32, size: u32| {
             let (first, last) = ((at - 0.5 - filter.radius()).ceil(), (at - 0.5 + filter.radius()).floor());
             (first.max(0.0) as u32)..((last + 1.0).clamp(0.0, size as f32) as u32)
         };
-        let [film_x, film_y] = caught.film;
         for y in range(film_y, self.view.height) {
             let of_row = filter.value(film_y - (y as f32 + 0.5));
             for x in range(film_x, self.view.width) {

@@ -5,7 +5,7 @@
 //! | `look_from`, `look_at` | position and target | required |
 //! | `view_up` | which way is up | `[0, 1, 0]` |
 //! | `vfov` | full vertical angle of view, degrees, above 0 and below 180 | 40 |
-//! | `aspect_ratio` | width over height | of the picture |
+//! | `aspect_ratio` | width over height | of the picture, or of all that a panorama shows |
 //! | `width`, `height` | picture in pixels; `[render]` has precedence | |
 //! | `defocus_angle` | full angle of the cone from a point in focus to the lens's edge, degrees; 0 is a pinhole | 0 |
 //! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
@@ -24,9 +24,9 @@
 use super::assets::Assets;
 use super::build::Build;
 use super::fields::{Fields, nearest};
-use super::{motion, shutter};
+use super::{motion, projection, shutter};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Aperture, Camera, Projection, ThinLens, looking_at};
+use crate::scene::{Aperture, Camera, ThinLens, looking_at};
 
 /// Reads the camera of a scene file.
 pub(super) fn read(build: &mut Build, fields: &Fields, assets: &mut Assets) {
@@ -46,7 +46,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     let name = fields.string("name");
     let cameras = &mut build.loaded.scene.cameras;
     let mut found = false;
-    let shift = shift(fields);
+    let (shift, projection) = (shift(fields), projection::read(fields));
     if fields.flag("default", false)
         && let Some(at) = cameras.iter().position(|c| name.as_ref().is_none_or(|n| n.value == c.name))
     {
@@ -58,6 +58,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
         camera.shift = shift.unwrap_or(camera.shift);
+        projection::change(camera, projection);
     }
     if !found {
         match name {
@@ -139,6 +140,7 @@ fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Cam
         None => return placed(fields),
     }?;
     camera.shift = shift(fields).unwrap_or(camera.shift);
+    projection::change(&mut camera, projection::read(fields));
     camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
     Some(camera)
 }
@@ -233,10 +235,13 @@ fn placed(fields: &Fields) -> Option<Camera> {
     let eye = fields.require("look_from", fields.vector("look_from"));
     let target = fields.require("look_at", fields.vector("look_at"));
     let up = fields.vector("view_up").map(|v| v.value);
-    let vfov = fields.number_in("vfov", 1e-3..179.999, 40.0);
+    let projection = match fields.has("type") {
+        true => projection::read(fields),
+        false => Some(projection::perspective(fields)),
+    };
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
     let shift = shift(fields);
-    let (eye, target) = (eye?, target?.value);
+    let (eye, target, projection) = (eye?, target?.value, projection?);
     // A camera that looks straight up or down has y along the view: the picture's top is where -z is then.
     let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
     let Some(placement) = ups.into_iter().find_map(|up| looking_at(eye.value, target, up)) else {
@@ -251,8 +256,8 @@ fn placed(fields: &Fields) -> Option<Camera> {
     Some(Camera {
         name: "camera".to_string(),
         world_from_camera: placement,
-        projection: Projection::Perspective { vfov_rad: vfov.to_radians() },
-        aspect_ratio,
+        projection,
+        aspect_ratio: aspect_ratio.or(projection::aspect_ratio(&projection)),
         lens,
         shift: shift.unwrap_or_default(),
         motion: None,

@@ -37,6 +37,7 @@ mod pbr;
 mod placement;
 mod portals;
 mod profiled;
+mod projection;
 pub mod reference;
 mod round;
 mod settings;

@@ -17,7 +17,7 @@ const fn chapter(title: &'static str, sources: &'static [&'static str]) -> Chapt
 /// All parts, in the order of a scene file.
 pub const CHAPTERS: &[Chapter] = &[
     chapter("scene files", &[include_str!("mod.rs")]),
-    chapter("[camera]", &[include_str!("camera.rs")]),
+    chapter("[camera]", &[include_str!("camera.rs"), include_str!("projection.rs")]),
     chapter("[environment]", &[include_str!("environment.rs")]),
     chapter("media", &[include_str!("media.rs")]),
     chapter("[render]", &[include_str!("settings.rs")]),

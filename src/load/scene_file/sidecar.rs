@@ -8,7 +8,7 @@
 //! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does; `visible_to_camera` = false hides it from the camera, and from nothing else; `visible_to` lists the rays that see it, as for objects of scene files |
 //! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as for objects of scene files; among `[[objects]]`, `node = "NAME"` says which node is meant |
 //! | `[camera]` with `look_from` | a camera before those of the model |
-//! | `[camera]` otherwise | depth of field and `shift`, as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
+//! | `[camera]` otherwise | depth of field, `shift` and `type` with its keys (panoramas ...), as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
 //! | `[[portals]]` | windows through which light of the environment is looked for |
 //! | `[render]` | settings of rendering |

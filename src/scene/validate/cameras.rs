@@ -2,8 +2,8 @@
 
 use super::findings::{Findings, Place};
 use crate::math::DAffine3;
-use crate::scene::{Aperture, Camera, Projection};
-use std::f64::consts::PI;
+use crate::scene::{Aperture, Camera, Panorama, Projection};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
 /// May a camera stand so?
 fn is_placed(m: &DAffine3) -> bool {
@@ -32,6 +32,7 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
         Projection::Orthographic { half_height } => {
             findings.require_length(half_height, place, "half_height", half_height);
         }
+        Projection::Panorama(panorama) => check_panorama(&panorama, place, findings),
     }
     if let Some(aspect) = camera.aspect_ratio {
         findings.require_length(aspect, place, "aspect_ratio", aspect);
@@ -52,8 +53,46 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
         findings.require(rotation_rad.is_finite(), place, "rotation_rad", rotation_rad, "finite");
         let is_met = (1e-3..=1e3).contains(&ratio);
         findings.require(is_met, place, "ratio", ratio, "from 0.001 to 1000");
+        if matches!(camera.projection, Projection::Panorama(_)) {
+            findings.require(
+                blades == 0 && ratio == 1.0,
+                place,
+                "aperture",
+                lens.aperture,
+                "round for a panorama",
+            );
+        }
     }
 }
+
+fn check_panorama(panorama: &Panorama, place: Place, findings: &mut Findings) {
+    match *panorama {
+        Panorama::Equirectangular { longitude_rad, latitude_rad } => {
+            for (field, [from, to], most, allowed) in [
+                ("longitude_rad", longitude_rad, PI, "growing, from -pi to pi"),
+                ("latitude_rad", latitude_rad, FRAC_PI_2, "growing, from -pi/2 to pi/2"),
+            ] {
+                let is_met = -most <= from && to <= most && to - from >= LEAST_ANGLE;
+                findings.require(is_met, place, field, [from, to], allowed);
+            }
+        }
+        Panorama::FisheyeEquidistant { fov_rad } => check_fov(fov_rad, place, findings),
+        Panorama::FisheyeEquisolid { fov_rad, focal_length, sensor: [width, height] } => {
+            check_fov(fov_rad, place, findings);
+            findings.require_length(focal_length, place, "focal_length", focal_length);
+            findings.require_length(width, place, "sensor", width);
+            findings.require_length(height, place, "sensor", height);
+        }
+    }
+}
+
+fn check_fov(fov_rad: f64, place: Place, findings: &mut Findings) {
+    let is_met = (LEAST_ANGLE..=TAU).contains(&fov_rad);
+    findings.require(is_met, place, "fov_rad", fov_rad, "above 0 and at most 2 pi");
+}
+
+/// Narrowest view of a panorama, radians.
+const LEAST_ANGLE: f64 = 1e-5;
 
 /// Of more, an opening is round.
 const MOST_BLADES: u32 = 256;

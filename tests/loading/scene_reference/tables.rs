@@ -114,6 +114,37 @@ pub const TABLES: &[Table] = &[
         "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
         &[("f_stop", "2.8", "4"), ("focal_length", "35", "50"), ("focus_at", "[0, 0, 1]", "[0, 0, 2]")],
     ),
+    lines(
+        "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\ntype = \"orthographic\"\n",
+        &[("view_height", "2", "3")],
+    ),
+    lines(
+        "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
+        &[("type", "\"panorama\"", "\"perspective\"")],
+    ),
+    lines(
+        "camera",
+        "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\ntype = \"panorama\"\n",
+        &[("longitude", "[-90, 90]", "[-90, 80]"), ("latitude", "[-45, 45]", "[0, 45]")],
+    ),
+    lines(
+        "camera",
+        concat!(
+            "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
+            "type = \"panorama\"\nfov = 90\n"
+        ),
+        &[("projection", "\"fisheye_equisolid\"", "\"fisheye_equidistant\"")],
+    ),
+    lines(
+        "camera",
+        concat!(
+            "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",
+            "type = \"panorama\"\nprojection = \"fisheye_equisolid\"\n"
+        ),
+        &[("fov", "160", "170"), ("fisheye_lens", "9", "8"), ("sensor", "[36, 24]", "[36, 36]")],
+    ),
     Table {
         about: "camera",
         before: "[materials]\na = { type = \"lambert\" }\n[camera]\nlook_from = [0, 1, 5]\nlook_at = [0, 0, 0]\n",

@@ -37,17 +37,78 @@ def entries(obj, camera, scene, is_active, report):
     """The entries of [[camera]] for a camera of the model."""
     width, height = resolution(scene)
     by_width = is_fitted_by_width(camera, width, height)
-    shift = [s * (width / height if by_width else 1) for s in (camera.shift_x, camera.shift_y)]
-    found = {"name": obj.name}
+    panorama = _panorama(obj, camera, (width, height), report) if camera.type == "PANO" else {}
+    if panorama:
+        # Of either edge, whatever the sensor.
+        shift = [camera.shift_x * width / height, camera.shift_y]
+    else:
+        shift = [s * (width / height if by_width else 1) for s in (camera.shift_x, camera.shift_y)]
+    found = {"name": obj.name, **panorama}
     if is_active:
         found["default"] = True
     if any(shift):
         found["shift"] = shift
-    if camera.type == "PANO":
-        report.warn(obj.name, "panoramic cameras are not supported: it is rendered in perspective")
     if camera.dof.use_dof:
-        found.update(_lens(obj, camera))
+        lens = _lens(obj, camera)
+        if panorama and lens.keys() & SHAPE:
+            report.warn(obj.name, "panoramas have a round lens: its blades and ratio are left out")
+            lens = {key: value for key, value in lens.items() if key not in SHAPE}
+        found.update(lens)
     return found
+
+
+# Keys of the shape of lenses.
+SHAPE = {"blades", "blade_rotation", "aperture_ratio"}
+
+
+def _panorama(obj, camera, size, report):
+    """The keys of a panoramic camera; none of a kind that the program hasn't."""
+    # Until Blender 5.0 they were settings of Cycles.
+    of = camera if hasattr(camera, "panorama_type") else camera.cycles
+    kind, degrees = of.panorama_type, math.degrees
+    if kind == "EQUIRECTANGULAR":
+        longitude = [degrees(of.longitude_min), degrees(of.longitude_max)]
+        latitude = [degrees(of.latitude_min), degrees(of.latitude_max)]
+        if longitude[0] < longitude[1] and latitude[0] < latitude[1]:
+            longitude = [max(longitude[0], -180), min(longitude[1], 180)]
+            latitude = [max(latitude[0], -90), min(latitude[1], 90)]
+            return {"type": "panorama", "longitude": longitude, "latitude": latitude}
+        report.warn(obj.name, "panoramas that are mirrored or empty are not supported: it is rendered in perspective")
+        return {}
+    fov = min(degrees(of.fisheye_fov), 360)
+    if kind == "FISHEYE_EQUIDISTANT":
+        return {"type": "panorama", "projection": "fisheye_equidistant", "fov": fov}
+    if kind == "FISHEYE_EQUISOLID":
+        sensor = _sensor(camera, size)
+        return {
+            "type": "panorama",
+            "projection": "fisheye_equisolid",
+            "fov": fov,
+            "fisheye_lens": of.fisheye_lens,
+            "sensor": sensor,
+        }
+    if kind == "MIRRORBALL":
+        # Seen from afar, a ball shows equal solid angles in equal areas: it is a fisheye of all directions.
+        return {
+            "type": "panorama",
+            "projection": "fisheye_equisolid",
+            "fov": 360,
+            "fisheye_lens": 1,
+            "sensor": [4, 4],
+        }
+    items = of.bl_rna.properties["panorama_type"].enum_items
+    report.warn(obj.name, f"panoramas of type '{items[kind].name}' are not supported: it is rendered in perspective")
+    return {}
+
+
+def _sensor(camera, size):
+    """Width and height of what the picture shows on the sensor, millimetres."""
+    width, height = size
+    if camera.sensor_fit == "VERTICAL":
+        return [camera.sensor_height * width / height, camera.sensor_height]
+    if is_fitted_by_width(camera, width, height):
+        return [camera.sensor_width, camera.sensor_width * height / width]
+    return [camera.sensor_width * width / height, camera.sensor_width]
 
 
 def _lens(obj, camera):

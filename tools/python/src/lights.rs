@@ -4,7 +4,9 @@ use super::arrays::image;
 use super::errors::{raised, usage};
 use super::scene::Scene;
 use oscura::glam::DVec3;
-use oscura::scene::{Aperture, Camera, Environment, Light, LightKind, Projection, ThinLens, looking_at};
+use oscura::scene::{
+    Aperture, Camera, Environment, Light, LightKind, Panorama as Around, Projection, ThinLens, looking_at,
+};
 use pyo3::prelude::*;
 use std::path::PathBuf;
 
@@ -100,15 +102,21 @@ impl Scene {
     }
 
     #[pyo3(signature = (
-        eye, target, *, fov=30.0, height=None, up=[0.0, 1.0, 0.0], focus=None, defocus=0.0, aspect_ratio=None, name=""
+        eye, target, *, fov=None, height=None, panorama=None, longitude=[-180.0, 180.0], latitude=[-90.0, 90.0],
+        fisheye_lens=10.5, sensor=[36.0, 24.0], up=[0.0, 1.0, 0.0], focus=None, defocus=0.0, aspect_ratio=None, name=""
     ))]
     #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
     fn add_camera(
         &mut self,
         eye: [f64; 3],
         target: [f64; 3],
-        fov: f64,
+        fov: Option<f64>,
         height: Option<f64>,
+        panorama: Option<&str>,
+        longitude: [f64; 2],
+        latitude: [f64; 2],
+        fisheye_lens: f64,
+        sensor: [f64; 2],
         up: [f64; 3],
         focus: Option<f64>,
         defocus: f64,
@@ -120,9 +128,29 @@ impl Scene {
         let world_from_camera = placed.ok_or_else(|| {
             usage("the camera's eye is its target, or up points along the view (give another up)")
         })?;
-        let projection = match height {
-            Some(height) => Projection::Orthographic { half_height: height / 2.0 },
-            None => Projection::Perspective { vfov_rad: fov.to_radians() },
+        let fov_rad = fov.unwrap_or(180.0).to_radians();
+        let projection = match (panorama, height) {
+            (Some(_), Some(_)) => return Err(usage("a camera has a panorama or a height, not both")),
+            (None, Some(height)) => Projection::Orthographic { half_height: height / 2.0 },
+            (None, None) => Projection::Perspective { vfov_rad: fov.unwrap_or(30.0).to_radians() },
+            (Some("equirectangular"), None) => Projection::Panorama(Around::Equirectangular {
+                longitude_rad: longitude.map(f64::to_radians),
+                latitude_rad: latitude.map(f64::to_radians),
+            }),
+            (Some("fisheye_equidistant"), None) => {
+                Projection::Panorama(Around::FisheyeEquidistant { fov_rad })
+            }
+            (Some("fisheye_equisolid"), None) => {
+                Projection::Panorama(Around::FisheyeEquisolid { fov_rad, focal_length: fisheye_lens, sensor })
+            }
+            (Some(other), None) => {
+                let kinds = "equirectangular, fisheye_equidistant or fisheye_equisolid";
+                return Err(usage(format!("a panorama is {kinds}, not {other:?}")));
+            }
+        };
+        let of_panorama = match &projection {
+            Projection::Panorama(panorama) => Some(panorama.aspect_ratio()),
+            _ => None,
         };
         let lens = (defocus > 0.0).then(|| ThinLens {
             defocus_angle_rad: defocus.to_radians(),
@@ -133,9 +161,9 @@ impl Scene {
             name: name.to_string(),
             world_from_camera,
             projection,
-            aspect_ratio,
+            aspect_ratio: aspect_ratio.or(of_panorama),
             lens,
-            ..Camera::look_at(eye, target, fov)
+            ..Camera::look_at(eye, target, 30.0)
         };
         self.scene_mut()?.cameras.push(camera);
         Ok(())

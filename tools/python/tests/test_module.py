@@ -25,6 +25,21 @@ def furnace(reflectance=0.5):
     return scene
 
 
+def test_panoramas_see_around_themselves():
+    scene = oscura.Scene("around")
+    scene.set_environment(nadir=(0, 0, 0), zenith=(1, 1, 1))
+    scene.add_camera((0, 0, 0), (0, 0, -1), panorama="equirectangular", latitude=(0, 90))
+    scene.add_camera((0, 0, 0), (0, 1, 0), up=(0, 0, 1), panorama="fisheye_equidistant", fov=180)
+    half = oscura.render(scene, samples=16, width=16)["color"]
+    assert half.shape == (4, 16, 4)
+    # The sky is a blend by the height of directions.
+    np.testing.assert_allclose(half[3, :, 0], (1 + np.sin(np.pi / 16)) / 2, atol=0.05)
+    dome = oscura.render(scene, samples=16, width=16, height=16, camera=1)["color"]
+    assert dome[8, 8, 0] > 0.98 and dome[0, 0, 0] == 0
+    with pytest.raises(oscura.UsageError, match="fisheye"):
+        scene.add_camera((0, 0, 0), (0, 0, -1), panorama="cubemap")
+
+
 def test_version_is_that_of_the_program():
     assert oscura.__version__ == "0.1.0"
 

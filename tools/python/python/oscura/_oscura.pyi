@@ -297,16 +297,23 @@ class Scene:
         eye: _Vector,
         target: _Vector,
         *,
-        fov: float = 30.0,
+        fov: float | None = None,
         height: float | None = None,
+        panorama: str | None = None,
+        longitude: tuple[float, float] = ...,
+        latitude: tuple[float, float] = ...,
+        fisheye_lens: float = 10.5,
+        sensor: tuple[float, float] = ...,
         up: _Vector = ...,
         focus: float | None = None,
         defocus: float = 0.0,
         aspect_ratio: float | None = None,
         name: str = "",
     ) -> None:
-        """A camera at `eye` that looks at `target`; `fov` is its vertical angle of view. With `height`, metres, its rays
-        are parallel and it sees so much. `defocus` is the angle of the lens's edge from a point in focus, `focus` the distance
+        """A camera at `eye` that looks at `target`; `fov` is its vertical angle of view (30 degrees). With `height`, metres, its
+        rays are parallel and it sees so much. `panorama` is "equirectangular" with limits of `longitude` and `latitude` (degrees;
+        0 is ahead; by default all around), "fisheye_equidistant" or "fisheye_equisolid", whose `fov` is the full angle of view (180);
+        the latter has a focal length `fisheye_lens` and a `sensor`, width and height, millimetres. `defocus` is the angle of the lens's edge from a point in focus, `focus` the distance
         of the plane in focus (that of the target unless given)."""
 
 @final
