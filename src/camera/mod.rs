@@ -127,7 +127,7 @@ impl Camera {
     ///
     /// The lens is a disk across the direction of the film point, and what is in focus lies on a sphere (as in Cycles).
     pub fn panoramic_ray(&self, x: f32, y: f32, lens: [f32; 2]) -> Option<Ray> {
-        let ahead = self.from_axes(self.panorama.as_ref()?.direction(x, y)?);
+        let ahead = self.turned(self.panorama.as_ref()?.direction(x, y)?);
         if !self.has_lens() {
             return Some(Ray::new(self.origin, ahead));
         }
@@ -139,7 +139,7 @@ impl Camera {
     }
 
     /// The unit vector of a direction along its axes: to the right, up, and ahead. (Those of a camera that turns are mixtures.)
-    fn from_axes(&self, d: Vec3) -> Vec3 {
+    fn turned(&self, d: Vec3) -> Vec3 {
         (self.right * d.x + self.up * d.y + self.forward * d.z).normalize_or(self.forward)
     }
 
