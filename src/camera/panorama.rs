@@ -222,7 +222,15 @@ mod tests {
                     assert!(camera.alike(found).any(near), "{k}: {x} {y} {found:?}");
                 }
                 // The ray that a sight tells of is one of the camera's, and meets the point.
-                let sight = camera.sight(p, lens).expect("seen");
+                let Some(sight) = camera.sight(p, lens) else {
+                    // That one starts at another place of the lens, and near a fisheye's rim it may be ahead of what is shown.
+                    let defocus =
+                        (1.0 / (p - camera.position()).length() - 1.0 / camera.focus_distance).abs();
+                    let widest = camera.panorama.expect("a panorama").widest;
+                    let angle = ray.direction.angle_between(camera.forward);
+                    assert!(angle + 2.5 * camera.aperture.radius * defocus > widest, "{k}: {angle} {widest}");
+                    continue;
+                };
                 assert!((sight.lens + -sight.direction * sight.distance - p).length() < 1e-4, "{k}");
                 let [sx, sy] = sight.film;
                 let Some(middle) = camera.panoramic_ray(sx, sy, [0.0; 2]) else { continue };
