@@ -50,7 +50,8 @@ fn even_skies_are_even() {
             }
             shown += u32::from(is_in);
         }
-        assert!(shown > 500, "{kind:?}");
+        // The disks have areas of 0.90 and 0.56 of the square's pi / 4.
+        assert!(shown > 400, "{kind:?}: {shown}");
     }
 }
 

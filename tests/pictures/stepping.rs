@@ -72,12 +72,15 @@ fn a_handle_stops_between_passes_and_within_one() {
     one_pass.next_pass();
     assert!(bits(stopped.film()) == bits(one_pass.film()));
 
-    // From the first event on: finished tiles stay.
+    // From the first event on that tells of samples (before, what a scene gains by is tried out): finished tiles stay.
     let handle = CancelHandle::new();
     let switch = handle.clone();
     let endless = options(256, 1 << 20, 100);
-    let mut within = rendering(&scene, &endless).with_cancel_handle(handle).on_event(move |_| {
-        switch.cancel();
+    let mut within = rendering(&scene, &endless).with_cancel_handle(handle).on_event(move |event| {
+        let Event::Progress { samples_done, .. } = event else { return };
+        if samples_done > 0 {
+            switch.cancel();
+        }
     });
     assert_eq!(within.run(), PassOutcome::Cancelled);
     let (film, statistics) = (within.film(), within.statistics());

@@ -82,10 +82,16 @@ fn every_part_and_its_keys_are_explained() {
     for part in &parts {
         assert!(Chapter::find(part).is_some(), "no chapter on '{part}'");
     }
-    // The lens is read with a placed camera only.
-    let placed = "look_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n";
-    for (part, needs) in [("camera", placed), ("environment", ""), ("render", "")] {
-        let keys = known_keys(&format!("[{part}]\n{needs}{WRONG} = 1\n[[objects]]\n"));
+    // The lens is read with a placed camera only, and each projection has keys of its own.
+    let placed = |projection: &str| format!("look_from = [0, 0, 1]\nlook_at = [0, 0, 0]\n{projection}");
+    let panorama = |kind: &str| placed(&format!("type = \"panorama\"\nprojection = \"{kind}\"\n"));
+    let cameras = [placed(""), placed("type = \"orthographic\"\n")]
+        .into_iter()
+        .chain(["equirectangular", "fisheye_equidistant", "fisheye_equisolid"].map(panorama));
+    let plain = || vec![String::new()];
+    for (part, heads) in [("camera", cameras.collect()), ("environment", plain()), ("render", plain())] {
+        let of_head = |head: &String| known_keys(&format!("[{part}]\n{head}{WRONG} = 1\n[[objects]]\n"));
+        let keys: BTreeSet<String> = heads.iter().flat_map(of_head).collect();
         assert_explained(&keys, part, part);
         let listed = first_column(&chapter(part), "Key");
         let unknown: Vec<_> = listed.difference(&keys).collect();
