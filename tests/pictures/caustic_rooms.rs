@@ -179,7 +179,7 @@ fn rooms_keep_their_means_however_paths_are_traced() {
         ("guided and shared", shared.guiding(Guiding::On)),
     ];
     for (what, on) in &ways {
-        assert_same_means(what, &scene, [&off, on], 24);
+        assert_same_means(what, &scene, [&off, on], 40);
     }
     // What was left out by mistake or taken twice would be less beside the noise of glass.
     let diffuse = room(lambert, mirror());
