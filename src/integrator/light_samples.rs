@@ -78,18 +78,27 @@ impl Kernel for SelectLights<'_> {
             let point = SobolPoint::from_parts(paths.carried.seed[i], paths.carried.shuffled[i]);
             [u0[i], u1[i], choice0[i], choice1[i]] = point.sample_4d(self.dimensions);
         }
-        for i in 0..count {
-            let normal = if i < self.opaque { get(&v.ns, i) } else { Vec3::ZERO };
-            set(&mut paths.receiver_normal, i, normal);
-            let receiver = Receiver { p: get(&v.p, i), normal };
-            let chosen = self.lights.select(&receiver, [choice0[i], choice1[i]]);
-            (v.light.index[i], v.light.pdf_discrete[i]) = (chosen.index, chosen.pdf_discrete);
+        for first in (0..count).step_by(TOGETHER) {
+            let receiver = |lane: usize| {
+                let normal = if first + lane < self.opaque { get(&v.ns, first + lane) } else { Vec3::ZERO };
+                Receiver { p: get(&v.p, first + lane), normal }
+            };
+            let receivers: [Receiver; TOGETHER] = std::array::from_fn(receiver);
+            let numbers = std::array::from_fn(|lane| [choice0[first + lane], choice1[first + lane]]);
+            let lanes = TOGETHER.min(count - first);
+            let chosen = self.lights.select_together(&receivers, &numbers, lanes);
+            for (i, lane) in (first..first + lanes).zip(0..) {
+                set(&mut paths.receiver_normal, i, receivers[lane].normal);
+                (v.light.index[i], v.light.pdf_discrete[i]) = (chosen[lane].index, chosen[lane].pdf_discrete);
+            }
         }
     }
 }
 
-/// Vertices whose rectangles are fetched together; what is beyond the last vertex counts for nothing.
+/// Vertices for which lights are chosen and fetched together; what is beyond the last vertex counts for nothing.
 const TOGETHER: usize = 16;
+/// So many vertices ahead rectangles are asked for.
+const AHEAD: usize = 2 * TOGETHER;
 
 const _: () = assert!(WAVE.is_multiple_of(TOGETHER));
 
@@ -110,6 +119,10 @@ impl Kernel for SampleRectangles<'_> {
         let light = &mut v.light;
         for first in (0..self.count.min(WAVE)).step_by(TOGETHER) {
             let mut numbers = [[0.0; TOGETHER]; RECTANGLE_NUMBERS];
+            for lane in 0..TOGETHER {
+                // Of many lamps, most are not in the caches.
+                self.rectangles.prefetch(light.index[(first + lane + AHEAD).min(WAVE)]);
+            }
             for lane in 0..TOGETHER {
                 let rectangle = self.rectangles.at(light.index[first + lane]);
                 for k in 0..RECTANGLE_NUMBERS {

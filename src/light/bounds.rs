@@ -64,6 +64,10 @@ impl LightBounds {
 /// The smallest cone around two, up to rounding: their axes and half angles.
 fn union_of_cones(a: (Vec3, f32), b: (Vec3, f32)) -> (Vec3, f32) {
     let (a, b) = if a.1 >= b.1 { (a, b) } else { (b, a) };
+    // Most lamps face down, or all around: nothing to work out.
+    if a.1 >= PI || a.0 == b.0 {
+        return a;
+    }
     let between = angle(a.0, b.0);
     if (between + b.1).min(PI) <= a.1 {
         return a;

@@ -26,7 +26,7 @@ pub use rectangles::{EvenRectangle, LightDirection, RECTANGLE_NUMBERS};
 pub use select::{Lights, Selected, SelectedSun};
 pub use sun::Sun;
 pub use targets::{Ball, Targets};
-pub use tree::{LightTree, Receiver};
+pub use tree::{Descent, LightTree, Receiver};
 
 use crate::color::Rgb;
 use crate::math::Vec3;

@@ -1,7 +1,7 @@
 //! All lights of a scene and the choice of one of them.
 
 use super::{
-    AreaLight, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample, LightTree,
+    AreaLight, Descent, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample, LightTree,
     PunctualLight, RECTANGLE_NUMBERS, Receiver, Sun,
 };
 use crate::math::Vec3;
@@ -60,6 +60,20 @@ pub struct Selected {
 
 impl Selected {
     const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
+
+    /// Of the lights at some place, which are chosen with a probability of `share`.
+    #[inline(always)]
+    fn near(share: f32, chosen: Option<(u32, f32)>) -> Selected {
+        chosen.map_or(Selected::NONE, |(index, pdf)| Selected { index, pdf_discrete: share * pdf })
+    }
+}
+
+/// Where a light is to be chosen.
+enum Distance {
+    /// Among those at some place, by a number in 0..1; the probability of getting there.
+    Near { share: f32, u: f64 },
+    /// It was: it is infinitely far away, or the only one.
+    Far(Selected),
 }
 
 impl Lights {
@@ -202,20 +216,54 @@ impl Lights {
     /// Chooses a light by two numbers in 0..1.
     #[inline(always)]
     pub fn select(&self, receiver: &Receiver, u: [f32; 2]) -> Selected {
+        match self.choose_distance(receiver, u) {
+            Distance::Near { share, u } => Selected::near(share, self.tree.sample(receiver, u)),
+            Distance::Far(selected) => selected,
+        }
+    }
+
+    /// [`Lights::select`] for many receivers, the first `count` of the lists, side by side.
+    #[inline(always)]
+    pub fn select_together<const N: usize>(
+        &self,
+        receivers: &[Receiver; N],
+        numbers: &[[f32; 2]; N],
+        count: usize,
+    ) -> [Selected; N] {
+        let (mut selected, mut shares) = ([Selected::NONE; N], [0.0; N]);
+        let mut descents = [Descent::ENDED; N];
+        for i in 0..count.min(N) {
+            match self.choose_distance(&receivers[i], numbers[i]) {
+                Distance::Near { share, u } => (shares[i], descents[i]) = (share, Descent::new(u)),
+                Distance::Far(of_far) => selected[i] = of_far,
+            }
+        }
+        self.tree.descend_together(receivers, &mut descents);
+        for i in 0..count.min(N) {
+            if shares[i] > 0.0 {
+                selected[i] = Selected::near(shares[i], descents[i].chosen());
+            }
+        }
+        selected
+    }
+
+    /// Chooses between the lights at some place and those infinitely far away, and among the latter.
+    #[inline(always)]
+    fn choose_distance(&self, receiver: &Receiver, u: [f32; 2]) -> Distance {
         if self.len() == 1 {
-            return Selected { index: 0, pdf_discrete: 1.0 };
+            return Distance::Far(Selected { index: 0, pdf_discrete: 1.0 });
         }
         let share = self.near_share(receiver);
         if u[1] < share {
             // The second number adds digits below the first one's 24.
             let rest = (u[1] / share).min(1.0f32.next_down());
-            return match self.tree.sample(receiver, f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24)) {
-                Some((index, pdf)) => Selected { index, pdf_discrete: share * pdf },
-                None => Selected::NONE,
-            };
+            return Distance::Near { share, u: f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24) };
         }
         let chosen = self.far_table.sample(((u[1] - share) / (1.0 - share)).min(1.0f32.next_down()));
-        Selected { index: self.far[chosen.index], pdf_discrete: (1.0 - share) * chosen.pdf_discrete }
+        Distance::Far(Selected {
+            index: self.far[chosen.index],
+            pdf_discrete: (1.0 - share) * chosen.pdf_discrete,
+        })
     }
 
     /// The probability of choosing among the lights at some place.

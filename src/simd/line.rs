@@ -53,9 +53,18 @@ pub fn prefetch_lines<const N: usize>(lines: &[Line], index: usize) {
     }
 }
 
+/// Asks the CPU to bring an element of a list into its first cache. Any index is allowed: it is only a hint.
+#[inline(always)]
+pub fn prefetch_element<T>(values: &[T], index: usize) {
+    let first = values.as_ptr().wrapping_add(index).cast::<u8>();
+    for offset in (0..size_of::<T>()).step_by(size_of::<Line>()) {
+        prefetch(first.wrapping_add(offset));
+    }
+}
+
 /// Asks the CPU to bring the line at an address, whatever it is, into its first cache.
 #[inline(always)]
-pub(super) fn prefetch(address: *const u8) {
+fn prefetch(address: *const u8) {
     // SAFETY: a prefetch reads nothing that the program can see and never faults, whatever the address.
     #[cfg(target_arch = "x86_64")]
     unsafe {

@@ -1,6 +1,6 @@
 //! Tables that loops look numbers up in.
 
-use super::line::prefetch;
+use super::line::prefetch_element;
 
 /// A list without a bounds check at each lookup, which would keep loops from being vectorised: an index beyond the end
 /// means the last element.
@@ -40,7 +40,7 @@ impl<'a, T: Copy> Table<'a, T> {
     /// Asks the CPU to bring the element at an index into its caches. Any index is allowed: it is only a hint.
     #[inline(always)]
     pub fn prefetch(self, index: u32) {
-        prefetch(self.values.as_ptr().wrapping_add(index as usize).cast());
+        prefetch_element(self.values, index as usize);
     }
 }
 
