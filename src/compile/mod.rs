@@ -23,6 +23,7 @@ mod plan;
 mod reuse;
 mod run;
 mod scattering;
+mod scattering_spectra;
 mod scene;
 mod spectral;
 mod tangents;

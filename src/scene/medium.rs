@@ -43,19 +43,20 @@ impl Medium {
     /// The share of each event follows by van de Hulst's fit for a half space that is lit diffusely, as inverted by Kulla
     /// and Conty (2017, "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
     pub fn subsurface(color: [f32; 3], radius: [f32; 3], anisotropy: f32) -> Medium {
-        let g = f64::from(anisotropy);
-        let albedo = |c: f32| {
-            let c = f64::from(c.clamp(0.0, 1.0));
-            let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
-            ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
-        };
         Medium {
             extinction: radius.map(f32::recip),
-            albedo: color.map(albedo),
+            albedo: color.map(|c| Medium::albedo_of_color(c, anisotropy)),
             anisotropy,
             emission: [0.0; 3],
             grid: None,
         }
+    }
+
+    /// One channel of that: the share of each event that is scattered.
+    pub fn albedo_of_color(color: f32, anisotropy: f32) -> f32 {
+        let (c, g) = (f64::from(color.clamp(0.0, 1.0)), f64::from(anisotropy));
+        let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
+        ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
     }
 }
 
