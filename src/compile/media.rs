@@ -1,6 +1,7 @@
 //! The media of a scene's solids, numbered.
 
 use super::density::DensityGrid;
+use super::glow::Glow;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::scattering::{Ball, Scattering};
@@ -51,7 +52,8 @@ pub(super) fn number(
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
                 if let Some(scattering) = &mut medium.scattering {
-                    let grid = scene.materials[id].medium.and_then(|m| m.grid);
+                    let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
+                    scattering.glow = glow.map(|glow| Arc::new(Glow::new(glow, &scene.grids, &grids)));
                     scattering.grid = grid.map(|grid| grids[grid.index()].clone());
                     scattering.counts = material.is_boundary;
                 }
@@ -129,6 +131,7 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
         anisotropy: fog.medium.anisotropy,
         ball,
         grid: None,
+        glow: None,
         counts: true,
         spectra: if is_spectral {
             ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)

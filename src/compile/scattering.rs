@@ -1,6 +1,7 @@
 //! Media that scatter or shine, ready for rendering.
 
 use super::density::DensityGrid;
+use super::glow::Glow;
 use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
@@ -25,6 +26,8 @@ pub struct Scattering {
     pub ball: Option<Ball>,
     /// Factors on the coefficients, the same for all channels; `None` where it is homogeneous.
     pub grid: Option<Arc<DensityGrid>>,
+    /// What the emission is taken times in place of that grid; `None` where it is not known apart.
+    pub glow: Option<Arc<Glow>>,
     /// What it scatters counts as bounces. Walks within solids that have a surface don't.
     pub counts: bool,
     /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
@@ -53,9 +56,10 @@ impl Scattering {
         let shines = emission.max_element() > 0.0;
         let does_anything = scattered.max_element() > 0.0 || shines || medium.grid.is_some();
         let anisotropy = medium.anisotropy;
-        let (ball, grid) = (None, None);
+        let (ball, grid, glow) = (None, None, None);
         let (counts, spectra) = (true, None);
-        let medium = Scattering { extinction, scattered, emission, anisotropy, ball, grid, counts, spectra };
+        let medium =
+            Scattering { extinction, scattered, emission, anisotropy, ball, grid, glow, counts, spectra };
         does_anything.then_some(medium)
     }
 
@@ -140,6 +144,7 @@ mod tests {
             anisotropy: 0.0,
             ball,
             grid: None,
+            glow: None,
             counts: true,
             spectra: None,
         }

@@ -16,7 +16,7 @@ use super::wave::{LightLanes, Wave};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::Scattering;
+use crate::compile::{Glow, Scattering};
 use crate::light::Receiver;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -133,6 +133,12 @@ impl Integrator<'_> {
             let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
             let throughput = get_rgb(&path.throughput, i);
             let value = match &scattering.grid {
+                Some(_) if scattering.glow.is_some() => {
+                    let ray = (w.rays[i].origin, w.rays[i].direction);
+                    let way = [flight.extent[0], to.min(flight.until)];
+                    let integral = |glow: &Glow| glow.integral(ray, way, salt ^ GLOW, waves);
+                    throughput * scattering.emission * scattering.glow.as_deref().map_or(Rgb::ZERO, integral)
+                }
                 Some(grid) => {
                     // Where light would collide, the way ends: what lies before it shines whole.
                     let ray = grid.ray(w.rays[i].origin, w.rays[i].direction, 1.0);

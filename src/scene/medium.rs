@@ -16,8 +16,25 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Radiance that each metre adds.
     pub emission: [f32; 3],
-    /// Factors on the extinction, which is the same for all channels then, and on the emission.
+    /// Factors on the extinction, which is the same for all channels then, and on the emission where nothing else is.
     pub grid: Option<GridId>,
+    /// What the emission is taken times in place of that grid, where there is one.
+    pub glow: Option<Glow>,
+}
+
+/// Where a medium with a grid shines, by another one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glow {
+    /// Factors on the emission, or temperatures.
+    pub grid: GridId,
+    /// Kelvins where the grid is 1: the medium shines as a black body (Planck's law), and its emission is the luminance that
+    /// each metre of [`Glow::REFERENCE_KELVIN`] adds.
+    pub kelvin: Option<f32>,
+}
+
+impl Glow {
+    /// The temperature at which black bodies have the emission that is given.
+    pub const REFERENCE_KELVIN: f32 = 1500.0;
 }
 
 /// What fills the space around all solids.
@@ -34,7 +51,7 @@ pub struct Fog {
 impl Medium {
     /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
     pub fn scattering(extinction: [f32; 3]) -> Medium {
-        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None }
+        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None, glow: None }
     }
 
     /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
@@ -49,6 +66,7 @@ impl Medium {
             anisotropy,
             emission: [0.0; 3],
             grid: None,
+            glow: None,
         }
     }
 

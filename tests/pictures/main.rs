@@ -31,6 +31,7 @@ mod shadow;
 mod sheets;
 mod solids;
 mod spectral;
+mod spectral_media;
 mod splitting;
 mod stepping;
 mod support;

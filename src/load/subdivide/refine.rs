@@ -65,10 +65,9 @@ impl<const N: usize> Layer<N> {
         values.extend(edge_values);
         values.extend(points);
         let mut corners = Vec::with_capacity(4 * self.corners.len());
-        for c in 0..self.corners.len() {
+        for (c, (&vertex, &face)) in self.corners.iter().zip(&of_corner).enumerate() {
             let edge = |corner: usize| first_edge as u32 + fans.edges[corner];
-            let face = first_face as u32 + of_corner[c];
-            corners.extend([self.corners[c], edge(c), face, edge(fans.before[c] as usize)]);
+            corners.extend([vertex, edge(c), first_face as u32 + face, edge(fans.before[c] as usize)]);
         }
         Layer { values, corners }
     }
