@@ -79,11 +79,11 @@ fn objects_of_scene_files_choose_levels() {
         ("subdivide = { scheme = \"loop\", levels = 1 }", "one of: catmull-clark"),
         ("subdivide = {}", "needs 'levels'"),
     ] {
-        let error = scene(&object(wrong)).err().expect(wrong).to_string();
+        let error = scene(&object(wrong)).expect_err(wrong).to_string();
         assert!(error.contains(part) && error.contains("line "), "{error}");
     }
     let ball = "[[objects]]\nsphere = { center = [0, 0, 0], radius = 1 }\nmaterial = \"m\"\nsubdivide = 1\n";
-    assert!(scene(ball).err().expect("no mesh").to_string().contains("subdivide"));
+    assert!(scene(ball).expect_err("no mesh").to_string().contains("subdivide"));
 }
 
 const TETRAHEDRON: &str = "ply\nformat ascii 1.0\nelement vertex 4\nproperty float x\nproperty float y\nproperty float z\n\
@@ -102,7 +102,7 @@ fn files_beside_models_and_options_subdivide() {
     for a in (0..9).map(|i| i / 3 * 4 + i % 3 + 1) {
         grid += &format!("f {a} {} {} {}\n", a + 1, a + 5, a + 4);
     }
-    let error = load_first(&[("a.obj", &grid)], &levels(10)).err().expect("too many").to_string();
+    let error = load_first(&[("a.obj", &grid)], &levels(10)).expect_err("too many").to_string();
     assert!(
         error.contains("18874368 triangles after 10 levels") && error.contains("at most 9 fit"),
         "{error}"
@@ -110,7 +110,7 @@ fn files_beside_models_and_options_subdivide() {
     let text = "camera = { look_from = [0, 0, 5], look_at = [0, 0, 0] }\nenvironment.background = 1\n\
                 [[objects]]\nmesh = \"a.obj\"\nsubdivide = 10\n";
     let error = load_first(&[("s.toml", text), ("a.obj", &grid)], &LoadOptions::default());
-    let error = error.err().expect("too many").to_string();
+    let error = error.expect_err("too many").to_string();
     assert!(error.contains("may have 16000000") && error.contains("line 5"), "{error}");
     // Two objects of one surface: each for itself, which a warning tells.
     let parts =

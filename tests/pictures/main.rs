@@ -15,6 +15,7 @@ mod guiding;
 mod lamps;
 mod media;
 mod media_edges;
+mod media_stress;
 mod one_sided;
 mod panoramas;
 mod parts;
