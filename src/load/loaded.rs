@@ -72,7 +72,7 @@ pub struct Loaded {
     pub has_area_lights: bool,
     /// Materials of faces for which the file has none.
     pub stand_ins: Vec<MaterialId>,
-    /// The polygons that meshes were cut from, where they are kept.
+    /// The polygons that meshes were cut from, where they are kept, until all is subdivided.
     pub polygons: Polygons,
     /// What the file tells about which axis points up.
     pub up_hint: UpHint,

@@ -211,6 +211,8 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
     if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, loaded, true);
     }
+    // Meshes have been subdivided, and those of the next moment are others.
+    loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
     loaded.is_model = matches!(formats::of(path), Format::Model(_));
     stage::complete(loaded, &options.stage, options.brings_environment);

@@ -257,6 +257,10 @@ fn prism(nm: f64) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/prism.toml");
     let mut scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
     scene.environment = Environment::Black;
+    // What the floor throws onto the screen moves the middle of blue light by 1.7 mm (+- 0.3).
+    for floor in scene.materials.iter_mut().filter(|m| m.name == "floor") {
+        floor.model = Model::Lambert { albedo: ColorSlot::constant([0.0; 3]) };
+    }
     let line = [(nm - 4.0, 0.0), (nm, 1.0), (nm + 4.0, 0.0)];
     scene.textures.push(Texture::Spectrum(Arc::new(Curve::light(&line, 1.0))));
     let texture = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
@@ -308,7 +312,8 @@ fn prisms_bend_each_wavelength_by_snells_law() {
         let exit = hit(entry, within, edges[0], second);
         let out = refracted(within, second, index(nm), 1.0);
         let place = (hit(exit, out, SCREEN, ALONG.cross(DVec3::Y)) - SCREEN).dot(ALONG);
-        // Few of a lamp's paths have one of so few wavelengths, and those that are tried must be among them.
+        // Few of a lamp's paths have one of so few wavelengths, and those that are tried must be among them. Means of many pictures are
+        // off by -0.29 +- 0.18, -0.24 +- 0.15, 0.00 +- 0.18 and 0.02 +- 0.41 mm, of which the beam's width makes -0.2 to -0.1.
         let found = centroid(&prism(nm), &options(256, 32, 8).caustics(Caustics::On));
         println!("{nm} nm: {found:.4} m, by Snell's law {place:.4} m");
         assert!((found - place).abs() < 2e-3, "{nm} nm: {found} {place}");

@@ -79,8 +79,7 @@ pub const PHYSICS: &[Entry] = &[
     entry("prism.toml", "prism", "dispersion by wavelength"),
     entry("cornell-spectra.toml", "by wavelength", "the Cornell box by its measured spectra"),
     entry("cornell-quads.toml", "by R, G and B", "the same box in red, green and blue"),
-    entry("sky.toml", "sky", "the clear sky of Hosek and Wilkie"),
-    entry("hills.toml", "sky over hills", "two million triangles by displacement"),
+    entry("hills.toml", "sky over hills", "a million triangles by displacement"),
     entry("window.toml", "window", "a room lit through portals"),
 ];
 
