@@ -38,6 +38,7 @@ fn meant(word: &str) -> &str {
         "fog" | "subsurface" | "medium" | "volume" | "volumes" | "grid" => "media",
         "light" | "lamp" | "lamps" | "sun" => "lights",
         "object" | "mesh" | "shapes" => "objects",
+        "subdivide" | "catmull-clark" => "subdivision",
         "texture" | "spectrum" | "spectra" => "textures",
         "settings" => "render",
         "sky" => "environment",

@@ -56,6 +56,7 @@ pub(super) fn load_options(args: &RenderArgs) -> Result<LoadOptions> {
         point_radius: args.point_radius,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
+        subdivision: args.stage.subdivision(),
         stage,
         no_sidecar: args.no_sidecar,
         blender: args.blender.options(),

@@ -7,6 +7,7 @@ use oscura::error::Warning;
 use oscura::load::Up;
 use oscura::load::image::load_picture;
 use oscura::load::stage::{Background, Ground, StageLight, StageOptions, ViewFrom};
+use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
 use std::path::{Path, PathBuf};
 
 /// What lights scenes without light.
@@ -64,6 +65,9 @@ pub(crate) struct StageArgs {
     /// sharp [30 if none is given].
     #[arg(long, value_name = "DEG", num_args = 0..=1, require_equals = true, default_missing_value = "30", value_parser = crease)]
     pub smooth: Option<f64>,
+    /// Subdivide the polygons of OBJ and the triangles of PLY files so many times (Catmull-Clark): smooth surfaces of coarse meshes.
+    #[arg(long, value_name = "LEVELS", value_parser = clap::value_parser!(u32).range(0..=i64::from(MOST_LEVELS)), allow_negative_numbers = true)]
+    pub subdivide: Option<u32>,
 }
 
 /// What `--background` names.
@@ -76,6 +80,11 @@ pub(crate) enum BackgroundArg {
 }
 
 impl StageArgs {
+    /// What `--subdivide` asks for.
+    pub fn subdivision(&self) -> Option<Subdivision> {
+        self.subdivide.map(|levels| Subdivision { levels, has_round_corners: false })
+    }
+
     /// No colour of the background is chosen, which would have to look as it was given.
     pub fn leaves_view_open(&self) -> bool {
         self.stage != Some(StageArg::White)

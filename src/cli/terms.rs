@@ -20,6 +20,7 @@ fn option(choice: Choice) -> &'static str {
         Choice::NoSidecar => "--no-sidecar",
         Choice::PointRadius => "--point-radius METRES",
         Choice::Smooth => "--smooth",
+        Choice::Subdivide => "--subdivide",
         Choice::Stage => "--stage",
         Choice::Up => "--up AXIS",
         Choice::ViewFrom => "--view-from",

@@ -101,6 +101,7 @@ fn one(args: &ThumbArgs, model: &Path, target: &Path, cancel: &CancelHandle) -> 
         allow_external: args.allow_external,
         up: args.stage.up,
         smooth_rad: args.stage.smooth.map(f64::to_radians),
+        subdivision: args.stage.subdivision(),
         stage,
         ..LoadOptions::default()
     };

@@ -9,6 +9,7 @@
 use crate::math::{DVec3, Vec3, poly};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::Grid;
+use std::ops::{Add, Mul};
 use std::sync::Arc;
 
 /// Voxels along an edge of a block.
@@ -150,19 +151,32 @@ impl DensityGrid {
     /// An estimate of the integral of the ray's extinction between two of its points: by one point of each of a few steps, which follow
     /// `salt`. (Extinction 1 gives the integral of the density over metres.)
     pub fn integral(&self, ray: &GridRay, from: f32, to: f32, salt: u32) -> f32 {
+        self.integral_of(ray, [from, to], salt, 0.0, |density| density)
+    }
+
+    /// The same of a function of the density; `zero` is what there is where nothing is.
+    #[inline]
+    pub(super) fn integral_of<T: Add<Output = T> + Mul<f32, Output = T>>(
+        &self,
+        ray: &GridRay,
+        [from, to]: [f32; 2],
+        salt: u32,
+        zero: T,
+        of: impl Fn(f32) -> T,
+    ) -> T {
         /// Voxels that a step crosses, and most steps.
         const STRIDE: f32 = 4.0;
         const MOST: f32 = 32.0;
-        let Some([begin, end]) = self.entry(ray, from, to) else { return 0.0 };
+        let Some([begin, end]) = self.entry(ray, from, to) else { return zero };
         let (start, way) = (ray.origin + ray.direction * begin, end - begin);
         let steps = (ray.direction.length() * way / STRIDE).ceil().clamp(1.0, MOST);
         let mut numbers = Numbers(salt);
-        let mut sum = 0.0;
+        let mut sum = zero;
         for step in 0..steps as u32 {
             let t = (step as f32 + numbers.next()) / steps * way;
-            sum += self.density(start + ray.direction * t);
+            sum = sum + of(self.density(start + ray.direction * t));
         }
-        sum * ray.scale * way / steps
+        sum * (ray.scale * way / steps)
     }
 
     /// Where a ray enters and leaves the grid between two of its points; `None` where it misses it.

@@ -212,7 +212,7 @@ impl CompiledMaterial {
             passes_straight: program.may_pass_straight() && emission.is_none() && !shading.spectral,
             is_absent_from_behind,
             medium: match shading.spectral {
-                true => medium.map(|medium| medium.by_wavelength(&model)),
+                true => medium.map(|medium| medium.by_wavelength(&model, material.medium.as_ref())),
                 false => medium,
             },
             is_boundary: matches!(model, Model::Boundary {}),

@@ -1,9 +1,11 @@
 //! The media of a scene's solids, numbered.
 
 use super::density::DensityGrid;
+use super::glow::Glow;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::scattering::{Ball, Scattering};
+use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
 use crate::error::Warning;
 use crate::math::DVec3;
@@ -20,12 +22,13 @@ pub(super) fn number(
     scene: &Scene,
     anchor: DVec3,
     materials: &mut [CompiledMaterial],
+    is_spectral: bool,
     warnings: &mut Vec<Warning>,
 ) -> Vec<Medium> {
     warn_of_endless_fog(scene, warnings);
     let grids = scene.grids.iter().map(|grid| Arc::new(DensityGrid::new(grid, anchor)));
     let grids: Vec<Arc<DensityGrid>> = grids.collect();
-    let mut media = vec![surrounding(scene.fog.as_ref(), anchor)];
+    let mut media = vec![surrounding(scene.fog.as_ref(), anchor, is_spectral)];
     let mut left_out = 0;
     for (id, material) in materials.iter_mut().enumerate() {
         let Some(mut medium) = material.medium.clone() else { continue };
@@ -49,7 +52,8 @@ pub(super) fn number(
                 material.medium_index = index;
                 medium.priority = scene.materials[id].priority;
                 if let Some(scattering) = &mut medium.scattering {
-                    let grid = scene.materials[id].medium.and_then(|m| m.grid);
+                    let (grid, glow) = scene.materials[id].medium.map_or((None, None), |m| (m.grid, m.glow));
+                    scattering.glow = glow.map(|glow| Arc::new(Glow::new(glow, &scene.grids, &grids)));
                     scattering.grid = grid.map(|grid| grids[grid.index()].clone());
                     scattering.counts = material.is_boundary;
                 }
@@ -112,7 +116,7 @@ pub(super) fn is_opaque_to_far_light(fog: &Fog) -> bool {
 }
 
 /// What surrounds a scene; the world's origin moves to `anchor`.
-fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
+fn surrounding(fog: Option<&Fog>, anchor: DVec3, is_spectral: bool) -> Medium {
     let Some(fog) = fog else { return Medium::AIR };
     let extinction = Rgb::from_array(fog.medium.extinction);
     let ball = fog
@@ -127,7 +131,13 @@ fn surrounding(fog: Option<&Fog>, anchor: DVec3) -> Medium {
         anisotropy: fog.medium.anisotropy,
         ball,
         grid: None,
+        glow: None,
         counts: true,
+        spectra: if is_spectral {
+            ScatteringSpectra::of(&fog.medium, None, false).map(Arc::new)
+        } else {
+            None
+        },
     };
     // Fog that only absorbs ends somewhere, too.
     let scattering = (is_there || whole.emission.max_element() > 0.0).then_some(whole);

@@ -1,11 +1,13 @@
 //! What solids are filled with: indices of refraction and absorption.
 
 use super::scattering::Scattering;
+use super::scattering_spectra::ScatteringSpectra;
 use crate::bsdf::BsdfClass;
 use crate::color::Rgb;
 use crate::color::spectral::{Spectrum, Wavelengths};
 use crate::math::poly;
 use crate::scene::{self, Model, PbrMaterial, Transmission};
+use std::sync::Arc;
 
 /// The inside of a solid that light passes.
 #[derive(Clone, Debug, PartialEq)]
@@ -76,18 +78,24 @@ impl Medium {
     }
 
     /// The same for pictures that are rendered by wavelength.
-    pub(super) fn by_wavelength(self, model: &Model) -> Medium {
+    pub(super) fn by_wavelength(mut self, model: &Model, filling: Option<&scene::Medium>) -> Medium {
         let pbr = model.pbr();
         let cauchy = pbr.filter(|_| self.iors.is_some()).and_then(|pbr| {
             let b = spread(pbr)?;
             Some([(f64::from(pbr.ior) - b * inverse_square(D_LINE_NM)) as f32, b as f32])
         });
-        let left = self.absorption.filter(|a| a.max_element() > a.min_element()).map(|absorption| {
+        let left = |absorption: Rgb| {
             // The way whose colour the file gives; else that after which some third is left.
             let given = pbr.map_or(0.0, |pbr| pbr.attenuation_distance);
             let way = if given > 0.0 && given.is_finite() { given } else { 1.0 / absorption.mean() };
             (Spectrum::of_share((absorption * -way).map(poly::exp)), way)
-        });
+        };
+        if let (Some(scattering), Some(filling)) = (&mut self.scattering, filling) {
+            let absorption = pbr.filter(|pbr| pbr.has_volume).and_then(absorption);
+            let left = absorption.map(left);
+            scattering.spectra = ScatteringSpectra::of(filling, left, !self.is_boundary).map(Arc::new);
+        }
+        let left = self.absorption.filter(|a| a.max_element() > a.min_element()).map(left);
         let spectra = (cauchy.is_some() || left.is_some()).then_some(MediumSpectra { cauchy, left });
         Medium { spectra, ..self }
     }

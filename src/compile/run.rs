@@ -162,7 +162,7 @@ fn materials(
         false => CompiledMaterial::new(m, textures, shading),
     };
     let mut materials: Vec<CompiledMaterial> = replaced.map(compiled).collect();
-    let media = media::number(scene, anchor, &mut materials, warnings);
+    let media = media::number(scene, anchor, &mut materials, shading.spectral, warnings);
     let classes = Classes::of(scene);
     classes.extend(&mut materials);
     (materials, media, classes)

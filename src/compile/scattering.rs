@@ -1,10 +1,14 @@
 //! Media that scatter or shine, ready for rendering.
 
 use super::density::DensityGrid;
+use super::glow::Glow;
+use super::scattering_spectra::ScatteringSpectra;
 use crate::color::Rgb;
+use crate::color::spectral::Wavelengths;
 use crate::math::{Vec3, poly};
 use crate::sampling::hash::hash32;
 use crate::scene;
+use std::borrow::Cow;
 use std::sync::Arc;
 
 /// A medium that scatters or shines.
@@ -22,8 +26,12 @@ pub struct Scattering {
     pub ball: Option<Ball>,
     /// Factors on the coefficients, the same for all channels; `None` where it is homogeneous.
     pub grid: Option<Arc<DensityGrid>>,
+    /// What the emission is taken times in place of that grid; `None` where it is not known apart.
+    pub glow: Option<Arc<Glow>>,
     /// What it scatters counts as bounces. Walks within solids that have a surface don't.
     pub counts: bool,
+    /// The coefficients by wavelength; where pictures are rendered by wavelength and they are coloured.
+    pub spectra: Option<Arc<ScatteringSpectra>>,
 }
 
 /// A ball that fog fills.
@@ -48,9 +56,26 @@ impl Scattering {
         let shines = emission.max_element() > 0.0;
         let does_anything = scattered.max_element() > 0.0 || shines || medium.grid.is_some();
         let anisotropy = medium.anisotropy;
-        let (ball, grid) = (None, None);
-        let medium = Scattering { extinction, scattered, emission, anisotropy, ball, grid, counts: true };
+        let (ball, grid, glow) = (None, None, None);
+        let (counts, spectra) = (true, None);
+        let medium =
+            Scattering { extinction, scattered, emission, anisotropy, ball, grid, glow, counts, spectra };
         does_anything.then_some(medium)
+    }
+
+    /// The medium as the lanes of a path meet it.
+    #[inline(always)]
+    pub fn in_lanes(&self, waves: Option<&Wavelengths>) -> Cow<'_, Scattering> {
+        match (&self.spectra, waves) {
+            (Some(spectra), Some(waves)) => Cow::Owned(self.at(spectra, waves)),
+            _ => Cow::Borrowed(self),
+        }
+    }
+
+    #[cold]
+    fn at(&self, spectra: &ScatteringSpectra, waves: &Wavelengths) -> Scattering {
+        let [extinction, scattered, emission] = spectra.at(waves);
+        Scattering { extinction, scattered, emission, spectra: None, ..self.clone() }
     }
 
     /// Where a ray enters and leaves the medium, behind `from`; empty where the second is not above the first.
@@ -119,7 +144,9 @@ mod tests {
             anisotropy: 0.0,
             ball,
             grid: None,
+            glow: None,
             counts: true,
+            spectra: None,
         }
     }
 

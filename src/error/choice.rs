@@ -34,6 +34,8 @@ pub enum Choice {
     PointRadius,
     /// Normals for meshes without.
     Smooth,
+    /// `LoadOptions::subdivision`.
+    Subdivide,
     /// What lights scenes without light.
     Stage,
     /// Which axis of a file points up.
@@ -46,7 +48,7 @@ pub enum Choice {
 
 impl Choice {
     /// All of them.
-    pub const ALL: [Choice; 18] = [
+    pub const ALL: [Choice; 19] = [
         Choice::AllowExternal,
         Choice::Aovs,
         Choice::Background,
@@ -61,6 +63,7 @@ impl Choice {
         Choice::NoSidecar,
         Choice::PointRadius,
         Choice::Smooth,
+        Choice::Subdivide,
         Choice::Stage,
         Choice::Up,
         Choice::ViewFrom,
@@ -86,6 +89,7 @@ impl fmt::Display for Choice {
             Choice::NoSidecar => "`LoadOptions::no_sidecar`",
             Choice::PointRadius => "`LoadOptions::point_radius`",
             Choice::Smooth => "`LoadOptions::smooth_rad`",
+            Choice::Subdivide => "`LoadOptions::subdivision`",
             Choice::Stage => "`StageOptions::light`",
             Choice::Up => "`LoadOptions::up`",
             Choice::ViewFrom => "`StageOptions::view`",

@@ -90,7 +90,7 @@ impl Integrator<'_> {
     ) -> Rgb {
         let medium = &self.scene.media[usize::from(interior.medium())];
         match &medium.scattering {
-            Some(scattering) => scattering.transmittance_between(origin, direction, from, to),
+            Some(scattering) => scattering.in_lanes(waves).transmittance_between(origin, direction, from, to),
             None if medium.absorption.is_some() && to.is_finite() => {
                 medium.transmittance_at((to - from) * direction.length(), waves)
             }

@@ -16,6 +16,7 @@ use super::wave::{LightLanes, Wave};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
+use crate::compile::{Glow, Scattering};
 use crate::light::Receiver;
 use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
@@ -29,7 +30,7 @@ impl Integrator<'_> {
     /// Draws how far each path flies through the medium that it is in, and lets its ray end there.
     pub(super) fn start_flights(&self, bounce: u32, w: &mut Workspace) {
         let dimensions = &self.dimensions(bounce, Purpose::Flight);
-        let Workspace { flights, rays, arriving, .. } = w;
+        let Workspace { flights, rays, arriving, times, .. } = w;
         flights.clear();
         for (i, ray) in rays.iter_mut().enumerate() {
             let medium = arriving.interior[i].medium();
@@ -42,7 +43,8 @@ impl Integrator<'_> {
             let [distance, kind, lamp0, lamp1] = point.sample_4d(dimensions);
             let lamp = self.guiding_lamp(medium, ray.origin, [lamp0, lamp1]);
             let throughput = get_rgb(&path.throughput, i);
-            let flight = self.fly(medium, ray, 0.0, throughput, lamp, [distance, kind]);
+            let waves = times.waves(path.sample[i]);
+            let flight = self.fly((medium, waves), ray, 0.0, throughput, lamp, [distance, kind]);
             ray.t_max = flight.until;
             flights.push(flight);
         }
@@ -50,7 +52,7 @@ impl Integrator<'_> {
 
     fn fly(
         &self,
-        medium: u16,
+        (medium, waves): (u16, Option<&Wavelengths>),
         ray: &Ray,
         from: f32,
         throughput: Rgb,
@@ -58,7 +60,10 @@ impl Integrator<'_> {
         u: [f32; 2],
     ) -> Flight {
         match &self.scene.media[usize::from(medium)].scattering {
-            Some(s) => Flight::draw((medium, s), (ray.origin, ray.direction), from, throughput, lamp, u),
+            Some(s) => {
+                let scattering = (medium, &*s.in_lanes(waves));
+                Flight::draw(scattering, (ray.origin, ray.direction), from, throughput, lamp, u)
+            }
             None => Flight::straight(medium, [from, f32::INFINITY]),
         }
     }
@@ -88,7 +93,9 @@ impl Integrator<'_> {
                 flight.scatters = true;
                 w.hits[i].t = flight.until;
                 let medium = &self.scene.media[usize::from(flight.medium)];
-                weight = medium.scattering.as_ref().map_or(Rgb::ZERO, |s| flight.weight_of_scattering(s));
+                let waves = w.times.waves(w.arriving.carried.sample[i]);
+                let weigh = |s: &Scattering| flight.weight_of_scattering(&s.in_lanes(waves));
+                weight = medium.scattering.as_ref().map_or(Rgb::ZERO, weigh);
             }
             let throughput = get_rgb(&w.arriving.carried.throughput, i);
             set_rgb(&mut w.arriving.carried.throughput, i, throughput * weight);
@@ -113,18 +120,25 @@ impl Integrator<'_> {
     pub(super) fn passed(&self, bounce: u32, i: usize, to: f32, w: &mut Workspace) -> Rgb {
         let flight = w.flights[i];
         let medium = &self.scene.media[usize::from(flight.medium)];
+        let waves = w.times.waves(w.arriving.carried.sample[i]);
         let Some(scattering) = &medium.scattering else {
             let is_absorbed = medium.absorption.is_some() && to.is_finite();
-            let waves = w.times.waves(w.arriving.carried.sample[i]);
             let way = to - flight.extent[0];
             return if is_absorbed { medium.transmittance_at(way, waves) } else { Rgb::ONE };
         };
+        let scattering = &*scattering.in_lanes(waves);
         if scattering.emission.max_element() > 0.0 {
             let path = &w.arriving.carried;
             let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
             let u = unit(hash32(salt ^ GLOW ^ to.to_bits()));
             let throughput = get_rgb(&path.throughput, i);
             let value = match &scattering.grid {
+                Some(_) if scattering.glow.is_some() => {
+                    let ray = (w.rays[i].origin, w.rays[i].direction);
+                    let way = [flight.extent[0], to.min(flight.until)];
+                    let integral = |glow: &Glow| glow.integral(ray, way, salt ^ GLOW, waves);
+                    throughput * scattering.emission * scattering.glow.as_deref().map_or(Rgb::ZERO, integral)
+                }
                 Some(grid) => {
                     // Where light would collide, the way ends: what lies before it shines whole.
                     let ray = grid.ray(w.rays[i].origin, w.rays[i].direction, 1.0);
@@ -148,7 +162,7 @@ impl Integrator<'_> {
             let flight = &w.flights[i];
             let medium = &self.scene.media[usize::from(flight.medium)];
             return match &medium.scattering {
-                Some(scattering) => flight.weight_of_passing(scattering, to),
+                Some(scattering) => flight.weight_of_passing(&scattering.in_lanes(waves), to),
                 None => medium.transmittance_at(to - flight.extent[0], waves),
             };
         }
@@ -223,7 +237,8 @@ impl Integrator<'_> {
             let salt = hash32(path.seed[i] ^ hash32(path.shuffled[i]) ^ (bounce << 16));
             let salt = hash32(salt.wrapping_add(pass) ^ BOUNDARY);
             let u = [unit(salt), unit(hash32(salt))];
-            let flight = self.fly(beyond.medium(), &w.rays[i], hit.t, throughput, None, u);
+            let waves = w.times.waves(w.arriving.carried.sample[i]);
+            let flight = self.fly((beyond.medium(), waves), &w.rays[i], hit.t, throughput, None, u);
             w.rays[i].t_max = flight.until;
             w.flights[i] = flight;
             w.flights[i].crossed = Some(Crossed { at: hit.t, before: here });

@@ -5,6 +5,7 @@ use super::gltf::GltfOptions;
 use super::saved::SavedFiles;
 use super::shutter::ShutterOptions;
 use super::stage::{StageOptions, Turntable};
+use super::subdivide::{Polygons, Subdivision};
 use super::upright::{Up, UpHint};
 use crate::error::Warning;
 use crate::gauge::Gauge;
@@ -33,6 +34,10 @@ pub struct LoadOptions {
     /// Smooth normals for meshes of OBJ and PLY files that have none: the angle between two faces, in radians from 0 to pi, up to
     /// which the edge between them is rounded. `None` shows their facets.
     pub smooth_rad: Option<f64>,
+    /// Catmull-Clark subdivision of the meshes of OBJ and PLY files.
+    pub subdivision: Option<Subdivision>,
+    /// Keep the polygons of OBJ files ([`Loaded::polygons`]), as something asks for subdivision.
+    pub keeps_polygons: bool,
     /// How long the shutter is open, and when.
     pub shutter: ShutterOptions,
     /// Names of empty nodes of the model where lights will be placed: the shutter needs as many keys as their ways. What a
@@ -67,6 +72,8 @@ pub struct Loaded {
     pub has_area_lights: bool,
     /// Materials of faces for which the file has none.
     pub stand_ins: Vec<MaterialId>,
+    /// The polygons that meshes were cut from, where they are kept, until all is subdivided.
+    pub polygons: Polygons,
     /// What the file tells about which axis points up.
     pub up_hint: UpHint,
     /// How far from the world's origin the model's meshes have their own, metres: coordinates beyond the precision of

@@ -25,6 +25,7 @@ mod shutter;
 pub mod sky;
 mod smooth;
 pub mod stage;
+pub mod subdivide;
 mod upright;
 mod uri;
 mod vdb;
@@ -48,7 +49,7 @@ use std::path::Path;
 /// An input error with all problems of the file.
 pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
     let path = path.as_ref();
-    let options = &with_shutter(path, options);
+    let options = &with_sidecar(path, options);
     let format = formats::of(path);
     let mut loaded = match format {
         Format::Model(model) => (model.load)(path, options)?,
@@ -75,6 +76,7 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
             "choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
+    subdivide::all(path, options, is_of_other_model, &mut loaded)?;
     smoothed(path, options, is_of_other_model, &mut loaded);
     if matches!(format, Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, &mut loaded, false);
@@ -100,7 +102,7 @@ pub fn load_moments(
     each: &mut dyn FnMut(&mut Loaded) -> Result<ControlFlow<()>>,
 ) -> Result<()> {
     let path = path.as_ref();
-    let options = &with_shutter(path, options);
+    let options = &with_sidecar(path, options);
     let mut moments = moments.into_iter().map(Some);
     if matches!(formats::of(path), Format::Model(model) if model.is_gltf) {
         return gltf::load_moments(path, options, moments, &mut |loaded| {
@@ -145,13 +147,16 @@ pub fn load_frames(
     Ok(())
 }
 
-/// With what is to be known of the file beside a model before the model is read: its shutter, and where its lights stand.
-fn with_shutter(path: &Path, options: &LoadOptions) -> LoadOptions {
+/// With what is to be known of the file beside a model before the model is read: its shutter, where its lights stand, and whether
+/// something is subdivided.
+fn with_sidecar(path: &Path, options: &LoadOptions) -> LoadOptions {
     let asks_sidecar = matches!(formats::of(path), Format::Model(_)) && !options.no_sidecar;
-    match asks_sidecar {
-        true => scene_file::sidecar::with_shutter(path, options),
+    let mut options = match asks_sidecar {
+        true => scene_file::sidecar::asked_first(path, options),
         false => options.clone(),
-    }
+    };
+    options.keeps_polygons |= options.subdivision.is_some();
+    options
 }
 
 /// Does its name say that a file is one of Blender?
@@ -206,6 +211,8 @@ fn complete(path: &Path, options: &LoadOptions, loaded: &mut Loaded) -> Result<(
     if matches!(formats::of(path), Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, loaded, true);
     }
+    // Meshes have been subdivided, and those of the next moment are others.
+    loaded.polygons = subdivide::Polygons::default();
     displace::apply(loaded);
     loaded.is_model = matches!(formats::of(path), Format::Model(_));
     stage::complete(loaded, &options.stage, options.brings_environment);

@@ -16,8 +16,25 @@ pub struct Medium {
     pub anisotropy: f32,
     /// Radiance that each metre adds.
     pub emission: [f32; 3],
-    /// Factors on the extinction, which is the same for all channels then, and on the emission.
+    /// Factors on the extinction, which is the same for all channels then, and on the emission where nothing else is.
     pub grid: Option<GridId>,
+    /// What the emission is taken times in place of that grid, where there is one.
+    pub glow: Option<Glow>,
+}
+
+/// Where a medium with a grid shines, by another one.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Glow {
+    /// Factors on the emission, or temperatures.
+    pub grid: GridId,
+    /// Kelvins where the grid is 1: the medium shines as a black body (Planck's law), and its emission is the luminance that
+    /// each metre of [`Glow::REFERENCE_KELVIN`] adds.
+    pub kelvin: Option<f32>,
+}
+
+impl Glow {
+    /// The temperature at which black bodies have the emission that is given.
+    pub const REFERENCE_KELVIN: f32 = 1500.0;
 }
 
 /// What fills the space around all solids.
@@ -34,7 +51,7 @@ pub struct Fog {
 impl Medium {
     /// A medium of an extinction coefficient that absorbs nothing and scatters evenly.
     pub fn scattering(extinction: [f32; 3]) -> Medium {
-        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None }
+        Medium { extinction, albedo: [1.0; 3], anisotropy: 0.0, emission: [0.0; 3], grid: None, glow: None }
     }
 
     /// A medium of mean free paths `radius`, metres, of which a thick body under a surface that neither refracts nor reflects
@@ -43,19 +60,21 @@ impl Medium {
     /// The share of each event follows by van de Hulst's fit for a half space that is lit diffusely, as inverted by Kulla
     /// and Conty (2017, "Revisiting Physically Based Shading at Imageworks", equations 9 and 10).
     pub fn subsurface(color: [f32; 3], radius: [f32; 3], anisotropy: f32) -> Medium {
-        let g = f64::from(anisotropy);
-        let albedo = |c: f32| {
-            let c = f64::from(c.clamp(0.0, 1.0));
-            let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
-            ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
-        };
         Medium {
             extinction: radius.map(f32::recip),
-            albedo: color.map(albedo),
+            albedo: color.map(|c| Medium::albedo_of_color(c, anisotropy)),
             anisotropy,
             emission: [0.0; 3],
             grid: None,
+            glow: None,
         }
+    }
+
+    /// One channel of that: the share of each event that is scattered.
+    pub fn albedo_of_color(color: f32, anisotropy: f32) -> f32 {
+        let (c, g) = (f64::from(color.clamp(0.0, 1.0)), f64::from(anisotropy));
+        let s = 4.09712 + 4.20863 * c - (9.59217 + 41.6808 * c + 17.7126 * c * c).sqrt();
+        ((1.0 - s * s) / (1.0 - g * s * s)).clamp(0.0, 1.0) as f32
     }
 }
 

@@ -50,7 +50,7 @@ pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
-pub use medium::{Fog, Medium, coefficients};
+pub use medium::{Fog, Glow, Medium, coefficients};
 pub use model::{FresnelModel, Model, Transmission};
 pub use motion::{Moving, SceneMotion, Vertices};
 pub(crate) use outline::encloses;

@@ -11,3 +11,4 @@ mod regressions;
 mod scene_file;
 mod scene_reference;
 mod sidecar;
+mod subdivision;

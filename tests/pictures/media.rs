@@ -13,7 +13,7 @@ const NO_END: f64 = f64::INFINITY;
 
 fn medium(extinction: f32, albedo: f32, anisotropy: f32) -> Medium {
     let (extinction, albedo) = ([extinction; 3], [albedo; 3]);
-    Medium { extinction, albedo, anisotropy, emission: [0.0; 3], grid: None }
+    Medium { extinction, albedo, anisotropy, emission: [0.0; 3], grid: None, glow: None }
 }
 
 fn fog(medium: Medium, radius: f64) -> Option<Fog> {
@@ -165,6 +165,56 @@ fn grids_shine() {
     let [(a, of_a), (b, of_b)] = [&scene, &even].map(|scene| measure(scene, &options(16, 256, 200)));
     let error = of_a.hypot(of_b);
     assert!((a - b).abs() < 4.5 * error && error < 0.01 * b, "{a} {b} +- {error}");
+}
+
+/// Fire: smoke that hides, and light by a grid of its own, as factors or as temperatures, on a ray along both.
+#[test]
+fn grids_shine_by_other_grids() {
+    use oscura::color::spectral::BlackBodies;
+    use oscura::scene::Glow;
+    let grid = |values: [f32; 2], z: [f64; 2]| {
+        let (min, max) = (DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
+        let values = std::sync::Arc::new(values.to_vec());
+        Grid { name: String::new(), size: [1, 1, 2], values, min, max }
+    };
+    // Linear between the middles of voxels, a quarter and three quarters of the way.
+    let value = |[a, b]: [f32; 2], [from, to]: [f64; 2], z: f64| {
+        let share = ((z - from) / (to - from) * 2.0 - 0.5).clamp(0.0, 1.0);
+        if z < from || z > to { 0.0 } else { f64::from(a) * (1.0 - share) + f64::from(b) * share }
+    };
+    let (density, along) = ([0.5, 2.0], [-1.0, 1.0]);
+    let (heat, hot) = ([0.2, 1.3], [-0.8, 1.6]);
+    let bodies = BlackBodies::relative_to(Glow::REFERENCE_KELVIN.into());
+    for kelvin in [None, Some(1300.0)] {
+        let mut scene = Scene::default();
+        let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
+        let glow = Some(Glow { grid: fire, kelvin });
+        let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
+        let filled = body(&mut scene, burning);
+        sphere(&mut scene, [0.0; 3], 3.0, filled);
+        scene.cameras.push(beam([0.1, 0.2, 6.0]));
+        let (mut depth, mut truth, steps) = (0.0, [0.0; 3], 6000);
+        let step = 6.0 / f64::from(steps);
+        for k in 0..steps {
+            let z = 3.0 - (f64::from(k) + 0.5) * step;
+            let thickness = 0.7 * value(density, along, z) * step;
+            let heat = value(heat, hot, z);
+            let shines = match kelvin {
+                None => [heat; 3],
+                Some(kelvin) => bodies.rgb((heat * f64::from(kelvin)) as f32).map(f64::from),
+            };
+            (0..3).for_each(|c| truth[c] += 0.6 * shines[c] * step * f64::exp(-depth - 0.5 * thickness));
+            depth += thickness;
+        }
+        let film = picture(&scene, &options(32, 1024, 8));
+        let of_pixel = |i: u32| film.mean_rgba(i % 32, i / 32).map(f64::from);
+        let all = (0..1024).map(of_pixel).reduce(|a, b| std::array::from_fn(|c| a[c] + b[c]));
+        let found = all.expect("pixels").map(|sum| sum / 1024.0);
+        println!("{kelvin:?}: {found:?}, truth {truth:?}");
+        // A million paths: a quarter of a percent is ten standard errors or so.
+        let is_close = |c: usize| (found[c] - truth[c]).abs() < 4e-3 * truth[0];
+        assert!((0..3).all(is_close) && truth[0] > 0.1, "{found:?} {truth:?}");
+    }
 }
 
 /// Colours of thick bodies come out as `subsurface` asks for, without a reflecting surface around them; walks within do not

@@ -6,8 +6,8 @@ use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
 use oscura::render::{Caustics, PassOutcome, RenderOptions, Rendering};
 use oscura::scene::{
-    Beam, ColorSlot, Environment, FloatSlot, FresnelModel, Iridescence, Lamp, Material, MaterialId, Medium,
-    Model, PbrMaterial, Projection, Scene, ShadingModel, Texture, TextureId,
+    Beam, ColorSlot, Environment, FloatSlot, FresnelModel, Iridescence, Lamp, Material, Model, PbrMaterial,
+    Projection, Scene, ShadingModel, Texture, TextureId,
 };
 use std::path::Path;
 use std::sync::Arc;
@@ -24,7 +24,7 @@ fn pixels(scene: &Scene, options: &RenderOptions, spectral: bool) -> Vec<[f32; 4
 }
 
 /// Means by channel over some seeds, each with its standard error.
-fn means(scene: &Scene, options: &RenderOptions, spectral: bool, seeds: u32) -> [(f64, f64); 3] {
+pub fn means(scene: &Scene, options: &RenderOptions, spectral: bool, seeds: u32) -> [(f64, f64); 3] {
     let of_seed = |seed: u32| {
         let pixels = pixels(scene, &options.seed(seed * 7919 + 3), spectral);
         [0, 1, 2].map(|c| pixels.iter().map(|p| f64::from(p[c])).sum::<f64>() / pixels.len() as f64)
@@ -39,7 +39,7 @@ fn means(scene: &Scene, options: &RenderOptions, spectral: bool, seeds: u32) -> 
 }
 
 /// Close to the truth within the noise, which is small.
-fn assert_means(what: &str, found: [(f64, f64); 3], truth: [f64; 3], precision: f64) {
+pub fn assert_means(what: &str, found: [(f64, f64); 3], truth: [f64; 3], precision: f64) {
     println!("{what}: {found:.5?}, truth {truth:.5?}");
     for ((mean, error), truth) in found.into_iter().zip(truth) {
         assert!(error < precision, "{what}: standard error {error}");
@@ -257,6 +257,10 @@ fn prism(nm: f64) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenes/prism.toml");
     let mut scene = oscura::load::load(&path, &Default::default()).expect("the scene loads").scene;
     scene.environment = Environment::Black;
+    // What the floor throws onto the screen moves the middle of blue light by 1.7 mm (+- 0.3).
+    for floor in scene.materials.iter_mut().filter(|m| m.name == "floor") {
+        floor.model = Model::Lambert { albedo: ColorSlot::constant([0.0; 3]) };
+    }
     let line = [(nm - 4.0, 0.0), (nm, 1.0), (nm + 4.0, 0.0)];
     scene.textures.push(Texture::Spectrum(Arc::new(Curve::light(&line, 1.0))));
     let texture = ColorSlot::texture(TextureId(scene.textures.len() as u32 - 1));
@@ -308,7 +312,8 @@ fn prisms_bend_each_wavelength_by_snells_law() {
         let exit = hit(entry, within, edges[0], second);
         let out = refracted(within, second, index(nm), 1.0);
         let place = (hit(exit, out, SCREEN, ALONG.cross(DVec3::Y)) - SCREEN).dot(ALONG);
-        // Few of a lamp's paths have one of so few wavelengths, and those that are tried must be among them.
+        // Few of a lamp's paths have one of so few wavelengths, and those that are tried must be among them. Means of many pictures are
+        // off by -0.29 +- 0.18, -0.24 +- 0.15, 0.00 +- 0.18 and 0.02 +- 0.41 mm, of which the beam's width makes -0.2 to -0.1.
         let found = centroid(&prism(nm), &options(256, 32, 8).caustics(Caustics::On));
         println!("{nm} nm: {found:.4} m, by Snell's law {place:.4} m");
         assert!((found - place).abs() < 2e-3, "{nm} nm: {found} {place}");
@@ -325,19 +330,11 @@ fn what_cannot_be_told_by_wavelength_is_refused() {
         let result = compile(scene, &CompileOptions { shading, ..CompileOptions::default() });
         result.err().map(|error| error.to_string()).unwrap_or_default()
     };
-    let milk = |extinction: [f32; 3]| {
-        let mut scene = grey_room();
-        let body = Material {
-            medium: Some(Medium::scattering(extinction)),
-            ..Material::new("milk", Model::Boundary {})
-        };
-        let body: MaterialId = material(&mut scene, body);
-        sphere(&mut scene, [0.0; 3], 0.2, body);
-        scene
-    };
-    assert_eq!(refused(&milk([2.0; 3])), "");
-    let error = refused(&milk([2.0, 1.0, 0.5]));
-    assert!(error.contains("milk") && error.contains("wavelength"), "{error}");
+    let mut scene = grey_room();
+    assert_eq!(refused(&scene), "");
+    scene.quads[0].traits.is_shadow_catcher = true;
+    let error = refused(&scene);
+    assert!(error.contains("shadow catchers") && error.contains("wavelength"), "{error}");
 }
 
 /// The same picture whatever the threads and the CPU.

@@ -95,7 +95,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 }
 
 fn read(exported: &Exported, options: &LoadOptions) -> Result<Loaded> {
-    let options = &scene_file::sidecar::with_shutter(&exported.model, options);
+    let options = &scene_file::sidecar::asked_first(&exported.model, options);
     let mut loaded = gltf::load(&exported.model, options)?;
     let beside = scene_file::sidecar::path_for(&exported.model);
     if beside.is_file() {

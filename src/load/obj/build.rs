@@ -4,6 +4,7 @@
 use super::statements::{MaterialName, Piece, Statements};
 use crate::color::linear_from_srgb;
 use crate::load::polygon::triangulate;
+use crate::load::subdivide::Cage;
 use crate::math::DVec3;
 use crate::scene::Mesh;
 use std::collections::HashMap;
@@ -23,6 +24,8 @@ pub(super) struct Object {
     pub mesh: Mesh,
     /// Runs of triangles, each material once.
     pub runs: Vec<Run>,
+    /// Its polygons and the material of each, where they are kept; materials of the cage are not known yet.
+    pub cage: Option<(Cage, Vec<MaterialName>)>,
     /// Vertices whose normal comes from a smoothing group: vertex, position of the file, group.
     smooth: Vec<(u32, u32, u32)>,
 }
@@ -50,6 +53,25 @@ pub(super) fn objects(models: Vec<tobj::Model>, statements: &Statements) -> Vec<
         }
     }
     objects
+}
+
+/// Says which objects share points, where polygons are kept: each is subdivided for itself.
+pub(super) fn shared_points(objects: &[Object]) -> Option<String> {
+    let mut owners: HashMap<u32, usize> = HashMap::new();
+    for (number, object) in objects.iter().enumerate() {
+        let (cage, _) = object.cage.as_ref()?;
+        for &point in &cage.points {
+            let owner = *owners.entry(point).or_insert(number);
+            if owner != number {
+                let names = [owner, number].map(|i| &objects[i].mesh.name);
+                return Some(format!(
+                    "objects or groups share points, such as '{}' and '{}': each is subdivided for itself, with an edge where they meet",
+                    names[0], names[1]
+                ));
+            }
+        }
+    }
+    None
 }
 
 struct Builder<'s> {
@@ -83,7 +105,8 @@ impl Builder<'_> {
             mesh.uv_sets.push(Vec::with_capacity(mesh.positions.capacity()));
         }
         let is_flat = pieces.iter().all(Piece::is_flat);
-        let mut object = Object { mesh, runs: Vec::new(), smooth: Vec::new() };
+        let cage = self.statements.keeps_polygons.then(Default::default);
+        let mut object = Object { mesh, runs: Vec::new(), cage, smooth: Vec::new() };
         let mut is_colored = false;
         for (piece, model) in pieces.iter().zip(models) {
             let triangles = self.triangles(&model, &mut object);
@@ -91,10 +114,14 @@ impl Builder<'_> {
             is_colored |= numbers.iter().any(|&n| (n as usize) < self.statements.colors.len());
             let part = Part { piece, model, triangles, numbers };
             self.add_to_group(&part);
+            object.add_polygons(&part, &self.statements.colors);
             object.add(&part, is_flat, &self.statements.colors);
         }
         if !is_colored {
             object.mesh.colors = Vec::new();
+        }
+        if let Some((cage, _)) = &mut object.cage {
+            cage.finish(&object.mesh);
         }
         object.runs = each_material_once(&mut object.mesh.triangles, object.runs);
         object
@@ -112,6 +139,9 @@ impl Builder<'_> {
             let (corners, behind) = rest.split_at(arities.next().map_or(3, |&n| n as usize));
             rest = behind;
             self.begin_face((first + triangles.len()) as u32, &mut object.runs);
+            if let Some((_, materials)) = &mut object.cage {
+                materials.push(self.material);
+            }
             if let [a, b, c] = *corners {
                 triangles.push([a, b, c]);
                 continue;
@@ -135,7 +165,7 @@ impl Builder<'_> {
 
     /// The numbers of a model's vertices, if they were noted.
     fn numbers(&mut self, piece: &Piece, model: &tobj::Mesh) -> Vec<u32> {
-        if piece.group.is_none() && self.statements.colors.is_empty() {
+        if !self.statements.notes_corners(piece.group) {
             return Vec::new();
         }
         let (noted, rest) = self.corners.split_at(model.indices.len());
@@ -173,6 +203,27 @@ impl Part<'_> {
 }
 
 impl Object {
+    /// Appends the polygons of a part to the cage.
+    fn add_polygons(&mut self, part: &Part, colors: &[[f32; 3]]) {
+        let Some((cage, _)) = &mut self.cage else { return };
+        let Part { model, numbers, .. } = part;
+        let base = cage.mesh.positions.len() as u32;
+        cage.mesh.positions.extend_from_slice(model.positions.as_chunks::<3>().0);
+        cage.points.extend_from_slice(numbers);
+        if !self.mesh.uv_sets.is_empty() {
+            cage.mesh.uv_sets.resize_with(1, Vec::new);
+            cage.mesh.uv_sets[0].extend((0..numbers.len()).map(|v| texture_coordinates(model, v)));
+        }
+        if !colors.is_empty() {
+            cage.mesh.colors.extend(numbers.iter().map(|&number| vertex_color(colors, number)));
+        }
+        cage.corners.extend(model.indices.iter().map(|v| base + v));
+        match model.face_arities.is_empty() {
+            true => cage.arities.extend(vec![3; model.indices.len() / 3]),
+            false => cage.arities.extend_from_slice(&model.face_arities),
+        }
+    }
+
     /// Appends a part. Where flat faces meet smooth ones in a mesh, each corner of the flat ones gets a vertex of its own.
     fn add(&mut self, part: &Part, is_flat: bool, colors: &[[f32; 3]]) {
         let Part { piece, model, triangles, numbers } = part;
@@ -197,18 +248,23 @@ impl Object {
             self.smooth.extend(numbers.iter().zip(base..).map(|(&number, v)| (v, number, group)));
         }
         if let Some(set) = mesh.uv_sets.first_mut() {
-            let uvs = model.texcoords.as_chunks::<2>().0;
-            // The file's v grows upwards.
-            set.extend(of_vertices.clone().map(|v| uvs.get(v).map_or([0.0, 1.0], |[u, v]| [*u, 1.0 - v])));
+            set.extend(of_vertices.clone().map(|v| texture_coordinates(model, v)));
         }
         if !colors.is_empty() {
-            let color = |v: usize| colors.get(numbers[v] as usize).copied().unwrap_or([1.0; 3]);
-            mesh.colors.extend(of_vertices.map(|v| {
-                let [r, g, b] = color(v).map(linear_from_srgb);
-                [r, g, b, 1.0]
-            }));
+            mesh.colors.extend(of_vertices.map(|v| vertex_color(colors, numbers[v])));
         }
     }
+}
+
+/// Of a vertex, 0 where the file has none. The file's v grows upwards.
+fn texture_coordinates(model: &tobj::Mesh, vertex: usize) -> [f32; 2] {
+    model.texcoords.as_chunks::<2>().0.get(vertex).map_or([0.0, 1.0], |[u, v]| [*u, 1.0 - v])
+}
+
+/// The linear colour of a position of the file, white where it has none.
+fn vertex_color(colors: &[[f32; 3]], number: u32) -> [f32; 4] {
+    let [r, g, b] = colors.get(number as usize).copied().unwrap_or([1.0; 3]).map(linear_from_srgb);
+    [r, g, b, 1.0]
 }
 
 /// Sorts triangles so that each material has one run, in the order in which materials first appear.

@@ -23,7 +23,6 @@ pub(in crate::load) use files::find as find_file;
 use super::shapes::Repairs;
 use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
-use crate::gauge::Gauge;
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, Material, MaterialId, MeshId, MeshPart};
 use build::Object;
@@ -39,14 +38,14 @@ use std::path::{Path, PathBuf};
 /// Reads an OBJ file and its material libraries: a mesh for each object and group.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
-    let (mut objects, mut statements) = read(path, DVec3::ZERO, &options.gauge)?;
+    let (mut objects, mut statements) = read(path, DVec3::ZERO, options)?;
     let points = statements.cloud();
     let origin = match objects.is_empty() {
         false => far::origin(objects.iter().flat_map(|o| &o.mesh.positions)),
         true => far::origin(cloud::positions(path, &points)?.iter()),
     };
     if origin != DVec3::ZERO {
-        (objects, statements) = read(path, origin, &options.gauge)?;
+        (objects, statements) = read(path, origin, options)?;
     }
     let mut loaded = Loaded { up_hint: up_hint(path), ..Loaded::default() };
     loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
@@ -66,6 +65,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
         ids: HashMap::new(),
     };
     let mut repairs = Repairs::default();
+    loaded.warnings.extend(build::shared_points(&objects).map(|what| Warning::new(path, "", what)));
     for object in objects {
         add(object, &mut palette, &mut loaded, &mut repairs);
     }
@@ -128,7 +128,7 @@ fn up_hint(path: &Path) -> UpHint {
 ///
 /// # Errors
 /// An input error with all problems of the file.
-fn read(path: &Path, origin: DVec3, gauge: &Gauge) -> Result<(Vec<Object>, Statements)> {
+fn read(path: &Path, origin: DVec3, options: &LoadOptions) -> Result<(Vec<Object>, Statements)> {
     let unreadable = |e| Error::input(path, format!("can't be read: {e}"));
     let mut file = File::open(path).map_err(unreadable)?;
     let mut start = Vec::new();
@@ -137,10 +137,11 @@ fn read(path: &Path, origin: DVec3, gauge: &Gauge) -> Result<(Vec<Object>, State
         return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
     }
     // Corners with the same indices become one vertex; polygons stay what they are.
-    let options = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
+    let even = tobj::LoadOptions { single_index: true, ..tobj::LoadOptions::default() };
+    let cleaner = Statements::around(origin, options.keeps_polygons);
     let no_library = |_: &Path| Err(tobj::LoadError::OpenFileFailed);
-    let (models, statements) = by_tobj(Counted::new(file, gauge), Statements::around(origin), |reader| {
-        tobj::load_obj_buf(reader, &options, no_library).map(|(models, _)| models)
+    let (models, statements) = by_tobj(Counted::new(file, &options.gauge), cleaner, |reader| {
+        tobj::load_obj_buf(reader, &even, no_library).map(|(models, _)| models)
     })
     .map_err(|message| Error::input(path, message))?;
     let problems = statements.problems();
@@ -155,7 +156,7 @@ fn read(path: &Path, origin: DVec3, gauge: &Gauge) -> Result<(Vec<Object>, State
 
 /// Adds an object to the scene; the number of triangles that had to be dropped.
 fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut Repairs) {
-    let Object { mut mesh, runs, .. } = object;
+    let Object { mut mesh, runs, cage, .. } = object;
     let total = mesh.triangles.len() as u32;
     let ends: Vec<u32> = runs.iter().skip(1).map(|r| r.first_triangle).chain([total]).collect();
     let kept = |from: u32, to: u32| {
@@ -172,6 +173,10 @@ fn add(object: Object, palette: &mut Palette, loaded: &mut Loaded, repairs: &mut
         let material = palette.id(run.material, has_colors, loaded);
         mesh.parts.push(MeshPart { first_triangle, triangle_count, material });
         first_triangle += triangle_count;
+    }
+    if let Some((mut cage, names)) = cage {
+        cage.materials = names.into_iter().map(|name| palette.id(name, has_colors, loaded)).collect();
+        loaded.polygons.keep(MeshId(loaded.scene.meshes.len() as u32), cage);
     }
     let scene = &mut loaded.scene;
     if mesh.name.is_empty() {

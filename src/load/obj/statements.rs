@@ -58,7 +58,8 @@ pub(super) struct Statements {
     pub objects: Vec<String>,
     /// Where another material begins: number of the face in the file, and the material.
     pub runs: Vec<(usize, MaterialName)>,
-    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours.
+    /// The position, from 0, of each corner in turn, of pieces with a smoothing group; of all where there are colours, or polygons
+    /// are kept.
     pub corners: Vec<u32>,
     /// Colours of the first positions as in the file, white where there is none.
     pub colors: Vec<[f32; 3]>,
@@ -68,6 +69,8 @@ pub(super) struct Statements {
     pub libraries: Vec<(String, usize)>,
     /// Positions that are points (`p`), from 0.
     pub points: Vec<u32>,
+    /// Polygons are kept, of whole objects: groups within them are no objects of their own.
+    pub keeps_polygons: bool,
     /// What is subtracted from positions.
     origin: DVec3,
     /// The vertices have gone by.
@@ -119,8 +122,13 @@ impl Clean for Statements {
 
 impl Statements {
     /// For a file whose positions are to be relative to an origin.
-    pub fn around(origin: DVec3) -> Statements {
-        Statements { origin, ..Statements::default() }
+    pub fn around(origin: DVec3, keeps_polygons: bool) -> Statements {
+        Statements { origin, keeps_polygons, ..Statements::default() }
+    }
+
+    /// Are the positions of a piece's corners noted?
+    pub fn notes_corners(&self, group: Option<u32>) -> bool {
+        group.is_some() || !self.colors.is_empty() || self.keeps_polygons
     }
 
     /// `v x y z`, `v x y z w`, `v x y z r g b`, `vt u`, `vt u v`, `vt u v w` and `vn x y z`.
@@ -198,6 +206,7 @@ impl Statements {
                 self.object = decoded(words.rest());
                 self.begin();
             }
+            b"g" if self.keeps_polygons && !self.object.is_empty() => {}
             b"g" => {
                 self.group_name = decoded(words.rest());
                 self.begin();
@@ -276,7 +285,7 @@ impl Statements {
                 out.extend(b"o\n");
             }
         }
-        if group.is_some() || !self.colors.is_empty() {
+        if self.notes_corners(group) {
             self.corners.extend(self.face.iter().map(|c| c[0] - 1));
         }
         if self.runs.last().is_none_or(|r| r.1 != self.material) {

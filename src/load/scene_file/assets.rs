@@ -29,6 +29,8 @@ pub(super) struct Assets {
     files: HashMap<PathBuf, Option<Asset>>,
     /// Files that some object places with their own materials.
     with_materials: HashSet<PathBuf>,
+    /// Files that some object subdivides.
+    with_polygons: HashSet<PathBuf>,
     /// Copies of meshes with smooth normals, by the mesh and the bits of the angle of creases.
     smooth: HashMap<(MeshId, u64), MeshId>,
 }
@@ -37,6 +39,11 @@ impl Assets {
     /// Says that a file will be placed with its own materials. To be called for all of them before the first is read.
     pub fn expect_materials(&mut self, build: &Build, name: &str) {
         self.with_materials.insert(key(&beside(build, name)));
+    }
+
+    /// Says that a file will be subdivided. To be called for all of them before the first is read.
+    pub fn expect_polygons(&mut self, build: &Build, name: &str) {
+        self.with_polygons.insert(key(&beside(build, name)));
     }
 
     /// What a file brings, with smooth normals by an angle of creases in radians; `None` where it has problems, which have been
@@ -94,7 +101,9 @@ impl Assets {
         span: &Range<usize>,
         geometry_only: bool,
     ) -> Option<Loaded> {
-        let options = LoadOptions { geometry_only, shutter: build.shutter, ..build.options.clone() };
+        let keeps_polygons = self.with_polygons.contains(&key(path));
+        let options =
+            LoadOptions { geometry_only, keeps_polygons, shutter: build.shutter, ..build.options.clone() };
         match read(path, &options) {
             Ok(loaded) => Some(loaded),
             Err(e) => {
@@ -176,6 +185,8 @@ fn absorb(build: &mut Build, path: &Path, mut loaded: Loaded) -> Asset {
         });
         scene.materials.push(material);
     }
+    build.loaded.polygons.absorb(loaded.polygons, shift.mesh, shift.material);
+    let scene = &mut build.loaded.scene;
     for mut mesh in meshes {
         mesh.parts.iter_mut().for_each(|p| p.material.0 += shift.material);
         scene.meshes.push(mesh);

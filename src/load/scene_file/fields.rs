@@ -77,6 +77,11 @@ impl<'a> Fields<'a> {
         Fields { what: what.into(), table, span, known: RefCell::new(Vec::new()), problems }
     }
 
+    /// What the table is, in words.
+    pub fn what(&self) -> &str {
+        &self.what
+    }
+
     /// Where the table is.
     pub fn span(&self) -> Range<usize> {
         self.span.clone()

@@ -9,6 +9,9 @@
 //! | `emission` | 0 | radiance that each metre adds |
 //! | `grid` | none | `.vdb` or `.vol` file of factors on the density, and on the emission, in solids only; `density` is one number then, and with `density = 0` the grid shines without hiding anything |
 //! | `grid_name` | `density`, or the only one | which grid of a `.vdb` file |
+//! | `emission_grid` | none | another grid of the `.vdb` file, such as `flame` (beside a `.vol` file, another such file): factors on the emission in place of those of `grid` |
+//! | `temperature_grid` | none | another grid, likewise, such as `temperature`: it shines as a black body; `emission` is what each metre of 1500 K adds, and hotter ones more by Planck's law: some 15 times as much at 1800 K |
+//! | `temperature` | 1 | kelvins where `temperature_grid` is 1, which is right for grids of kelvins; for those of 0 to 1, such as Blender's, 1500 to 2500 |
 //! | `up` | `y` | axis of a `.vdb` file that points up: `z` in those of Blender |
 //! | `min`, `max` | the file's | corners of the box that the grid fills, in the world; outside it nothing is |
 //!
@@ -37,10 +40,11 @@
 //! A mesh with edges has no inside: it gets a diffuse base of the `color`, and a warning says so.
 
 use super::build::Build;
-use super::fields::Fields;
+use super::fields::{Fields, Placed};
 use crate::load::grid;
 use crate::math::DVec3;
-use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Grid, Medium, PbrMaterial};
+use crate::scene::{ColorSlot, DiffuseTransmission, FloatSlot, Fog, Glow, Grid, Medium, PbrMaterial};
+use std::path::Path;
 
 /// Most that an extinction coefficient may be: flights in denser media are shorter than positions are precise.
 const MOST_DENSITY: f32 = 1e9;
@@ -51,9 +55,11 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     let corners = [fields.vector("min"), fields.vector("max")];
     let name = fields.string("grid_name").map(|name| name.value);
     let is_z_up = fields.choice("up", &[("y", false), ("z", true)]).unwrap_or(false);
+    let glow = GlowKeys::read(fields);
     let Some(file) = fields.string("grid") else {
-        if corners.iter().any(Option::is_some) || name.is_some() || is_z_up {
-            let message = "'min', 'max', 'grid_name' and 'up' are about a 'grid'";
+        if corners.iter().any(Option::is_some) || name.is_some() || is_z_up || glow.is_given() {
+            let message =
+                "'min', 'max', 'grid_name', 'up', 'emission_grid' and 'temperature_grid' are about a 'grid'";
             fields.problems.push(fields.span(), message);
         }
         return medium;
@@ -63,12 +69,82 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
     build.options.files.note(&path);
     match grid::read(&path, grid::Choice { name, is_z_up }) {
         Ok(grid) => {
+            let own = (grid.min, grid.max);
             let grid = Grid { min: min.unwrap_or(grid.min), max: max.unwrap_or(grid.max), ..grid };
-            Medium { grid: Some(build.loaded.scene.add_grid(grid)), ..medium }
+            let place = Place { own, given: (grid.min, grid.max), is_z_up };
+            let grid = Some(build.loaded.scene.add_grid(grid));
+            Medium { grid, glow: glow.of_file(build, fields, &path, place), ..medium }
         }
         Err(e) => {
             fields.problems.push(file.span, e);
             medium
+        }
+    }
+}
+
+/// The keys of what shines by a grid of its own.
+struct GlowKeys<'a> {
+    factors: Option<Placed<&'a str>>,
+    heat: Option<Placed<&'a str>>,
+    kelvin: Option<f32>,
+}
+
+/// Where a grid stands: by its file, and as the scene file says.
+struct Place {
+    own: (DVec3, DVec3),
+    given: (DVec3, DVec3),
+    is_z_up: bool,
+}
+
+impl<'a> GlowKeys<'a> {
+    fn read(fields: &Fields<'a>) -> GlowKeys<'a> {
+        let kelvin =
+            fields.has("temperature").then(|| fields.number_in("temperature", 1e-6..1e6, 1.0) as f32);
+        let keys = GlowKeys {
+            factors: fields.string("emission_grid"),
+            heat: fields.string("temperature_grid"),
+            kelvin,
+        };
+        if keys.factors.is_some() && keys.heat.is_some() {
+            let message = "'emission_grid' and 'temperature_grid' both say where it shines: leave one out";
+            fields.problems.push(fields.span(), message);
+        }
+        if keys.kelvin.is_some() && keys.heat.is_none() {
+            fields.problems.push(fields.span(), "'temperature' is about a 'temperature_grid'");
+        }
+        if keys.is_given() && !fields.has("emission") {
+            let message =
+                "'emission_grid' and 'temperature_grid' say where the medium shines, but not how much";
+            fields.problems.push_help(fields.span(), message, "add 'emission', such as 10");
+        }
+        keys
+    }
+
+    fn is_given(&self) -> bool {
+        self.factors.is_some() || self.heat.is_some()
+    }
+
+    /// The grid of the file that it names; it stands where that of densities does by the file, moved as that one is.
+    fn of_file(self, build: &mut Build, fields: &Fields, path: &Path, place: Place) -> Option<Glow> {
+        let kelvin = self.heat.is_some().then(|| self.kelvin.unwrap_or(1.0));
+        let name = self.heat.or(self.factors)?;
+        let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
+        let (file, choice) = match is_vdb {
+            true => (path.to_path_buf(), grid::Choice { name: Some(name.value), is_z_up: place.is_z_up }),
+            false => (build.file.parent().unwrap_or(build.file).join(name.value), grid::Choice::default()),
+        };
+        build.options.files.note(&file);
+        match grid::read(&file, choice) {
+            Ok(grid) => {
+                let scale = (place.given.1 - place.given.0) / (place.own.1 - place.own.0);
+                let moved = |p: DVec3| place.given.0 + (p - place.own.0) * scale;
+                let grid = Grid { min: moved(grid.min), max: moved(grid.max), ..grid };
+                Some(Glow { grid: build.loaded.scene.add_grid(grid), kelvin })
+            }
+            Err(e) => {
+                fields.problems.push(name.span, e);
+                None
+            }
         }
     }
 }
@@ -87,6 +163,7 @@ fn medium(fields: &Fields) -> Medium {
         anisotropy: anisotropy(fields),
         emission: fields.color("emission").map_or([0.0; 3], |c| c.value),
         grid: None,
+        glow: None,
     }
 }
 

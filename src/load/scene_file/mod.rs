@@ -44,6 +44,7 @@ mod settings;
 mod shutter;
 pub mod sidecar;
 mod spectra;
+mod subdivided;
 mod textures;
 mod transform;
 mod visibility;

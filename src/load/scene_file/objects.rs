@@ -11,6 +11,8 @@
 //!
 //! `smooth = 30` gives a `mesh` without normals smooth ones, of any type; edges where faces meet at more degrees stay sharp.
 //!
+//! `subdivide = 2` makes smooth surfaces of the polygons of a `mesh` (`oscura help subdivision`).
+//!
 //! `visible_to = ["camera", "diffuse", "glossy", "transmission", "volume", "shadow"]` lists the kinds of rays that see an
 //! object, by default all: rays of other kinds pass it, and get no light of it. `visible_to_camera = false` leaves out
 //! the camera. What `shadow` rays don't see casts no shadow. With `holdout = true` the picture is transparent where the
@@ -25,7 +27,7 @@ use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};
 use super::textures::Textures;
-use super::{overrides, round, visibility};
+use super::{overrides, round, subdivided, visibility};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
 use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
@@ -52,6 +54,9 @@ pub(super) fn read<'a>(
         let file = table.get("mesh").and_then(|v| v.get_ref().as_str());
         if let Some(file) = file.filter(|_| !table.contains_key("material")) {
             assets.expect_materials(build, file);
+        }
+        if let Some(file) = file.filter(|_| table.contains_key("subdivide")) {
+            assets.expect_polygons(build, file);
         }
     }
     for (i, value) in list.iter().enumerate() {
@@ -158,7 +163,13 @@ fn add_mesh(
 ) {
     let Some(file) = fields.string("mesh") else { return };
     let crease = fields.has("smooth").then(|| fields.number_in("smooth", 0.0..180.0, 0.0).to_radians());
-    let Some(asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
+    let how = subdivided::read(fields);
+    let Some(mut asset) = assets.get(build, file.value, file.span.clone(), crease) else { return };
+    if let Some(how) = how {
+        for i in &mut asset.to_mut().instances {
+            i.mesh = subdivided::mesh(build, fields, i.mesh, i.motion, how).unwrap_or(i.mesh);
+        }
+    }
     let scene = &mut build.loaded.scene;
     for i in &asset.instances {
         let world_from_object = object.world_from_object * i.world_from_object;

@@ -5,7 +5,8 @@ use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
 use super::textures::Textures;
-use super::visibility;
+use super::{subdivided, visibility};
+use crate::scene::Instance;
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -26,8 +27,8 @@ pub(super) fn objects<'a>(
     }
 }
 
-/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`, or
-/// the `light_group` of what they emit; to which rays (see [`super::visibility`]).
+/// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`,
+/// the `light_group` of what they emit, subdivided meshes; to which rays (see [`super::visibility`]).
 pub(super) fn object<'a>(
     build: &mut Build,
     fields: &Fields<'a>,
@@ -40,6 +41,7 @@ pub(super) fn object<'a>(
     let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
     let traits = visibility::traits(fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
+    let subdivision = subdivided::read(fields);
     fields.finish();
     let scene = &mut build.loaded.scene;
     let is_meant = |path: &str| is_on_path(name, path);
@@ -69,6 +71,17 @@ pub(super) fn object<'a>(
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
         own.for_each(|instance| instance.traits = traits);
     }
+    if let Some(how) = subdivision {
+        let own: Vec<usize> =
+            (0..scene.instances.len()).filter(|&i| is_meant(&scene.instances[i].name)).collect();
+        for i in own {
+            let Instance { mesh, motion, .. } = build.loaded.scene.instances[i];
+            if let Some(mesh) = subdivided::mesh(build, fields, mesh, motion, how) {
+                build.loaded.scene.instances[i].mesh = mesh;
+            }
+        }
+    }
+    let scene = &mut build.loaded.scene;
     if let Some(material) = material {
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
         own.for_each(|instance| instance.material = Some(material));

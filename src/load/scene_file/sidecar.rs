@@ -6,7 +6,7 @@
 //! | `[environment]` | the world |
 //! | `[[lights]]`, `[[objects]]` | more of both, with `[materials.NAME]` and `[textures.NAME]` |
 //! | `[materials.NAME]` of a material of the model | changes it: with a `type` all of it, else what the keys of type `pbr` say; `alpha` = `"opaque"`, `"mask"` or `"blend"` decides what the alpha of its base colour does; `visible_to_camera` = false hides it from the camera, and from nothing else; `visible_to` lists the rays that see it, as for objects of scene files |
-//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as for objects of scene files; among `[[objects]]`, `node = "NAME"` says which node is meant |
+//! | `[objects.NAME]` | changes what a node of the model and all nodes below it show: `hidden = true` leaves it out (lights, too), `material = "NAME"` gives it a material of the file or of the model, `light_group = "NAME"` puts its lights and what it emits into a group; `subdivide = N` subdivides its meshes, as for objects of scene files; `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as for objects of scene files; among `[[objects]]`, `node = "NAME"` says which node is meant |
 //! | `[camera]` with `look_from` | a camera before those of the model |
 //! | `[camera]` otherwise | depth of field, `shift` and `type` with its keys (panoramas ...), as of scene files, of the model's cameras, or only of that called `name`; `shutter` and `shutter_position`; with `default = true` it comes before the others; `width`, `height` |
 //! | `[[camera]]` | the same for several cameras, each by its name |
@@ -18,7 +18,7 @@ use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
 use super::parts::{read_parts, read_text};
-use super::{placement, shutter};
+use super::{placement, shutter, subdivided};
 use crate::error::{Choice, Result, Warning};
 use crate::load::{LoadOptions, Loaded};
 use std::path::{Path, PathBuf};
@@ -42,16 +42,17 @@ pub(in crate::load) fn apply(path: &Path, options: &LoadOptions, loaded: &mut Lo
     Ok(())
 }
 
-/// With what the file beside a model says about the shutter and the nodes where its lights stand, which is to be known before the
-/// model is read. What is wrong with the file is found later.
-pub(in crate::load) fn with_shutter(model: &Path, options: &LoadOptions) -> LoadOptions {
+/// With what the file beside a model says about the shutter, the nodes where its lights stand and subdivision, which is to be known
+/// before the model is read. What is wrong with the file is found later.
+pub(in crate::load) fn asked_first(model: &Path, options: &LoadOptions) -> LoadOptions {
     let Ok(text) = read_text(&path_for(model), options) else { return options.clone() };
     let problems = Problems::new(&text);
     let (root, _) = DeTable::parse_recoverable(&text);
     let root = Fields::new("the file", root.get_ref(), 0..0, &problems);
     let shutter = shutter::chosen(options.shutter, &root);
     let lit_nodes = options.lit_nodes.iter().cloned().chain(placement::nodes_of_lights(&root)).collect();
-    LoadOptions { shutter, lit_nodes, ..options.clone() }
+    let keeps_polygons = options.keeps_polygons || subdivided::is_asked(&root);
+    LoadOptions { shutter, lit_nodes, keeps_polygons, ..options.clone() }
 }
 
 /// What was added, in words.

@@ -24,6 +24,20 @@ pub(super) fn check_medium(
     let is_met = medium.anisotropy.abs() < 1.0;
     findings.require(is_met, place, "anisotropy", medium.anisotropy, "above -1 and below 1");
     findings.require_color(&medium.emission, place, "emission");
+    if let Some(glow) = medium.glow {
+        findings.require(
+            medium.grid.is_some(),
+            place,
+            "glow",
+            glow.grid,
+            "none where there is no grid of densities",
+        );
+        if grids.get(glow.grid.index()).is_none() {
+            findings.reject(place, "glow", glow.grid, "one of the scene's grids");
+        }
+        let is_met = glow.kelvin.is_none_or(|kelvin| (1e-6..=1e6).contains(&kelvin));
+        findings.require(is_met, place, "kelvin", glow.kelvin, "from 1e-6 to 1e6");
+    }
     let Some(id) = medium.grid else { return };
     let Some(grid) = grids.get(id.index()) else {
         return findings.reject(place, "grid", id, "one of the scene's grids");

@@ -180,7 +180,7 @@ fn lights_cameras_shapes_and_settings() {
 
 #[test]
 fn media_are_checked() {
-    use crate::scene::{Fog, Grid, GridId, Medium};
+    use crate::scene::{Fog, Glow, Grid, GridId, Medium};
     let good = Medium::scattering([1.0; 3]);
     let grid = |values: &[f32], size| {
         let (name, min, max) = ("smoke".to_string(), DVec3::ZERO, DVec3::ONE);
@@ -196,7 +196,13 @@ fn media_are_checked() {
     let gridded = Medium { grid: Some(GridId(0)), ..good };
     assert!(with(gridded, one(&[1.0])).is_empty());
     assert!(with(Medium { emission: [1.0; 3], ..gridded }, one(&[1.0])).is_empty());
+    let hot = |grid, kelvin| Some(Glow { grid: GridId(grid), kelvin });
+    assert!(with(Medium { glow: hot(0, Some(1500.0)), ..gridded }, one(&[1.0])).is_empty());
     for (medium, grids, words) in [
+        (Medium { glow: hot(0, None), ..good }, one(&[1.0]), "none where there is no grid"),
+        (Medium { glow: hot(1, None), ..gridded }, one(&[1.0]), "one of the scene's grids"),
+        (Medium { glow: hot(0, Some(0.0)), ..gridded }, one(&[1.0]), "kelvin"),
+        (Medium { glow: hot(0, Some(f32::NAN)), ..gridded }, one(&[1.0]), "kelvin"),
         (Medium { extinction: [1.0, -0.1, 1.0], ..good }, Vec::new(), "extinction"),
         (Medium { extinction: [f32::NAN; 3], ..good }, Vec::new(), "extinction"),
         (Medium { albedo: [1.1; 3], ..good }, Vec::new(), "albedo"),

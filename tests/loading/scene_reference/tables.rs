@@ -323,6 +323,24 @@ pub const TABLES: &[Table] = &[
         &[("grid_name", "\"density\"", "\"temperature\""), ("up", "\"y\"", "\"z\"")],
     ),
     lines("medium", before!(material "medium"), &[("emission", "0.3", "0.4"), ("priority", "1", "-2")]),
+    lines(
+        "medium",
+        concat!(before!(material "medium"), "grid = \"smoke.vdb\"\nemission = 3\n"),
+        &[("emission_grid", "\"density\"", "\"temperature\"")],
+    ),
+    lines(
+        "medium",
+        concat!(before!(material "medium"), "grid = \"one.vol\"\nemission = 3\n"),
+        &[("temperature_grid", "\"one.vol\"", "\"two.vol\"")],
+    ),
+    lines(
+        "medium",
+        concat!(
+            before!(material "medium"),
+            "grid = \"smoke.vdb\"\nemission = 3\ntemperature_grid = \"temperature\"\n"
+        ),
+        &[("temperature", "1000", "2000")],
+    ),
     lines("dielectric", before!(material "dielectric"), &[("fresnel", "\"schlick\"", "\"exact\"")]),
     lines(
         "emissive",

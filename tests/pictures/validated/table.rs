@@ -6,11 +6,11 @@ use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Grid,
-    GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile, Mapping,
-    Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap, ObjectTraits,
-    PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade,
-    Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Glow,
+    Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile,
+    Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
+    ObjectTraits, PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen,
+    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -46,7 +46,8 @@ impl Mutate for RayKinds {
 ids! { GridId ImageId MaterialId MeshId TextureId }
 
 structs! {
-    Medium { extinction, albedo, anisotropy, emission, grid }
+    Medium { extinction, albedo, anisotropy, emission, grid, glow }
+    Glow { grid, kelvin }
     Grid { name, size, values, min, max }
     Fog { medium, center, radius }
     Scene {

@@ -68,6 +68,21 @@ pub const ENTRIES: &[Entry] = &[
     entry("materials.toml", "materials", "the materials of scene files"),
 ];
 
+/// Those of media, motion, spectra and skies, which have a contact sheet of their own.
+pub const PHYSICS: &[Entry] = &[
+    entry("lamp-in-fog.toml", "lamps in fog", "light that single and multiple scattering carry"),
+    entry("smoke.toml", "smoke", "a grid of densities under a low sun"),
+    entry("cloud.toml", "cloud", "a grid of OpenVDB, hundreds of bounces"),
+    entry("fire.toml", "fire", "a grid of temperatures that shines as a black body"),
+    entry("wax.toml", "wax, jade, marble", "walks within solids, lit from behind"),
+    entry("flying-balls.toml", "flying balls", "motion blur of balls, a wheel and a lamp"),
+    entry("prism.toml", "prism", "dispersion by wavelength"),
+    entry("cornell-spectra.toml", "by wavelength", "the Cornell box by its measured spectra"),
+    entry("cornell-quads.toml", "by R, G and B", "the same box in red, green and blue"),
+    entry("hills.toml", "sky over hills", "a million triangles by displacement"),
+    entry("window.toml", "window", "a room lit through portals"),
+];
+
 /// The picture at the head of the README.
 pub const HERO: &str = "final-scene";
 

@@ -6,6 +6,9 @@
 //! `contact-sheet.png` and `.jpg`, `hero.jpg`, and `times.md`. `--quick` renders at a third of the size with an eighth of
 //! the samples: a try in a minute or two; `--draft` at full size with a quarter of the samples, enough for the contact sheet.
 //!
+//! `physics` among the pictures stands for all of media, motion, spectra and skies; pictures of these alone become
+//! `contact-sheet-physics.png` and `.jpg`, without a table.
+//!
 //! `--publish` also puts the hero and the contact sheet into `assets/` and the table into the guide's page on speed.
 //!
 //! It is run from anywhere: the scenes are those of the source tree it was built from.
@@ -16,7 +19,7 @@ mod sheet;
 mod shoot;
 mod table;
 
-use entries::{ENTRIES, Entry, HERO, THREADS};
+use entries::{ENTRIES, Entry, HERO, PHYSICS, THREADS};
 use image::RgbImage;
 use image::codecs::jpeg::JpegEncoder;
 use oscura::error::{Error, Result};
@@ -27,6 +30,9 @@ use std::process::ExitCode;
 use table::{Row, Threads};
 
 const JPEG_QUALITY: u8 = 82;
+
+/// The names of the contact sheets' files: that of the whole gallery, and that of `physics`.
+const SHEETS: [&str; 2] = ["contact-sheet", "contact-sheet-physics"];
 
 struct Arguments {
     folder: PathBuf,
@@ -64,15 +70,21 @@ fn parse(mut words: impl Iterator<Item = String>) -> Result<Arguments> {
             }
             option if option.starts_with('-') => return Err(usage()),
             _ if folder.is_none() => folder = Some(PathBuf::from(word)),
-            name => chosen.push(ENTRIES.iter().find(|e| e.name() == name).ok_or_else(|| unknown(name))?),
+            "physics" => chosen.extend(PHYSICS),
+            name => chosen.push(all().find(|e| e.name() == name).ok_or_else(|| unknown(name))?),
         }
     }
     let entries = if chosen.is_empty() { ENTRIES.iter().collect() } else { chosen };
     Ok(Arguments { folder: folder.ok_or_else(usage)?, entries, quality, publish })
 }
 
+/// Entries of both sheets.
+fn all() -> impl Iterator<Item = &'static Entry> {
+    ENTRIES.iter().chain(PHYSICS)
+}
+
 fn unknown(name: &str) -> Error {
-    let names: Vec<&str> = ENTRIES.iter().map(Entry::name).collect();
+    let names: Vec<&str> = all().map(Entry::name).collect();
     Error::usage(format!("there is no picture '{name}'; there are: {}", names.join(", ")))
 }
 
@@ -99,17 +111,22 @@ fn run(arguments: &Arguments) -> Result<()> {
         rows.push(Row::new(entry, &shot, quality.shrink == 1 && quality.fewer == 1));
         tiles.push(sheet::Tile::new(&shot, entry.label));
     }
+    let is_physics = arguments.entries.iter().all(|e| PHYSICS.iter().any(|p| p.scene == e.scene));
+    let name = if is_physics { SHEETS[1] } else { SHEETS[0] };
     let sheet = sheet::contact_sheet(&tiles);
-    write_jpeg(&folder.join("contact-sheet.jpg"), &sheet)?;
-    let path = folder.join("contact-sheet.png");
+    write_jpeg(&folder.join(format!("{name}.jpg")), &sheet)?;
+    let path = folder.join(format!("{name}.png"));
     let png = encode_png_rgb8(&sheet, sheet.width(), sheet.height()).map_err(|e| Error::output(&path, e))?;
     write_atomically(&path, &png)?;
+    if is_physics {
+        return if arguments.publish { publish::publish(folder, None) } else { Ok(()) };
+    }
     let threads = compare_threads(quality)?;
     let text = table::markdown(&rows, Some(&threads));
     write_atomically(folder.join("times.md"), text.as_bytes())?;
     print!("{text}");
     if arguments.publish {
-        publish::publish(folder, &text)?;
+        publish::publish(folder, Some(&text))?;
     }
     if !threads.is_equal {
         return Err(Error::usage("the number of threads changes the picture"));

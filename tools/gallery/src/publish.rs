@@ -7,19 +7,20 @@ use std::path::Path;
 const BEGIN: &str = "<!-- times: begin -->\n";
 const END: &str = "<!-- times: end -->";
 
-/// Copies `hero.jpg` (where there is one) and `contact-sheet.jpg` from a folder into `assets/`, and the table into
-/// the guide's page on speed.
+/// Copies `hero.jpg` and the contact sheets (where there are some) from a folder into `assets/`, and the table into the guide's
+/// page on speed.
 ///
 /// # Errors
 /// Where a file can't be read or written, or that page has no place for the table.
-pub fn publish(folder: &Path, table: &str) -> Result<()> {
+pub fn publish(folder: &Path, table: Option<&str>) -> Result<()> {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
-    for name in ["hero.jpg", "contact-sheet.jpg"] {
+    for name in ["hero.jpg", "contact-sheet.jpg", "contact-sheet-physics.jpg"] {
         let source = folder.join(name);
         if source.exists() {
             write_atomically(root.join("assets").join(name), &read(&source)?)?;
         }
     }
+    let Some(table) = table else { return Ok(()) };
     let page = root.join("src/guide/speed.md");
     let text = String::from_utf8_lossy(&read(&page)?).into_owned();
     let replaced = replace(&text, table)

@@ -1,6 +1,6 @@
 //! The contact sheet: all pictures small, with labels.
 
-use crate::shoot::{Shot, srgb_byte};
+use crate::shoot::Shot;
 use font8x8::legacy::BASIC_LEGACY;
 use image::{Rgb, RgbImage};
 
@@ -32,11 +32,11 @@ impl Tile {
             let mut count = 0.0;
             for (px, py) in cover(y, size[1], h).flat_map(|py| columns.clone().map(move |px| (px, py))) {
                 // Clipped before the mean: a lamp's edge shall not spread.
-                let value = shot.linear(px, py).map(|v| v.min(1.0));
+                let value = shot.linear(px, py).map(|v| v.min(shot.most()));
                 sum = std::array::from_fn(|c| sum[c] + value[c]);
                 count += 1.0;
             }
-            Rgb(sum.map(|s| srgb_byte(s / count)))
+            Rgb(shot.encode(sum.map(|s| s / count)))
         });
         Tile { picture, label: label.to_string() }
     }

@@ -35,6 +35,8 @@ pub struct Shot {
     pub render_cpu_s: f64,
     /// Exposure of the PNG, stops.
     exposure: f32,
+    /// How it becomes colours to look at.
+    view: ViewTransform,
 }
 
 impl Shot {
@@ -51,6 +53,7 @@ impl Shot {
         let loaded = oscura::load(path)?;
         let ([width, height], samples) = size_and_samples(&loaded.scene, quality, path)?;
         let exposure = loaded.scene.settings.exposure.unwrap_or(0.0);
+        let view = loaded.scene.settings.view.as_deref().and_then(ViewTransform::from_name);
         let mut rendering = Renderer::new(loaded).size(width, height).samples(samples).start()?;
         if let Some(warning) = rendering.warnings().first() {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));
@@ -69,6 +72,7 @@ impl Shot {
             render_s: statistics.render_s,
             render_cpu_s: statistics.render_cpu_s,
             exposure,
+            view: view.unwrap_or(ViewTransform::Srgb),
         })
     }
 
@@ -81,6 +85,16 @@ impl Shot {
             self.picture.save(folder.join(format!("{name}.{extension}")))?;
         }
         Ok(())
+    }
+
+    /// Linear RGB as 8-bit colours, by the picture's view.
+    pub fn encode(&self, linear: [f32; 3]) -> [u8; 3] {
+        self.view.encode(linear).map(|v| (v * 255.0).round().clamp(0.0, 255.0) as u8)
+    }
+
+    /// Brighter than what the view can show.
+    pub fn most(&self) -> f32 {
+        if self.view == ViewTransform::Srgb { 1.0 } else { 16.0 }
     }
 
     /// The picture on black as linear RGB times its exposure.

@@ -1,0 +1,75 @@
+//! Media that shine by a grid of their own: factors on their emission, or temperatures of black bodies.
+
+use super::density::{DensityGrid, GridRay};
+use crate::color::Rgb;
+use crate::color::spectral::{BlackBodies, Wavelengths};
+use crate::math::Vec3;
+use crate::scene::{self, Grid};
+use std::sync::Arc;
+
+/// Temperatures whose colours are known; between them colours are linear.
+const COLORS: usize = 1024;
+
+/// What the emission of a medium is taken times.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Glow {
+    grid: Arc<DensityGrid>,
+    heat: Option<Heat>,
+}
+
+/// Values of the grid are temperatures.
+#[derive(Clone, Debug, PartialEq)]
+struct Heat {
+    /// Kelvins where the grid is 1.
+    kelvin: f32,
+    bodies: BlackBodies,
+    /// Their colours from 0 to the hottest, and how many of them lie between values that are 1 apart.
+    colors: Vec<Rgb>,
+    per_value: f32,
+}
+
+impl Glow {
+    /// Of a medium, by the scene's grids.
+    pub(super) fn new(glow: scene::Glow, grids: &[Grid], prepared: &[Arc<DensityGrid>]) -> Glow {
+        let index = glow.grid.index();
+        let hottest = grids[index].values.iter().fold(0.0f32, |most, x| most.max(*x));
+        let heat = glow.kelvin.map(|kelvin| {
+            let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN.into());
+            let last = (COLORS - 1) as f32;
+            let color = |i: usize| Rgb::from_array(bodies.rgb(kelvin * hottest * (i as f32 / last)));
+            let colors = (0..COLORS).map(color).collect();
+            Heat { kelvin, colors, per_value: if hottest > 0.0 { last / hottest } else { 0.0 }, bodies }
+        });
+        Glow { grid: prepared[index].clone(), heat }
+    }
+
+    /// An estimate of the integral over metres of what emission is taken times, between two points of a ray; see
+    /// [`DensityGrid::integral`].
+    pub fn integral(
+        &self,
+        (origin, direction): (Vec3, Vec3),
+        [from, to]: [f32; 2],
+        salt: u32,
+        waves: Option<&Wavelengths>,
+    ) -> Rgb {
+        let ray: GridRay = self.grid.ray(origin, direction, 1.0);
+        match &self.heat {
+            None => Rgb::splat(self.grid.integral(&ray, from, to, salt)),
+            Some(heat) => {
+                self.grid.integral_of(&ray, [from, to], salt, Rgb::ZERO, |value| heat.at(value, waves))
+            }
+        }
+    }
+}
+
+impl Heat {
+    #[inline]
+    fn at(&self, value: f32, waves: Option<&Wavelengths>) -> Rgb {
+        if let Some(waves) = waves {
+            return waves.map(|nm| self.bodies.at(nm, value * self.kelvin));
+        }
+        let at = (value * self.per_value).clamp(0.0, (COLORS - 1) as f32);
+        let i = (at as usize).min(COLORS - 2);
+        self.colors[i] + (self.colors[i + 1] - self.colors[i]) * (at - i as f32)
+    }
+}
