@@ -10,7 +10,7 @@ use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3};
 use crate::scene::{MaterialId, Mesh, Moving, Scene};
-use crate::shape::{Analytic, Quad, Shape as _};
+use crate::shape::{Analytic, CurveSegments, Quad, Shape as _};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -96,6 +96,7 @@ pub(super) fn bake(
     }
     let world = kept.world.unwrap_or_else(|| {
         world.append_shapes(scene, materials, origin, &numbering, plan);
+        world.append_curves(scene, materials, origin, &numbering, &plan.classes);
         world.measure();
         Arc::new(world)
     });
@@ -218,6 +219,7 @@ impl Space {
             triangles: Vec::new(),
             quads: Vec::new(),
             analytic: Vec::new(),
+            curves: CurveSegments::EMPTY,
             keys: Vec::new(),
         },
         attributes: Attributes::EMPTY,
@@ -237,7 +239,7 @@ impl Space {
         for shape in &self.shapes.analytic {
             bounds = bounds.union(shape.bounds());
         }
-        self.bounds = bounds;
+        self.bounds = bounds.union(self.shapes.curves.bounds());
     }
 
     /// Appends a placed mesh to the world's own geometry.

@@ -1,10 +1,11 @@
 //! What a hit looks like: the point with its error bound, normals, texture coordinates.
 
+use super::curves::CurveAttributes;
 use super::objects::{ObjectId, Owners};
 use crate::accel;
 use crate::math::{Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma};
 use crate::shape::triangle::interpolate;
-use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
+use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
 use crate::simd::map_each;
 use std::sync::Arc;
 
@@ -25,6 +26,8 @@ pub struct Attributes {
     pub materials: Vec<u32>,
     /// Rotations that give analytic shapes their texture coordinates, by shape; empty if none needs them.
     pub object_from_world: Vec<Mat3>,
+    /// Of the points of curves.
+    pub curves: CurveAttributes,
 }
 
 /// A placed geometry other than the world's own.
@@ -122,6 +125,7 @@ pub(super) enum Primitive<'a> {
     Triangle([u32; 3]),
     Quad(&'a Quad),
     Analytic(usize, &'a Analytic),
+    Curve(usize, CurveSegment),
 }
 
 pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
@@ -134,7 +138,13 @@ pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
         Some(quad) => Primitive::Quad(quad),
         None => {
             let index = prim - shapes.quads.len();
-            Primitive::Analytic(index, &shapes.analytic[index])
+            match shapes.analytic.get(index) {
+                Some(shape) => Primitive::Analytic(index, shape),
+                None => {
+                    let index = index - shapes.analytic.len();
+                    Primitive::Curve(index, shapes.curves.get(index))
+                }
+            }
         }
     }
 }
@@ -247,6 +257,7 @@ impl Geometries {
                 triangle_surface(map_each(corners, |c| c.to_array()), hit.u, hit.v)
             }
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
+            Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
         };
         surface.material = material;
         if hit.instance != 0 {
@@ -266,6 +277,8 @@ impl Geometries {
             Primitive::Triangle(t) => vertices(&shapes.positions, t),
             Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
             Primitive::Analytic(..) => return None,
+            // Rays meet curves from outside.
+            Primitive::Curve(..) => return Some(false),
         };
         let mut ng = triangle_surface(corners, 0.0, 0.0).ng;
         if hit.instance != 0 {
@@ -321,6 +334,9 @@ impl Geometries {
                     uv_per_metre: [lies.uv_per_metre; 2],
                 }
             }
+            Primitive::Curve(index, segment) => {
+                attributes.curves.coordinates(shapes.curves.segments[index], &segment, surface, hit.u)
+            }
         }
     }
 }
@@ -335,6 +351,7 @@ impl Attributes {
         colors: Vec::new(),
         materials: Vec::new(),
         object_from_world: Vec::new(),
+        curves: CurveAttributes::EMPTY,
     };
 
     /// The rotation that gives an analytic shape its texture coordinates.

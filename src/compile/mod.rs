@@ -7,6 +7,7 @@ mod caustics;
 mod classes;
 mod compiler;
 mod content;
+mod curves;
 mod density;
 mod emitters;
 mod flat;
@@ -33,7 +34,7 @@ mod view;
 
 pub use caustics::Role;
 pub use compiler::Compiler;
-pub use content::{Fingerprint, of_mesh};
+pub use content::{Fingerprint, of_curves, of_mesh};
 pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};

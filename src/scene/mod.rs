@@ -17,6 +17,7 @@
 mod bounds;
 mod camera;
 mod construct;
+mod curves;
 mod environment;
 mod geometry;
 mod grid;
@@ -43,6 +44,7 @@ mod visibility;
 
 pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
+pub use curves::{CurveBasis, Curves};
 pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use grid::Grid;
@@ -80,6 +82,8 @@ pub struct Scene {
     pub shapes: Vec<Shape>,
     /// Analytic parallelograms.
     pub quads: Vec<Quad>,
+    /// Hair and other curves.
+    pub curves: Vec<Curves>,
     /// Materials, by [`MaterialId`].
     pub materials: Vec<Material>,
     /// Textures, by [`TextureId`].

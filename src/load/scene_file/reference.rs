@@ -32,6 +32,7 @@ pub const CHAPTERS: &[Chapter] = &[
         ],
     ),
     chapter("[[objects]]", &[include_str!("objects.rs"), include_str!("round.rs")]),
+    chapter("[[curves]]", &[include_str!("curves.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
     chapter("motion", &[include_str!("motion.rs")]),
     chapter("[[lights]]", &[include_str!("lights.rs")]),
