@@ -256,3 +256,6 @@ fn facing(n: Vec3, wo: Vec3) -> Vec3 {
     let cosine = n.dot(wo);
     if cosine >= LEAST { n } else { (n + wo * (LEAST - cosine)).try_normalize().unwrap_or(wo) }
 }
+
+#[cfg(test)]
+mod tests;

@@ -24,6 +24,7 @@ mod curves;
 mod displaced;
 mod environment;
 mod fields;
+mod hair;
 mod light_shapes;
 mod light_traits;
 mod lights;

@@ -27,6 +27,7 @@ pub const CHAPTERS: &[Chapter] = &[
         &[
             include_str!("materials.rs"),
             include_str!("metals.rs"),
+            include_str!("hair.rs"),
             include_str!("pbr.rs"),
             include_str!("displaced.rs"),
         ],
