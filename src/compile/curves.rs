@@ -15,7 +15,7 @@ use crate::shape::{CurveSegment, CurveSegments, Surface};
 use rayon::prelude::*;
 
 /// How far a piece may be from its strand, over the largest radius of its part of it.
-const ERROR: f64 = 0.05;
+const ERROR: f64 = 0.02;
 /// The square root of the area of a piece's box without its radius, over that radius, at most.
 const LARGEST_BOX: f64 = 12.0;
 /// Most pieces between two points of a strand.
