@@ -46,7 +46,7 @@ const _: () = assert!(size_of::<ShallowSlot>() / 64 % 2 == 1 && size_of::<DeepSl
 /// then. (So may be that of a piece of another curve: nothing is lost there but slivers where two of its pieces join.)
 #[inline(always)]
 pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
-    const NEAR: u32 = 32;
+    const NEAR: u32 = 256;
     id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
 }
 

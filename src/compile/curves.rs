@@ -2,7 +2,7 @@
 //!
 //! Cubic strands are cut evenly in their parameter. A piece leaves its strand by at most [`ERROR`] of the radius: the distance of a
 //! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
-//! pieces. Pieces that run askew are shortened until their boxes, which rays are tested against, are not much larger than they
+//! pieces. Points are moved outwards of bends by two thirds of that distance, so that pieces are on both sides of the strand alike. Pieces that run askew are shortened until their boxes, which rays are tested against, are not much larger than they
 //! are. Tangents are those of the strand, so that shading shows no pieces.
 
 use super::classes::Classes;
@@ -15,7 +15,9 @@ use crate::shape::{CurveSegment, CurveSegments, Surface};
 use rayon::prelude::*;
 
 /// How far a piece may be from its strand, over the largest radius of its part of it.
-const ERROR: f64 = 0.02;
+const ERROR: f64 = 0.05;
+/// How far points are moved out of bends, over the distance of chords from the strand.
+const OUTWARDS: f64 = 2.0 / 3.0;
 /// The square root of the area of a piece's box without its radius, over that radius, at most.
 const LARGEST_BOX: f64 = 12.0;
 /// Most pieces between two points of a strand.
@@ -101,7 +103,7 @@ fn pieces(span: &[Node; 4]) -> usize {
     };
     // The second derivative of a cubic is 6 times the mix of these.
     let bend = bend(span[0], span[1], span[2]).max(bend(span[1], span[2], span[3]));
-    let of_error = (6.0 / 8.0 * bend / (ERROR * radius)).sqrt();
+    let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
     let way = (span[3].p - span[0].p).abs();
     let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
     let most = MOST_PIECES as f64;
@@ -114,27 +116,39 @@ fn bezier(span: &[Node; 4], t: f64) -> Node {
     Node::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
 }
 
+/// A point of a strand, out of the bend there by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
+/// difference.
+fn moved_outwards(cuts: &[(Node, f64)], i: usize) -> DVec3 {
+    let here = cuts[i].0.p;
+    let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
+    neighbours
+        .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARDS / 8.0))
+}
+
 impl Cut {
     /// Appends a strand.
     fn strand(&mut self, basis: CurveBasis, nodes: &[Node], has_colors: bool) {
         let spans = spans(basis, nodes);
         let first = self.segments.points.len();
-        let mut add = |node: Node, along: f64| {
-            let [x, y, z] = node.p.as_vec3().to_array();
-            self.segments.points.push([x, y, z, node.radius.max(0.0) as f32]);
-            self.along.push(along as f32);
-            if has_colors {
-                self.colors.push(node.color.as_vec3().to_array());
-            }
-        };
+        let mut cuts = Vec::new();
         for (i, span) in spans.iter().enumerate() {
             let count = pieces(span);
             for k in 0..count {
                 let t = k as f64 / count as f64;
-                add(bezier(span, t), (i as f64 + t) / spans.len() as f64);
+                cuts.push((bezier(span, t), (i as f64 + t) / spans.len() as f64));
             }
         }
-        spans.last().into_iter().for_each(|span| add(span[3], 1.0));
+        cuts.extend(spans.last().map(|span| (span[3], 1.0)));
+        let is_straight = basis == CurveBasis::Linear;
+        for (i, (node, along)) in cuts.iter().enumerate() {
+            let p = if is_straight { node.p } else { moved_outwards(&cuts, i) };
+            let [x, y, z] = p.as_vec3().to_array();
+            self.segments.points.push([x, y, z, node.radius.max(0.0) as f32]);
+            self.along.push(*along as f32);
+            if has_colors {
+                self.colors.push(node.color.as_vec3().to_array());
+            }
+        }
         let points = &self.segments.points[first..];
         self.segments.tangents.extend((0..points.len()).map(|i| tangent(points, i)));
         // Without radius there is nothing to see.

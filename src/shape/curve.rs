@@ -196,8 +196,8 @@ impl CurveSegment {
         self.radii[0] + (self.radii[1] - self.radii[0]) * u
     }
 
-    /// The surface where a ray enters it, with the normal of the curve that it is a piece of: the cone's own, turned as the
-    /// curve's tangent is from the cone's axis. It is on the side of the ray's origin.
+    /// The surface where a ray enters it. The shading normal is that of the curve that it is a piece of: the cone's own, turned as
+    /// the curve's tangent is from the cone's axis, and on the side of the ray's origin.
     pub fn surface(&self, origin: Vec3, direction: Vec3) -> Surface {
         let hit = self.enter(origin.to_array(), direction.to_array());
         // A hit is found again, but for rounding of what is tangent to the surface.
@@ -209,11 +209,11 @@ impl CurveSegment {
         let own = Vec3::from(map_each(outwards, |x| x as f32)).normalize_or_zero();
         let turned = turn(own, self.chord(), self.tangent(hit.u as f32));
         let wo = -direction.normalize_or_zero();
-        let n = facing(turned, wo);
+        let ns = facing(if turned.dot(own) > 0.0 { turned } else { own }, wo);
         // Half an ulp of the sum, and what double precision loses between the ray's origin and the point.
         let far = (origin - p).abs().max_element() * 1e-14;
         let p_error = p.abs() * gamma(2) + Vec3::splat(self.radius(hit.u as f32) * gamma(4) + far);
-        Surface { p, p_error, ng: n, ns: n, material: 0 }
+        Surface { p, p_error, ng: own, ns, material: 0 }
     }
 
     /// The point of a line next to the piece's first end.

@@ -42,12 +42,16 @@ def straight(count, radius, seed):
     return np.stack([foot, foot + lean], 1), np.full((count, 2), radius)
 
 
-def write(folder, name, points, radii):
-    """The same strands for both: the formats differ by their first line."""
+def write(path, points, radii, first):
+    """Writes strands: the formats differ by their first line."""
     lines = ["\n".join(f"{x:.7g} {y:.7g} {z:.7g} {r:.7g}" for (x, y, z), r in zip(p, q)) for p, q in zip(points, radii)]
-    text = "\n\n".join(lines) + "\n"
-    (folder / f"{name}.curves").write_text("curves 1\n" + text)
-    (folder / f"{name}.txt").write_text(text)
+    path.write_text(first + "\n\n".join(lines) + "\n")
+
+
+def as_spline(points, radii, count=9):
+    """Straight strands as B-splines, which go on a little beyond their ends."""
+    t = np.linspace(-0.2, 1.2, count)[None, :, None]
+    return points[:, :1] + (points[:, 1:] - points[:, :1]) * t, np.repeat(radii[:, :1], count, 1)
 
 
 def hair(absorption, roughness, radial, tilt):
@@ -82,9 +86,13 @@ def main():
         if names and not any(n in name for n in names):
             continue
         stem = name.replace(" ", "-")
-        write(folder, stem, points, radii)
-        path = folder / f"{stem}.toml"
+        write(folder / f"{stem}.curves", points, radii, "curves 1\n")
         subject = [f'file = "{stem}.curves"', f'basis = "{basis}"', 'material = "subject"']
+        # Mitsuba's linear curves of hair are no B-splines along the same lines: light that passes them meets them again.
+        if name == "hair linear":
+            (points, radii), basis = as_spline(points, radii), "bspline"
+        write(folder / f"{stem}.txt", points, radii, "")
+        path = folder / f"{stem}.toml"
         booth.oscura_scene(path, subject, {"subject": material}, "curves", "[[curves]]")
         ours = booth.oscura_picture(path, SAMPLES)
         shape = {"type": f"{basis}curve", "filename": str(folder / f"{stem}.txt"), "bsdf": theirs}
