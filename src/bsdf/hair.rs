@@ -3,7 +3,7 @@
 use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel};
 use crate::color::Rgb;
 use crate::math::{Vec2, Vec3, poly};
-use crate::scene::{ColorSlot, FloatSlot};
+use crate::scene::{ColorSlot, FloatSlot, hair_color_scale};
 use std::f32::consts::{FRAC_PI_2, PI, TAU};
 
 /// The model of Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model for Production Path
@@ -39,18 +39,6 @@ const LEAST_ROUGHNESS: f32 = 0.01;
 
 /// Darker colours than this, or hair as black as it gets.
 const LEAST_COLOR: f32 = 1e-12;
-
-/// What eq. 9 divides the logarithm of the reflectance by, at an azimuthal roughness.
-fn color_scale(radial: f32) -> f32 {
-    let b = radial;
-    ((((0.245 * b + 5.574) * b - 10.73) * b + 2.532) * b - 0.215) * b + 5.969
-}
-
-/// The reflectance of a dense volume of hair with an absorption per radius: eq. 9 the other way round.
-pub fn color_of_absorption(absorption: [f32; 3], radial_roughness: f32) -> [f32; 3] {
-    let scale = color_scale(radial_roughness.clamp(LEAST_ROUGHNESS, 1.0));
-    absorption.map(|a| poly::exp(-scale * a.max(0.0).sqrt()))
-}
 
 /// Variance of the longitudinal lobe: Chiang et al. 2016, eq. 7.
 fn longitudinal_variance(roughness: f32) -> f32 {
@@ -127,7 +115,7 @@ impl Hair {
         tilt: f32,
         coat: f32,
     ) -> Hair {
-        let color_scale = color_scale(radial.clamp(LEAST_ROUGHNESS, 1.0));
+        let color_scale = hair_color_scale(radial);
         let v = longitudinal_variance(longitudinal);
         // d'Eon et al. 2011: R has the roughness of one interface, TT of half as much, TRT of twice.
         let variance = [longitudinal_variance(longitudinal * (1.0 - coat)), 0.25 * v, 4.0 * v];

@@ -49,7 +49,6 @@ pub use coat::Coat;
 pub use dielectric_curve::{DielectricCurve, LayerFresnel};
 pub use dielectric_table::mean_cosine;
 pub use ggx::above;
-pub use hair::color_of_absorption;
 pub use lobe::{Lobe, Transmissive};
 pub use look::{Look, Shown};
 pub use metal_rough::MetalRoughClosure;

@@ -2,9 +2,10 @@
 
 use super::blur::{self, MovingShape, moving_shapes};
 use super::classes::Class;
-use super::geometry::{Attributes, Geometries, Placement, Space, Transform, normal_matrix};
+use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, Owners};
+use super::placement::normal_matrix;
 use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};

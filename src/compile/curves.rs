@@ -6,7 +6,7 @@
 //! are. Tangents are those of the strand, so that shading shows no pieces.
 
 use super::classes::Classes;
-use super::geometry::{Space, SurfaceCoordinates, frame_of};
+use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
 use super::material::CompiledMaterial;
 use super::objects::Numbering;
 use crate::math::{DVec3, Vec3};
@@ -24,15 +24,6 @@ const LARGEST_BOX: f64 = 12.0;
 const MOST_PIECES: usize = 64;
 /// Strands that a thread cuts at a time.
 const CHUNK: usize = 256;
-
-/// What shading needs of the points of curves.
-#[derive(Clone, Debug, Default)]
-pub struct CurveAttributes {
-    /// Where they are on their strands: 0 is the root, 1 the tip.
-    pub along: Vec<f32>,
-    /// Linear colours; empty where no curve has any.
-    pub colors: Vec<[f32; 3]>,
-}
 
 /// A point of a strand.
 #[derive(Clone, Copy)]
@@ -237,9 +228,6 @@ impl Space {
 }
 
 impl CurveAttributes {
-    /// Those of nothing.
-    pub const EMPTY: CurveAttributes = CurveAttributes { along: Vec::new(), colors: Vec::new() };
-
     /// Texture coordinates, colour and tangents where sphere `u` of a piece touches a point of its surface; `first` is the piece's
     /// first point. Texture u grows along the curve, from root to tip, and v around it.
     pub(super) fn coordinates(

@@ -1,9 +1,8 @@
 //! What a hit looks like: the point with its error bound, normals, texture coordinates.
 
-use super::curves::CurveAttributes;
 use super::objects::{ObjectId, Owners};
 use crate::accel;
-use crate::math::{Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma};
+use crate::math::{Bounds3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3};
 use crate::shape::triangle::interpolate;
 use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
 use crate::simd::map_each;
@@ -28,6 +27,15 @@ pub struct Attributes {
     pub object_from_world: Vec<Mat3>,
     /// Of the points of curves.
     pub curves: CurveAttributes,
+}
+
+/// What shading needs of the points of curves.
+#[derive(Clone, Debug, Default)]
+pub struct CurveAttributes {
+    /// Where they are on their strands: 0 is the root, 1 the tip.
+    pub along: Vec<f32>,
+    /// Linear colours; empty where no curve has any.
+    pub colors: Vec<[f32; 3]>,
 }
 
 /// A placed geometry other than the world's own.
@@ -351,7 +359,7 @@ impl Attributes {
         colors: Vec::new(),
         materials: Vec::new(),
         object_from_world: Vec::new(),
-        curves: CurveAttributes::EMPTY,
+        curves: CurveAttributes { along: Vec::new(), colors: Vec::new() },
     };
 
     /// The rotation that gives an analytic shape its texture coordinates.
@@ -423,42 +431,4 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
     let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
-}
-
-impl Transform {
-    /// That of a matrix.
-    pub(super) fn of(world_from_object: &DAffine3) -> Transform {
-        let DAffine3 { matrix3, translation } = world_from_object;
-        Transform {
-            linear: matrix3.as_mat3(),
-            translation: translation.as_vec3(),
-            normal_from_object: normal_matrix(matrix3).as_mat3(),
-        }
-    }
-
-    /// The matrix again, as far as it is kept.
-    pub(super) fn to_double(self) -> DAffine3 {
-        DAffine3 { matrix3: self.linear.as_dmat3(), translation: self.translation.as_dvec3() }
-    }
-}
-
-/// The inverse transpose, scaled so that its largest column has length 1.
-pub(super) fn normal_matrix(m: &DMat3) -> DMat3 {
-    let n = m.inverse().transpose();
-    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
-    n * (1.0 / largest)
-}
-
-impl Placement {
-    #[inline]
-    pub(super) fn surface_to_world(&self, s: &Surface) -> Surface {
-        let Transform { linear: m, translation, normal_from_object } = self.world_from_object;
-        let p = m * s.p + translation;
-        let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
-        let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + translation.abs() * gamma(4);
-        // A mirror image of the front is the front of the mirror image.
-        let ng = (normal_from_object * s.ng).normalize();
-        let ns = (normal_from_object * s.ns).normalize();
-        Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
-    }
 }

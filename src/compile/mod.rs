@@ -20,6 +20,7 @@ mod medium;
 mod moving;
 mod moving_emitters;
 mod objects;
+mod placement;
 mod plan;
 mod reuse;
 mod run;

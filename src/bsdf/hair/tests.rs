@@ -105,7 +105,7 @@ fn lobes_are_where_snell_sends_them() {
 fn colours_and_absorption_are_inverse() {
     for radial in [0.05, 0.3, 0.9] {
         for absorption in [0.0f32, 0.02, 0.4, 3.0] {
-            let color = color_of_absorption([absorption; 3], radial);
+            let color = crate::scene::hair_color([absorption; 3], radial);
             let hair = Hair::new(Vec2::X, Rgb::from_array(color), [0.3, radial], 1.55, 0.0, 0.0);
             let found = hair.root_absorption.r * hair.root_absorption.r;
             assert!((found - absorption).abs() <= 1e-4 * absorption, "{radial} {absorption}: {found}");

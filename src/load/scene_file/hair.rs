@@ -13,8 +13,7 @@
 //! | `coat` | 0 to 1 (0): makes what the surface reflects less rough, as wet or cared-for hair is |
 
 use super::fields::Fields;
-use crate::bsdf::color_of_absorption;
-use crate::scene::{ColorSlot, FloatSlot, Model};
+use crate::scene::{ColorSlot, FloatSlot, Model, hair_color};
 
 pub(super) fn read(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> ColorSlot) -> Model {
     let share = |key, otherwise| fields.number_in(key, 0.0..1.0, otherwise) as f32;
@@ -29,9 +28,9 @@ pub(super) fn read(fields: &Fields, mut slot: impl FnMut(&'static str, f32) -> C
     }
     let color = if fields.has("melanin") {
         let absorption = absorption_of_melanin(share("melanin", 0.5), share("melanin_redness", 0.5));
-        ColorSlot::constant(color_of_absorption(absorption, radial))
+        ColorSlot::constant(hair_color(absorption, radial))
     } else if let Some(absorption) = fields.color("absorption") {
-        ColorSlot::constant(color_of_absorption(absorption.value, radial))
+        ColorSlot::constant(hair_color(absorption.value, radial))
     } else {
         slot("color", 0.8)
     };

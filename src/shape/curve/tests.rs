@@ -16,7 +16,7 @@ fn distance(s: &CurveSegment, p: Vec3) -> f64 {
     };
     // It has one minimum in u.
     let (mut low, mut high) = (0.0, 1.0);
-    for _ in 0..100 {
+    for _ in 0..60 {
         let (a, b) = (low + (high - low) / 3.0, high - (high - low) / 3.0);
         if at(a) < at(b) { high = b } else { low = a }
     }
@@ -174,7 +174,11 @@ fn met_again(geometry: &Geometry, ray: &Ray, pieces: std::ops::Range<usize>) -> 
     const STEP: f32 = 2e-3;
     let inside = |t: f32| {
         let p = ray.at(t);
-        pieces.clone().map(|i| distance(&geometry.curves.get(i), p)).fold(f64::INFINITY, f64::min)
+        let near = pieces.clone().map(|i| geometry.curves.get(i)).filter(|s| {
+            let b = s.bounds();
+            (b.min - p).max(p - b.max).max_element() < 2e-3
+        });
+        near.map(|s| distance(&s, p)).fold(1.0, f64::min)
     };
     let mut was_outside = false;
     for i in 1..400 {
@@ -198,7 +202,7 @@ fn the_inside_of_a_curve_is_unseen() {
         let geometry = helix(pieces, radius, far);
         let accel = Accel::build(std::slice::from_ref(&geometry), &[]);
         let (mut wrong, mut again, mut all) = (0, 0, 0);
-        for _ in 0..3000 {
+        for _ in 0..1500 {
             let index = pieces / 4 + (random.next() * 0.4 * pieces as f32) as usize;
             let s = geometry.curves.get(index);
             let origin = s.ends[0] + random.direction() * 1.5 * radius;
@@ -222,7 +226,7 @@ fn the_inside_of_a_curve_is_unseen() {
         }
         println!("{pieces} {radius}: {wrong} wrong, {again} met again of {all}");
         // What grazes the surface is told by rounding, or by steps.
-        assert!(all > 1500 && wrong * 100 < all, "{pieces} {radius}: {wrong} of {all}");
+        assert!(all > 700 && wrong * 100 < all, "{pieces} {radius}: {wrong} of {all}");
     }
 }
 

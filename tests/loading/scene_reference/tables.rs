@@ -215,7 +215,7 @@ pub const TABLES: &[Table] = &[
             ("radius", "[0.1, 0]", "0.2"),
             ("material", "\"a\"", "\"b\""),
             ("transform", "[{ scale = 2 }]", "[{ scale = 3 }]"),
-            ("visible_to", "[\"camera\", \"shadow\"]", "[\"shadow\"]"),
+            ("visible_to", "[\"diffuse\", \"camera\"]", "[\"shadow\"]"),
             ("visible_to_camera", "false", "true"),
             ("holdout", "true", "false"),
             ("shadow_catcher", "true", "false"),
