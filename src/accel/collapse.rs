@@ -4,6 +4,7 @@
 
 use super::binary::Binary;
 use super::gather::{Kind, Primitive};
+use super::layout::CURVES;
 use crate::math::Bounds3;
 use rayon::prelude::*;
 
@@ -15,6 +16,7 @@ const COST_NODE: f32 = 1.0;
 const COST_LEAF: f32 = 0.2;
 const COST_TRIANGLES: f32 = 0.6;
 const COST_SPHERES: f32 = 1.5;
+const COST_CURVES: f32 = 1.5;
 const COST_INSTANCE: f32 = 3.0;
 /// Lanes of the longest leaf that is chosen.
 pub const MAX_LANES: u32 = 16;
@@ -28,8 +30,8 @@ struct Choice {
     left: [u8; WIDTH - 1],
     /// For a wide node of its own: how many of its 8 children go to the left; 0: it is a leaf.
     left_of_node: u8,
-    /// Lanes of triangles, analytic shapes and instances below, up to 255.
-    lanes: [u8; 3],
+    /// Lanes of triangles, analytic shapes, curves and instances below, up to 255.
+    lanes: [u8; 4],
 }
 
 /// A tree that is written.
@@ -89,8 +91,8 @@ impl Collapse {
         self.choices[0].cost[0]
     }
 
-    /// Lanes of triangles, analytic shapes and instances below a node (up to 255).
-    pub fn lanes(&self, node: usize) -> [u8; 3] {
+    /// Lanes of triangles, analytic shapes, curves and instances below a node (up to 255).
+    pub fn lanes(&self, node: usize) -> [u8; 4] {
         self.choices[node].lanes
     }
 
@@ -158,16 +160,17 @@ fn choose<'a>(
             let cost = pieces[primitive.id as usize].cost;
             return Choice {
                 cost: [cost; WIDTH - 1],
-                lanes: [u8::MAX; 3],
+                lanes: [u8::MAX; 4],
                 left_of_node: 1,
                 ..Choice::default()
             };
         }
         let lanes = match primitive.kind {
-            Kind::Triangle => [1, 0, 0],
-            Kind::Quad => [2, 0, 0],
-            Kind::Analytic => [0, 1, 0],
-            _ => [0, 0, 1],
+            Kind::Triangle => [1, 0, 0, 0],
+            Kind::Quad => [2, 0, 0, 0],
+            Kind::Analytic => [0, 1, 0, 0],
+            Kind::Curve => [0, 0, 1, 0],
+            _ => [0, 0, 0, 1],
         };
         return Choice { cost: [leaf_cost(area, lanes); WIDTH - 1], lanes, ..Choice::default() };
     }
@@ -209,11 +212,12 @@ fn splits(left: &[f32; WIDTH - 1], right: &[f32; WIDTH - 1]) -> ([f32; WIDTH], [
     (least, of_left)
 }
 
-fn leaf_cost(area: f32, lanes: [u8; 3]) -> f32 {
+fn leaf_cost(area: f32, lanes: [u8; 4]) -> f32 {
     let packets = |n: u8| f32::from(n.div_ceil(4));
     let cost = COST_LEAF
         + COST_TRIANGLES * packets(lanes[0])
         + COST_SPHERES * packets(lanes[1])
-        + COST_INSTANCE * f32::from(lanes[2]);
+        + COST_CURVES * f32::from(lanes[2].div_ceil(CURVES as u8))
+        + COST_INSTANCE * f32::from(lanes[3]);
     area * cost
 }

@@ -6,9 +6,9 @@ use super::collapse::{Collapse, MAX_LANES, Piece};
 use super::gather::{Kind, Primitive, triangle_vertices};
 use super::input::Geometry;
 use super::layout::{
-    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
-    KIND_TRIANGLES, NODE_LINES, Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE, TRIANGLE_LINES,
-    TrianglePacket, leaf_ref, line_of, view_mut,
+    ANALYTIC_LINES, AnalyticPacket, CURVES, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
+    KIND_INSTANCE, KIND_TRIANGLES, NODE_LINES, Node, PART_QUAD_FIRST, PART_QUAD_SECOND, PART_TRIANGLE,
+    TRIANGLE_LINES, TrianglePacket, leaf_ref, line_of, view_mut,
 };
 use super::motion;
 use crate::math::{Bounds3, Vec3};
@@ -157,7 +157,7 @@ impl Emit<'_> {
     /// and their lines.
     fn write_leaf(&self, region: &mut [Line], base: usize, node: usize) -> (u32, usize) {
         let mut triangles = Few::of(([Vec3::ZERO; 3], 0, PART_TRIANGLE));
-        let (mut analytic, mut instances) = (Few::of(0), Few::of(0));
+        let (mut analytic, mut curves, mut instances) = (Few::of(0), Few::of(0), Few::of(0));
         for prim in self.leaf_primitives(node).as_slice() {
             match prim.kind {
                 Kind::Triangle => {
@@ -172,10 +172,11 @@ impl Emit<'_> {
                     triangles.push(([a, c, d], prim.id, PART_QUAD_SECOND));
                 }
                 Kind::Analytic => analytic.push(prim.id),
+                Kind::Curve => curves.push(prim.id),
                 _ => instances.push(prim.id),
             }
         }
-        let lanes = [triangles.count, analytic.count, instances.count].map(|n| n as u8);
+        let lanes = [triangles.count, analytic.count, curves.count, instances.count].map(|n| n as u8);
         let references = self.shapes.packet_references(&lanes, base);
         let next = |i: usize| if i + 1 < references.count { references.items[i + 1] } else { DONE };
         let at = |written: usize| line_of(references.items[written]) - base;
@@ -191,6 +192,10 @@ impl Emit<'_> {
         }
         for four in analytic.as_slice().chunks(LANES) {
             *view_mut(region, at(written)) = self.analytic_packet(four, next(written));
+            written += 1;
+        }
+        for two in curves.as_slice().chunks(CURVES) {
+            *view_mut(region, at(written)) = self.curve_packet(two, next(written));
             written += 1;
         }
         for instance in instances.as_slice() {
@@ -217,20 +222,32 @@ impl Emit<'_> {
         }
         packet
     }
+
+    fn curve_packet(&self, ids: &[u32], next: u32) -> CurvePacket {
+        let geometry = self.shapes.geometry;
+        let first = geometry.triangles.len() + geometry.quads.len() + geometry.analytic.len();
+        let segments = ids.iter().map(|id| (geometry.curves.get(*id as usize - first), *id));
+        CurvePacket::of(segments, next)
+    }
 }
 
 impl Shapes<'_> {
     /// Lines of each kind of packet, and their kinds.
-    fn kinds(&self) -> [(u32, usize, usize); 3] {
+    fn kinds(&self) -> [(u32, usize, usize); 4] {
         let triangles = match self.geometry.keys.len() {
             0 => (KIND_TRIANGLES, LANES, TRIANGLE_LINES),
             keys => (KIND_ANALYTIC, LANES, ANALYTIC_LINES + keys * TRIANGLE_LINES),
         };
-        [triangles, (KIND_ANALYTIC, LANES, ANALYTIC_LINES), (KIND_INSTANCE, 1, INSTANCE_LINES)]
+        [
+            triangles,
+            (KIND_ANALYTIC, LANES, ANALYTIC_LINES),
+            (KIND_ANALYTIC, CURVES, ANALYTIC_LINES),
+            (KIND_INSTANCE, 1, INSTANCE_LINES),
+        ]
     }
 
-    /// Lines of the packets for so many lanes of triangles, analytic shapes and instances.
-    fn packet_lines(&self, lanes: &[u8; 3]) -> usize {
+    /// Lines of the packets for so many lanes of triangles, analytic shapes, curves and instances.
+    fn packet_lines(&self, lanes: &[u8; 4]) -> usize {
         self.kinds()
             .iter()
             .zip(lanes)
@@ -239,7 +256,7 @@ impl Shapes<'_> {
     }
 
     /// References to the packets of a leaf that starts at line `base`, in order.
-    fn packet_references(&self, lanes: &[u8; 3], base: usize) -> Few<u32> {
+    fn packet_references(&self, lanes: &[u8; 4], base: usize) -> Few<u32> {
         let mut line = base;
         let mut references = Few::of(DONE);
         for ((kind, per, lines), n) in self.kinds().iter().zip(lanes) {

@@ -2,16 +2,16 @@
 
 use super::input::Geometry;
 use crate::math::{Bounds3, Vec3};
-use crate::shape::{Analytic, Quad, Shape, triangle};
+use crate::shape::{Analytic, CurveSegment, Quad, Shape, triangle};
 use crate::simd::prefer_huge_pages;
 use rayon::prelude::*;
 
 /// Primitives that were left out, by reason.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Dropped {
-    /// Triangles, quads and analytic shapes with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
+    /// Triangles, quads, analytic shapes and pieces of curves with NaN, infinite or too large coordinates (beyond 1e18), or indices out of range.
     pub not_finite: u64,
-    /// Triangles and quads without area, spheres and disks without a radius.
+    /// Triangles and quads without area, spheres, disks and pieces of curves without a radius.
     pub degenerate: u64,
     /// Instances whose matrix is singular or not finite, or whose geometry does not exist.
     pub instances: u64,
@@ -45,6 +45,7 @@ pub enum Kind {
     Triangle,
     Quad,
     Analytic,
+    Curve,
     Instance,
     /// A piece of the tree that is written already.
     Piece,
@@ -122,24 +123,41 @@ fn analytic_bounds(shape: &Analytic) -> Result<Bounds3, Kind> {
     if radius <= 0.0 {
         return Err(Kind::Degenerate);
     }
-    // Outwards by one step each, which covers the rounding of the sums.
-    let bounds = shape.bounds();
+    Ok(rounded_outwards(shape.bounds()))
+}
+
+fn curve_bounds(segment: &CurveSegment) -> Result<Bounds3, Kind> {
+    let has_radii = segment.radii.iter().all(|r| (0.0..=REACH).contains(r));
+    if !(segment.ends.into_iter().all(is_in_reach) && has_radii) {
+        return Err(Kind::NotFinite);
+    }
+    if segment.radii == [0.0; 2] {
+        return Err(Kind::Degenerate);
+    }
+    Ok(rounded_outwards(segment.bounds()))
+}
+
+/// Outwards by one step each, which covers the rounding of sums.
+fn rounded_outwards(bounds: Bounds3) -> Bounds3 {
     let low = bounds.min.to_array().map(f32::next_down);
     let high = bounds.max.to_array().map(f32::next_up);
-    Ok(Bounds3 { min: low.into(), max: high.into() })
+    Bounds3 { min: low.into(), max: high.into() }
 }
 
 /// All primitives of a geometry that a ray can hit, in the order of their ids.
 pub fn gather(geometry: &Geometry) -> (Vec<Primitive>, Dropped) {
     let (triangles, quads) = (geometry.triangles.len(), geometry.quads.len());
-    let total = triangles + quads + geometry.analytic.len();
+    let analytic = geometry.analytic.len();
+    let total = triangles + quads + analytic + geometry.curves.len();
     let one = |id: usize| {
         let (kind, bounds) = if id < triangles {
             (Kind::Triangle, triangle_bounds(geometry, id))
         } else if id < triangles + quads {
             (Kind::Quad, quad_bounds(&geometry.quads[id - triangles]))
-        } else {
+        } else if id < triangles + quads + analytic {
             (Kind::Analytic, analytic_bounds(&geometry.analytic[id - triangles - quads]))
+        } else {
+            (Kind::Curve, curve_bounds(&geometry.curves.get(id - triangles - quads - analytic)))
         };
         let id = id as u32;
         bounds.map_or_else(

@@ -2,7 +2,7 @@
 
 use crate::gauge::Gauge;
 use crate::math::{DAffine3, TransformKeys};
-use crate::shape::{Analytic, Quad};
+use crate::shape::{Analytic, CurveSegments, Quad};
 
 /// Shapes in one space.
 #[derive(Clone, Debug, Default)]
@@ -15,6 +15,8 @@ pub struct Geometry {
     pub quads: Vec<Quad>,
     /// Spheres, disks and what else is no triangle.
     pub analytic: Vec<Analytic>,
+    /// Pieces of curves.
+    pub curves: CurveSegments,
     /// Where vertices are at equal steps of time; none where they don't move.
     pub keys: Vec<Vec<[f32; 3]>>,
 }

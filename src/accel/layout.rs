@@ -4,10 +4,11 @@
 //! and its line number below. Bit 30 is clear for triangles alone. Packets name the next packet of their leaf, so a leaf has any length and mixes kinds.
 
 use crate::math::Vec3;
-use crate::shape::Packed;
 use crate::shape::triangle::{LANES, TriangleRows, Weights};
+use crate::shape::{CurveSegment, Packed};
 use crate::simd::Line;
 use bytemuck::{Pod, Zeroable};
+use std::mem::offset_of;
 
 /// Set in references to anything but inner nodes.
 pub const LEAF: u32 = 1 << 31;
@@ -169,6 +170,71 @@ impl AnalyticPacket {
     }
 }
 
+/// In place of an analytic shape's kind, in the first lane: the packet is a [`CurvePacket`].
+pub const CURVE_SEGMENTS: u8 = u8::MAX - 1;
+
+/// Pieces of curves in a packet.
+pub const CURVES: usize = 2;
+
+/// Two pieces of curves. What is at `kind` and `next` is where [`AnalyticPacket`] has it.
+#[repr(C, align(64))]
+#[derive(Clone, Copy, Debug, Pod, Zeroable)]
+pub struct CurvePacket {
+    /// Both ends of each.
+    ends: [[[f32; 3]; 2]; CURVES],
+    /// Tangents there.
+    tangents: [[[f32; 3]; 2]; CURVES],
+    /// Primitive ids; `u32::MAX` in an unused lane.
+    pub id: [u32; CURVES],
+    /// Radii of the first piece's ends.
+    first_radii: [f32; 2],
+    /// [`CURVE_SEGMENTS`].
+    kind: [u8; LANES],
+    /// The next packet of the leaf, or [`DONE`].
+    pub next: u32,
+    /// Radii of the second piece's ends.
+    second_radii: [f32; 2],
+}
+
+impl CurvePacket {
+    /// Two pieces, or one, with their ids.
+    pub fn of(segments: impl Iterator<Item = (CurveSegment, u32)>, next: u32) -> CurvePacket {
+        let mut packet = CurvePacket { id: [u32::MAX; CURVES], next, ..CurvePacket::zeroed() };
+        packet.kind = [CURVE_SEGMENTS; LANES];
+        for (lane, (segment, id)) in segments.take(CURVES).enumerate() {
+            packet.ends[lane] = segment.ends.map(|p| p.to_array());
+            packet.tangents[lane] = segment.tangents.map(|t| t.to_array());
+            *(if lane == 0 { &mut packet.first_radii } else { &mut packet.second_radii }) = segment.radii;
+            packet.id[lane] = id;
+        }
+        packet
+    }
+
+    /// The piece of a lane.
+    #[inline(always)]
+    pub fn segment(&self, lane: usize) -> CurveSegment {
+        let [ends, tangents] = [self.ends[lane], self.tangents[lane]];
+        let vectors = |[a, b]: [[f32; 3]; 2]| [Vec3::from_array(a), Vec3::from_array(b)];
+        let radii = if lane == 0 { self.first_radii } else { self.second_radii };
+        CurveSegment { ends: vectors(ends), radii, tangents: vectors(tangents) }
+    }
+
+    /// The lanes in use.
+    #[inline(always)]
+    pub fn lanes(&self) -> usize {
+        if self.id[1] == u32::MAX { 1 } else { 2 }
+    }
+}
+
+/// Views the packet at a line as one of curves, if it is.
+#[inline(always)]
+pub fn curves_at<'a>(lines: &'a [Line], line: usize, packet: &AnalyticPacket) -> Option<&'a CurvePacket> {
+    if packet.kind[0] != CURVE_SEGMENTS {
+        return None;
+    }
+    view::<CurvePacket, ANALYTIC_LINES>(lines, line)
+}
+
 /// A placed geometry.
 #[repr(C, align(64))]
 #[derive(Clone, Copy, Debug, Pod, Zeroable)]
@@ -195,6 +261,9 @@ impl InstanceRecord {
 const _: () = assert!(size_of::<Node>() == NODE_LINES * 64);
 const _: () = assert!(size_of::<TrianglePacket>() == TRIANGLE_LINES * 64);
 const _: () = assert!(size_of::<AnalyticPacket>() == ANALYTIC_LINES * 64);
+const _: () = assert!(size_of::<CurvePacket>() == ANALYTIC_LINES * 64);
+const _: () = assert!(offset_of!(CurvePacket, kind) == offset_of!(AnalyticPacket, kind));
+const _: () = assert!(offset_of!(CurvePacket, next) == offset_of!(AnalyticPacket, next));
 const _: () = assert!(size_of::<InstanceRecord>() == INSTANCE_LINES * 64);
 
 /// Views `N` lines as one of the records above; `None` where the buffer ends earlier.

@@ -1,4 +1,4 @@
-//! Ray intersection: one structure over triangles, quads, analytic shapes and placed geometries, and batched queries on
+//! Ray intersection: one structure over triangles, quads, analytic shapes, curves and placed geometries, and batched queries on
 //! it.
 //!
 //! obvhs builds a binary tree, which is collapsed to eight children a node at least expected cost and packed into cache
@@ -8,8 +8,8 @@
 //! Many primitives are cut into chunks that are built and written each for itself, and a tree over these joins them: see
 //! `pieces.rs`. Either way, and whatever a tree's quality, rays meet the same primitives (but see [`TreeQuality`]).
 //!
-//! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then analytic shapes from
-//! `T + Q` on.
+//! Primitive ids within a geometry: triangles `0..T`, then quads `T..T + Q`, then `A` analytic shapes from
+//! `T + Q` on, then pieces of curves from `T + Q + A` on.
 
 mod binary;
 mod build;

@@ -1,8 +1,8 @@
 //! How far a point is from the geometry.
 
 use super::layout::{
-    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF,
-    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
+    KIND_INSTANCE, LEAF, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, curves_at, kind_of, line_of, view,
 };
 use super::structure::Accel;
 use crate::math::Vec3;
@@ -46,7 +46,11 @@ impl Accel {
                 }
                 KIND_ANALYTIC => {
                     let Some(s) = view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line) else { break };
-                    (analytic_distance(s, p), s.next)
+                    let distance = match curves_at(&self.lines, line, s) {
+                        Some(curves) => curves_distance(curves, p),
+                        None => analytic_distance(s, p),
+                    };
+                    (distance, s.next)
                 }
                 _ => {
                     let Some(t) = view::<TrianglePacket, TRIANGLE_LINES>(&self.lines, line) else { break };
@@ -77,6 +81,18 @@ fn push_children(node: &Node, p: Vec3, nearest: f32, stack: &mut Vec<Waiting>) {
         }
     }
     stack[start..].sort_unstable_by(|a, b| b.1.total_cmp(&a.1));
+}
+
+/// From the hull of cylinders of the larger radius around pieces.
+fn curves_distance(packet: &CurvePacket, p: Vec3) -> f32 {
+    let one = |lane: usize| {
+        let segment = packet.segment(lane);
+        let [a, b] = segment.ends;
+        let way = b - a;
+        let along = ((p - a).dot(way) / way.length_squared().max(f32::MIN_POSITIVE)).clamp(0.0, 1.0);
+        (p.distance(a + way * along) - segment.radii[0].max(segment.radii[1])).max(0.0)
+    };
+    (0..packet.lanes()).map(one).fold(f32::INFINITY, f32::min)
 }
 
 fn analytic_distance(packet: &AnalyticPacket, p: Vec3) -> f32 {

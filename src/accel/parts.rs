@@ -21,6 +21,8 @@ pub struct BuildStats {
     pub quads: u64,
     /// Analytic shapes in it, in the order of [`ShapeTag::ALL`].
     pub analytic: [u64; ShapeTag::ALL.len()],
+    /// Pieces of curves in it.
+    pub curves: u64,
     /// Instances in it.
     pub instances: u64,
     /// Geometries (other than the world's) that an instance uses: only these are built.
@@ -39,6 +41,7 @@ impl BuildStats {
                 Kind::Analytic => {
                     self.analytic[geometry.analytic[primitive.id as usize - first].tag() as usize] += 1;
                 }
+                Kind::Curve => self.curves += 1,
                 _ => {}
             }
         }

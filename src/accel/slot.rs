@@ -1,6 +1,6 @@
 //! A ray in flight: where it is, what it has hit, and the tests that decide on hits.
 
-use super::layout::{DONE, TrianglePacket, on_primitive};
+use super::layout::{CurvePacket, DONE, TrianglePacket, on_primitive};
 use crate::math::{Hit, NO_HIT, Ray};
 use crate::shape::{PreparedRay, triangle};
 use crate::simd::{BoxRay, Entry, WIDEN, Wide};
@@ -41,6 +41,14 @@ pub type ShallowSlot = Slot<264>;
 pub type DeepSlot = Slot<1032>;
 
 const _: () = assert!(size_of::<ShallowSlot>() / 64 % 2 == 1 && size_of::<DeepSlot>() / 64 % 2 == 1);
+
+/// Is a piece of a curve perhaps close by on the curve that a ray starts on? Its number is near to that of the ray's primitive
+/// then. (So may be that of a piece of another curve: nothing is lost there but slivers where two of its pieces join.)
+#[inline(always)]
+pub fn starts_near(id: u32, origin_primitive: u32) -> bool {
+    const NEAR: u32 = 256;
+    id.wrapping_sub(origin_primitive).wrapping_add(NEAR) <= 2 * NEAR
+}
 
 impl<const N: usize> Slot<N> {
     /// Entries that a stack may hold. (Places are taken modulo this, so that they need no check.)
@@ -152,6 +160,22 @@ impl<const N: usize> Slot<N> {
         let Some(weights) = triangle::weights(&packet.rows, lane, &self.ray, &self.boxes) else { return };
         let (u, v) = on_primitive(packet.part(lane), weights);
         self.offer(t, u, v, packet.id(lane));
+    }
+
+    /// Tests the pieces of curves of a packet. A ray that starts on one does not meet it again.
+    #[inline(never)]
+    pub fn curves(&mut self, packet: &CurvePacket) {
+        for lane in 0..packet.lanes() {
+            let id = packet.id[lane];
+            if id == self.origin_primitive {
+                continue;
+            }
+            let starts_near = starts_near(id, self.origin_primitive);
+            let segment = packet.segment(lane);
+            if let Some((t, u)) = segment.intersect(&self.ray, self.t_min, self.best.t, starts_near) {
+                self.offer(t, u, 0.0, id);
+            }
+        }
     }
 
     /// Takes a hit if it lies in the ray's range and before the nearest one, or as near with a smaller id.

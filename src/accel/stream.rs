@@ -10,7 +10,7 @@
 
 use super::layout::{
     ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, LEAVE_INSTANCE,
-    MOVING_TRIANGLES, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    MOVING_TRIANGLES, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, curves_at, kind_of, line_of, view,
 };
 use super::motion::{Clock, triangles_at};
 use super::slot::{DeepSlot, ShallowSlot, Slot};
@@ -356,6 +356,10 @@ impl<C: Clock, const N: usize> Flight<'_, C, N> {
                 let lanes = triangle::candidates(w, &triangles.rows, &slot.ray, &slot.boxes) & !left;
                 slot.triangles(w, &triangles, lanes, O::ANY);
             }
+            return packet.next;
+        }
+        if let Some(curves) = curves_at(self.lines, line_of(current), packet) {
+            slot.curves(curves);
             return packet.next;
         }
         for lane in 0..4 {

@@ -1,9 +1,9 @@
 //! A walk over the finished structure that checks what traversal relies on.
 
 use super::layout::{
-    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE,
-    KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node, PART_QUAD_SECOND,
-    TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
+    KIND_INSTANCE, KIND_TRIANGLES, LEAF, LEAVE_INSTANCE, MOVING_TRIANGLES, NODE_LINES, Node,
+    PART_QUAD_SECOND, TRIANGLE_LINES, TrianglePacket, curves_at, kind_of, line_of, view,
 };
 use super::parts::Tree;
 use super::structure::Accel;
@@ -88,6 +88,8 @@ impl Accel {
                         view::<AnalyticPacket, ANALYTIC_LINES>(&self.lines, line).ok_or_else(outside)?;
                     if packet.kind[0] == MOVING_TRIANGLES {
                         self.validate_moving(line, packet, bounds, found)?;
+                    } else if let Some(curves) = curves_at(&self.lines, line, packet) {
+                        validate_curves(curves, bounds, found)?;
                     } else {
                         found.ids.extend(packet.id.iter().filter(|id| **id != u32::MAX));
                     }
@@ -130,6 +132,16 @@ impl Accel {
         }
         Ok(())
     }
+}
+
+fn validate_curves(packet: &CurvePacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {
+    for lane in 0..packet.lanes() {
+        if bounds.union(packet.segment(lane).bounds()) != *bounds {
+            return Err(format!("primitive {} sticks out of its box", packet.id[lane]));
+        }
+        found.ids.push(packet.id[lane]);
+    }
+    Ok(())
 }
 
 fn validate_triangles(packet: &TrianglePacket, bounds: &Bounds3, found: &mut Found) -> Result<(), String> {

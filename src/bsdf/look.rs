@@ -5,6 +5,7 @@
 use super::conductor::Conductor;
 use super::dielectric::{Dielectric, ThinDielectric};
 use super::fresnel::f0_from_eta;
+use super::hair::Hair;
 use super::lambert::Lambert;
 use super::layered::Layered;
 use super::metal_rough::MetalRough;
@@ -102,6 +103,13 @@ impl Shown for SchlickMetal {
 impl Shown for Conductor {
     fn look(&self) -> Look {
         Look { glossy: self.albedo(), roughness: roughness(self.surface.alpha()), ..Look::BLACK }
+    }
+}
+
+impl Shown for Hair {
+    /// As Cycles, which counts all that hair scatters as gloss.
+    fn look(&self) -> Look {
+        Look { glossy: self.albedo(), ..Look::BLACK }
     }
 }
 

@@ -16,6 +16,7 @@ mod dispatch;
 mod facet_reflection;
 pub mod fresnel;
 pub mod ggx;
+mod hair;
 mod lambert;
 mod layered;
 mod lobe;
@@ -90,6 +91,8 @@ dispatch::bsdfs! {
         rough_dielectric::RoughDielectric(rough_dielectric::RoughDielectricProgram),
         /// The glTF material with all layers.
         layered::Layered(program_pbr::LayeredProgram),
+        /// A fibre of hair.
+        hair::Hair(hair::HairProgram),
     }
 }
 
@@ -175,6 +178,15 @@ impl BsdfProgram {
                 tint: *tint,
                 tints_once: false,
                 energy_compensation,
+            }
+            .into(),
+            Model::Hair { color, roughness, radial_roughness, ior, tilt_rad, coat } => HairProgram {
+                color: *color,
+                roughness: *roughness,
+                radial_roughness: *radial_roughness,
+                ior: *ior,
+                tilt_rad: *tilt_rad,
+                coat: *coat,
             }
             .into(),
             Model::Pbr(pbr) => BsdfProgram::of_pbr(pbr, shading),

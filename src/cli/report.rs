@@ -166,10 +166,11 @@ impl Run {
     pub fn print(&self) {
         let (s, c) = (&self.statistics, &self.compiled);
         say!(
-            "scene    {}, {}, {}{}, {:.1} MiB{}",
+            "scene    {}, {}, {}{}{}, {:.1} MiB{}",
             counted(c.triangles, "triangle"),
             counted(c.quads, "quad"),
             ShapeCounts(c.analytic).words(),
+            if c.curves > 0 { format!("{}, ", counted(c.curves, "curve piece")) } else { String::new() },
             counted(c.lights, "light"),
             mib(c.bytes),
             if c.tree == TreeQuality::Fast { ", fast tree" } else { "" }

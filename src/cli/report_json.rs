@@ -32,6 +32,7 @@ struct RunReport<'a> {
     peak_memory_bytes: Option<u64>,
     triangles: u64,
     quads: u64,
+    curve_pieces: u64,
     #[serde(flatten)]
     shapes: ShapeCounts,
     lights: u64,
@@ -71,6 +72,7 @@ pub(crate) fn of_run(run: &Run) -> impl Serialize {
         peak_memory_bytes: run.peak_memory,
         triangles: c.triangles,
         quads: c.quads,
+        curve_pieces: c.curves,
         shapes: ShapeCounts(c.analytic),
         lights: c.lights,
         scene_bytes: c.bytes,

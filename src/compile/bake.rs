@@ -2,15 +2,16 @@
 
 use super::blur::{self, MovingShape, moving_shapes};
 use super::classes::Class;
-use super::geometry::{Attributes, Geometries, Placement, Space, Transform, normal_matrix};
+use super::geometry::{Attributes, Geometries, Placement, Space, Transform};
 use super::material::CompiledMaterial;
 use super::objects::{Numbering, ObjectId, Owners};
+use super::placement::normal_matrix;
 use super::plan::{Place, Plan, Step, normal_map_set, part_materials};
 use super::tangents::with_tangents;
 use crate::accel::{self, AccelInstance, MovingInstance};
 use crate::math::{Bounds3, DAffine3, DVec3, Mat3, Vec3};
 use crate::scene::{MaterialId, Mesh, Moving, Scene};
-use crate::shape::{Analytic, Quad, Shape as _};
+use crate::shape::{Analytic, CurveSegments, Quad, Shape as _};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -96,6 +97,7 @@ pub(super) fn bake(
     }
     let world = kept.world.unwrap_or_else(|| {
         world.append_shapes(scene, materials, origin, &numbering, plan);
+        world.append_curves(scene, materials, origin, &numbering, &plan.classes);
         world.measure();
         Arc::new(world)
     });
@@ -218,6 +220,7 @@ impl Space {
             triangles: Vec::new(),
             quads: Vec::new(),
             analytic: Vec::new(),
+            curves: CurveSegments::EMPTY,
             keys: Vec::new(),
         },
         attributes: Attributes::EMPTY,
@@ -237,7 +240,7 @@ impl Space {
         for shape in &self.shapes.analytic {
             bounds = bounds.union(shape.bounds());
         }
-        self.bounds = bounds;
+        self.bounds = bounds.union(self.shapes.curves.bounds());
     }
 
     /// Appends a placed mesh to the world's own geometry.

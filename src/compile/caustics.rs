@@ -188,8 +188,13 @@ fn visit_primitive(space: &Space, prim: usize, mut visit: impl FnMut(Ball)) {
         let corners = [Vec3::ZERO, quad.edge_u, quad.edge_v, quad.edge_u + quad.edge_v];
         return corners.into_iter().for_each(|edge| visit(point(quad.corner + edge)));
     }
-    let (center, radius) = shapes.analytic[prim - shapes.quads.len()].center_and_radius();
-    visit(Ball { center, radius });
+    let prim = prim - shapes.quads.len();
+    if let Some(shape) = shapes.analytic.get(prim) {
+        let (center, radius) = shape.center_and_radius();
+        return visit(Ball { center, radius });
+    }
+    let piece = shapes.curves.get(prim - shapes.analytic.len());
+    piece.ends.into_iter().zip(piece.radii).for_each(|(center, radius)| visit(Ball { center, radius }));
 }
 
 /// Puts groups together in twos that follow each other along the axis in which all are spread most.

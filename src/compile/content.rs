@@ -3,7 +3,7 @@
 use super::material::CompiledMaterial;
 use crate::math::{DAffine3, DVec3};
 use crate::sampling::hash::mix64;
-use crate::scene::Mesh;
+use crate::scene::{Curves, Mesh};
 use bytemuck::Pod;
 
 /// A running fingerprint of 64 bits: by chance one pair of contents in 2^64 has the same.
@@ -72,6 +72,18 @@ pub fn of_mesh(mesh: &Mesh) -> Fingerprint {
         let numbers = [part.first_triangle, part.triangle_count, part.material.0];
         numbers.into_iter().fold(sum, |sum, n| sum.with(u64::from(n)))
     })
+}
+
+/// Everything of curves but their name and traits.
+pub fn of_curves(curves: &Curves) -> Fingerprint {
+    Fingerprint::START
+        .with(curves.basis as u64)
+        .with_all(&curves.strands)
+        .with_all(&curves.points)
+        .with_all(&curves.radii)
+        .with_all(&curves.colors)
+        .with_transform(&curves.world_from_object)
+        .with(u64::from(curves.material.0))
 }
 
 /// What decides on the geometry that materials need. `normal_sets` has the set of texture coordinates that the normal map

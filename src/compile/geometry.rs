@@ -2,9 +2,9 @@
 
 use super::objects::{ObjectId, Owners};
 use crate::accel;
-use crate::math::{Bounds3, DAffine3, DMat3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3, gamma};
+use crate::math::{Bounds3, Hit, Mat3, Ray, TransformKeys, Vec2, Vec3};
 use crate::shape::triangle::interpolate;
-use crate::shape::{Analytic, Quad, Shape, Surface, shading_normal, triangle_surface};
+use crate::shape::{Analytic, CurveSegment, Quad, Shape, Surface, shading_normal, triangle_surface};
 use crate::simd::map_each;
 use std::sync::Arc;
 
@@ -25,6 +25,17 @@ pub struct Attributes {
     pub materials: Vec<u32>,
     /// Rotations that give analytic shapes their texture coordinates, by shape; empty if none needs them.
     pub object_from_world: Vec<Mat3>,
+    /// Of the points of curves.
+    pub curves: CurveAttributes,
+}
+
+/// What shading needs of the points of curves.
+#[derive(Clone, Debug, Default)]
+pub struct CurveAttributes {
+    /// Where they are on their strands: 0 is the root, 1 the tip.
+    pub along: Vec<f32>,
+    /// Linear colours; empty where no curve has any.
+    pub colors: Vec<[f32; 3]>,
 }
 
 /// A placed geometry other than the world's own.
@@ -122,6 +133,7 @@ pub(super) enum Primitive<'a> {
     Triangle([u32; 3]),
     Quad(&'a Quad),
     Analytic(usize, &'a Analytic),
+    Curve(usize, CurveSegment),
 }
 
 pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
@@ -134,7 +146,13 @@ pub(super) fn primitive(shapes: &accel::Geometry, prim: u32) -> Primitive<'_> {
         Some(quad) => Primitive::Quad(quad),
         None => {
             let index = prim - shapes.quads.len();
-            Primitive::Analytic(index, &shapes.analytic[index])
+            match shapes.analytic.get(index) {
+                Some(shape) => Primitive::Analytic(index, shape),
+                None => {
+                    let index = index - shapes.analytic.len();
+                    Primitive::Curve(index, shapes.curves.get(index))
+                }
+            }
         }
     }
 }
@@ -247,6 +265,7 @@ impl Geometries {
                 triangle_surface(map_each(corners, |c| c.to_array()), hit.u, hit.v)
             }
             Primitive::Analytic(_, shape) => shape.surface(ray.at(hit.t)),
+            Primitive::Curve(_, segment) => segment.surface(ray.origin, ray.direction),
         };
         surface.material = material;
         if hit.instance != 0 {
@@ -266,6 +285,8 @@ impl Geometries {
             Primitive::Triangle(t) => vertices(&shapes.positions, t),
             Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
             Primitive::Analytic(..) => return None,
+            // Rays meet curves from outside.
+            Primitive::Curve(..) => return Some(false),
         };
         let mut ng = triangle_surface(corners, 0.0, 0.0).ng;
         if hit.instance != 0 {
@@ -321,6 +342,9 @@ impl Geometries {
                     uv_per_metre: [lies.uv_per_metre; 2],
                 }
             }
+            Primitive::Curve(index, segment) => {
+                attributes.curves.coordinates(shapes.curves.segments[index], &segment, surface, hit.u)
+            }
         }
     }
 }
@@ -335,6 +359,7 @@ impl Attributes {
         colors: Vec::new(),
         materials: Vec::new(),
         object_from_world: Vec::new(),
+        curves: CurveAttributes { along: Vec::new(), colors: Vec::new() },
     };
 
     /// The rotation that gives an analytic shape its texture coordinates.
@@ -406,42 +431,4 @@ fn uv_frame(corners: [Vec3; 3], uv: [Vec2; 3], n: Vec3) -> Option<Mat3> {
     let tangent = (e1 * d2.y - e2 * d1.y) * determinant.signum();
     let up = (e1 * d2.x - e2 * d1.x) * determinant.signum();
     frame_of(tangent, n, if n.cross(tangent).dot(up) < 0.0 { -1.0 } else { 1.0 })
-}
-
-impl Transform {
-    /// That of a matrix.
-    pub(super) fn of(world_from_object: &DAffine3) -> Transform {
-        let DAffine3 { matrix3, translation } = world_from_object;
-        Transform {
-            linear: matrix3.as_mat3(),
-            translation: translation.as_vec3(),
-            normal_from_object: normal_matrix(matrix3).as_mat3(),
-        }
-    }
-
-    /// The matrix again, as far as it is kept.
-    pub(super) fn to_double(self) -> DAffine3 {
-        DAffine3 { matrix3: self.linear.as_dmat3(), translation: self.translation.as_dvec3() }
-    }
-}
-
-/// The inverse transpose, scaled so that its largest column has length 1.
-pub(super) fn normal_matrix(m: &DMat3) -> DMat3 {
-    let n = m.inverse().transpose();
-    let largest = n.x_axis.length().max(n.y_axis.length()).max(n.z_axis.length());
-    n * (1.0 / largest)
-}
-
-impl Placement {
-    #[inline]
-    pub(super) fn surface_to_world(&self, s: &Surface) -> Surface {
-        let Transform { linear: m, translation, normal_from_object } = self.world_from_object;
-        let p = m * s.p + translation;
-        let magnitude = Mat3::from_cols(m.x_axis.abs(), m.y_axis.abs(), m.z_axis.abs());
-        let p_error = magnitude * (s.p_error + s.p.abs() * gamma(4)) + translation.abs() * gamma(4);
-        // A mirror image of the front is the front of the mirror image.
-        let ng = (normal_from_object * s.ng).normalize();
-        let ns = (normal_from_object * s.ns).normalize();
-        Surface { p, p_error, ng, ns, material: self.material.unwrap_or(s.material) }
-    }
 }

@@ -188,7 +188,8 @@ impl CompiledMaterial {
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
-        let has_axis = model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
+        let is_hair = matches!(model, Model::Hair { .. });
+        let has_axis = is_hair || model.pbr().is_some_and(|pbr| pbr.anisotropy.is_some());
         // The coat's normal differs from the base's where one of them is mapped.
         let uses_frame = has_axis || (coat.is_some() && (coat_normal_map.is_some() || normal_map.is_some()));
         let uses_uv = is_textured

@@ -69,6 +69,7 @@ impl Moment<'_> {
                 triangle_surface(corners.map(|c| c.to_array()), hit.u, hit.v)
             }
             Primitive::Analytic(_, shape) => shape.surface(self.to_object(ray.at(hit.t))),
+            Primitive::Curve(..) => unreachable!("curves stand still"),
         };
         surface.material = attributes.materials[hit.prim as usize];
         let surface = self.placement.surface_to_world(&surface);
@@ -82,7 +83,7 @@ impl Moment<'_> {
         let corners = match primitive(&self.space.shapes, hit.prim) {
             Primitive::Triangle(t) => self.corners(t),
             Primitive::Quad(q) => [q.corner, q.corner + q.edge_u, q.corner + q.edge_v].map(|c| c.to_array()),
-            Primitive::Analytic(..) => return None,
+            Primitive::Analytic(..) | Primitive::Curve(..) => return None,
         };
         let ng = triangle_surface(corners, 0.0, 0.0).ng;
         let ng = self.placement.world_from_object.normal_from_object * ng;
@@ -115,6 +116,7 @@ impl Moment<'_> {
                 let uv_per_metre = [lies.uv_per_metre / scale; 2];
                 SurfaceCoordinates { uv: [uv, uv], color: [1.0; 4], tangent_frame, uv_per_metre }
             }
+            Primitive::Curve(..) => unreachable!("curves stand still"),
         }
     }
 }

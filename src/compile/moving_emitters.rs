@@ -84,7 +84,7 @@ fn shine(space: &Space, prim: u32, key: &Key) -> Option<Shine> {
             let numbers = [x, y, z, radius * scale, 0.0, 0.0];
             Analytic::unpack(&Packed { numbers, ..packed }).map(Shine::Sphere)
         }
-        Primitive::Analytic(..) => None,
+        Primitive::Analytic(..) | Primitive::Curve(..) => None,
     }
 }
 
@@ -112,6 +112,7 @@ fn radiance(space: &Space, prim: u32, emission: &CompiledEmission, mirrors: bool
             let object_from_world: Mat3 = space.attributes.object_from_world(index);
             Radiance::Analytic { texture, factor, object_from_world }
         }
+        Primitive::Curve(..) => unreachable!("curves don't shine"),
     }
 }
 

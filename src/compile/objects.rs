@@ -2,7 +2,7 @@
 
 use crate::scene::Scene;
 
-/// An object of a scene by number: instances, then quads, then shapes, in the order of their lists.
+/// An object of a scene by number: instances, then quads, then shapes, then curves, in the order of their lists.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ObjectId(pub u32);
 
@@ -11,12 +11,13 @@ pub struct ObjectId(pub u32);
 pub struct Numbering {
     instances: usize,
     quads: usize,
+    shapes: usize,
 }
 
 impl Numbering {
     /// That of a scene.
     pub fn of(scene: &Scene) -> Numbering {
-        Numbering { instances: scene.instances.len(), quads: scene.quads.len() }
+        Numbering { instances: scene.instances.len(), quads: scene.quads.len(), shapes: scene.shapes.len() }
     }
 
     /// The number of an instance.
@@ -33,12 +34,17 @@ impl Numbering {
     pub fn shape(&self, index: usize) -> ObjectId {
         ObjectId((self.instances + self.quads + index) as u32)
     }
+
+    /// The number of curves.
+    pub fn curves(&self, index: usize) -> ObjectId {
+        ObjectId((self.instances + self.quads + self.shapes + index) as u32)
+    }
 }
 
 impl ObjectId {
     /// All objects of a scene.
     pub fn all(scene: &Scene) -> impl Iterator<Item = ObjectId> + use<> {
-        let count = scene.instances.len() + scene.quads.len() + scene.shapes.len();
+        let count = scene.instances.len() + scene.quads.len() + scene.shapes.len() + scene.curves.len();
         (0..count as u32).map(ObjectId)
     }
 
@@ -52,7 +58,11 @@ impl ObjectId {
         if let Some(quad) = scene.quads.get(index) {
             return Some(&quad.name);
         }
-        scene.shapes.get(index - scene.quads.len()).map(|shape| shape.name.as_str())
+        let index = index - scene.quads.len();
+        if let Some(shape) = scene.shapes.get(index) {
+            return Some(&shape.name);
+        }
+        scene.curves.get(index - scene.shapes.len()).map(|curves| curves.name.as_str())
     }
 }
 

@@ -209,12 +209,13 @@ impl Plan {
         }
         let traits =
             scene.quads.iter().map(|quad| &quad.traits).chain(scene.shapes.iter().map(|shape| &shape.traits));
+        let traits = traits.chain(scene.curves.iter().map(|curves| &curves.traits));
         world = traits.fold(world, |sum, traits| sum.with(u64::from(classes.of_object(traits).0)));
         Keys { shared, world: with_shapes(world, scene) }
     }
 }
 
-/// With the quads and shapes of a scene.
+/// With the quads, shapes and curves of a scene.
 fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
     for quad in &scene.quads {
         sum = sum.with_vector(quad.corner).with_vector(quad.edge_u).with_vector(quad.edge_v);
@@ -227,6 +228,7 @@ fn with_shapes(mut sum: Fingerprint, scene: &Scene) -> Fingerprint {
         sum = rotation.into_iter().fold(sum, |sum, x| sum.with(x.to_bits()));
         sum = sum.with(u64::from(shape.material.0));
     }
+    sum = scene.curves.iter().fold(sum, |sum, curves| sum.with_print(content::of_curves(curves)));
     sum.with(scene.quads.len() as u64).with(scene.instances.len() as u64)
 }
 

@@ -118,7 +118,7 @@ fn build(
 ) -> Accel {
     let Geometries { world, shared, .. } = &baked.geometries;
     let geometries: Vec<&accel::Geometry> = [world].into_iter().chain(shared).map(|s| &s.shapes).collect();
-    let triangles = geometries.iter().map(|g| g.triangles.len() as u64).sum();
+    let triangles = geometries.iter().map(|g| (g.triangles.len() + g.curves.len()) as u64).sum();
     let input = AccelInput {
         geometries: &geometries,
         instances: &baked.instances,

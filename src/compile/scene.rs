@@ -54,6 +54,8 @@ pub struct CompileReport {
     pub quads: u64,
     /// Spheres, disks and the like, in the order of [`ShapeTag::ALL`].
     pub analytic: [u64; ShapeTag::ALL.len()],
+    /// Pieces of curves that rays can hit.
+    pub curves: u64,
     /// Lights, the environment included.
     pub lights: u64,
     /// How good the trees are that rays walk.

@@ -11,7 +11,7 @@ use super::lanes::{set, set_rgb};
 use super::normals::scattering_normal;
 use super::wave::Vertices;
 use super::workspace::Workspace;
-use crate::bsdf::{Bsdf, LocalFrame, MetalRough};
+use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::{CompiledMaterial, SurfaceCoordinates};
@@ -224,8 +224,12 @@ impl Integrator<'_> {
     /// what outputs show of a first hit.
     fn vertex(&self, bounce: u32, i: usize, w: &mut Workspace) -> Vertex {
         let wo = -w.rays[i].direction;
-        let at = self.hit_point(i, w);
+        let mut at = self.hit_point(i, w);
         let (material, is_back) = (at.material, at.is_back);
+        if material.class == BsdfClass::Hair {
+            // It scatters to all sides of the fibre, whatever pieces that consists of.
+            at.surface.ng = at.surface.ns;
+        }
         let is_solid = material.medium_index != 0;
         if is_solid && is_back {
             let waves = w.times.waves(w.arriving.carried.sample[i]);

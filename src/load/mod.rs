@@ -2,6 +2,7 @@
 //! with its warnings comes out, or one error with all the problems of the file.
 
 pub mod blender;
+mod curves;
 mod decoders;
 mod displace;
 mod far;

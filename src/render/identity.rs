@@ -2,7 +2,7 @@
 
 use super::options::RenderOptions;
 use super::settle::Settled;
-use crate::compile::{Fingerprint, of_mesh};
+use crate::compile::{Fingerprint, of_curves, of_mesh};
 use crate::error::Result;
 use crate::film::AovSet;
 use crate::image::{Image, Pixels};
@@ -30,6 +30,10 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     let (materials, textures) = (take(&mut rest.materials), take(&mut rest.textures));
     let (lights, environment) = (take(&mut rest.lights), take(&mut rest.environment));
     let of_meshes = meshes.iter().fold(Fingerprint::START, |sum, mesh| sum.with_print(of_mesh(mesh)));
+    let curves = take(&mut rest.curves);
+    let of_curves = curves.iter().fold(of_meshes, |sum, curves| {
+        sum.with_print(of_curves(curves)).with_print(of_debug(&(&curves.name, &curves.traits)))
+    });
     let of_images = images.iter().fold(Fingerprint::START, with_image);
     let of_backdrop = match &backdrop {
         Some(Backdrop::Picture(image)) => with_image(Fingerprint::START, image),
@@ -37,7 +41,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     };
     let prints = [
         ("the camera", camera),
-        ("the geometry", of_meshes.with_print(of_debug(&rest))),
+        ("the geometry", of_curves.with_print(of_debug(&rest))),
         ("the materials", of_debug(&materials).with_print(of_debug(&textures))),
         ("the textures", of_images),
         ("the light", of_debug(&lights).with_print(of_debug(&environment))),
@@ -46,6 +50,7 @@ pub fn identity(scene: &mut Scene, settled: &Settled) -> Result<Identity> {
     *scene = Scene {
         name,
         meshes,
+        curves,
         images,
         backdrop,
         cameras,

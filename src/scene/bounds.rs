@@ -70,7 +70,7 @@ fn points_of_meshes(scene: &Scene) -> Vec<Points<'_>> {
     scene.meshes.iter().zip(&placements).map(points).collect()
 }
 
-/// Hands points to `each` whose hull holds all meshes and quads, in world space. Shapes are left to the caller. The scene
+/// Hands points to `each` whose hull holds all meshes and quads and the middles of curves, in world space. Shapes are left to the caller. The scene
 /// need not be valid.
 pub fn visit_points(scene: &Scene, each: &mut dyn FnMut(DVec3)) {
     let points = points_of_meshes(scene);
@@ -79,7 +79,8 @@ pub fn visit_points(scene: &Scene, each: &mut dyn FnMut(DVec3)) {
             points.visit(|p| each(instance.world_from_object.transform_point3(p)));
         }
     }
-    scene.quads.iter().flat_map(quad_corners).for_each(each);
+    scene.quads.iter().flat_map(quad_corners).for_each(&mut *each);
+    scene.curves.iter().for_each(|curves| curves.visit(&mut |p, _| each(p)));
 }
 
 fn quad_corners(q: &Quad) -> [DVec3; 4] {
@@ -123,6 +124,12 @@ pub fn scene_extent(scene: &Scene, instances: &[Extent]) -> Extent {
     }
     for q in &scene.quads {
         quad_corners(q).into_iter().for_each(|p| all.grow(p));
+    }
+    for curves in &scene.curves {
+        curves.visit(&mut |p, radius| {
+            all.grow(p - radius);
+            all.grow(p + radius);
+        });
     }
     all
 }

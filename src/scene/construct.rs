@@ -162,15 +162,17 @@ impl Scene {
         let instances = self.instances.iter_mut().map(|i| (&i.name, &mut i.traits));
         let quads = self.quads.iter_mut().map(|q| (&q.name, &mut q.traits));
         let shapes = self.shapes.iter_mut().map(|s| (&s.name, &mut s.traits));
-        let own = instances.chain(quads).chain(shapes).filter(|(other, _)| *other == name);
+        let curves = self.curves.iter_mut().map(|c| (&c.name, &mut c.traits));
+        let own = instances.chain(quads).chain(shapes).chain(curves).filter(|(other, _)| *other == name);
         own.for_each(|(_, own)| *own = traits);
     }
 
-    /// The traits of all objects: of instances, quads and shapes.
+    /// The traits of all objects: of instances, quads, shapes and curves.
     pub fn object_traits(&self) -> impl Iterator<Item = &ObjectTraits> {
         let instances = self.instances.iter().map(|i| &i.traits);
         let quads = self.quads.iter().map(|q| &q.traits);
-        instances.chain(quads).chain(self.shapes.iter().map(|s| &s.traits))
+        let curves = self.curves.iter().map(|c| &c.traits);
+        instances.chain(quads).chain(self.shapes.iter().map(|s| &s.traits)).chain(curves)
     }
 
     /// Are there shadow catchers?

@@ -17,10 +17,12 @@
 mod bounds;
 mod camera;
 mod construct;
+mod curves;
 mod environment;
 mod geometry;
 mod grid;
 mod groups;
+mod hair;
 mod ids;
 mod light;
 mod material;
@@ -43,10 +45,12 @@ mod visibility;
 
 pub use bounds::{Extent, instance_extents, scene_extent, visit_points};
 pub use camera::{Aperture, Camera, Projection, ThinLens, looking_at};
+pub use curves::{CurveBasis, Curves};
 pub use environment::{Backdrop, Environment};
 pub use geometry::{Instance, Mesh, MeshPart, Motion, Quad};
 pub use grid::Grid;
 pub use groups::{DEFAULT_GROUP, GROUP_KEY, group_or_default, is_group_name};
+pub use hair::{hair_color, hair_color_scale};
 pub use ids::{GridId, ImageId, MaterialId, MeshId, TextureId};
 pub use light::{Light, LightKind, SpotFade};
 pub use material::{AlphaMode, Beam, Displacement, Emission, Lamp, Material};
@@ -80,6 +84,8 @@ pub struct Scene {
     pub shapes: Vec<Shape>,
     /// Analytic parallelograms.
     pub quads: Vec<Quad>,
+    /// Hair and other curves.
+    pub curves: Vec<Curves>,
     /// Materials, by [`MaterialId`].
     pub materials: Vec<Material>,
     /// Textures, by [`TextureId`].

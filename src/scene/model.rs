@@ -145,6 +145,21 @@ models! {
         }
         /// No surface: light passes as if nothing was there. It bounds the medium that fills the solid.
         "medium" Boundary {}
+        /// A fibre of hair or fur.
+        "hair" Hair {
+            /// Colour of much of it; its absorption follows from that.
+            color: ColorSlot,
+            /// Roughness along the fibre, 0..1.
+            roughness: FloatSlot,
+            /// Roughness around the fibre, 0..1.
+            radial_roughness: FloatSlot,
+            /// Index of refraction, at least 1.
+            ior: f32,
+            /// Angle by which the scales of its surface are tilted towards the root, radians.
+            tilt_rad: f32,
+            /// How much less rough is what its surface reflects, 0..1.
+            coat: FloatSlot,
+        }
         /// Glass of any roughness.
         "dielectric" Glass {
             /// Index of refraction relative to the outside, at least 1.
@@ -186,7 +201,7 @@ impl Model {
                 Transmission::Clear(*ior)
             }
             Model::Boundary {} => Transmission::Clear(1.0),
-            Model::Glass { is_thin: true, .. } => Transmission::Thin,
+            Model::Glass { is_thin: true, .. } | Model::Hair { .. } => Transmission::Thin,
             Model::Pbr(pbr) => Transmission::Pbr(pbr),
         }
     }

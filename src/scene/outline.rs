@@ -40,9 +40,10 @@ pub fn outline(scene: &Scene, material: MaterialId) -> Outline {
     let mut shapes = scene.shapes.iter().filter(|s| s.material == material).map(|s| s.kind).peekable();
     let has_shapes = shapes.peek().is_some();
     let are_closed = shapes.all(|kind| kind.tag().is_closed());
+    let has_curves = scene.curves.iter().any(|c| c.material == material);
     match count {
-        0 if !has_shapes => Outline::None,
-        _ if edges.sum == 0 && are_closed => Outline::Closed,
+        0 if !has_shapes && !has_curves => Outline::None,
+        _ if edges.sum == 0 && are_closed && !has_curves => Outline::Closed,
         _ => Outline::Open,
     }
 }

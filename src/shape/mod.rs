@@ -2,9 +2,11 @@
 //! light sources seen from elsewhere.
 //!
 //! Triangles and [`Quad`]s are met by the same vectorised test, four triangles at a time. All others implement [`Shape`]
-//! and are variants of [`Analytic`], by a row of its table.
+//! and are variants of [`Analytic`], by a row of its table; of pieces
+//! of curves ([`CurveSegment`]) there are so many that they have packets of their own.
 
 mod analytic;
+mod curve;
 mod disk;
 mod icosphere;
 mod point;
@@ -17,6 +19,7 @@ pub mod triangle;
 mod triangle_light;
 
 pub use analytic::{Analytic, mesh_of};
+pub use curve::{CurveSegment, CurveSegments};
 pub use disk::Disk;
 pub use point::{LightPoint, Surface, pdf_solid_angle_of_area};
 pub use quad::{Quad, SphericalParallelogram};

@@ -10,6 +10,7 @@ mod caustics;
 mod closed_form;
 mod compile_scene;
 mod converged;
+mod curves;
 mod determinism;
 mod guiding;
 mod lamps;

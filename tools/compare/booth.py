@@ -63,7 +63,7 @@ def floor_color(shape):
     return 0.0 if shape == "backed sheet" else 0.5
 
 
-def mitsuba_scene(bsdf, shape):
+def mitsuba_scene(bsdf, shape, subject=None):
     camera = mi.ScalarTransform4f().look_at(CAMERA["look_from"], CAMERA["look_at"], [0, 1, 0])
     film = {"type": "hdrfilm", "width": SIZE, "height": SIZE, "rfilter": {"type": "box"}, "component_format": "float32"}
     scene = {
@@ -72,8 +72,11 @@ def mitsuba_scene(bsdf, shape):
         "sensor": {"type": "perspective", "fov": CAMERA["vfov"], "fov_axis": "y", "to_world": camera, "film": film},
         "background": {"type": "constant", "radiance": rgb(BACKGROUND)},
         "floor": rectangle(FLOOR, diffuse(floor_color(shape))),
-        "subject": {"type": "sphere", "radius": 1.0, "bsdf": bsdf} if shape == "ball" else rectangle(quad(*SHEET), bsdf),
+        "subject": subject,
     }
+    if subject is None:
+        ball = {"type": "sphere", "radius": 1.0, "bsdf": bsdf}
+        scene["subject"] = ball if shape == "ball" else rectangle(quad(*SHEET), bsdf)
     if shape == "backed sheet":
         scene["backing"] = rectangle(backing(), diffuse(0))
     for k, light in enumerate(LIGHTS):
@@ -81,8 +84,8 @@ def mitsuba_scene(bsdf, shape):
     return mi.load_dict(scene)
 
 
-def mitsuba_picture(bsdf, shape, samples, seeds=4):
-    scene = mitsuba_scene(bsdf, shape)
+def mitsuba_picture(bsdf, shape, samples, seeds=4, subject=None):
+    scene = mitsuba_scene(bsdf, shape, subject)
     part = samples // seeds
     return common.Picture.of([np.array(mi.render(scene, spp=part, seed=s))[..., :3] for s in range(seeds)])
 
@@ -94,8 +97,8 @@ def toml(value):
     return json.dumps(value)
 
 
-def oscura_scene(path, subject, materials, shape):
-    """Writes the scene file. `subject` are the lines of the object that is looked at."""
+def oscura_scene(path, subject, materials, shape, table="[[objects]]"):
+    """Writes the scene file. `subject` are the lines of the table of what is looked at."""
     quads = [("floor", FLOOR), *((f"light{k}", q) for k, q in enumerate(LIGHTS))]
     if shape == "backed sheet":
         quads.append(("backing", backing()))
@@ -104,7 +107,7 @@ def oscura_scene(path, subject, materials, shape):
     lines += ["[materials]", f'floor = {{ type = "lambert", color = {floor_color(shape)} }}']
     lines += [f"{name} = {toml(material)}" for name, material in materials.items()]
     lines += [f'light{k} = {toml({"type": "emissive", "radiance": q["radiance"]})}' for k, q in enumerate(LIGHTS)]
-    lines += ["[[objects]]", *subject]
+    lines += [table, *subject]
     for name, q in quads:
         lines += ["[[objects]]", f"quad = {toml({key: q[key] for key in ('corner', 'u', 'v')})}", f'material = "{name}"']
     Path(path).write_text("\n".join(lines) + "\n")

@@ -11,10 +11,11 @@ mod planes;
 mod tests;
 
 use super::layout::{
-    ANALYTIC_LINES, AnalyticPacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC, KIND_INSTANCE, LEAF,
-    NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, kind_of, line_of, view,
+    ANALYTIC_LINES, AnalyticPacket, CurvePacket, DONE, INSTANCE_LINES, InstanceRecord, KIND_ANALYTIC,
+    KIND_INSTANCE, LEAF, NODE_LINES, Node, TRIANGLE_LINES, TrianglePacket, curves_at, kind_of, line_of, view,
 };
 use super::plane::Plane;
+use super::slot::starts_near;
 use super::structure::Accel;
 use crate::math::{NO_HIT, OriginPrimitive, Ray, Vec3};
 use crate::shape::triangle::{LANES, weights_of};
@@ -256,7 +257,10 @@ impl<'a> State<'a> {
                 }
                 KIND_ANALYTIC => {
                     let Some(packet) = view::<AnalyticPacket, ANALYTIC_LINES>(lines, line) else { return };
-                    self.analytic(packet, is_doubtful);
+                    match curves_at(lines, line, packet) {
+                        Some(curves) => self.curves(curves, is_doubtful),
+                        None => self.analytic(packet, is_doubtful),
+                    }
                     packet.next
                 }
                 _ => {
@@ -347,6 +351,27 @@ impl<'a> State<'a> {
             met.certain |= u32::from((start < sure) & is_inside & is_new) << k;
         }
         met
+    }
+
+    /// Pieces of curves, for each ray as alone.
+    #[inline(never)]
+    fn curves(&mut self, packet: &CurvePacket, is_doubtful: &impl Fn(u32) -> bool) {
+        for lane in 0..packet.lanes() {
+            let (segment, id) = (packet.segment(lane), packet.id[lane]);
+            for k in Bits(self.rays) {
+                let ignored = self.ignored[k];
+                let mut prepared = PreparedRay::NONE;
+                let Some(((t_min, t_max), _)) = prepared.set_line(&self.fan.ray(k)) else { continue };
+                let hit = segment.intersect(&prepared, t_min, t_max, starts_near(id, ignored));
+                if hit.is_some_and(|(t, _)| t < t_max) && id != ignored {
+                    if is_doubtful(id) {
+                        self.unsure |= 1 << k;
+                    } else {
+                        self.stop(k);
+                    }
+                }
+            }
+        }
     }
 
     #[inline(always)]

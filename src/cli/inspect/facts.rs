@@ -25,6 +25,7 @@ pub fn instance_materials(scene: &Scene, instance: &Instance) -> Vec<MaterialId>
 pub fn used_materials(scene: &Scene) -> Vec<bool> {
     let mut used = vec![false; scene.materials.len()];
     let surfaces = scene.shapes.iter().map(|s| s.material).chain(scene.quads.iter().map(|q| q.material));
+    let surfaces = surfaces.chain(scene.curves.iter().map(|c| c.material));
     let instances = scene.instances.iter().flat_map(|i| instance_materials(scene, i));
     for id in surfaces.chain(instances) {
         used[id.index()] = true;

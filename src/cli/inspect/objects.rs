@@ -37,6 +37,12 @@ pub fn tree(scene: &Scene) -> Vec<String> {
         let content = format!("quad of {u:.4} x {v:.4} m, {}", material_name(scene, q.material));
         insert(&mut nodes, &mut known, &q.name, content);
     }
+    for c in &scene.curves {
+        let (strands, points) = (c.strands.len(), c.points.len());
+        let material = material_name(scene, c.material);
+        let content = format!("{strands} {} curves of {points} points, {material}", c.basis.name());
+        insert(&mut nodes, &mut known, &c.name, content);
+    }
     let mut lines = Vec::new();
     let mut stack: Vec<(usize, usize)> = nodes[0].children.iter().rev().map(|&c| (c, 0)).collect();
     while let Some((at, depth)) = stack.pop() {

@@ -43,6 +43,14 @@ pub enum Object<'a> {
         edge_v: [f64; 3],
         materials: [&'a str; 1],
     },
+    Curves {
+        kind: &'static str,
+        name: &'a str,
+        basis: &'static str,
+        strands: usize,
+        points: usize,
+        materials: [&'a str; 1],
+    },
 }
 
 /// All of them; `extents` are those of the instances.
@@ -78,5 +86,13 @@ pub fn objects<'a>(scene: &'a Scene, extents: &[Extent]) -> Vec<Object<'a>> {
         edge_v: q.edge_v.to_array(),
         materials: [named(q.material)],
     });
-    instances.chain(shapes).chain(quads).collect()
+    let curves = scene.curves.iter().map(|c| Object::Curves {
+        kind: "curves",
+        name: &c.name,
+        basis: c.basis.name(),
+        strands: c.strands.len(),
+        points: c.points.len(),
+        materials: [named(c.material)],
+    });
+    instances.chain(shapes).chain(quads).chain(curves).collect()
 }

@@ -58,19 +58,28 @@ fn section(out: &mut Vec<String>, name: &str, count: usize) {
 fn geometry(scene: &Scene, out: &mut Vec<String>) {
     let vertices: usize = scene.meshes.iter().map(|m| m.positions.len()).sum();
     out.push(format!(
-        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {}{} quads",
+        "  geometry   {} meshes of {vertices} vertices, placed {} times ({} triangles), {}{} quads{}",
         scene.meshes.len(),
         scene.instances.len(),
         placed_triangles(scene),
         ShapeCounts::of(scene).words(),
-        scene.quads.len()
+        scene.quads.len(),
+        strands(scene)
     ));
     if let Some((low, high)) = scene_extent(scene, &instance_extents(scene)).0 {
         let (from, to) = (words::list(&low.to_array()), words::list(&high.to_array()));
         out.push(format!("  extent     {from} to {to} m"));
     }
-    let count = scene.instances.len() + scene.shapes.len() + scene.quads.len();
+    let count = scene.instances.len() + scene.shapes.len() + scene.quads.len() + scene.curves.len();
     section(out, "objects", count);
+}
+
+/// How many curves there are, where there are some.
+fn strands(scene: &Scene) -> String {
+    match scene.curves.iter().map(|c| c.strands.len()).sum::<usize>() {
+        0 => String::new(),
+        count => format!(", {count} curves"),
+    }
 }
 
 fn image_line(image: &Image) -> String {

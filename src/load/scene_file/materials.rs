@@ -8,6 +8,7 @@
 //! | `"metal"` | `color` (0.8) or `name` (see [`super::metals`]), `fuzz` or `roughness`, both 0 to 1 (0) |
 //! | `"dielectric"` | `ior` (1.5; 1 is air, for bubbles in glass; below 1: of the inside over what is around), `fresnel` = `exact` or `schlick`, `tint` (1), `roughness` 0 to 1 (0), `thin` (false), `medium` within (see `media`) |
 //! | `"medium"` | no surface, only what is within: `density`, `color`, `anisotropy`, `emission`, `grid`, `grid_name`, `up`, `min`, `max`, see `media` |
+//! | `"hair"` | see `hair`, for `[[curves]]` |
 //! | `"emissive"` | `radiance` (required), `two_sided` (false) |
 //! | `"pbr"` | the keys of the table below |
 //!
@@ -28,7 +29,7 @@ use super::build::Build;
 use super::fields::{Fields, named};
 use super::light_traits::group;
 use super::textures::Textures;
-use super::{adjusted, displaced, media, metals, pbr};
+use super::{adjusted, displaced, hair, media, metals, pbr};
 use crate::error::Warning;
 use crate::scene::{
     ColorSlot, Emission, FloatSlot, FresnelModel, Material, MaterialId, Model, Parameter, ParameterMut,
@@ -138,6 +139,7 @@ enum Kind {
     Dielectric,
     Medium,
     Emissive,
+    Hair,
     Pbr,
     Plain(fn() -> Model),
 }
@@ -149,6 +151,7 @@ fn kinds() -> Vec<(&'static str, Kind)> {
         ("dielectric", Kind::Dielectric),
         ("medium", Kind::Medium),
         ("emissive", Kind::Emissive),
+        ("hair", Kind::Hair),
         ("pbr", Kind::Pbr),
     ];
     plain.chain(others).collect()
@@ -205,6 +208,7 @@ fn read<'a>(
             let emission = Some(Emission { radiance, two_sided });
             Material { emission, ..Material::new(name, Model::Black) }
         }
+        Kind::Hair => Material::new(name, hair::read(fields, slot)),
         Kind::Pbr => {
             let medium = media::table(build, fields, "medium");
             let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);

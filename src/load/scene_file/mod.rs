@@ -8,6 +8,7 @@
 //! | `[textures.NAME]` | `textures`, `spectra` |
 //! | `[materials.NAME]` | `materials` |
 //! | `[[objects]]` | `objects`, `transform`, `motion` |
+//! | `[[curves]]` | `curves` |
 //! | `[[lights]]` | `lights` |
 //! | `[[portals]]` | `portals` |
 //!
@@ -19,9 +20,11 @@ mod adjusted;
 mod assets;
 mod build;
 mod camera;
+mod curves;
 mod displaced;
 mod environment;
 mod fields;
+mod hair;
 mod light_shapes;
 mod light_traits;
 mod lights;
@@ -84,7 +87,9 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
     let (loaded, is_beside_model) = (Loaded::default(), false);
     let mut build = Build { file: path, options, problems, loaded, shutter, is_beside_model };
     build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    root.require("objects", root.list("objects"));
+    if !root.has("curves") {
+        root.require("objects", root.list("objects"));
+    }
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {
         // The camera comes last: it may be taken from a mesh file that the objects have loaded already.

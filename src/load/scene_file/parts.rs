@@ -5,7 +5,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::materials::Materials;
 use super::textures::Textures;
-use super::{environment, lights, objects, portals, settings};
+use super::{curves, environment, lights, objects, portals, settings};
 use crate::error::{Error, Problem, Result};
 use crate::load::LoadOptions;
 use std::path::Path;
@@ -42,6 +42,7 @@ pub(super) fn read_parts<'a>(
     let mut materials = Materials::new(root.table("materials"));
     materials.override_model(build, &mut textures);
     objects::read(build, root, &mut materials, &mut textures, assets);
+    curves::read(build, root, &mut materials, &mut textures);
     lights::read(build, root);
     portals::read(build, root);
     // After what may leave lights out: it may add one that it remembers by its place.

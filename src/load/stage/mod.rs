@@ -38,7 +38,8 @@ pub fn complete(loaded: &mut Loaded, options: &StageOptions, brings_environment:
         return foretell(loaded, options, brings_environment);
     }
     let scene = &loaded.scene;
-    if scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty() {
+    let has_bodies = !(scene.instances.is_empty() && scene.shapes.is_empty() && scene.quads.is_empty());
+    if !has_bodies && scene.curves.is_empty() {
         let message = "there is nothing to see: no triangles, quads or other shapes";
         loaded.warnings.push(Warning::general(message));
     }

@@ -1,7 +1,7 @@
 //! What lies so far from all else that a picture of everything would show nothing.
 
 use crate::math::DVec3;
-use crate::scene::{Extent, Instance, Mesh, Scene, instance_extents};
+use crate::scene::{Curves, Extent, Instance, Mesh, Scene, instance_extents};
 
 /// What is this many times as far from the middle as all that is nearer, with nothing between, is stray.
 const GAP: f64 = 20.0;
@@ -85,7 +85,7 @@ fn items(scene: &Scene) -> Vec<Item> {
     let step = total.div_ceil(MOST_TRIANGLES).max(1);
     let placed = scene.instances.iter().filter_map(|i| Some((i, mesh_of(i)?)));
     let mut items: Vec<Item> = placed.flat_map(|(i, mesh)| triangles(i, mesh, step)).collect();
-    let others = scene.shapes.len() + scene.quads.len();
+    let others = scene.shapes.len() + scene.quads.len() + scene.curves.len();
     let weight = total.max(1) as f64 / others.max(1) as f64;
     items.extend(scene.shapes.iter().map(|s| {
         let half = s.half_extent();
@@ -96,8 +96,19 @@ fn items(scene: &Scene) -> Vec<Item> {
         let (low, high) = (u.min(DVec3::ZERO) + v.min(DVec3::ZERO), u.max(DVec3::ZERO) + v.max(DVec3::ZERO));
         Item { min: q.corner + low, max: q.corner + high, weight }
     }));
+    items.extend(scene.curves.iter().filter_map(|curves| {
+        let (min, max) = around(curves)?;
+        Some(Item { min, max, weight })
+    }));
     items.retain(|item| item.min.is_finite() && item.max.is_finite());
     items
+}
+
+/// The box around the points of curves.
+fn around(curves: &Curves) -> Option<(DVec3, DVec3)> {
+    let (mut min, mut max) = (DVec3::INFINITY, DVec3::NEG_INFINITY);
+    curves.visit(&mut |p, _| (min, max) = (min.min(p), max.max(p)));
+    (min.x <= max.x).then_some((min, max))
 }
 
 /// Every so manieth triangle of a mesh that is placed.
@@ -154,6 +165,9 @@ fn beyond(scene: &Scene, extents: &[Extent], middle: DVec3, distance: f64, near:
     for quad in &scene.quads {
         let far = quad.corner + quad.edge_u + quad.edge_v;
         add(&quad.name, box_of((quad.corner.min(far), quad.corner.max(far))));
+    }
+    for curves in &scene.curves {
+        around(curves).into_iter().for_each(|bounds| add(&curves.name, box_of(bounds)));
     }
     let more = names.len().saturating_sub(LISTED);
     names.truncate(LISTED);

@@ -76,6 +76,7 @@ impl Surface {
             }
         }
         points.extend(scene.shapes.iter().map(|s| s.center));
+        scene.curves.iter().for_each(|curves| curves.visit(&mut |p, _| points.push(p)));
         let min = points.iter().copied().fold(DVec3::INFINITY, DVec3::min);
         let max = points.iter().copied().fold(DVec3::NEG_INFINITY, DVec3::max);
         Surface { points, faces, min, size: (max - min).max(DVec3::splat(1e-300)) }

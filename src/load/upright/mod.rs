@@ -21,6 +21,9 @@ pub(super) fn stand(scene: &mut Scene, up: Up) {
     for instance in &mut scene.instances {
         instance.world_from_object = turn * instance.world_from_object;
     }
+    for curves in &mut scene.curves {
+        curves.world_from_object = turn * curves.world_from_object;
+    }
     let quaternion = DQuat::from_mat3(&rotation);
     for shape in &mut scene.shapes {
         shape.center = rotation * shape.center;

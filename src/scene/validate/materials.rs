@@ -85,7 +85,7 @@ fn check_parameter(
         Parameter::Constant(&x) => {
             let (is_met, allowed) = match field {
                 "attenuation_distance" => (x > 0.0, "above 0, or infinite"),
-                "rotation_rad" | "scale" | "midlevel" => (x.is_finite(), FINITE),
+                "rotation_rad" | "tilt_rad" | "scale" | "midlevel" => (x.is_finite(), FINITE),
                 _ => (x.is_finite() && x >= 0.0, FROM_ZERO),
             };
             findings.require(is_met, place, field, x, allowed);
@@ -121,6 +121,9 @@ fn check_model(model: &Model, place: Place, findings: &mut Findings) {
         }
         Model::Dielectric { ior, .. } | Model::Glass { ior, .. } => {
             findings.require(*ior != 0.0, place, "ior", ior, "a finite number above 0");
+        }
+        Model::Hair { ior, .. } => {
+            findings.require(*ior >= 1.0, place, "ior", ior, "a finite number from 1 up")
         }
         Model::Pbr(pbr) => check_pbr(pbr, place, findings),
         _ => {}

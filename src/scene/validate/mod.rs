@@ -6,6 +6,7 @@
 //! (normalised), primitives without area or farther away than 1e18 m and placements that flatten (left out, with a warning).
 
 mod cameras;
+mod curves;
 mod environment;
 mod findings;
 mod groups;
@@ -34,6 +35,7 @@ impl Scene {
         let mut findings = Findings::default();
         meshes::check(self, &mut findings);
         objects::check(self, &mut findings);
+        curves::check(self, &mut findings);
         materials::check(self, &mut findings);
         textures::check(self, &mut findings);
         images::check(self, &mut findings);

@@ -24,6 +24,10 @@ fn scene(text: &str) -> String {
     }
     let grid = include_bytes!("../../../src/load/vdb/tests/blosc.vdb");
     std::fs::write(folder.path().join("smoke.vdb"), grid).expect("a grid");
+    for (name, x) in [("one.curves", 1), ("two.curves", 2)] {
+        std::fs::write(folder.path().join(name), format!("curves 1\n0 0 0 0.1\n{x} 0 0 0.1\n"))
+            .expect("curves");
+    }
     for (name, last) in [("one.ies", 1), ("two.ies", 2)] {
         let profile = format!("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n4 {last}\n");
         std::fs::write(folder.path().join(name), profile).expect("a profile");

@@ -131,6 +131,9 @@ fn objects_and_transforms_are_explained() {
     assert_explained(&light, "lights", "a light");
     let portal = known_keys(&format!("[[portals]]\n{WRONG} = 1\n[[objects]]\n"));
     assert_explained(&portal, "portals", "a portal");
+    let curves = known_keys(&format!("[[curves]]\n{WRONG} = 1\n[[objects]]\n"));
+    assert_explained(&curves, "curves", "curves");
+    assert!(first_column(&chapter("curves"), "Key").is_subset(&curves), "{curves:?}");
     for shape in first_column(&chapter("lights"), "Shape") {
         assert!(light.contains(&shape), "{shape} {light:?}");
         let scene = format!("[[lights]]\n{shape} = {{ {WRONG} = 1 }}\n[[objects]]\n");

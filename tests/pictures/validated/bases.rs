@@ -5,10 +5,11 @@ use oscura::color::spectral::Metal;
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::math::{DAffine3, DQuat, DVec3, Vec2, Vec3};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, DiffuseTransmission, Emission, Environment,
-    FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
-    LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
-    PbrMaterial, Projection, Scene, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Beam, Clearcoat, ColorSlot, CurveBasis, Curves, DiffuseTransmission,
+    Emission, Environment, FloatSlot, FresnelModel, ImageId, Instance, Interpolation, Iridescence, Lamp,
+    Light, LightKind, LightProfile, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Model, Motion,
+    NoiseKind, NormalMap, ObjectTraits, PbrMaterial, Projection, Scene, Sheen, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, Wrap,
 };
 use std::sync::Arc;
 
@@ -112,6 +113,34 @@ fn add_images(scene: &mut Scene) {
     }
 }
 
+/// Strands of both shapes that points may have, one of them of hair.
+fn add_curves(scene: &mut Scene, grey: MaterialId) {
+    let fibre = Model::Hair {
+        color: ColorSlot::texture(TextureId(0)),
+        roughness: FloatSlot::constant(0.3),
+        radial_roughness: FloatSlot { factor: 0.8, texture: Some((TextureId(2), 1)) },
+        ior: 1.55,
+        tilt_rad: -0.04,
+        coat: FloatSlot::constant(0.2),
+    };
+    let fibre = material(scene, Material::new("fibre", fibre));
+    for (basis, material) in [(CurveBasis::BSpline, fibre), (CurveBasis::Linear, grey)] {
+        let points: Vec<[f32; 3]> =
+            (0..9).map(|i| [-1.0 + 0.2 * i as f32, 1.5 - 0.1 * (i % 3) as f32, 0.7]).collect();
+        scene.curves.push(Curves {
+            name: "strands".into(),
+            basis,
+            strands: vec![4, 5],
+            radii: (0..9).map(|i| 0.05 * (i % 4) as f32).collect(),
+            colors: points.iter().map(|p| p.map(f32::abs)).collect(),
+            points,
+            world_from_object: DAffine3::from_translation(DVec3::new(0.0, 0.1, 0.0)),
+            material,
+            traits: ObjectTraits::default(),
+        });
+    }
+}
+
 /// Shapes of all kinds, lit by all kinds of lights.
 fn shapes() -> Scene {
     let mut scene = Scene { name: "shapes".into(), ..Scene::default() };
@@ -145,6 +174,7 @@ fn shapes() -> Scene {
     place(&mut scene, 1, DVec3::new(-2.5, 0.0, -1.0), None, Motion::Moves);
     place(&mut scene, 1, DVec3::new(2.5, 0.0, -1.0), Some(grey), Motion::Deforms);
     place(&mut scene, 2, DVec3::new(0.0, 2.5, -1.0), None, Motion::Still);
+    add_curves(&mut scene, grey);
     sphere(&mut scene, [-1.2, -1.0, 0.6], 0.5, grey);
     sphere(&mut scene, [1.3, 1.0, 0.4], 0.3, glow);
     disk(&mut scene, [1.2, -1.0, 0.5], [0.3, 1.0, 0.8], 0.5, veil);

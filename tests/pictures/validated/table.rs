@@ -5,12 +5,12 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, DiffuseTransmission,
-    Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog, FresnelModel, Glow,
-    Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind, LightProfile,
-    Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind, NormalMap,
-    ObjectTraits, PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen,
-    SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, CurveBasis, Curves,
+    DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog,
+    FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
+    LightProfile, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind,
+    NormalMap, ObjectTraits, PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape,
+    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -51,9 +51,10 @@ structs! {
     Grid { name, size, values, min, max }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
+        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
         backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
+    Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
     MeshPart { first_triangle, triangle_count, material }
     Instance { name, mesh, world_from_object, material, motion, traits, light_group }
@@ -97,6 +98,7 @@ structs! {
 enums! {
     Motion { Still {} Moves {} Deforms {} } { Keyed }
     ShapeKind { Sphere {} Disk {} } {}
+    CurveBasis { Linear {} Bezier {} BSpline {} CatmullRom {} } {}
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
     EnergyCompensation { On {} Off {} } {}
@@ -111,6 +113,7 @@ enums! {
         Dielectric { ior, tint, fresnel }
         Glass { ior, tint, roughness, is_thin }
         Boundary {}
+        Hair { color, roughness, radial_roughness, ior, tilt_rad, coat }
     } { Pbr }
     Texture {
         Image { image, wrap_u, wrap_v, interpolation, mapping }

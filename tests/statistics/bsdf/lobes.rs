@@ -184,12 +184,29 @@ pub fn finite() -> Vec<(String, Bsdf)> {
     add("thin glass", glass(1.5, 0.5, true, [0.9, 0.3, 0.1], EnergyCompensation::On));
     add("half transmissive", basic(0.6, 0.0, 0.5, true));
     add("mixed", basic(0.6, 0.4, 0.5, false));
+    add("brown hair", hair([0.3, 0.15, 0.05], [0.3, 0.3], 0.035, 0.0));
+    add("white hair", hair([1.0; 3], [0.6, 0.9], 0.2, 0.0));
+    add("coated fur", hair([0.8, 0.7, 0.5], [0.4, 0.5], -0.1, 0.6));
     for (name, material) in layers() {
         add(name, resolved(material));
     }
     let coated = resolved(pbr(|p| p.clearcoat = coat(1.0, 0.4)));
     add("tilted coat", tilted(coated, Vec3::new(0.3, -0.2, 0.8)));
     all
+}
+
+/// Hair around a fibre askew.
+pub fn hair(color: [f32; 3], roughness: [f32; 2], tilt_rad: f32, coat: f32) -> Bsdf {
+    let frame = LocalFrame { tangent: Vec2::new(0.8, 0.6), ..LocalFrame::STRAIGHT };
+    let model = Model::Hair {
+        color: ColorSlot::constant(color),
+        roughness: number(roughness[0]),
+        radial_roughness: number(roughness[1]),
+        ior: 1.55,
+        tilt_rad,
+        coat: number(coat),
+    };
+    BsdfProgram::of(&model, ShadingModel::default()).evaluate(&Factors, &frame)
 }
 
 /// Materials of layers, most of them of finite width.

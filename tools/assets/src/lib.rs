@@ -2,6 +2,7 @@
 
 pub mod bricks;
 pub mod cornell;
+pub mod fur;
 mod json;
 pub mod mesh;
 pub mod random;

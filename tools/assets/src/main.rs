@@ -5,14 +5,15 @@
 //! oscura-assets reed FILE.gltf                 an animated reed that uses most of glTF, as committed in assets/
 //! oscura-assets mesh FOLDER [TRIANGLES]        a wavy torus as mesh.ply, mesh.obj and mesh.glb; 1,300,000 triangles
 //! oscura-assets ply FILE.ply [TRIANGLES]       the torus as PLY alone; 1,000,000 triangles
+//! oscura-assets fur FILE.hair [STRANDS]        a ball of fur; 20,000 strands
 //! oscura-assets scenes FOLDER                  the generated scenes, textures and meshes of scenes/
 //! ```
 
-use oscura_assets::{cornell, mesh, reed, write_scenes};
+use oscura_assets::{cornell, fur, mesh, reed, write_scenes};
 use std::path::Path;
 use std::process::ExitCode;
 
-const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | \
+const USAGE: &str = "usage: oscura-assets cornell FILE.gltf | reed FILE.gltf | mesh FOLDER [TRIANGLES] | ply FILE.ply [TRIANGLES] | fur FILE.hair [STRANDS] | \
 scenes FOLDER";
 
 fn main() -> ExitCode {
@@ -25,6 +26,8 @@ fn main() -> ExitCode {
         ["mesh", folder, n] => triangles(n).and_then(|n| mesh::write_all(Path::new(folder), n)),
         ["ply", file] => mesh::write_ply(Path::new(file), 1_000_000),
         ["ply", file, n] => triangles(n).and_then(|n| mesh::write_ply(Path::new(file), n)),
+        ["fur", file] => fur::write(Path::new(file), 20_000),
+        ["fur", file, n] => triangles(n).and_then(|n| fur::write(Path::new(file), n)),
         ["scenes", folder] => write_scenes(Path::new(folder)),
         _ => Err(USAGE.to_string()),
     };
@@ -40,6 +43,6 @@ fn main() -> ExitCode {
 fn triangles(text: &str) -> Result<usize, String> {
     match text.parse() {
         Ok(n @ 8..=1_000_000_000) => Ok(n),
-        _ => Err(format!("'{text}' is no number of triangles between 8 and 1,000,000,000")),
+        _ => Err(format!("'{text}' is no number between 8 and 1,000,000,000")),
     }
 }

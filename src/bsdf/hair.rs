@@ -1,0 +1,342 @@
+//! Hair and fur: a fibre of glass with scales and pigment.
+
+use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel};
+use crate::color::Rgb;
+use crate::math::{Vec2, Vec3, poly};
+use crate::scene::{ColorSlot, FloatSlot, hair_color_scale};
+use std::f32::consts::{FRAC_PI_2, PI, TAU};
+
+/// The model of Chiang, Bitterli, Tappan, Burley 2016, "A Practical and Controllable Hair and Fur Model for Production Path
+/// Tracing": light that is reflected by the fibre (R), that passes it (TT), that is reflected once within (TRT), and all that is
+/// reflected more often, each the product of a longitudinal lobe (d'Eon et al. 2011, "An Energy-Conserving Hair Reflectance
+/// Model", eq. 7), an azimuthal one (a trimmed logistic) and an attenuation. It is the near-field form (Pharr 2016, "The
+/// Implementation of a Hair Scattering Model"): where across the fibre the viewer looks is known from the surface's normal.
+///
+/// Without pigment all light goes on. It stands for the whole fibre: what passes leaves where it came in. Not reciprocal for tilted
+/// scales, and elsewhere only as far as the viewer's place on the fibre is averaged.
+#[derive(Clone, Copy, Debug)]
+pub struct Hair {
+    /// Along the fibre, in the tangent plane.
+    tangent: Vec2,
+    /// Root of the absorption, per radius.
+    root_absorption: Rgb,
+    /// What the logarithm of a colour is divided by for it: eq. 9.
+    color_scale: f32,
+    ior: f32,
+    /// Longitudinal variance of R, TT, and all others.
+    variance: [f32; 3],
+    /// Scale of the azimuthal logistic.
+    scale: f32,
+    /// Sine and cosine by which R, TT and TRT are turned along the fibre.
+    tilt: [(f32, f32); 3],
+}
+
+/// R, TT, TRT, and the rest.
+const LOBES: usize = 4;
+
+/// Rougher ones are no narrower than single precision resolves.
+const LEAST_ROUGHNESS: f32 = 0.01;
+
+/// Darker colours than this, or hair as black as it gets.
+const LEAST_COLOR: f32 = 1e-12;
+
+/// Variance of the longitudinal lobe: Chiang et al. 2016, eq. 7.
+fn longitudinal_variance(roughness: f32) -> f32 {
+    let b = roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    let b20 = power(b, 20);
+    let root = 0.726 * b + 0.812 * b * b + 3.7 * b20;
+    root * root
+}
+
+/// Scale of the azimuthal logistic: eq. 8, with the factor that gives it the width of a Gaussian of that deviation.
+fn azimuthal_scale(roughness: f32) -> f32 {
+    const ROOT_PI_OVER_8: f32 = 0.626_657_1;
+    let b = roughness.clamp(LEAST_ROUGHNESS, 1.0);
+    ROOT_PI_OVER_8 * (0.265 * b + 1.194 * b * b + 5.372 * power(b, 22))
+}
+
+fn power(x: f32, n: u32) -> f32 {
+    (0..n).fold(1.0, |product, _| product * x)
+}
+
+/// e^-x I0(x), the modified Bessel function, for x from 0 (Abramowitz, Stegun 1964, 9.8.1 and 9.8.2). Relative error below 5e-7.
+#[inline(always)]
+fn scaled_bessel(x: f32) -> f32 {
+    if x < 3.75 {
+        let t = x / 3.75;
+        let t = t * t;
+        let sum =
+            ((((4.581_3e-3 * t + 3.607_68e-2) * t + 0.265_973_2) * t + 1.206_749_2) * t + 3.089_942_4) * t;
+        ((sum + 3.515_622_9) * t + 1.0) * poly::exp(-x)
+    } else {
+        let t = 3.75 / x;
+        let sum = ((3.923_77e-3 * t - 1.647_633e-2) * t + 2.635_537e-2) * t - 2.057_706e-2;
+        let sum = ((sum * t + 9.162_81e-3) * t - 1.575_65e-3) * t + 2.253_19e-3;
+        ((sum * t + 1.328_592e-2) * t + 0.398_942_28) / x.sqrt()
+    }
+}
+
+/// A direction by its sine over the plane across the fibre, the cosine, and the angle around the fibre from the normal.
+#[derive(Clone, Copy)]
+struct Around {
+    sine: f32,
+    cosine: f32,
+    angle: f32,
+}
+
+/// What the lobes of a viewer have in common.
+struct Seen {
+    wo: Around,
+    /// Attenuations.
+    share: [Rgb; LOBES],
+    /// The probability with which each lobe is sampled.
+    probability: [f32; LOBES],
+    /// Sine and cosine of the viewer, turned for each lobe.
+    turned: [(f32, f32); LOBES],
+    /// Where each azimuthal lobe has its middle.
+    middle: [f32; 3],
+}
+
+/// An angle in -pi..pi, of one less than a few turns off.
+#[inline(always)]
+fn wrapped(angle: f32) -> f32 {
+    let turns = angle * (1.0 / TAU);
+    let nearest = (turns + if turns < 0.0 { -0.5 } else { 0.5 }) as i32;
+    angle - nearest as f32 * TAU
+}
+
+impl Hair {
+    /// Hair around a tangent; roughnesses 0 to 1, the tilt of scales in radians.
+    pub fn new(
+        tangent: Vec2,
+        color: Rgb,
+        [longitudinal, radial]: [f32; 2],
+        ior: f32,
+        tilt: f32,
+        coat: f32,
+    ) -> Hair {
+        let color_scale = hair_color_scale(radial);
+        let v = longitudinal_variance(longitudinal);
+        // d'Eon et al. 2011: R has the roughness of one interface, TT of half as much, TRT of twice.
+        let variance = [longitudinal_variance(longitudinal * (1.0 - coat)), 0.25 * v, 4.0 * v];
+        let turn = |times: f32| poly::sin_cos(times * tilt);
+        Hair {
+            tangent: tangent.try_normalize().unwrap_or(Vec2::X),
+            root_absorption: root_absorption(color, color_scale),
+            color_scale,
+            ior,
+            variance,
+            scale: azimuthal_scale(radial),
+            // Marschner et al. 2003: R by -2, TT by 1 and TRT by 4 times the angle of the scales.
+            tilt: [turn(-2.0), turn(1.0), turn(4.0)],
+        }
+    }
+
+    /// A direction of the frame around the fibre; what is seen from within is as from outside.
+    #[inline(always)]
+    fn around(&self, w: Vec3, side: f32) -> Around {
+        let t = self.tangent;
+        let sine = (w.x * t.x + w.y * t.y).clamp(-1.0, 1.0);
+        let across = w.y * t.x - w.x * t.y;
+        let (y, z) = (across, w.z * side);
+        Around { sine, cosine: (y * y + z * z).sqrt(), angle: poly::atan2(y, z) }
+    }
+
+    /// What a viewer sees.
+    #[inline]
+    fn seen(&self, wo: Around) -> Seen {
+        // Sine and cosine of the angle between the normal and the viewer in the plane across.
+        let (h, cos_gamma) = poly::sin_cos(wo.angle);
+        let cos_gamma = cos_gamma.max(0.0);
+        // The refracted ray in that plane has a greater index of refraction (Marschner et al. 2003, appendix B).
+        let modified = (self.ior * self.ior - wo.sine * wo.sine).max(1e-12).sqrt();
+        let sin_refracted = (h * wo.cosine / modified).clamp(-1.0, 1.0);
+        let cos_refracted = (1.0 - sin_refracted * sin_refracted).sqrt();
+        let gamma_refracted = poly::asin(sin_refracted);
+        let sin_theta = wo.sine / self.ior;
+        let cos_theta = (1.0 - sin_theta * sin_theta).max(1e-6).sqrt();
+        let way = 2.0 * cos_refracted / cos_theta;
+        let passed = self.root_absorption.map(|root| poly::exp(-root * root * way));
+        let reflected = fresnel::exact(wo.cosine * cos_gamma, self.ior).reflectance;
+        let once = passed * ((1.0 - reflected) * (1.0 - reflected));
+        let twice = once * passed * reflected;
+        // All that follow, as a geometric series.
+        let again = passed * reflected;
+        let rest = (twice * again) / (Rgb::ONE - again);
+        let share = [Rgb::splat(reflected), once, twice, rest];
+        let sum = share.iter().map(|s| s.mean()).sum::<f32>().max(f32::MIN_POSITIVE);
+        let middle = [0.0, 1.0, 2.0]
+            .map(|p: f32| 2.0 * p * gamma_refracted - 2.0 * wo.angle.clamp(-FRAC_PI_2, FRAC_PI_2) + p * PI);
+        let turned = std::array::from_fn(|p| match self.tilt.get(p) {
+            Some(&(s, c)) => (wo.sine * c + wo.cosine * s, (wo.cosine * c - wo.sine * s).abs()),
+            None => (wo.sine, wo.cosine),
+        });
+        Seen { wo, share, probability: share.map(|s| s.mean() / sum), turned, middle }
+    }
+
+    /// The longitudinal lobe: d'Eon et al. 2011, eq. 7, with the exponents taken together, which none is too large for.
+    #[inline(always)]
+    fn longitudinal(&self, p: usize, seen: &Seen, wi: Around) -> f32 {
+        let v = self.variance[p.min(2)];
+        let (sine, cosine) = seen.turned[p];
+        let (ds, dc) = (wi.sine + sine, wi.cosine - cosine);
+        let bessel = scaled_bessel(wi.cosine * cosine / v);
+        poly::exp(-(ds * ds + dc * dc) / (2.0 * v)) * bessel / (v * (1.0 - poly::exp(-2.0 / v)))
+    }
+
+    /// The azimuthal lobe.
+    #[inline(always)]
+    fn azimuthal(&self, p: usize, seen: &Seen, wi: Around) -> f32 {
+        let Some(middle) = seen.middle.get(p) else { return 1.0 / TAU };
+        let off = wrapped(wi.angle - seen.wo.angle - middle).abs();
+        let e = poly::exp(-off / self.scale);
+        let logistic = e / (self.scale * (1.0 + e) * (1.0 + e));
+        logistic / (1.0 - 2.0 * self.cumulative())
+    }
+
+    /// The logistic's share below -pi.
+    #[inline(always)]
+    fn cumulative(&self) -> f32 {
+        let e = poly::exp(-PI / self.scale);
+        e / (1.0 + e)
+    }
+
+    #[inline]
+    fn eval_seen(&self, seen: &Seen, wi: Around) -> BsdfEval {
+        let mut eval = BsdfEval::ZERO;
+        for p in 0..LOBES {
+            let lobe = self.longitudinal(p, seen, wi) * self.azimuthal(p, seen, wi);
+            eval.f_cos += seen.share[p] * lobe;
+            eval.pdf_solid_angle += seen.probability[p] * lobe;
+        }
+        eval
+    }
+
+    /// A direction of lobe `p` by three numbers.
+    #[inline]
+    fn sample_lobe(&self, p: usize, seen: &Seen, u: [f32; 3]) -> Around {
+        // d'Eon, Marschner, Hanika 2013, "Importance Sampling for Physically-Based Hair Fiber Models", eq. 6 and 7. One minus
+        // the cosine is what keeps its digits where the lobe is narrow.
+        let v = self.variance[p.min(2)];
+        let u0 = u[0].max(1e-9);
+        let below = -v * poly::ln(u0 + (1.0 - u0) * poly::exp(-2.0 / v));
+        let below = below.clamp(0.0, 2.0);
+        let (cosine, sine) = (1.0 - below, (below * (2.0 - below)).sqrt());
+        let (_, turn) = poly::sin_cos_turns(u[2]);
+        let (sin_o, cos_o) = seen.turned[p];
+        let sin_i = (sine * turn * cos_o - cosine * sin_o).clamp(-1.0, 1.0);
+        let off = if p < 3 {
+            let low = self.cumulative();
+            let y = (low + u[1] * (1.0 - 2.0 * low)).clamp(f32::MIN_POSITIVE, 1.0 - f32::EPSILON / 2.0);
+            seen.middle[p] + (self.scale * poly::ln(y / (1.0 - y))).clamp(-PI, PI)
+        } else {
+            TAU * u[1]
+        };
+        let cos_i = (1.0 - sin_i * sin_i).max(0.0).sqrt();
+        Around { sine: sin_i, cosine: cos_i, angle: wrapped(seen.wo.angle + off) }
+    }
+
+    #[inline(always)]
+    fn color(&self) -> Rgb {
+        self.root_absorption.map(|root| poly::exp(-self.color_scale * root))
+    }
+}
+
+/// Eq. 9: the absorption of hair that has a colour where there is much of it.
+#[inline(always)]
+fn root_absorption(color: Rgb, scale: f32) -> Rgb {
+    color.map(|c| -poly::ln(c.clamp(LEAST_COLOR, 1.0)).min(0.0) / scale)
+}
+
+impl Lobe for Hair {
+    #[inline]
+    fn sample(&self, wo: Vec3, u: [f32; 3]) -> BsdfSample {
+        let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
+        let seen = self.seen(self.around(wo, side));
+        let (mut p, mut rest) = (0, u[2]);
+        while p + 1 < LOBES && rest >= seen.probability[p] {
+            rest -= seen.probability[p];
+            p += 1;
+        }
+        let within = rest / seen.probability[p].max(f32::MIN_POSITIVE);
+        let wi = self.sample_lobe(p, &seen, [u[0], u[1], within.clamp(0.0, 1.0)]);
+        let BsdfEval { f_cos, pdf_solid_angle } = self.eval_seen(&seen, wi);
+        let (s, c) = poly::sin_cos(wi.angle);
+        let (across, z) = (wi.cosine * s, wi.cosine * c * side);
+        let t = self.tangent;
+        let direction = Vec3::new(t.x * wi.sine - t.y * across, t.y * wi.sine + t.x * across, z);
+        if pdf_solid_angle <= 0.0 || z == 0.0 {
+            return BsdfSample::ABSORBED;
+        }
+        let is_transmission = (z < 0.0) != (wo.z < 0.0);
+        let weight = f_cos / pdf_solid_angle;
+        BsdfSample { wi: direction, weight, pdf_solid_angle, is_transmission, ..BsdfSample::ABSORBED }
+    }
+
+    #[inline]
+    fn eval(&self, wo: Vec3, wi: Vec3) -> BsdfEval {
+        let side = if wo.z < 0.0 { -1.0 } else { 1.0 };
+        self.eval_seen(&self.seen(self.around(wo, side)), self.around(wi, side))
+    }
+
+    #[inline(always)]
+    fn is_specular(&self) -> bool {
+        false
+    }
+
+    #[inline]
+    fn tinted(self, color: Rgb) -> Self {
+        let more = root_absorption(color, self.color_scale);
+        Hair { root_absorption: self.root_absorption + more, ..self }
+    }
+
+    #[inline]
+    fn albedo(&self) -> Rgb {
+        self.color()
+    }
+}
+
+impl Transmissive for Hair {
+    const SCATTERS_THROUGH: bool = true;
+    const REFRACTS: bool = false;
+    const TURNS_OVER: bool = false;
+
+    fn with_ior(self, _ior: f32) -> Self {
+        self
+    }
+
+    fn crossing_tint(&self) -> Rgb {
+        Rgb::ONE
+    }
+}
+
+/// The parameters of [`Hair`].
+#[derive(Clone, Copy, Debug)]
+pub struct HairProgram {
+    /// Colour of much hair.
+    pub color: ColorSlot,
+    /// Longitudinal roughness.
+    pub roughness: FloatSlot,
+    /// Azimuthal roughness.
+    pub radial_roughness: FloatSlot,
+    /// Index of refraction.
+    pub ior: f32,
+    /// Angle of the scales, radians.
+    pub tilt_rad: f32,
+    /// How much less rough R is.
+    pub coat: FloatSlot,
+}
+
+impl MaterialProgram for HairProgram {
+    type Lobe = Hair;
+
+    #[inline]
+    fn evaluate(&self, slots: &impl Slots, frame: &LocalFrame) -> Hair {
+        let roughness = [slots.share(&self.roughness), slots.share(&self.radial_roughness)];
+        let color = slots.share_by_channel(&self.color);
+        Hair::new(frame.tangent, color, roughness, self.ior, self.tilt_rad, slots.share(&self.coat))
+    }
+}
+
+#[cfg(test)]
+mod tests;

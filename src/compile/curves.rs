@@ -1,0 +1,255 @@
+//! Curves become pieces: rounded cones from point to point, as many as it takes to follow them.
+//!
+//! Cubic strands are cut evenly in their parameter. A piece leaves its strand by at most [`ERROR`] of the radius: the distance of a
+//! cubic from its chord is at most an eighth of its largest second derivative, which falls with the square of the number of
+//! pieces. Points are moved outwards of bends by two thirds of that distance, so that pieces are on both sides of the strand alike. Pieces that run askew are shortened until their boxes, which rays are tested against, are not much larger than they
+//! are. Tangents are those of the strand, so that shading shows no pieces.
+
+use super::classes::Classes;
+use super::geometry::{CurveAttributes, Space, SurfaceCoordinates, frame_of};
+use super::material::CompiledMaterial;
+use super::objects::Numbering;
+use crate::math::{DVec3, Vec3};
+use crate::scene::{CurveBasis, Curves, Scene};
+use crate::shape::{CurveSegment, CurveSegments, Surface};
+use rayon::prelude::*;
+
+/// How far a piece may be from its strand, over the largest radius of its part of it.
+const ERROR: f64 = 0.05;
+/// How far points are moved out of bends, over the distance of chords from the strand.
+const OUTWARDS: f64 = 2.0 / 3.0;
+/// The square root of the area of a piece's box without its radius, over that radius, at most.
+const LARGEST_BOX: f64 = 12.0;
+/// Most pieces between two points of a strand.
+const MOST_PIECES: usize = 64;
+/// Strands that a thread cuts at a time.
+const CHUNK: usize = 256;
+
+/// A point of a strand.
+#[derive(Clone, Copy)]
+struct Node {
+    p: DVec3,
+    radius: f64,
+    color: DVec3,
+}
+
+impl Node {
+    fn mix(nodes: [Node; 4], weights: [f64; 4]) -> Node {
+        let sum = |of: fn(&Node) -> DVec3| (0..4).map(|i| of(&nodes[i]) * weights[i]).sum();
+        let radius = (0..4).map(|i| nodes[i].radius * weights[i]).sum();
+        Node { p: sum(|n| n.p), radius, color: sum(|n| n.color) }
+    }
+}
+
+/// The pieces of some strands.
+#[derive(Default)]
+struct Cut {
+    segments: CurveSegments,
+    along: Vec<f32>,
+    colors: Vec<[f32; 3]>,
+}
+
+/// The control points of the Bezier curves that a strand consists of.
+fn spans(basis: CurveBasis, n: &[Node]) -> Vec<[Node; 4]> {
+    let last = n.len() - 1;
+    let thirds = |a: Node, b: Node| Node::mix([a, b, a, a], [2.0 / 3.0, 1.0 / 3.0, 0.0, 0.0]);
+    match basis {
+        CurveBasis::Linear => {
+            n.windows(2).map(|w| [w[0], thirds(w[0], w[1]), thirds(w[1], w[0]), w[1]]).collect()
+        }
+        CurveBasis::Bezier => {
+            (0..last).step_by(3).map(|i| std::array::from_fn(|k| n[(i + k).min(last)])).collect()
+        }
+        CurveBasis::BSpline => {
+            let at = |w: &[Node], i: usize| {
+                Node::mix([w[i], w[i + 1], w[i + 2], w[i]], [1.0 / 6.0, 4.0 / 6.0, 1.0 / 6.0, 0.0])
+            };
+            n.windows(4).map(|w| [at(w, 0), thirds(w[1], w[2]), thirds(w[2], w[1]), at(w, 1)]).collect()
+        }
+        CurveBasis::CatmullRom => {
+            let beyond = |a: Node, b: Node| Node::mix([a, b, a, a], [2.0, -1.0, 0.0, 0.0]);
+            let at = |i: isize| match i {
+                -1 => beyond(n[0], n[1]),
+                i if i as usize > last => beyond(n[last], n[last - 1]),
+                i => n[i as usize],
+            };
+            let span = |i: usize| {
+                let [a, b, c, d] = [-1, 0, 1, 2].map(|k| at(i as isize + k));
+                let sixth = |at: Node, to: Node, from: Node| {
+                    Node::mix([at, to, from, at], [1.0, 1.0 / 6.0, -1.0 / 6.0, 0.0])
+                };
+                [b, sixth(b, c, a), sixth(c, b, d), c]
+            };
+            (0..last).map(span).collect()
+        }
+    }
+}
+
+/// Into how many pieces a Bezier curve is cut.
+fn pieces(span: &[Node; 4]) -> usize {
+    let radius = span.iter().map(|n| n.radius).fold(0.0, f64::max);
+    let bend = |a: Node, b: Node, c: Node| {
+        let of_radius = (a.radius - 2.0 * b.radius + c.radius).abs();
+        (a.p - 2.0 * b.p + c.p).length().max(of_radius)
+    };
+    // The second derivative of a cubic is 6 times the mix of these.
+    let bend = bend(span[0], span[1], span[2]).max(bend(span[1], span[2], span[3]));
+    let of_error = (6.0 / 8.0 * OUTWARDS * bend / (ERROR * radius)).sqrt();
+    let way = (span[3].p - span[0].p).abs();
+    let of_box = (way.x * way.y + way.y * way.z + way.z * way.x).sqrt() / (LARGEST_BOX * radius);
+    let most = MOST_PIECES as f64;
+    // NaN, of a strand without radius, gives one.
+    of_error.max(of_box).min(most).ceil().max(1.0) as usize
+}
+
+fn bezier(span: &[Node; 4], t: f64) -> Node {
+    let s = 1.0 - t;
+    Node::mix(*span, [s * s * s, 3.0 * s * s * t, 3.0 * s * t * t, t * t * t])
+}
+
+/// A point of a strand, out of the bend there by [`OUTWARDS`] of the chords' distance from the strand, an eighth of the second
+/// difference.
+fn moved_outwards(cuts: &[(Node, f64)], i: usize) -> DVec3 {
+    let here = cuts[i].0.p;
+    let neighbours = i.checked_sub(1).and_then(|before| cuts.get(before)).zip(cuts.get(i + 1));
+    neighbours
+        .map_or(here, |((before, _), (after, _))| here - (before.p - 2.0 * here + after.p) * (OUTWARDS / 8.0))
+}
+
+impl Cut {
+    /// Appends a strand.
+    fn strand(&mut self, basis: CurveBasis, nodes: &[Node], has_colors: bool) {
+        let spans = spans(basis, nodes);
+        let first = self.segments.points.len();
+        let mut cuts = Vec::new();
+        for (i, span) in spans.iter().enumerate() {
+            let count = pieces(span);
+            for k in 0..count {
+                let t = k as f64 / count as f64;
+                cuts.push((bezier(span, t), (i as f64 + t) / spans.len() as f64));
+            }
+        }
+        cuts.extend(spans.last().map(|span| (span[3], 1.0)));
+        let is_straight = basis == CurveBasis::Linear;
+        for (i, (node, along)) in cuts.iter().enumerate() {
+            let p = if is_straight { node.p } else { moved_outwards(&cuts, i) };
+            let [x, y, z] = p.as_vec3().to_array();
+            self.segments.points.push([x, y, z, node.radius.max(0.0) as f32]);
+            self.along.push(*along as f32);
+            if has_colors {
+                self.colors.push(node.color.as_vec3().to_array());
+            }
+        }
+        let points = &self.segments.points[first..];
+        self.segments.tangents.extend((0..points.len()).map(|i| tangent(points, i)));
+        // Without radius there is nothing to see.
+        let is_there = |i: &usize| points[*i][3] > 0.0 || points[i + 1][3] > 0.0;
+        let there = (0..points.len().saturating_sub(1)).filter(is_there);
+        self.segments.segments.extend(there.map(|i| (first + i) as u32));
+    }
+
+    /// Appends other strands.
+    fn append(&mut self, other: Cut) {
+        let first = self.segments.points.len() as u32;
+        self.segments.points.extend(other.segments.points);
+        self.segments.tangents.extend(other.segments.tangents);
+        self.segments.segments.extend(other.segments.segments.into_iter().map(|i| i + first));
+        self.along.extend(other.along);
+        self.colors.extend(other.colors);
+    }
+}
+
+/// The direction halfway between those to a point and from it; zero at the ends of a strand, and where it turns back.
+fn tangent(points: &[[f32; 4]], i: usize) -> [f32; 3] {
+    let at = |i: usize| points.get(i).map(|&[x, y, z, _]| Vec3::new(x, y, z));
+    let before = i.checked_sub(1).and_then(at);
+    let (Some(before), Some(here), Some(after)) = (before, at(i), at(i + 1)) else { return [0.0; 3] };
+    let sum = (here - before).normalize_or_zero() + (after - here).normalize_or_zero();
+    if sum.length_squared() > 1e-4 { sum.normalize().to_array() } else { [0.0; 3] }
+}
+
+/// The pieces of curves in a world whose origin moves to `origin`.
+fn cut(curves: &Curves, origin: DVec3, has_colors: bool) -> Cut {
+    let scale = curves.radius_scale();
+    let node = |i: usize| Node {
+        p: curves.world_from_object.transform_point3(DVec3::from(curves.points[i].map(f64::from))) - origin,
+        radius: f64::from(curves.radii[i]) * scale,
+        color: curves.colors.get(i).map_or(DVec3::ONE, |c| DVec3::from(c.map(f64::from))),
+    };
+    let mut first = 0;
+    let starts = curves.strands.iter().map(|&count| {
+        first += count as usize;
+        first - count as usize..first
+    });
+    let strands: Vec<_> = starts.collect();
+    let one = |strands: &[std::ops::Range<usize>]| {
+        let mut cut = Cut::default();
+        for strand in strands {
+            let nodes: Vec<Node> = strand.clone().map(node).collect();
+            cut.strand(curves.basis, &nodes, has_colors);
+        }
+        cut
+    };
+    let parts: Vec<Cut> = strands.par_chunks(CHUNK).map(one).collect();
+    parts.into_iter().fold(Cut::default(), |mut all, part| {
+        all.append(part);
+        all
+    })
+}
+
+impl Space {
+    /// Appends all curves that are seen to the world's own geometry.
+    pub(super) fn append_curves(
+        &mut self,
+        scene: &Scene,
+        materials: &[CompiledMaterial],
+        origin: DVec3,
+        numbering: &Numbering,
+        classes: &Classes,
+    ) {
+        let is_seen = |curves: &&Curves| !materials[curves.material.index()].is_invisible();
+        let has_colors =
+            scene.curves.iter().filter(is_seen).any(|curves| {
+                !curves.colors.is_empty() && materials[curves.material.index()].uses_vertex_colors
+            });
+        let mut all = Cut::default();
+        for (i, curves) in scene.curves.iter().enumerate().filter(|(_, curves)| is_seen(curves)) {
+            let materials = &mut self.attributes.materials;
+            self.owners.begin(materials.len(), numbering.curves(i));
+            let before = all.segments.len();
+            all.append(cut(curves, origin, has_colors));
+            let count = all.segments.len() - before;
+            let material = classes.of_object(&curves.traits).material(curves.material);
+            materials.resize(materials.len() + count, material);
+        }
+        self.shapes.curves = all.segments;
+        self.attributes.curves = CurveAttributes { along: all.along, colors: all.colors };
+    }
+}
+
+impl CurveAttributes {
+    /// Texture coordinates, colour and tangents where sphere `u` of a piece touches a point of its surface; `first` is the piece's
+    /// first point. Texture u grows along the curve, from root to tip, and v around it.
+    pub(super) fn coordinates(
+        &self,
+        first: u32,
+        segment: &CurveSegment,
+        surface: &Surface,
+        u: f32,
+    ) -> SurfaceCoordinates {
+        let first = first as usize;
+        let along = [self.along[first], self.along[first + 1]];
+        let uv = segment.texture_coordinates(along, u, surface.ng);
+        let color = match self.colors.get(first..first + 2) {
+            Some([a, b]) => {
+                let [r, g, b] = std::array::from_fn(|c| a[c] + (b[c] - a[c]) * u);
+                [r, g, b, 1.0]
+            }
+            _ => [1.0; 4],
+        };
+        let tangent_frame = frame_of(segment.tangent(u), surface.ns, 1.0);
+        let length = (segment.ends[1] - segment.ends[0]).length().max(f32::MIN_POSITIVE);
+        let per_metre = (along[1] - along[0]) / length;
+        SurfaceCoordinates { uv: [uv, uv], color, tangent_frame, uv_per_metre: [per_metre; 2] }
+    }
+}

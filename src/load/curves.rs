@@ -1,0 +1,197 @@
+//! Files of hair and other curves: a text format of our own, `.curves`, and the binary `.hair` of Cem Yuksel's HAIR model files.
+//!
+//! A `.curves` file is text. Its first line is `curves 1`, 1 being the version. A line `basis NAME` may follow. Then come the points,
+//! one a line: `x y z`, `x y z radius` or `x y z radius r g b`, the same for all; a blank line begins another strand. What
+//! follows a `#` is a comment.
+//!
+//! A `.hair` file is little-endian. Its header has 128 bytes: `HAIR`; how many strands and how many points there are (u32); which arrays
+//! follow (u32: 1 segments, 2 points, 4 thickness, 8 transparency, 16 colours); the number of segments of all strands, the thickness,
+//! the transparency and the colour, where there are no such arrays (u32, f32, f32, 3 f32); 88 bytes of text. Segments are u16,
+//! one a strand; all else is f32, by point. A strand has a point more than it has segments. Thickness is the diameter.
+
+use crate::scene::CurveBasis;
+use std::path::Path;
+
+/// The header of a `.hair` file, bytes.
+const HEADER: usize = 128;
+/// Files may not be larger, bytes.
+const MOST_BYTES: u64 = 1 << 33;
+
+/// What a file holds.
+#[derive(Debug, Default, PartialEq)]
+pub(super) struct CurveFile {
+    /// The basis that it names.
+    pub basis: Option<CurveBasis>,
+    /// Points of each strand.
+    pub strands: Vec<u32>,
+    pub points: Vec<[f32; 3]>,
+    /// By point; empty without.
+    pub radii: Vec<f32>,
+    /// By point; empty without.
+    pub colors: Vec<[f32; 3]>,
+    /// What it holds and nothing is made of, in words.
+    pub ignored: Option<&'static str>,
+}
+
+/// Reads a file; an error is a sentence.
+pub(super) fn read(path: &Path) -> Result<CurveFile, String> {
+    let name = path.display();
+    let size = std::fs::metadata(path).map_err(|e| format!("{name}: {e}"))?.len();
+    if size > MOST_BYTES {
+        return Err(format!("{name}: has {size} bytes, but at most {MOST_BYTES} are read"));
+    }
+    let bytes = std::fs::read(path).map_err(|e| format!("{name}: {e}"))?;
+    parse(&bytes).map_err(|e| format!("{name}: {e}"))
+}
+
+/// Reads the bytes of a file in either format.
+pub(super) fn parse(bytes: &[u8]) -> Result<CurveFile, String> {
+    if bytes.starts_with(b"HAIR") {
+        return parse_hair(bytes);
+    }
+    let is_text = bytes.strip_prefix(b"\xef\xbb\xbf").unwrap_or(bytes).starts_with(b"curves");
+    match std::str::from_utf8(bytes) {
+        Ok(text) if is_text => parse_text(text.trim_start_matches('\u{feff}')),
+        _ if is_text => Err("is not UTF-8 text".into()),
+        _ => Err("holds no curves: it begins neither with 'curves' (text) nor with 'HAIR' (binary)".into()),
+    }
+}
+
+fn parse_text(text: &str) -> Result<CurveFile, String> {
+    let mut lines =
+        text.lines().enumerate().map(|(i, line)| (i + 1, line.split('#').next().unwrap_or("").trim()));
+    let first = lines.next().map_or("", |(_, line)| line);
+    match first.strip_prefix("curves").map(str::trim) {
+        Some("1") => {}
+        Some(other) => return Err(format!("line 1: is of version '{other}', but 1 is read")),
+        None => return Err("line 1: must be 'curves 1'".into()),
+    }
+    let (mut file, mut width, mut in_strand) = (CurveFile::default(), None, 0u32);
+    for (number, line) in lines {
+        if line.is_empty() {
+            file.end_strand(&mut in_strand);
+        } else if let Some(name) = line.strip_prefix("basis ") {
+            let basis = CurveBasis::of_name(name.trim());
+            file.basis =
+                Some(basis.ok_or_else(|| format!("line {number}: there is no basis '{}'", name.trim()))?);
+        } else {
+            let values =
+                numbers(line).map_err(|word| format!("line {number}: '{word}' is no finite number"))?;
+            if !matches!(values.len(), 3 | 4 | 7) || *width.get_or_insert(values.len()) != values.len() {
+                let expected =
+                    width.filter(|w| matches!(w, 3 | 4 | 7)).map_or("3, 4 or 7".into(), |w| w.to_string());
+                return Err(format!("line {number}: has {} numbers, but must have {expected}", values.len()));
+            }
+            file.point(&values);
+            in_strand += 1;
+        }
+    }
+    file.end_strand(&mut in_strand);
+    Ok(file)
+}
+
+fn numbers(line: &str) -> Result<Vec<f32>, &str> {
+    let number = |word| str::parse(word).ok().filter(|x: &f32| x.is_finite()).ok_or(word);
+    line.split_whitespace().map(number).collect()
+}
+
+impl CurveFile {
+    fn end_strand(&mut self, points: &mut u32) {
+        if *points > 0 {
+            self.strands.push(std::mem::take(points));
+        }
+    }
+
+    fn point(&mut self, values: &[f32]) {
+        self.points.push([values[0], values[1], values[2]]);
+        self.radii.extend(values.get(3));
+        if let Some(&[r, g, b]) = values.get(4..7) {
+            self.colors.push([r, g, b]);
+        }
+    }
+}
+
+/// The numbers of a file of little-endian words.
+struct Words<'a>(&'a [u8]);
+
+impl<'a> Words<'a> {
+    /// The next `count` things of `size` bytes; none of them is there unless all are.
+    fn take(&mut self, count: usize, size: usize, what: &str) -> Result<&'a [u8], String> {
+        let wanted = count.checked_mul(size).filter(|&bytes| bytes <= self.0.len());
+        let Some(bytes) = wanted else {
+            return Err(format!(
+                "ends within its {what}: {count} are said, and {} bytes are left",
+                self.0.len()
+            ));
+        };
+        let (taken, rest) = self.0.split_at(bytes);
+        self.0 = rest;
+        Ok(taken)
+    }
+
+    fn floats(&mut self, count: usize, what: &str) -> Result<Vec<f32>, String> {
+        let bytes = self.take(count, 4, what)?;
+        let values: Vec<f32> =
+            bytes.chunks_exact(4).map(|b| f32::from_le_bytes([b[0], b[1], b[2], b[3]])).collect();
+        match values.iter().all(|x| x.is_finite()) {
+            true => Ok(values),
+            false => Err(format!("has {what} that are NaN or infinite")),
+        }
+    }
+
+    fn triples(&mut self, count: usize, what: &str) -> Result<Vec<[f32; 3]>, String> {
+        let numbers = count.checked_mul(3).ok_or_else(|| format!("says that it has {count} {what}"))?;
+        Ok(self.floats(numbers, what)?.chunks_exact(3).map(|c| [c[0], c[1], c[2]]).collect())
+    }
+}
+
+fn parse_hair(bytes: &[u8]) -> Result<CurveFile, String> {
+    let Some((header, data)) = bytes.split_at_checked(HEADER) else {
+        return Err(format!("has {} bytes, but the header of a .hair file has {HEADER}", bytes.len()));
+    };
+    let word = |at: usize| u32::from_le_bytes([header[at], header[at + 1], header[at + 2], header[at + 3]]);
+    let float = |at: usize| f32::from_bits(word(at));
+    let (strands, points, arrays) = (word(4) as usize, word(8) as usize, word(12));
+    let has = |bit: u32| arrays & bit != 0;
+    if !has(2) {
+        return Err("has no points".into());
+    }
+    let mut words = Words(data);
+    let strands: Vec<u32> = match has(1) {
+        true => {
+            let segments = words.take(strands, 2, "numbers of segments")?.chunks_exact(2);
+            segments.map(|b| u32::from(u16::from_le_bytes([b[0], b[1]])) + 1).collect()
+        }
+        false => {
+            let each = word(16).checked_add(1).filter(|&each| each as usize * strands == points && each > 1);
+            let wrong = || format!("says {strands} strands of {} segments, but {points} points", word(16));
+            vec![each.ok_or_else(wrong)?; strands]
+        }
+    };
+    let sum: u64 = strands.iter().map(|n| u64::from(*n)).sum();
+    if sum != points as u64 {
+        return Err(format!("has strands of {sum} points together, but {points} points"));
+    }
+    let points_list = words.triples(points, "points")?;
+    let mut radii = match has(4) {
+        true => words.floats(points, "thicknesses")?,
+        false => vec![float(20); if float(20) > 0.0 { points } else { 0 }],
+    };
+    radii.iter_mut().for_each(|thickness| *thickness *= 0.5);
+    let is_transparent = match has(8) {
+        true => words.floats(points, "transparencies")?.iter().any(|t| *t != 0.0),
+        false => float(24) != 0.0,
+    };
+    let colors = match has(16) {
+        true => words.triples(points, "colours")?,
+        false => Vec::new(),
+    };
+    if !words.0.is_empty() {
+        return Err(format!("has {} bytes more than its header says", words.0.len()));
+    }
+    let ignored = is_transparent.then_some("transparency");
+    Ok(CurveFile { basis: None, strands, points: points_list, radii, colors, ignored })
+}
+
+#[cfg(test)]
+mod tests;

@@ -1,0 +1,155 @@
+//! `[[curves]]`: hair, fur, grass, threads; each table is many strands of one material.
+//!
+//! | Key | Value |
+//! |---|---|
+//! | `name` | for reports |
+//! | `strands` | a list of strands, each a list of points `[x, y, z]` from root to tip |
+//! | `file` | or a file of them: `.curves` (text) or `.hair` (binary), see the guide |
+//! | `basis` | `"linear"`, `"bezier"` (4, 7, 10, ... points a strand), `"bspline"` (4 points or more) or `"catmull-rom"`; default: the file's, else `"catmull-rom"`, and `"linear"` for `.hair` |
+//! | `radius` | metres: one number, or `[root, tip]`; needed unless the file has radii, which it replaces |
+//! | `material` | a name, by default `"default"`: `"hair"` or any opaque or thin material without emission |
+//! | `transform` | as of objects; radii grow with the cube root of its volume |
+//!
+//! They may have `visible_to`, `visible_to_camera`, `holdout` and `shadow_catcher` as objects have. Textures have u along the strand,
+//! from 0 at its root to 1 at its tip, and v around it. Colours of a file multiply the `color` of the material. Curves are met from
+//! outside only, don't shine and stand still while the picture is taken.
+
+use super::build::Build;
+use super::fields::{Fields, number, numbers};
+use super::materials::Materials;
+use super::textures::Textures;
+use super::{transform, visibility};
+use crate::error::Warning;
+use crate::load::curves::{self, CurveFile};
+use crate::scene::{CurveBasis, Curves};
+use std::ops::Range;
+
+/// Reads all tables.
+pub(super) fn read<'a>(
+    build: &mut Build,
+    root: &Fields<'a>,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) {
+    for (i, fields) in root.tables("curves").iter().enumerate() {
+        let name = fields.string("name").map_or(format!("curves {}", i + 1), |n| n.value.to_string());
+        let curves = one(build, fields, name, materials, textures);
+        fields.finish();
+        build.loaded.scene.curves.extend(curves);
+    }
+}
+
+fn one<'a>(
+    build: &mut Build,
+    fields: &Fields<'a>,
+    name: String,
+    materials: &mut Materials<'a>,
+    textures: &mut Textures<'a>,
+) -> Option<Curves> {
+    let named = fields.string("material").map_or(("default", fields.span()), |m| (m.value, m.span));
+    let material = materials.get(build, textures, named.0, named.1);
+    let traits = visibility::traits(fields).unwrap_or_default();
+    let world_from_object = transform::read(fields);
+    let basis = fields.choice("basis", &CurveBasis::ALL.map(|basis| (basis.name(), basis)));
+    let radius = radius(fields);
+    let (file, span, default) = match (fields.has("strands"), fields.has("file")) {
+        (true, false) => (strands(fields)?, fields.span(), CurveBasis::default()),
+        (false, true) => from_file(build, fields, &name)?,
+        _ => {
+            fields.problems.push(fields.span(), format!("{name} need exactly one of 'strands' and 'file'"));
+            return None;
+        }
+    };
+    let basis = basis.or(file.basis).unwrap_or(default);
+    if let Some(odd) = file.strands.iter().position(|n| !basis.takes(*n as usize)) {
+        let (number, count) = (odd + 1, file.strands[odd]);
+        let message = format!("strand {number} of {name} has {count} points");
+        fields.problems.push_help(
+            span,
+            message,
+            format!("'{}' takes {} a strand", basis.name(), basis.asks_for()),
+        );
+        return None;
+    }
+    let CurveFile { strands, points, radii, colors, .. } = file;
+    let radii = match radius {
+        Some(ends) => tapered(&strands, ends),
+        None if radii.len() == points.len() => radii,
+        None => {
+            fields.problems.push_help(span, format!("{name} have no radii"), "write 'radius', in metres");
+            return None;
+        }
+    };
+    let material = material?;
+    if !colors.is_empty() {
+        build.loaded.scene.materials[material.index()].use_vertex_colors = true;
+    }
+    Some(Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits })
+}
+
+/// The radius at roots and tips.
+fn radius(fields: &Fields) -> Option<[f64; 2]> {
+    let value = fields.raw("radius")?;
+    let ends = number(value.get_ref()).map(|r| [r; 2]).or_else(|| numbers::<2>(value.get_ref()));
+    let ends = ends.filter(|ends| ends.iter().all(|r| *r >= 0.0) && *ends != [0.0; 2]);
+    if ends.is_none() {
+        let message = "'radius' must be a number above 0, or two from 0 up: at the root and at the tip";
+        fields.problems.push(value.span(), message);
+    }
+    // What is wrong has been told.
+    ends.or(Some([1.0; 2]))
+}
+
+/// Radii that run evenly from point to point.
+fn tapered(strands: &[u32], [root, tip]: [f64; 2]) -> Vec<f32> {
+    let one = |count: u32| {
+        (0..count).map(move |i| {
+            let share = f64::from(i) / f64::from((count - 1).max(1));
+            (root + (tip - root) * share) as f32
+        })
+    };
+    strands.iter().flat_map(|&count| one(count)).collect()
+}
+
+/// The strands that a table lists.
+fn strands(fields: &Fields) -> Option<CurveFile> {
+    let mut file = CurveFile::default();
+    for strand in fields.list("strands")? {
+        let points = strand
+            .get_ref()
+            .as_array()
+            .map(|list| list.iter().map(|p| numbers::<3>(p.get_ref())).collect::<Option<Vec<[f64; 3]>>>());
+        let Some(Some(points)) = points else {
+            fields.problems.push(strand.span(), "a strand must be a list of points [x, y, z]");
+            return None;
+        };
+        file.strands.push(points.len() as u32);
+        file.points.extend(points.iter().map(|p| p.map(|x| x as f32)));
+    }
+    Some(file)
+}
+
+fn from_file(
+    build: &mut Build,
+    fields: &Fields,
+    name: &str,
+) -> Option<(CurveFile, Range<usize>, CurveBasis)> {
+    let given = fields.string("file")?;
+    let path = build.file.parent().unwrap_or(build.file).join(given.value);
+    build.options.files.note(&path);
+    match curves::read(&path) {
+        Ok(file) => {
+            if let Some(what) = file.ignored {
+                let message = format!("{name}: the {what} of '{}' is left out", given.value);
+                build.loaded.warnings.push(Warning::new(build.file, "", message));
+            }
+            let is_text = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("curves"));
+            let basis = if is_text { CurveBasis::default() } else { CurveBasis::Linear };
+            Some((file, given.span, basis))
+        }
+        Err(e) => {
+            fields.problems.push(given.span, e);
+            None
+        }
+    }
+}

@@ -1,0 +1,84 @@
+//! `[[curves]]` of scene files, and the files that they name.
+
+use oscura::error::Error;
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::scene::CurveBasis;
+
+fn with_file(curves: &str, name: &str, file: &[u8]) -> Result<Loaded, Error> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let text = format!(
+        "camera = {{ look_from = [0, 0, 5], look_at = [0, 0, 0] }}\nenvironment.background = 1\n\
+         materials.default = {{ type = \"hair\" }}\nmaterials.lamp = {{ type = \"emissive\", radiance = 1 }}\n\
+         materials.glass = {{ type = \"dielectric\" }}\nmaterials.pane = {{ type = \"dielectric\", thin = true }}\n\
+         materials.milk = {{ type = \"medium\", density = 1 }}\n[[curves]]\n{curves}\n"
+    );
+    std::fs::write(folder.path().join("scene.toml"), text).expect("written");
+    std::fs::write(folder.path().join(name), file).expect("written");
+    load(folder.path().join("scene.toml"), &LoadOptions::default())
+}
+
+fn read(curves: &str) -> Result<Loaded, Error> {
+    with_file(curves, "a.curves", b"curves 1\nbasis bspline\n0 0 0 .1\n1 0 0 .1\n2 0 0 .1\n3 0 0 0\n")
+}
+
+const STRAND: &str = "strands = [[[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 0, 0]]]\n";
+
+#[test]
+fn strands_and_files_are_read() {
+    let scene = read(&format!("{STRAND}radius = [0.3, 0]")).expect("it loads").scene;
+    let curves = &scene.curves[0];
+    assert_eq!((curves.basis, &curves.strands[..]), (CurveBasis::CatmullRom, &[4][..]));
+    assert_eq!((curves.points[2], curves.radii[3]), ([2.0, 1.0, 0.0], 0.0));
+    assert!((curves.radii[1] - 0.2).abs() < 1e-6 && curves.name == "curves 1");
+    let scene = read("file = \"a.curves\"").expect("it loads").scene;
+    assert_eq!((scene.curves[0].basis, scene.curves[0].radii[3]), (CurveBasis::BSpline, 0.0));
+    let scene = read("file = \"a.curves\"\nbasis = \"linear\"\nradius = 2").expect("it loads").scene;
+    assert_eq!((scene.curves[0].basis, scene.curves[0].radii[3]), (CurveBasis::Linear, 2.0));
+    assert!(read(&format!("{STRAND}radius = 1\nmaterial = \"pane\"")).is_ok());
+}
+
+#[test]
+fn hair_files_are_straight_and_their_transparency_is_told() {
+    let mut bytes = b"HAIR".to_vec();
+    bytes.extend([1u32, 2, 2, 1].into_iter().flat_map(u32::to_le_bytes));
+    bytes.extend([0.5f32, 0.25, 1.0, 1.0, 1.0].into_iter().flat_map(f32::to_le_bytes));
+    bytes.resize(128, 0);
+    bytes.extend([0.0f32, 0.0, 0.0, 1.0, 0.0, 0.0].into_iter().flat_map(f32::to_le_bytes));
+    let loaded = with_file("file = \"a.hair\"", "a.hair", &bytes).expect("it loads");
+    assert_eq!((loaded.scene.curves[0].basis, loaded.scene.curves[0].radii[0]), (CurveBasis::Linear, 0.25));
+    assert!(loaded.warnings.iter().any(|w| w.to_string().contains("transparency")), "{:?}", loaded.warnings);
+}
+
+#[test]
+fn colours_multiply_the_material() {
+    let file = b"curves 1\n0 0 0 .1 1 0 0\n1 0 0 .1 0 1 0\n";
+    let scene = with_file("file = \"b.curves\"", "b.curves", file).expect("it loads").scene;
+    let material = scene.curves[0].material;
+    assert!(scene.materials[material.index()].use_vertex_colors && scene.curves[0].colors.len() == 2);
+}
+
+#[test]
+fn what_is_wrong_is_told() {
+    for (curves, words) in [
+        ("radius = 1".to_string(), "exactly one of 'strands' and 'file'"),
+        (format!("{STRAND}file = \"a.curves\""), "exactly one of 'strands' and 'file'"),
+        (STRAND.to_string(), "have no radii"),
+        (format!("{STRAND}radius = -1"), "'radius' must be a number above 0"),
+        (format!("{STRAND}radius = [0, 0]"), "'radius' must be a number above 0"),
+        (format!("{STRAND}radius = 1\nmaterial = \"lamp\""), "does not shine"),
+        (format!("{STRAND}radius = 1\nmaterial = \"glass\""), "no solid glass"),
+        (format!("{STRAND}radius = 1\nmaterial = \"milk\""), "no solid glass"),
+        (format!("{STRAND}radius = 1\nmaterial = \"fur\""), "fur"),
+        (format!("{STRAND}radius = 1\nbasis = \"wavy\""), "can't be 'wavy'"),
+        (format!("{STRAND}radius = 1\nmotion = {{}}"), "motion"),
+        ("strands = [[[0, 0, 0]]]\nradius = 1".into(), "strand 1 of curves 1 has 1 points"),
+        ("strands = [[[0, 0]]]\nradius = 1".into(), "list of points [x, y, z]"),
+        ("strands = [[[0, 0, 0], [1, 0, 0]]]\nradius = 1\nbasis = \"bezier\"".into(), "has 2 points"),
+        ("file = \"none.curves\"".into(), "none.curves"),
+    ] {
+        let error = read(&curves).expect_err(words).to_string();
+        assert!(error.contains(words), "{curves}: {error}");
+    }
+    let error = with_file("file = \"b.hair\"", "b.hair", b"HAIR").expect_err("a header").to_string();
+    assert!(error.contains("b.hair") && error.contains("has 4 bytes"), "{error}");
+}
