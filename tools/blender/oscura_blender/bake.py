@@ -176,9 +176,9 @@ class Baking:
         self.kitchen.collection.objects.link(self.holder)
         self.kitchen.cycles.samples = 32 if _sees_nooks(self.materials) else 1
         try:
-            self._select()
+            self.select()
             if lays_out:
-                self._lay_out()
+                self.lay_out()
             baked = {name: self._bake(name) for name in inputs}
         finally:
             self.kitchen.collection.objects.unlink(self.holder)
@@ -192,7 +192,7 @@ class Baking:
         self.store.put(key, kept)
         return baked
 
-    def _select(self):
+    def select(self):
         layer = self.kitchen.view_layers[0]
         layer.update()
         layer.objects.active = self.holder
@@ -208,7 +208,7 @@ class Baking:
             layers[rendered].active_render = True
         return layers[self.uv]
 
-    def _lay_out(self):
+    def lay_out(self):
         """Texture coordinates that use no point of the picture twice."""
         self._add_layer()
         bpy.ops.object.mode_set(mode="EDIT")

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, closures, media, relief, shaders, trees, uniform, variants, views
+from . import bake, brushed, closures, means, media, panes, pictures, relief, shaders, trees, uniform, variants, views
 
 WHITE = closures.WHITE
 
@@ -33,7 +33,10 @@ def prepare(found, store, report):
             views.take_means(material, principled(material), report)
         _expose(material, found.exposure)
     uniform.fold(materials, bake.new_scene, principled)
+    means.take(holders, report)
+    panes.settle(holders, found, report)
     bake.bake_all(holders, found, store, report)
+    found.brushed = brushed.read(holders, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
 
 
@@ -188,12 +191,21 @@ def patch(material, report):
     patched = {"extensions": extensions}
     _fill(material, value, patched, report)
     _tint_edge(material, value, patched, report)
-    anisotropic, roughness = value("Anisotropic"), value("Roughness")
-    if anisotropic and roughness is not None:
-        strength, across = _anisotropy(anisotropic, roughness)
-        extensions["KHR_materials_anisotropy"] = {"anisotropyStrength": strength}
-        patched["roughness"] = across
+    if value("Anisotropic"):
+        _brush(node, value("Anisotropic"), value("Roughness"), patched)
     return patched
+
+
+def _brush(node, anisotropic, roughness, patched):
+    """Anisotropy; that of a picture of roughness is right at its mean."""
+    source = shaders.source(node.inputs["Roughness"])
+    mean = roughness if roughness is not None else pictures.mean_of(source)
+    strength, across = _anisotropy(anisotropic, mean)
+    found = {"anisotropyStrength": strength}
+    if turned := brushed.rotation(node):
+        found["anisotropyRotation"] = turned
+    patched["extensions"]["KHR_materials_anisotropy"] = found
+    patched["roughness"] = across if roughness is not None else across / max(mean, 1e-3)
 
 
 def _diffuse(material, value, extensions, report):
