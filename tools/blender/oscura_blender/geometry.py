@@ -6,7 +6,7 @@ import re
 import bpy
 import numpy as np
 
-from . import objectwise
+from . import links, objectwise
 from .report import listed
 
 # Kinds of rays that see an object.
@@ -240,6 +240,7 @@ def _values(mesh, name, size):
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
+    links.tell(obj, report)
     for system in getattr(obj, "particle_systems", []):
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
             report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, means, media, panes, pictures, relief, shaders, trees, uniform, variants, views
+from . import bake, brushed, closures, means, media, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
 
 WHITE = closures.WHITE
 
@@ -35,6 +35,7 @@ def prepare(found, store, report):
     uniform.fold(materials, bake.new_scene, principled)
     means.take(holders, report)
     panes.settle(holders, found, report)
+    skins.settle(holders, report)
     bake.bake_all(holders, found, store, report)
     found.brushed = brushed.read(holders, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
@@ -222,19 +223,24 @@ def _diffuse(material, value, extensions, report):
         # Without a colour the picture of the base colour is taken.
         tint = {"diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color]} if color else {"tinted": True}
         extensions["KHR_materials_diffuse_transmission"] = {"diffuseTransmissionFactor": share, **tint}
+    body = skins.body_of(material)
     if value("Subsurface Weight") != 0:
-        _scatter(material, value, report)
+        _scatter(material, value, body, report)
+        if body is not None:
+            extensions["KHR_materials_diffuse_transmission"] = {"diffuseTransmissionFactor": 1.0, "tinted": True}
 
 
-def _scatter(material, value, report):
+def _scatter(material, value, body, report):
     """Subsurface scattering, for the file of settings: in place of diffuse reflection."""
     names = ("Subsurface Weight", "Base Color", "Subsurface Radius", "Subsurface Scale", "Subsurface Anisotropy")
     weight, color, radius, scale, cosine = (value(name) for name in names)
     if weight is None or radius is None or scale is None:
         report.warn(material.name, "subsurface scattering that varies is not carried over: it reflects as diffuse surfaces do")
         return
+    color = body if body is not None else color
     if color is None:
-        report.warn(material.name, "subsurface scattering of a varying colour is not carried over: it reflects as diffuse surfaces do")
+        message = "subsurface scattering of a varying colour needs a closed mesh: it reflects as diffuse surfaces do"
+        report.warn(material.name, message)
         return
     if weight < LEAST_SUBSURFACE or scale <= 0 or value("Metallic") or value("Transmission Weight"):
         report.warn(material.name, f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")
