@@ -55,8 +55,7 @@ def kitchen():
     plaster = material("plaster", Base_Color=(0.75, 0.72, 0.68, 1), Roughness=0.9)
     tiles = material("tiles", Roughness=0.15)
     _tiles(tiles)
-    floor_of = add("plane", tiles, (0, 0, 0), "Floor", size=6)
-    floor_of.scale = (1, 1, 1)
+    add("plane", tiles, (0, 0, 0), "Floor", size=6)
     for name, at, turn in (("Back", (0, 3, 1.5), (math.pi / 2, 0, 0)), ("Left", (-3, 0, 1.5), (0, math.pi / 2, 0)), ("Above", (0, 0, 3), (math.pi, 0, 0))):
         add("plane", plaster, at, name, size=6).rotation_euler = turn
     wall = add("cube", plaster, (3.05, 0, 1.5), "Right", size=1)
@@ -249,9 +248,7 @@ def street():
     """Houses with lit windows by nodes, a wet road, fog, street lamps with spots, a neon sign of a curve."""
     tree, background = world((0.01, 0.015, 0.03))
     house = material("house", Roughness=0.8)
-    tree, principled, place, brick, lit, own, shift, strength = _nodes(
-        house, "TexCoord", "TexBrick", "TexWhiteNoise", "ObjectInfo", "VectorMath", "Math"
-    )
+    tree, principled, place, brick, own, shift = _nodes(house, "TexCoord", "TexBrick", "ObjectInfo", "VectorMath")
     principled.inputs["Base Color"].default_value = (0.25, 0.2, 0.18, 1)
     brick.offset, brick.squash = 0, 1
     for name, value in (("Scale", 3.0), ("Mortar Size", 0.08), ("Brick Width", 0.5), ("Row Height", 0.5)):
@@ -263,7 +260,6 @@ def street():
     tree.links.new(shift.outputs[0], brick.inputs["Vector"])
     tree.links.new(brick.outputs["Color"], principled.inputs["Emission Color"])
     principled.inputs["Emission Strength"].default_value = 1.5
-    tree.nodes.remove(lit)
     data = None
     for i in range(4):
         for side in (-1, 1):
@@ -334,10 +330,9 @@ def titles():
     """Titles: bevelled letters along an array, wires, a bent path, gradients by vertex, an empty parent, a mirror floor."""
     floor(material("mirror", Metallic=0.0, Roughness=0.08, Base_Color=(0.02, 0.02, 0.03, 1)))
     tree, background = world()
-    gradient, place, apart = (tree.nodes.new(f"ShaderNode{k}") for k in ("TexGradient", "TexCoord", "SeparateXYZ"))
+    place, apart = (tree.nodes.new(f"ShaderNode{k}") for k in ("TexCoord", "SeparateXYZ"))
     tree.links.new(place.outputs["Generated"], apart.inputs[0])
     _ramp(tree, apart.outputs["Z"], background.inputs["Color"], (0.3, 0.1, 0.2), (0.1, 0.2, 0.6))
-    tree.nodes.remove(gradient)
     gold = material("gold", Metallic=1, Roughness=0.2)
     tree, principled, place, apart = _nodes(gold, "TexCoord", "SeparateXYZ")
     tree.links.new(place.outputs["Generated"], apart.inputs[0])
