@@ -37,6 +37,8 @@
 //! much thicker than `radius` has its `color` wherever it is seen. Cycles' Random Walk lets light in as a refracted ray
 //! and out diffusely: means over a ball agree, but its middle is darker there and its rim brighter (in a half space of
 //! colours 0.9, 0.6, 0.35 that is seen head on 0.877, 0.539, 0.294 without refraction; Chandrasekhar's H functions).
+//! Beside a model whose material transmits diffusely (KHR_materials_diffuse_transmission) its colour and picture tint light on its
+//! way in and out: a skin that is painted by the root of its colour over that of the body.
 //! A mesh with edges has no inside: it gets a diffuse base of the `color`, and a warning says so.
 
 use super::build::Build;
@@ -231,8 +233,9 @@ pub(super) fn subsurface(fields: &Fields, model: &mut PbrMaterial) -> Option<Med
         fields.problems.push(fields.span(), message);
     }
     model.has_volume = true;
-    let (factor, color_slot) = (FloatSlot::constant(1.0), ColorSlot::constant([1.0; 3]));
-    model.diffuse_transmission = Some(DiffuseTransmission { factor, color: color_slot });
+    // What a model's material says tints light on its way in and on its way out.
+    let tint = model.diffuse_transmission.map_or(ColorSlot::constant([1.0; 3]), |through| through.color);
+    model.diffuse_transmission = Some(DiffuseTransmission { factor: FloatSlot::constant(1.0), color: tint });
     let radius = radius.map(|r| (f64::from(r) * scale).clamp(1e-9, 1e9) as f32);
     Some(Medium::subsurface(color, radius, anisotropy))
 }

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, pictures, shaders, trees
+from . import cache, fingerprint, flat, pictures, shaders, skins, trees
 from .context import opened
 from .report import listed
 
@@ -76,7 +76,7 @@ def _bake_flat(materials, kitchen, most, store):
     """Bakes what repeats."""
     for material in dict.fromkeys(materials):
         node = _principled(material)
-        names = [name for name in pictures.INPUTS if _is_needed(node, name)]
+        names = [name for name in pictures.INPUTS if _is_needed(node, name) or skins.is_wanted(material, name)]
         found = flat.tiles(node, names) if names else None
         if found is not None:
             square = flat.square(material, found.uv)
@@ -95,7 +95,7 @@ def _needs(holder):
     for material in holder.data.materials:
         node = _principled(material)
         if node is not None:
-            needs[material] = [n for n in pictures.INPUTS if _is_needed(node, n)]
+            needs[material] = [n for n in pictures.INPUTS if _is_needed(node, n) or skins.is_wanted(material, n)]
     return needs if any(needs.values()) else {}
 
 
@@ -176,9 +176,9 @@ class Baking:
         self.kitchen.collection.objects.link(self.holder)
         self.kitchen.cycles.samples = 32 if _sees_nooks(self.materials) else 1
         try:
-            self._select()
+            self.select()
             if lays_out:
-                self._lay_out()
+                self.lay_out()
             baked = {name: self._bake(name) for name in inputs}
         finally:
             self.kitchen.collection.objects.unlink(self.holder)
@@ -192,7 +192,7 @@ class Baking:
         self.store.put(key, kept)
         return baked
 
-    def _select(self):
+    def select(self):
         layer = self.kitchen.view_layers[0]
         layer.update()
         layer.objects.active = self.holder
@@ -208,7 +208,7 @@ class Baking:
             layers[rendered].active_render = True
         return layers[self.uv]
 
-    def _lay_out(self):
+    def lay_out(self):
         """Texture coordinates that use no point of the picture twice."""
         self._add_layer()
         bpy.ops.object.mode_set(mode="EDIT")
@@ -288,6 +288,8 @@ class Baking:
     def _use(self, material, baked):
         """Feeds the inputs from the pictures."""
         tree, node = material.node_tree, _principled(material)
+        if skins.is_wanted(material, "Base Color"):
+            baked = {**baked, "Base Color": skins.paint(material, baked["Base Color"])}
         for name in ("Base Color", "Alpha"):
             # glTF has both in one picture.
             if "Alpha" in baked and name not in baked and node.inputs[name].is_linked is False:

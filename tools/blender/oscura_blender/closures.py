@@ -8,6 +8,9 @@ BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 # The inputs that are colours.
 COLORS = ("Base Color", "Emission Color", "Sheen Tint", "Coat Tint", "Specular Tint", "Translucent Color")
 
+# Inputs that nothing comes of where they are 0, beside those that are called weights.
+SHARES = ("Anisotropic", "Diffuse Roughness", "Thin Film Thickness")
+
 # The inputs that are directions: without a link they are the surface's own.
 NORMALS = ("Normal", "Coat Normal", "Tangent")
 
@@ -201,15 +204,24 @@ class Reader:
             return self._mixed(0.5, first, second)
         return {**first, **{k: second[k] for k in ("Emission Color", "Emission Strength")}}
 
-    @staticmethod
-    def _both_sides(over, under):
+    def _both_sides(self, over, under):
         """What reflects diffusely and lets light through diffusely, each with its whole colour."""
-        colors = over.get("Base Color"), under.get("Translucent Color")
-        if under.get("Translucent Weight") != 1.0 or "Translucent Weight" in over or not all(isinstance(c, tuple) for c in colors):
+        if under.get("Translucent Weight") != 1.0 or "Translucent Weight" in over or over.get("Metallic") == 1.0:
             return None
         # Half of either, of twice the colour.
-        front, back = (tuple(min(2 * c, 1.0) for c in color) for color in colors)
+        front, back = (self._doubled(color) for color in (over.get("Base Color"), under.get("Translucent Color")))
         return {**over, "Base Color": front, "Translucent Weight": 0.5, "Translucent Color": back}
+
+    def _doubled(self, color):
+        """Twice a colour, or white where that is more."""
+        if isinstance(color, tuple):
+            return tuple(min(2 * c, 1.0) for c in color)
+        for operation, value in (("MULTIPLY", 2.0), ("MINIMUM", 1.0)):
+            node = self.tree.nodes.new("ShaderNodeVectorMath")
+            node.operation, node.inputs[1].default_value = operation, (value,) * 3
+            self.tree.links.new(color, node.inputs[0])
+            color = node.outputs[0]
+        return color
 
     def _MixShader(self, node):
         factor = self._value(node, node.inputs[0].name)
@@ -272,10 +284,12 @@ class Reader:
 
     @staticmethod
     def _idle(name, other):
-        """An input that a shader doesn't have: what colours no light is that of the other."""
-        if name in ("Emission Color", "Normal", "IOR", "Translucent Color") or name.startswith("Subsurface ") and name != "Subsurface Weight":
+        """An input that a shader doesn't have: no share of anything, and else that of the other."""
+        if name in ("Emission Color", "IOR"):
             return other.get(name)
-        return DEFAULTS.get(name, 0.0)
+        if name in DEFAULTS:
+            return DEFAULTS[name]
+        return 0.0 if name.endswith(" Weight") or name in SHARES else other.get(name)
 
     def _mix(self, name, factor, a, b):
         if a == b or b is None:

@@ -9,13 +9,13 @@ import bpy
 def opened(scene):
     """Opens a scene, and again the one before."""
     window = bpy.context.window
-    if window is None:
+    before = window.scene if window is not None else None
+    if window is not None:
+        window.scene = scene
+    try:
+        # What is opened around this may override the context, too.
         with bpy.context.temp_override(scene=scene, view_layer=scene.view_layers[0]):
             yield
-        return
-    before = window.scene
-    window.scene = scene
-    try:
-        yield
     finally:
-        window.scene = before
+        if window is not None:
+            window.scene = before

@@ -4,12 +4,11 @@ of geometry nodes and of particles."""
 import re
 
 import bpy
+import numpy as np
 
-from . import objectwise
+from . import links, objectwise
 from .report import listed
 
-# Objects that become meshes.
-MESHES = ("MESH", "CURVE", "SURFACE", "FONT", "META")
 # Kinds of rays that see an object.
 VISIBILITY = {
     "visible_camera": "camera",
@@ -46,12 +45,13 @@ class Collected:
         self.cameras = []  # objects
         self.sight = None  # how large things appear
         self.exposure = 1.0  # the film's factor on all light
+        self.brushed = {}  # by the name of the mesh object: see there
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
 
     def is_crowded(self, obj, report):
         """Would one more copy of an object's mesh be too much?"""
-        count = len(obj.data.polygons) if obj.type == "MESH" else 1000
+        count = len(obj.data.polygons)
         if self.faces + count > MOST_FACES:
             report.warn(obj.original.name, "has too many copies: some get materials that are meant for others")
             return True
@@ -119,7 +119,8 @@ def collect(scene, layer, graph, report):
             found.light_marks.append(mark(instance))
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
-        elif obj.type in MESHES:
+        elif obj.type == "MESH":
+            # Curves, texts and metaballs come once more, with their faces, as instances of themselves.
             _add_mesh(found, obj, instance, report)
         if not instance.is_instance:
             _tell_of_the_rest(original, report)
@@ -140,10 +141,9 @@ def mark(instance):
 
 
 def _add_mesh(found, obj, instance, report):
-    data = obj.data.as_pointer() if obj.type == "MESH" else obj.original.name
     parent = instance.parent if instance.is_instance else None
     extras = _extras(obj, parent)
-    key = (data, *extras.items(), *_own_materials(obj).items())
+    key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items())
     asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
     if told and (key, told) not in found.objects and found.is_crowded(obj, report):
@@ -158,7 +158,8 @@ def _add_mesh(found, obj, instance, report):
     holder = found.objects[key]
     if holder is None:
         return
-    name = obj.original.name if parent is None else f"{parent.original.name}/{obj.original.name}"
+    is_own = parent is None or parent.original == obj.original
+    name = obj.original.name if is_own else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
     found.marks[holder.name].append(mark(instance))
 
@@ -195,25 +196,51 @@ def _own_materials(obj):
 def _holder(found, obj):
     """A new object with the evaluated mesh; None where that has no faces."""
     # The data of instances made by nodes is that of no object: only a copy has it.
-    mesh = obj.data.copy() if obj.type == "MESH" else bpy.data.meshes.new_from_object(obj)
+    mesh = obj.data.copy()
     mesh.name = obj.original.data.name if obj.original.data else obj.original.name
     if not mesh.polygons:
         return None
     for i, name in _own_materials(obj).items():
-        if obj.type == "MESH" and i < len(mesh.materials):
+        if i < len(mesh.materials):
             mesh.materials[i] = bpy.data.materials[name] if name else None
     if found.questions.layer.material_override is not None:
         mesh.materials.clear()
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
+    _round_beside_flat(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
 
 
+def _round_beside_flat(mesh):
+    """Smooth faces beside flat ones: without sharp edges Cycles shades them by the normals of vertices, to which flat faces add."""
+    flat, sharp = (_values(mesh, name, size) for name, size in (("sharp_face", len(mesh.polygons)), ("sharp_edge", len(mesh.edges))))
+    if mesh.has_custom_normals or sharp.any() or flat.all() or not flat.any():
+        return
+    of_vertices, of_faces = (np.empty(3 * len(part), np.float32) for part in (mesh.vertices, mesh.polygons))
+    mesh.vertex_normals.foreach_get("vector", of_vertices)
+    mesh.polygon_normals.foreach_get("vector", of_faces)
+    vertices, counts = np.empty(len(mesh.loops), np.int32), np.empty(len(mesh.polygons), np.int32)
+    mesh.loops.foreach_get("vertex_index", vertices)
+    mesh.polygons.foreach_get("loop_total", counts)
+    faces = np.repeat(np.arange(len(counts)), counts)
+    normals = np.where(flat[faces, None], of_faces.reshape(-1, 3)[faces], of_vertices.reshape(-1, 3)[vertices])
+    mesh.normals_split_custom_set(normals.tolist())
+
+
+def _values(mesh, name, size):
+    """A boolean attribute; all false without it."""
+    found = np.zeros(size, bool)
+    if name in mesh.attributes:
+        mesh.attributes[name].data.foreach_get("value", found)
+    return found
+
+
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
+    links.tell(obj, report)
     for system in getattr(obj, "particle_systems", []):
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
             report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")

@@ -6,6 +6,7 @@ import struct
 
 from mathutils import Matrix
 
+from . import brushed
 from .motion import animate
 from .report import ALIASES
 from .trees import SETTINGS
@@ -173,6 +174,7 @@ def compose(glb, found, others, patches, kept, moves=None):
     cameras, empties = others
     by_name = {node["name"]: node["mesh"] for node in glb.json.get("nodes", []) if "mesh" in node}
     kept.exchange(glb, by_name)
+    brushed.add(glb, by_name, found.brushed, [material["name"] for material in glb.json.get("materials", [])])
     made = Nodes(glb, moves)
     for name, places in found.placements.items():
         if name in by_name:

@@ -2,7 +2,7 @@
 
 import math
 
-from . import shaders
+from . import links, shaders
 from .geometry import VISIBILITY, light_group
 
 
@@ -99,6 +99,4 @@ def _strength(light, name, report):
 def _tell_of_the_rest(obj, light, report):
     if not light.use_shadow:
         report.warn(obj.name, "light without shadows is not supported: it casts them")
-    linking = getattr(obj, "light_linking", None)
-    if linking and (linking.receiver_collection or linking.blocker_collection):
-        report.warn(obj.name, "light linking is not supported: it lights everything")
+    links.tell(obj, report)

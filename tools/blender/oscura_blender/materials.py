@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, closures, media, relief, shaders, trees, uniform, variants, views
+from . import bake, brushed, closures, means, media, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
 
 WHITE = closures.WHITE
 
@@ -33,7 +33,11 @@ def prepare(found, store, report):
             views.take_means(material, principled(material), report)
         _expose(material, found.exposure)
     uniform.fold(materials, bake.new_scene, principled)
+    means.take(holders, report)
+    panes.settle(holders, found, report)
+    skins.settle(holders, report)
     bake.bake_all(holders, found, store, report)
+    found.brushed = brushed.read(holders, report)
     return {m.name: patch(m, report) for holder in holders for m in holder.data.materials}
 
 
@@ -188,12 +192,21 @@ def patch(material, report):
     patched = {"extensions": extensions}
     _fill(material, value, patched, report)
     _tint_edge(material, value, patched, report)
-    anisotropic, roughness = value("Anisotropic"), value("Roughness")
-    if anisotropic and roughness is not None:
-        strength, across = _anisotropy(anisotropic, roughness)
-        extensions["KHR_materials_anisotropy"] = {"anisotropyStrength": strength}
-        patched["roughness"] = across
+    if value("Anisotropic"):
+        _brush(node, value("Anisotropic"), value("Roughness"), patched)
     return patched
+
+
+def _brush(node, anisotropic, roughness, patched):
+    """Anisotropy; that of a picture of roughness is right at its mean."""
+    source = shaders.source(node.inputs["Roughness"])
+    mean = roughness if roughness is not None else pictures.mean_of(source)
+    strength, across = _anisotropy(anisotropic, mean)
+    found = {"anisotropyStrength": strength}
+    if turned := brushed.rotation(node):
+        found["anisotropyRotation"] = turned
+    patched["extensions"]["KHR_materials_anisotropy"] = found
+    patched["roughness"] = across if roughness is not None else across / max(mean, 1e-3)
 
 
 def _diffuse(material, value, extensions, report):
@@ -210,19 +223,24 @@ def _diffuse(material, value, extensions, report):
         # Without a colour the picture of the base colour is taken.
         tint = {"diffuseTransmissionColorFactor": [min(max(c, 0.0), 1.0) for c in color]} if color else {"tinted": True}
         extensions["KHR_materials_diffuse_transmission"] = {"diffuseTransmissionFactor": share, **tint}
+    body = skins.body_of(material)
     if value("Subsurface Weight") != 0:
-        _scatter(material, value, report)
+        _scatter(material, value, body, report)
+        if body is not None:
+            extensions["KHR_materials_diffuse_transmission"] = {"diffuseTransmissionFactor": 1.0, "tinted": True}
 
 
-def _scatter(material, value, report):
+def _scatter(material, value, body, report):
     """Subsurface scattering, for the file of settings: in place of diffuse reflection."""
     names = ("Subsurface Weight", "Base Color", "Subsurface Radius", "Subsurface Scale", "Subsurface Anisotropy")
     weight, color, radius, scale, cosine = (value(name) for name in names)
     if weight is None or radius is None or scale is None:
         report.warn(material.name, "subsurface scattering that varies is not carried over: it reflects as diffuse surfaces do")
         return
+    color = body if body is not None else color
     if color is None:
-        report.warn(material.name, "subsurface scattering of a varying colour is not carried over: it reflects as diffuse surfaces do")
+        message = "subsurface scattering of a varying colour needs a closed mesh: it reflects as diffuse surfaces do"
+        report.warn(material.name, message)
         return
     if weight < LEAST_SUBSURFACE or scale <= 0 or value("Metallic") or value("Transmission Weight"):
         report.warn(material.name, f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")

@@ -106,7 +106,7 @@ def _look(scene, graph, first, moves):
     for instance in graph.object_instances:
         obj = instance.object
         mark = geometry.mark(instance)
-        if obj.type == "LIGHT" or obj.type in geometry.MESHES and _is_blurred(obj.original):
+        if obj.type == "LIGHT" or obj.type == "MESH" and _is_blurred(obj.original):
             moves.matrices.setdefault(mark, []).append(instance.matrix_world.copy())
         if mark in first and obj.type == "MESH" and _may_deform(obj.original):
             moves.shapes.setdefault(first[mark], []).append(positions(obj.data))
@@ -124,7 +124,7 @@ def _may_deform(obj):
     settings = getattr(obj, "cycles", None)
     if settings is not None and not (settings.use_motion_blur and settings.use_deform_motion):
         return False
-    return bool(obj.modifiers) or obj.data.shape_keys is not None or obj.data.animation_data is not None
+    return bool(obj.modifiers) or getattr(obj.data, "shape_keys", None) is not None or obj.data.animation_data is not None
 
 
 def positions(mesh):

@@ -1,6 +1,7 @@
 """Which inputs of a shader Blender's glTF exporter can write: constants, and pictures that are looked up as glTF does."""
 
 import bpy
+import numpy as np
 
 from . import shaders
 
@@ -110,3 +111,16 @@ def _is_grey(image):
     if step < 3:
         return True
     return all(abs(pixels[i] - pixels[i + k]) < 1e-3 for i in range(0, len(pixels) - step, step) for k in (1, 2))
+
+
+def mean_of(source):
+    """The mean of what a picture's node gives, as a number; a half of what is no picture."""
+    node = source.node if source is not None else None
+    if node is not None and node.bl_idname in ("ShaderNodeSeparateColor", "ShaderNodeSeparateRGB"):
+        return mean_of(shaders.source(node.inputs[0]))
+    image = getattr(node, "image", None)
+    if image is None or not image.size[0]:
+        return 0.5
+    values = np.empty(len(image.pixels), np.float32)
+    image.pixels.foreach_get(values)
+    return float(values[1 % image.channels :: image.channels].mean())

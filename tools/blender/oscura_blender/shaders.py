@@ -66,17 +66,34 @@ def as_type(value, is_triple):
 
 
 def blackbody(temperature):
-    """The colour of a black body in kelvin, as Blender has it; None where it doesn't tell (before 4.5)."""
+    """The colour of a black body in kelvin, as Blender has it."""
     light = bpy.data.lights.new("oscura", "POINT")
     try:
         if not hasattr(light, "temperature_color"):
-            return None
+            return _evaluated_blackbody(temperature)
         # Lights are white until they are told to have a temperature.
         light.use_temperature = True
         light.temperature = temperature
         return tuple(light.temperature_color)
     finally:
         bpy.data.lights.remove(light)
+
+
+def _evaluated_blackbody(temperature):
+    """The same where lights don't tell it (before Blender 4.5)."""
+    from . import bake, uniform  # both need this module
+
+    material = bpy.data.materials.new("oscura body")
+    try:
+        material.use_nodes = True
+        shader = material.node_tree.nodes["Principled BSDF"]
+        body = material.node_tree.nodes.new("ShaderNodeBlackbody")
+        body.inputs[0].default_value = temperature
+        material.node_tree.links.new(body.outputs[0], shader.inputs["Base Color"])
+        uniform.fold([material], bake.new_scene, lambda _: shader)
+        return tuple(shader.inputs["Base Color"].default_value)[:3]
+    finally:
+        bpy.data.materials.remove(material)
 
 
 def end(tree):

@@ -1,0 +1,112 @@
+"""Inputs of shaders that vary over a surface and that glTF has no picture for: their means, evaluated by Cycles."""
+
+import bpy
+import numpy as np
+
+from . import bake, materials, pictures, shaders
+from .context import opened
+
+# Inputs whose means are taken, and those that Blender's exporter writes as pictures where they are plain ones.
+INPUTS = (
+    "IOR", "Specular IOR Level", "Anisotropic", "Anisotropic Rotation", "Coat Weight", "Coat Roughness", "Coat IOR",
+    "Sheen Weight", "Sheen Roughness", "Thin Film Thickness", "Thin Film IOR", "Diffuse Roughness",
+)  # fmt: skip
+CARRIED = ("Coat Weight", "Coat Roughness")
+
+# Inputs that mean nothing where another one is 0.
+OF_LAYERS = {
+    "Coat Roughness": "Coat Weight", "Coat IOR": "Coat Weight", "Sheen Roughness": "Sheen Weight",
+    "Thin Film IOR": "Thin Film Thickness", "Anisotropic Rotation": "Anisotropic",
+}  # fmt: skip
+
+# Edge of the picture that is averaged, pixels.
+EDGE = 64
+
+
+def take(holders, report):
+    """Puts means in the place of what varies, with a warning."""
+    done = set()
+    for holder in holders:
+        for material in holder.data.materials:
+            names = _varying(material) if material.name not in done else []
+            done.add(material.name)
+            if names:
+                _take(holder, material, names)
+                report.warn(material.name, f"{' and '.join(names)} vary over the surface: their means are taken")
+
+
+def _varying(material):
+    node = materials.principled(material)
+    if node is None:
+        return []
+    found = [name for name in INPUTS if name in node.inputs and node.inputs[name].is_linked and node.inputs[name].enabled]
+    counts = lambda name: name not in OF_LAYERS or shaders.constant(node.inputs[OF_LAYERS[name]]) != 0
+    found = [name for name in found if shaders.constant(node.inputs[name]) is None and counts(name)]
+    return [name for name in found if not (name in CARRIED and pictures.is_carried(name, node.inputs[name]))]
+
+
+def _take(holder, material, names):
+    kitchen, mesh = bake.new_scene(), holder.data.copy()
+    shown = bpy.data.objects.new("oscura mean", mesh)
+    kitchen.collection.objects.link(shown)
+    tree, node = material.node_tree, materials.principled(material)
+    try:
+        with opened(kitchen):
+            values = _evaluate(kitchen, shown, material, names) if len(mesh.polygons) <= bake.MOST_FACES else {}
+    finally:
+        bpy.data.scenes.remove(kitchen)
+        bpy.data.meshes.remove(mesh)
+    for name in names:
+        socket = node.inputs[name]
+        for link in list(socket.links):
+            tree.links.remove(link)
+        if name in values:
+            socket.default_value = values[name]
+
+
+def _evaluate(kitchen, shown, material, names):
+    """The mean of each input over the faces of a material."""
+    baking = bake.Baking(shown, kitchen, bake.UV, EDGE, None)
+    baking.select()
+    baking.lay_out()
+    inputs = materials.principled(material).inputs
+    pictures_of = [_baked(baking, material, source) for source in (None, *(shaders.source(inputs[name]) for name in names))]
+    shares = pictures_of[0]
+    weight = shares.sum()
+    return {name: float((values * shares).sum() / weight) if weight > 0 else 0.0 for name, values in zip(names, pictures_of[1:])}
+
+
+def _baked(baking, material, source):
+    """What a socket gives on the faces of a material, as numbers; without one 1. 0 on all others."""
+    image = bpy.data.images.new("oscura mean", EDGE, EDGE, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    undo = [_shine(other, other == material, source, image) for other in baking.materials]
+    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", uv_layer=bake.UV, margin=0, use_clear=True)
+    for restore in undo:
+        restore()
+    pixels = np.empty(EDGE * EDGE * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return np.nan_to_num(pixels.reshape(-1, 4)[:, :3].mean(1))
+
+
+def _shine(material, is_asked, source, image):
+    """Lets a material shine with a socket of it into a picture; gives what undoes it."""
+    tree, node = material.node_tree, materials.principled(material)
+    target, glow = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
+    target.image = image
+    for other in tree.nodes:
+        other.select = other == target
+    tree.nodes.active = target
+    glow.inputs["Color"].default_value = (float(is_asked),) * 3 + (1.0,)
+    if is_asked and source is not None:
+        tree.links.new(source, glow.inputs["Color"])
+    end = shaders.end(tree)
+    tree.links.new(glow.outputs[0], end.inputs["Surface"])
+
+    def restore():
+        tree.nodes.remove(target)
+        tree.nodes.remove(glow)
+        tree.links.new(node.outputs[0], end.inputs["Surface"])
+
+    return restore
