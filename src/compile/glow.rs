@@ -1,8 +1,9 @@
 //! Media that shine by a grid of their own: factors on their emission, or temperatures of black bodies.
 
+use super::black_body::BlackBodies;
 use super::density::{DensityGrid, GridRay};
 use crate::color::Rgb;
-use crate::color::spectral::{BlackBodies, Wavelengths};
+use crate::color::spectral::Wavelengths;
 use crate::math::Vec3;
 use crate::scene::{self, Grid};
 use std::sync::Arc;
@@ -34,7 +35,7 @@ impl Glow {
         let index = glow.grid.index();
         let hottest = grids[index].values.iter().fold(0.0f32, |most, x| most.max(*x));
         let heat = glow.kelvin.map(|kelvin| {
-            let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN.into());
+            let bodies = BlackBodies::relative_to(scene::Glow::REFERENCE_KELVIN);
             let last = (COLORS - 1) as f32;
             let color = |i: usize| Rgb::from_array(bodies.rgb(kelvin * hottest * (i as f32 / last)));
             let colors = (0..COLORS).map(color).collect();

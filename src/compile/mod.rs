@@ -2,6 +2,7 @@
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
 mod bake;
+mod black_body;
 mod blur;
 mod caustics;
 mod classes;
@@ -35,6 +36,7 @@ mod uplift;
 mod vectors;
 mod view;
 
+pub use black_body::BlackBodies;
 pub use caustics::Role;
 pub use compiler::Compiler;
 pub use content::{Fingerprint, of_curves, of_mesh};

@@ -27,6 +27,7 @@ pub mod sky;
 mod smooth;
 pub mod stage;
 pub mod subdivide;
+mod subdivided;
 mod upright;
 mod uri;
 mod vdb;
@@ -77,7 +78,7 @@ pub fn load(path: impl AsRef<Path>, options: &LoadOptions) -> Result<Loaded> {
             "choices about glTF assets (a scene, a node, a variant, lights, glass) change nothing here";
         loaded.warnings.push(Warning::new(path, "", message));
     }
-    subdivide::all(path, options, is_of_other_model, &mut loaded)?;
+    subdivided::all(path, options, is_of_other_model, &mut loaded)?;
     smoothed(path, options, is_of_other_model, &mut loaded);
     if matches!(format, Format::Model(model) if model.leaves_up_open) {
         upright::apply(path, options, &mut loaded, false);

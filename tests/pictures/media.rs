@@ -170,7 +170,7 @@ fn grids_shine() {
 /// Fire: smoke that hides, and light by a grid of its own, as factors or as temperatures, on a ray along both.
 #[test]
 fn grids_shine_by_other_grids() {
-    use oscura::color::spectral::BlackBodies;
+    use oscura::compile::BlackBodies;
     use oscura::scene::Glow;
     let grid = |values: [f32; 2], z: [f64; 2]| {
         let (min, max) = (DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
@@ -184,7 +184,7 @@ fn grids_shine_by_other_grids() {
     };
     let (density, along) = ([0.5, 2.0], [-1.0, 1.0]);
     let (heat, hot) = ([0.2, 1.3], [-0.8, 1.6]);
-    let bodies = BlackBodies::relative_to(Glow::REFERENCE_KELVIN.into());
+    let bodies = BlackBodies::relative_to(Glow::REFERENCE_KELVIN);
     for kelvin in [None, Some(1300.0)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));

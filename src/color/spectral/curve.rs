@@ -8,7 +8,7 @@ const STEP_NM: f32 = 1.0;
 const VALUES: usize = ((LAST_NM - FIRST_NM) / STEP_NM) as usize + 1;
 
 /// Second radiation constant, nanometres times kelvins (CODATA 2018).
-pub(super) const C2: f64 = 1.438_776_877e7;
+pub const SECOND_RADIATION_CONSTANT: f64 = 1.438_776_877e7;
 
 /// A measured spectrum: straight between the values measured, and constant beyond the first and the last. That of a light is
 /// relative to D65.
@@ -42,6 +42,7 @@ impl Curve {
 
     /// The light of a black body of a temperature in kelvins (Planck's law).
     pub fn black_body(kelvin: f64, of_luminance: f64) -> Curve {
+        const C2: f64 = SECOND_RADIATION_CONSTANT;
         // Relative to 560 nm, where it neither over- nor underflows.
         let power =
             |nm: f64| (560.0 / nm).powi(5) * (C2 / (560.0 * kelvin)).exp_m1() / (C2 / (nm * kelvin)).exp_m1();

@@ -6,7 +6,6 @@
 //! Colours of Rec. 709 get smooth spectra by the method of Jakob and Hanika (2019, "A Low-Dimensional Function Space for
 //! Efficient Spectral Upsampling"), of [`Sigmoid`]s.
 
-mod black_body;
 mod curve;
 mod fit;
 mod metal;
@@ -17,8 +16,7 @@ mod spectrum;
 mod table;
 mod wavelengths;
 
-pub use black_body::BlackBodies;
-pub use curve::Curve;
+pub use curve::{Curve, SECOND_RADIATION_CONSTANT};
 pub use metal::Metal;
 pub use sigmoid::Sigmoid;
 pub use spectrum::{Spectrum, uplifted_light, uplifted_share};

@@ -1,6 +1,6 @@
 //! How a camera sees:
 //!
-//! | Key | Meaning | Default |
+//! | Projection | Meaning | Default |
 //! |---|---|---|
 //! | `type` | `"perspective"`; `"orthographic"`: parallel rays; `"panorama"`: around itself | `"perspective"`, or as the model has it |
 //! | `view_height` | orthographic: visible height, metres | required |

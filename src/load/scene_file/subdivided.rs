@@ -12,7 +12,8 @@
 
 use super::build::Build;
 use super::fields::{Fields, number};
-use crate::load::subdivide::{self, MOST_LEVELS, Subdivision};
+use crate::load::subdivide::{MOST_LEVELS, Subdivision};
+use crate::load::subdivided::{CHANGES_FORM, in_scene};
 use crate::scene::{MeshId, Motion};
 use toml::de::DeValue;
 
@@ -55,8 +56,8 @@ pub(super) fn mesh(
     how: Subdivision,
 ) -> Option<MeshId> {
     let fine = match motion {
-        Motion::Deforms => Err(subdivide::CHANGES_FORM.to_string()),
-        _ => subdivide::in_scene(&mut build.loaded, id, how),
+        Motion::Deforms => Err(CHANGES_FORM.to_string()),
+        _ => in_scene(&mut build.loaded, id, how),
     };
     let span = fields.raw("subdivide").map_or(fields.span(), |value| value.span());
     fine.map_err(|message| fields.problems.push(span, message)).ok()

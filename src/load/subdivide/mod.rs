@@ -10,14 +10,11 @@ mod tests;
 
 pub(super) use cage::Cage;
 
-use super::{LoadOptions, Loaded};
-use crate::error::{Choice, Error, Warning};
 use crate::scene::{MaterialId, Mesh, MeshId, MeshPart};
 use cage::Layer;
 use fans::{Fans, NONE};
 use refine::Edges;
 use std::collections::{BTreeMap, HashMap};
-use std::path::Path;
 
 /// Most triangles that all subdivided meshes of a scene may have together.
 const MOST_TRIANGLES: u64 = 16_000_000;
@@ -35,9 +32,6 @@ pub struct Subdivision {
     pub has_round_corners: bool,
 }
 
-/// Why a mesh that moves by its vertices isn't subdivided.
-pub(super) const CHANGES_FORM: &str = "meshes that change their form are not subdivided";
-
 /// The polygons that meshes of a scene were cut from, and what was made of them.
 #[derive(Clone, Debug, Default)]
 pub struct Polygons {
@@ -53,6 +47,34 @@ impl Polygons {
         self.cages.insert(id, cage);
     }
 
+    /// What a mesh has been subdivided to, if it has.
+    pub(super) fn known(&self, id: MeshId, how: Subdivision) -> Option<MeshId> {
+        self.made.get(&(id, how)).copied()
+    }
+
+    /// Remembers that.
+    pub(super) fn remember(&mut self, id: MeshId, how: Subdivision, fine: MeshId) {
+        self.made.insert((id, how), fine);
+    }
+
+    /// A mesh, by its polygons if they are kept, else by its triangles.
+    ///
+    /// # Errors
+    /// A message, if all would have too many triangles.
+    pub(super) fn subdivided(&mut self, id: MeshId, mesh: &Mesh, how: Subdivision) -> Result<Mesh, String> {
+        let of_triangles;
+        let cage = match self.cages.get(&id) {
+            Some(cage) => cage,
+            None => {
+                of_triangles = Cage::of_triangles(mesh);
+                &of_triangles
+            }
+        };
+        let fine = subdivided(cage, how, MOST_TRIANGLES - self.triangles)?;
+        self.triangles += fine.triangles.len() as u64;
+        Ok(fine)
+    }
+
     /// Takes those of a file whose meshes and materials become part of a scene.
     pub(super) fn absorb(&mut self, other: Polygons, meshes: u32, materials: u32) {
         for (id, mut cage) in other.cages {
@@ -60,73 +82,6 @@ impl Polygons {
             self.cages.insert(MeshId(id.0 + meshes), cage);
         }
     }
-}
-
-/// Subdivides all meshes of an OBJ or PLY file, where the caller asks for it.
-///
-/// # Errors
-/// If they would have too many triangles.
-pub(super) fn all(
-    path: &Path,
-    options: &LoadOptions,
-    is_of_meshes: bool,
-    loaded: &mut Loaded,
-) -> crate::error::Result<()> {
-    let Some(how) = options.subdivision else { return Ok(()) };
-    if !is_of_meshes || loaded.scene.meshes.is_empty() {
-        let why = match is_of_meshes {
-            true => "there are no meshes",
-            false => {
-                "it is for OBJ and PLY files; objects of scene files, and beside models, have the key 'subdivide'"
-            }
-        };
-        let message = format!("{} changes nothing: {why}", Choice::Subdivide);
-        loaded.warnings.push(Warning::new(path, "", message));
-        return Ok(());
-    }
-    for id in (0..loaded.scene.meshes.len() as u32).map(MeshId) {
-        if let Some(mesh) = made(loaded, id, how).map_err(|message| Error::input(path, message))? {
-            loaded.scene.meshes[id.index()] = mesh;
-        }
-    }
-    Ok(())
-}
-
-/// A mesh of the scene, subdivided: another mesh, made once.
-///
-/// # Errors
-/// A message, where that can't be.
-pub(super) fn in_scene(loaded: &mut Loaded, id: MeshId, how: Subdivision) -> Result<MeshId, String> {
-    if let Some(&known) = loaded.polygons.made.get(&(id, how)) {
-        return Ok(known);
-    }
-    let fine = match made(loaded, id, how)? {
-        Some(mesh) => loaded.scene.add_mesh(mesh),
-        None => id,
-    };
-    loaded.polygons.made.insert((id, how), fine);
-    Ok(fine)
-}
-
-/// A mesh, subdivided; `None` without levels.
-fn made(loaded: &mut Loaded, id: MeshId, how: Subdivision) -> Result<Option<Mesh>, String> {
-    if how.levels == 0 {
-        return Ok(None);
-    }
-    if loaded.scene.motion.meshes.contains_key(&id.index()) {
-        return Err(CHANGES_FORM.into());
-    }
-    let of_triangles;
-    let cage = match loaded.polygons.cages.get(&id) {
-        Some(cage) => cage,
-        None => {
-            of_triangles = Cage::of_triangles(&loaded.scene.meshes[id.index()]);
-            &of_triangles
-        }
-    };
-    let mesh = subdivided(cage, how, MOST_TRIANGLES - loaded.polygons.triangles)?;
-    loaded.polygons.triangles += mesh.triangles.len() as u64;
-    Ok(Some(mesh))
 }
 
 /// The fine mesh on the limit surface of a cage.

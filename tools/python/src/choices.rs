@@ -4,6 +4,7 @@ use super::errors::usage;
 use oscura::load::Up;
 use oscura::load::gltf::{Glass, LightUnits};
 use oscura::load::stage::{Ground, StageLight, ViewFrom};
+use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
 use oscura::output::ViewTransform;
 use pyo3::PyResult;
 use std::str::FromStr;
@@ -67,6 +68,14 @@ pub fn crease(degrees: Option<f64>) -> PyResult<Option<f64>> {
     match degrees {
         Some(angle) if !(0.0..=180.0).contains(&angle) => Err(usage("smooth must be 0 to 180 degrees")),
         angle => Ok(angle.map(f64::to_radians)),
+    }
+}
+
+/// Catmull-Clark subdivision, so many times.
+pub fn subdivision(levels: Option<u32>) -> PyResult<Option<Subdivision>> {
+    match levels {
+        Some(levels) if levels > MOST_LEVELS => Err(usage(format!("subdivide must be 0 to {MOST_LEVELS}"))),
+        levels => Ok(levels.map(|levels| Subdivision { levels, has_round_corners: false })),
     }
 }
 

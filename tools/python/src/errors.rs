@@ -49,6 +49,7 @@ fn argument(choice: Choice) -> &'static str {
         Choice::PointRadius => "point_radius=",
         Choice::Smooth => "smooth=",
         Choice::Stage => "stage=",
+        Choice::Subdivide => "subdivide=",
         Choice::Up => "up=",
         Choice::ViewFrom => "view_from=",
         Choice::Zoom => "zoom=",

@@ -16,7 +16,7 @@ use std::path::PathBuf;
 #[pyfunction]
 #[pyo3(signature = (
     path, *, allow_external=false, up="auto", stage="studio", ground=None, background=None, view_from=None, zoom=1.0,
-    fov=30.0, point_radius=None, smooth=None, sidecar=true, time=None, scene=None, node=None, variant=None, light_units="auto",
+    fov=30.0, point_radius=None, smooth=None, subdivide=None, sidecar=true, time=None, scene=None, node=None, variant=None, light_units="auto",
     glass="auto", force=false, blender=None, threads=None
 ))]
 #[expect(clippy::too_many_arguments, reason = "they are named in Python")]
@@ -33,6 +33,7 @@ pub fn load(
     fov: f64,
     point_radius: Option<f64>,
     smooth: Option<f64>,
+    subdivide: Option<u32>,
     sidecar: bool,
     time: Option<f64>,
     scene: Option<String>,
@@ -60,6 +61,7 @@ pub fn load(
         },
         point_radius,
         smooth_rad: choices::crease(smooth)?,
+        subdivision: choices::subdivision(subdivide)?,
         up: choices::up(up)?,
         stage: stage.options()?,
         no_sidecar: !sidecar,

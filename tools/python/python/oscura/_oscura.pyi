@@ -66,6 +66,7 @@ def load(
     fov: float = 30.0,
     point_radius: float | None = None,
     smooth: float | None = None,
+    subdivide: int | None = None,
     sidecar: bool = True,
     time: float | None = None,
     scene: str | None = None,
@@ -82,7 +83,7 @@ def load(
     A model without camera and light is framed and lit, as `oscura render` does: `stage`, `ground`, `background`,
     `view_from` (a name such as "front", or azimuth and elevation such as "30,20"), `zoom` (0.001 to 1000) and `fov` (vertical,
     degrees) choose how. `background` is "transparent" or linear red, green, blue. The other arguments are the options of
-    `oscura render` of the same names (`smooth` in degrees). `threads`: 1 to 1024, one a core unless given.
+    `oscura render` of the same names (`smooth` in degrees, `subdivide` in levels). `threads`: 1 to 1024, one a core unless given.
 
     Raises `InputError` with all problems of the file. Ctrl-C takes effect when loading has ended.
     """
