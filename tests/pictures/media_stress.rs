@@ -2,6 +2,7 @@
 //! stay numbers, and no light is added.
 
 use crate::support::{camera, material, options, pbr, sphere};
+use oscura::color::luminance;
 use oscura::compile::{CompileOptions, compile};
 use oscura::math::DVec3;
 use oscura::render::{PassOutcome, Rendering};
@@ -23,7 +24,8 @@ fn lit() -> Scene {
     scene
 }
 
-/// The largest of the means by channel. All samples are numbers.
+/// The largest of the means by channel; by wavelength the luminance: where a spectrum is 1 or 0, red, green or blue may exceed 1. All
+/// samples are numbers.
 fn brightest(what: &str, scene: &Scene, spectral: bool) -> f64 {
     let shading = ShadingModel { spectral, ..ShadingModel::default() };
     let compiled = compile(scene, &CompileOptions { shading, ..CompileOptions::default() });
@@ -35,7 +37,8 @@ fn brightest(what: &str, scene: &Scene, spectral: bool) -> f64 {
     let pixels = rendering.film().rgba();
     let mean = |c: usize| pixels.iter().map(|p| f64::from(p[c])).sum::<f64>() / pixels.len() as f64;
     assert!(pixels.as_flattened().iter().all(|x| x.is_finite()), "{what}");
-    [0, 1, 2].map(mean).into_iter().fold(0.0, f64::max)
+    let rgb = [0, 1, 2].map(mean);
+    if spectral { luminance(rgb.map(|v| v as f32)).into() } else { rgb.into_iter().fold(0.0, f64::max) }
 }
 
 #[test]
