@@ -3,7 +3,7 @@
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
-use oscura::scene::{Environment, Filter, LightKind, ObjectTraits, RayKinds};
+use oscura::scene::{Environment, Filter, LightKind, Model, ObjectTraits, RayKinds};
 use std::f64::consts::PI;
 
 /// A triangle with a material whose image is missing, and two cameras; the second stands at z = 5 and looks at the origin.
@@ -190,6 +190,27 @@ fn cameras_need_not_see_a_material() {
         let lamp = paint.lamp.expect("what it is to cameras");
         assert!(lamp.visible_to == RayKinds::ALL.without(RayKinds::CAMERA) && lamp.is_obstacle);
     }
+}
+
+#[test]
+fn bodies_keep_the_paint_of_the_model() {
+    let read = |extension: &str| {
+        let toml = "[materials.skin]\nsubsurface = { color = 0.5, radius = 0.01 }\n";
+        let named = format!("\"materials\": [{{\"name\": \"skin\", \"extensions\": {{{extension}}}, ");
+        let model = MODEL.replace("IMAGE", PIXEL).replace("\"materials\": [{", &named);
+        let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml)];
+        let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let skin = loaded.scene.materials.iter().find(|m| m.name == "skin").expect("the model's");
+        assert!(skin.medium.is_some());
+        let Model::Pbr(pbr) = &skin.model else { panic!("{:?}", skin.model) };
+        let through = pbr.diffuse_transmission.expect("light enters");
+        assert_eq!(through.factor.factor, 1.0);
+        through.color.factor
+    };
+    assert_eq!(read(""), [1.0; 3]);
+    let paint = "\"KHR_materials_diffuse_transmission\": {\"diffuseTransmissionFactor\": 1, \
+                 \"diffuseTransmissionColorFactor\": [0.5, 0.25, 1]}";
+    assert_eq!(read(paint), [0.5, 0.25, 1.0]);
 }
 
 #[test]

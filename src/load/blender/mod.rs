@@ -12,7 +12,6 @@ mod report;
 pub use cache::default_cache;
 pub use options::BlenderOptions;
 
-use super::gltf::Glass;
 use super::{LoadOptions, Loaded, SavedFiles, ShutterOptions, gltf, scene_file};
 use crate::error::{Error, Result, Warning};
 use std::fs;
@@ -68,9 +67,8 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
     let exported = export(path, options, &std::env::temp_dir())?;
-    // What Blender has chosen is no choice about the model. To Blender all glass is solid, that of single sheets, too.
-    let glass = if options.gltf.glass == Glass::Auto { Glass::Solid } else { options.gltf.glass };
-    let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, glass, ..options.gltf.clone() };
+    // What Blender has chosen is no choice about the model.
+    let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, ..options.gltf.clone() };
     // What Blender writes goes again.
     let fps = exported.fps.filter(|fps| *fps > 0.0).unwrap_or(options.shutter.fps);
     let shutter = ShutterOptions { fps, ..options.shutter };

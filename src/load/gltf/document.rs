@@ -109,6 +109,12 @@ impl<'a> Document<'a> {
         generator.is_some_and(|g| g.contains("Blender I/O"))
     }
 
+    /// Is it what oscura exported of a file of Blender? Nothing was lost then, and all glass is solid but for what says otherwise.
+    pub fn is_our_export(&self) -> bool {
+        let generator = self.json.pointer("/asset/generator").and_then(Value::as_str);
+        self.is_from_blender() && generator.is_some_and(|g| g.ends_with("oscura"))
+    }
+
     /// A JSON pointer in words, where it leads to something that has a name, or into it.
     pub fn in_names(&self, pointer: &str) -> String {
         const LISTS: [(&str, &str); 8] = [

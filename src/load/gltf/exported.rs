@@ -19,7 +19,7 @@ pub(super) fn signs_of_loss(
     signs: &[Signs],
     report: &mut Report,
 ) -> Option<BlenderExport> {
-    if !doc.is_from_blender() {
+    if !doc.is_from_blender() || doc.is_our_export() {
         return None;
     }
     let lamps = lamps(doc, hierarchy, report);

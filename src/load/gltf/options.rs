@@ -40,7 +40,8 @@ pub enum LightUnits {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Glass {
     /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
-    /// where they don't, and in all other files, as the specification says.
+    /// where they don't, and in all other files, as the specification says. In what was exported of files of Blender here all
+    /// is solid, as in Blender, but for panes that its settings name.
     #[default]
     Auto,
     /// They refract like the surface of a solid body.

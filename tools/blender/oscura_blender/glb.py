@@ -186,6 +186,8 @@ def compose(glb, found, others, patches, kept, moves=None):
     for name, matrix in empties:
         made.add({"name": name}, matrix, _mark_of(name, found), turn)
     _patch_materials(glb, patches)
+    # By this the loader knows that all glass is meant to be solid, and that nothing was lost.
+    glb.json["asset"]["generator"] += ", oscura"
     animate(glb, moves, made.moving, made.deformed)
     _weigh(glb, made.deformed, made.nodes)
     glb.json["nodes"] = made.nodes

@@ -130,6 +130,7 @@ impl Builder<'_, '_> {
         self.needs.glass = true;
         match self.doc.options.glass {
             Glass::Solid => make_solid(model),
+            Glass::Auto if self.doc.is_our_export() => make_solid(model),
             Glass::Auto | Glass::Panes if !model.has_volume && self.doc.is_from_blender() => {
                 self.needs.body = true;
                 make_solid(model);

@@ -19,7 +19,7 @@ impl Signs {
     /// Looks for them; none in files of others.
     pub(super) fn of(builder: &Builder, base: ColorSlot, alpha: AlphaMode) -> Signs {
         let extension = |name: &str| builder.raw.get("extensions").is_some_and(|e| e.get(name).is_some());
-        if !builder.doc.is_from_blender() || extension("KHR_materials_unlit") {
+        if !builder.doc.is_from_blender() || builder.doc.is_our_export() || extension("KHR_materials_unlit") {
             return Signs::default();
         }
         let pbr = builder.raw.get("pbrMetallicRoughness");
