@@ -1,8 +1,9 @@
 //! Every command and snippet of README.md and of the guide's pages, carried out in a folder like the one they speak of.
 //!
 //! Pictures are made small: of `render`, `--width`, `--height` and `--spp` are given again with small values in place of
-//! the README's. `cargo run --release --` becomes the program that is under test; other commands of cargo are not
-//! repeated here. Files that the README's user has are made by [`fixtures`].
+//! the README's, and of long sequences two frames. `cargo run --release --` becomes the program that is under test; other
+//! commands of cargo are not repeated here. Files that the README's user has are made by [`fixtures`], scripts stand for
+//! Blender and ffmpeg, and `view` is asked for its page and ended. `tools/python` tries the page of the Python module.
 
 use std::collections::BTreeSet;
 use std::fs;
@@ -12,14 +13,11 @@ use std::process::{Command, Output};
 const ROOT: &str = env!("CARGO_MANIFEST_DIR");
 
 /// Starts of commands that are not repeated: they build or test the whole project.
-const NOT_REPEATED: [&str; 5] = [
+const NOT_REPEATED: [&str; 3] = [
     "cargo test --release --workspace",
-    "cargo install --path .",
-    // They need Blender: the tests of files of Blender run such commands.
-    "oscura render scene.blend",
-    "oscura export scene.blend",
-    // It goes on until it is told to stop: it has tests of its own.
-    "oscura view room.glb",
+    "cargo install ",
+    // It draws on terminals only: `terminal.rs` has one.
+    "oscura render scan.ply --show",
 ];
 
 /// What a fenced block holds.
@@ -31,15 +29,25 @@ struct Block {
 }
 
 /// README.md and the pages of the guide.
-const PAGES: [&str; 8] = [
+const PAGES: [&str; 18] = [
     "README.md",
-    "src/guide/scene_files.md",
+    "src/guide/first_picture.md",
+    "src/guide/scans.md",
+    "src/guide/from_blender.md",
     "src/guide/rendering.md",
     "src/guide/compositing.md",
+    "src/guide/scene_files.md",
     "src/guide/formats.md",
-    "src/guide/speed.md",
     "src/guide/exactness.md",
+    "src/guide/speed.md",
+    "src/guide/limits.md",
     "src/guide/internals.md",
+    "src/guide/internals_loading.md",
+    "src/guide/internals_compiling.md",
+    "src/guide/internals_tracing.md",
+    "src/guide/internals_film.md",
+    "src/guide/internals_output.md",
+    "src/guide/adding.md",
 ];
 
 fn page(name: &str) -> String {
@@ -167,27 +175,91 @@ const SIZE: usize = 24;
 /// Arguments with a small size and few samples.
 fn small(arguments: &[String]) -> Vec<String> {
     let mut result = Vec::new();
+    // Which samples a part takes is of their number.
+    let is_part = arguments.iter().any(|a| a == "--sample-range");
+    let size = SIZE.to_string();
+    let mut less = vec!["--width", &size, "--height", &size, "--spp", "2"];
+    less.truncate(if is_part { 4 } else { 6 });
     let mut rest = arguments.iter();
     while let Some(word) = rest.next() {
-        if ["--width", "--height", "--spp"].contains(&word.as_str()) {
-            rest.next();
-        } else {
-            result.push(word.clone());
+        match word.as_str() {
+            word if less.contains(&word) && word.starts_with("--") => drop(rest.next()),
+            "--frames" => {
+                rest.next();
+                result.extend(["--frames", "1-2"].map(str::to_string));
+            }
+            _ => result.push(word.clone()),
         }
     }
-    let size = SIZE.to_string();
-    for word in ["--width", &size, "--height", &size, "--spp", "2"] {
-        result.push(word.to_string());
-    }
+    result.extend(less.into_iter().map(str::to_string));
     result
 }
 
 fn oscura(folder: &Path, arguments: &[String]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_oscura"))
-        .args(arguments)
-        .current_dir(folder)
-        .output()
-        .expect("the program starts")
+    program(folder, arguments).output().expect("the program starts")
+}
+
+/// The program, which finds the stand-ins of others.
+fn program(folder: &Path, arguments: &[String]) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_oscura"));
+    command.args(arguments).current_dir(folder);
+    let stand_ins = folder.join("bin");
+    if stand_ins.exists() {
+        let own = std::env::var_os("PATH").unwrap_or_default();
+        let path = std::env::join_paths([stand_ins.clone()].into_iter().chain(std::env::split_paths(&own)));
+        command.env("PATH", path.expect("a search path")).env("OSCURA_BLENDER", stand_ins.join("blender"));
+    }
+    command
+}
+
+/// Scripts in place of programs that the README's user has: a Blender whose every scene is the room, and an ffmpeg that
+/// writes what it is given. None where scripts can't stand for programs.
+fn stand_ins(folder: &Path) {
+    #[cfg(unix)]
+    {
+        use std::os::unix::fs::PermissionsExt;
+        let scripts = [
+            (
+                "blender",
+                "if [ \"$1\" = --version ]; then echo 'Blender 4.5.1 LTS'; exit 0; fi\n\
+                 while [ \"$1\" != -- ]; do shift; done\ncp \"$(dirname \"$0\")/../room.glb\" \"$3/$4.glb\"\n\
+                 echo '{\"error\": null, \"warnings\": [], \"notes\": []}' > \"$5\"\n",
+            ),
+            (
+                "ffmpeg",
+                "for last; do :; done\ncase $last in -version) echo 'ffmpeg version 7'; exit 0;; esac\n\
+                 exec cat > \"$last\"\n",
+            ),
+        ];
+        fs::create_dir_all(folder.join("bin")).expect("made");
+        for (name, text) in scripts {
+            let path = folder.join("bin").join(name);
+            fs::write(&path, format!("#!/bin/sh\n{text}")).expect("written");
+            fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).expect("made a program");
+        }
+        fs::write(folder.join("scene.blend"), "BLENDER").expect("written");
+    }
+    #[cfg(not(unix))]
+    let _ = folder;
+}
+
+/// Starts `view` without a browser, asks for its page, and ends it.
+fn look(folder: &Path, arguments: &[String]) {
+    use std::io::{BufRead, BufReader, Read, Write};
+    let mut command = program(folder, arguments);
+    command.args(["--no-open", "--width", "24", "--height", "24", "--spp", "2"]);
+    let mut child = command.stderr(std::process::Stdio::piped()).spawn().expect("the program starts");
+    let mut lines = BufReader::new(child.stderr.take().expect("its messages")).lines();
+    let line = lines.find_map(|line| line.ok().filter(|l| l.contains("http://"))).expect("an address");
+    std::thread::spawn(move || lines.for_each(drop));
+    let address = line.split("http://").nth(1).and_then(|a| a.split_whitespace().next()).expect("an address");
+    let (host, path) = address.split_once('/').expect("a path");
+    let mut stream = std::net::TcpStream::connect(host).expect("it listens");
+    write!(stream, "GET /{path} HTTP/1.1\r\nHost: {host}\r\nConnection: close\r\n\r\n").expect("sent");
+    let mut answer = String::new();
+    stream.read_to_string(&mut answer).expect("a page");
+    assert!(answer.starts_with("HTTP/1.1 200") && answer.contains("<html"), "{answer}");
+    child.kill().and_then(|()| child.wait()).expect("ended");
 }
 
 /// Carries out a line of a block for shells; gives false for what isn't repeated.
@@ -203,8 +275,24 @@ fn carry_out(folder: &Path, line: &str) -> bool {
     };
     let arguments = words(arguments);
     let is_render = arguments.first().is_some_and(|a| a == "render");
-    if arguments.first().is_some_and(|a| a == "compare") {
-        reference_pictures(folder);
+    let needs_stand_in =
+        [".blend", ".mp4", ".webm"].iter().any(|end| arguments.iter().any(|a| a.ends_with(end)));
+    if needs_stand_in && !folder.join("bin").exists() {
+        println!("skipped: {line}; no script can stand for the other program");
+        return false;
+    }
+    match arguments.first().map(String::as_str) {
+        Some("compare") => reference_pictures(folder),
+        Some("view") => {
+            look(folder, &arguments);
+            return true;
+        }
+        // Another page makes the same: neither command replaces what is there.
+        Some("new" | "export") => {
+            let made = folder.join(arguments.last().expect("a name"));
+            let _ = if made.is_dir() { fs::remove_dir_all(made) } else { remove_scene(&made) };
+        }
+        _ => {}
     }
     let output = oscura(folder, &if is_render { small(&arguments) } else { arguments.clone() });
     let errors = String::from_utf8_lossy(&output.stderr);
@@ -224,6 +312,11 @@ fn carry_out(folder: &Path, line: &str) -> bool {
     true
 }
 
+/// Removes a file that `new` would make; models stay.
+fn remove_scene(path: &Path) -> std::io::Result<()> {
+    if path.extension().is_some_and(|e| e == "toml") { fs::remove_file(path) } else { Ok(()) }
+}
+
 /// The file that a paragraph tells to write a snippet into.
 fn file_named(paragraph: &str) -> Option<&str> {
     let words = paragraph.split('`').skip(1).step_by(2);
@@ -234,6 +327,7 @@ fn file_named(paragraph: &str) -> Option<&str> {
 fn every_command_and_snippet_works() {
     let folder = tempfile::tempdir().expect("a folder");
     fixtures(folder.path());
+    stand_ins(folder.path());
     let (mut commands, mut snippets) = (0, Vec::new());
     for block in blocks(&readme()) {
         match block.language.as_str() {
@@ -257,7 +351,7 @@ fn every_command_and_snippet_works() {
             other => panic!("a block of '{other}': nothing tries it"),
         }
     }
-    assert!(commands >= 12, "only {commands} commands were found");
+    assert!(commands >= 40, "only {commands} commands were found");
     assert!(snippets.len() >= 2, "{snippets:?}");
 }
 

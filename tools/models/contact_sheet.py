@@ -3,7 +3,8 @@
 
     contact_sheet.py OSCURA DATA OUT [--size 256] [--spp 32] [--plain]
 
-DATA is a folder with `models`, `asset-generator`, `extensions` and `blender`; models that are not there are skipped.
+DATA is a folder with `models` and `blender`; models that are not there are skipped. Others are made: things that lie on their
+back, flat, thin, tiny and huge, far from the origin, points, painted and open ones.
 Measured by a second picture without ground on a transparent background: how much of the room between margins of a tenth
 of the shorter side the model fills, how even the margins are, and how many of its pixels have a channel at 255. Whether
 the right axis is up is told by the program's note, where the format leaves it open. `--plain` is for programs that
@@ -26,35 +27,36 @@ def models(data, made):
     """Name, file, axis that is up (None where the format says it), further arguments."""
     os.makedirs(made, exist_ok=True)
     of = lambda *parts: os.path.join(data, *parts)
-    torus = os.path.join(HERE, '../../scenes/meshes/torus.ply')
-    all = [(n, of('models', n + '.obj'), 'y', []) for n in SCANS]
-    all += [('teapot', of('models/teapot.ply'), 'z', []), ('torus', torus, 'y', [])]
-    all += [(n, of('models', n + '.glb'), None, []) for n in ('DamagedHelmet', 'ExplodingBarrel', 'seagulf')]
-    for i, n in enumerate(SCANS):
-        source = of('models', n + '.obj')
-        path = os.path.join(made, n + '-z' + ('.ply' if i % 2 else '.obj'))
-        if os.path.exists(source):
-            shapes.write(path, shapes.z_up(shapes.read(source)))
-        all.append((n + '-z', path, 'z', []))
-    if os.path.exists(of('models/teapot.ply')):
-        shapes.write(os.path.join(made, 'teapot-y.ply'), shapes.y_up(shapes.read(of('models/teapot.ply'))))
-    all.append(('teapot-y', os.path.join(made, 'teapot-y.ply'), 'y', []))
-    for n in ('chair', 'table', 'stairs', 'vase', 'pawn', 'terrain'):
-        mesh, z = getattr(shapes, n)(), n in ('chair', 'stairs', 'pawn', 'terrain')
-        path = os.path.join(made, n + ('-z.ply' if z else '.obj'))
-        shapes.write(path, shapes.z_up(mesh) if z else mesh)
-        all.append((n, path, 'z' if z else 'y', []))
-    ball = lambda n: ('ball' + n, of('blender/materials.glb'), None, ['--node', 'Sphere.' + n])
-    all += [ball(n) for n in ('001', '003', '004', '006', '007')]
-    all += [('glass', of('blender/glass.glb'), None, ['--node', 'Sphere']), ('cube', of('blender/glass.glb'), None, ['--node', 'Cube'])]
-    all += [(n, of(p), None, []) for n, p in [
-        ('BoxDraco', 'extensions/BoxDraco.gltf'), ('BoxMeshopt', 'extensions/BoxMeshopt.glb'),
-        ('Material_07', 'asset-generator/Material/Material_07.gltf'),
-        ('NegativeScale', 'asset-generator/Node_NegativeScale/Node_NegativeScale_02.gltf'),
-        ('NegativeScale_5', 'asset-generator/Node_NegativeScale/Node_NegativeScale_05.gltf'),
-        ('Animation', 'asset-generator/Animation_Node/Animation_Node_00.gltf'),
-        ('Primitives', 'asset-generator/Mesh_Primitives/Mesh_Primitives_00.gltf')]]
-    return [m for m in all if os.path.exists(m[1])]
+    found = [(n, of('models', n + '.obj'), 'y', []) for n in SCANS]
+    found += [('teapot', of('models/teapot.ply'), 'z', []), ('torus', os.path.join(HERE, '../../scenes/meshes/torus.ply'), 'y', [])]
+    found += [(n, of('models', n + '.glb'), None, []) for n in ('DamagedHelmet', 'ExplodingBarrel', 'seagulf')]
+
+    def make(name, mesh, up, ending):
+        path = os.path.join(made, name + ending)
+        shapes.write(path, shapes.z_up(mesh) if up == 'z' else mesh)
+        found.append((name, path, up, []))
+
+    read = {n: shapes.read(of('models', n + '.obj')) for n in SCANS if os.path.exists(of('models', n + '.obj'))}
+    for i, n in enumerate(['beetle', 'cow', 'spot', 'stanford-bunny', 'suzanne']):
+        if n in read:
+            make(n + '-z', read[n], 'z', '.ply' if i % 2 else '.obj')
+    for n, up, ending in [('chair', 'z', '.ply'), ('table', 'y', '.obj'), ('stairs', 'z', '.ply'), ('vase', 'y', '.obj'), ('pawn', 'z', '.ply'),
+                          ('bust', 'z', '.ply'), ('tile', 'y', '.obj'), ('plant', 'z', '.obj'), ('bracket', 'z', '.obj'), ('gear', 'z', '.obj'), ('bowl', 'y', '.ply')]:
+        make(n, getattr(shapes, n)(), up, ending)
+    make('tile-z', shapes.tile(), 'z', '.ply')
+    make('plant-y', shapes.plant(), 'y', '.ply')
+    make('terrain-utm', shapes.moved(shapes.terrain(), to=(512345.25, 312.5, -4512345.75)), 'z', '.ply')
+    if len(read) == len(SCANS):
+        make('tiny', shapes.moved(read['stanford-bunny'], 1e-5), 'y', '.obj')
+        make('huge', shapes.moved(read['cow'], 1e6), 'z', '.ply')
+        make('utm', shapes.moved(read['spot'], to=(512345.25, 312.5, -4512345.75)), 'z', '.ply')
+        make('points', (read['stanford-bunny'][0], []), 'y', '.ply')
+        make('points-painted', (shapes.painted(read['spot'])[0], []), 'z', '.ply')
+        make('painted', shapes.painted(read['cow']), 'y', '.obj')
+        make('open-scan', shapes.cut(read['suzanne']), 'z', '.ply')
+    found += [(n, of('blender', f), None, ['--node', node]) for n, f, node in [
+        ('ball', 'materials.glb', 'Sphere.006'), ('glass', 'glass.glb', 'Sphere')]]
+    return [m for m in found if os.path.exists(m[1])]
 
 
 def shoot(program, path, out, size, more):

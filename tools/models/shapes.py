@@ -65,10 +65,91 @@ def terrain(n=80):
     return vertices, faces
 
 
+def tile(n=60):
+    """A flat relief on a slab, 30 cm wide and 1 cm thick."""
+    vertices, faces = box((0, 0, 0), (0.3, 0.008, 0.3))
+    first, side = len(vertices), 0.3 / n
+    wave = lambda x, z: 0.002 * math.sin(40 * x) * math.sin(40 * z) + 0.0085
+    vertices += [(i * side, wave(i * side, k * side), k * side) for k in range(n + 1) for i in range(n + 1)]
+    at = lambda i, k: first + k * (n + 1) + i
+    for k in range(n):
+        for i in range(n):
+            faces += [(at(i, k), at(i, k + 1), at(i + 1, k)), (at(i + 1, k), at(i, k + 1), at(i + 1, k + 1))]
+    return vertices, faces
+
+
+def plant(leaves=26):
+    """A thin stem with leaves that are single sheets."""
+    parts = [lathe([(0.006, 0), (0.004, 0.9)], 8)]
+    for i in range(leaves):
+        turn, y, long = 2.4 * i, 0.15 + 0.75 * i / leaves, 0.32 - 0.22 * i / leaves
+        c, s = math.cos(turn), math.sin(turn)
+        place = lambda out, up, side: (out * c - side * s, y + up, out * s + side * c)
+        parts.append(([place(0, 0, 0), place(long / 2, long / 3, 0.035), place(long / 2, long / 3, -0.035), place(long, long / 4, 0)],
+                      [(0, 1, 2), (1, 3, 2)]))
+    return join(parts)
+
+
+def bust():
+    """Shoulders, neck and a head with a nose, that looks along +z."""
+    body = lathe([(0.0, 0.0), (0.2, 0.0), (0.2, 0.06), (0.12, 0.1), (0.12, 0.16), (0.3, 0.3), (0.33, 0.4), (0.12, 0.5), (0.09, 0.62)])
+    body = [(x, y, 0.6 * z) for x, y, z in body[0]], body[1]
+    head = lathe([(0.14 * math.sin(a), 0.76 - 0.19 * math.cos(a)) for a in [k * math.pi / 16 for k in range(17)]])
+    nose = [(0, 0.83, 0.13), (-0.03, 0.73, 0.13), (0.03, 0.73, 0.13), (0, 0.74, 0.19)], [(0, 1, 3), (0, 3, 2), (1, 2, 3)]
+    return join([body, head, nose])
+
+
+def bracket():
+    """A part of a machine, in millimetres: an angle with a rib and two bosses."""
+    rib = [(35, 8, -8), (35, 60, -8), (35, 8, -60), (45, 8, -8), (45, 60, -8), (45, 8, -60)], [
+        (0, 1, 2), (3, 5, 4), (1, 4, 5), (1, 5, 2), (0, 3, 4), (0, 4, 1), (0, 2, 5), (0, 5, 3)]
+    boss = lambda x: ([(x + a, b, c - 40) for a, b, c in lathe([(9, 8), (9, 16), (5, 16), (5, 8)])[0]], lathe([(9, 8), (9, 16), (5, 16), (5, 8)])[1])
+    return join([box((0, 0, -80), (80, 8, 0)), box((0, 8, -8), (80, 70, 0)), rib, boss(17), boss(63)])
+
+
+def gear(teeth=18):
+    """A flat wheel with teeth and a hole, in millimetres."""
+    ring = []
+    for k in range(4 * teeth):
+        a, r = 2 * math.pi * k / (4 * teeth), 40 if k % 4 < 2 else 34
+        ring.append((r * math.cos(a), r * math.sin(a), 10 * math.cos(a), 10 * math.sin(a)))
+    vertices = [p for x, z, u, w in ring for p in ((x, 0, z), (x, 9, z), (u, 0, w), (u, 9, w))]
+    faces, n = [], len(ring)
+    for k in range(n):
+        a, b = 4 * k, 4 * ((k + 1) % n)
+        for p, q in ((0, 1), (1, 3), (3, 2), (2, 0)):
+            faces += [(a + p, a + q, b + p), (a + q, b + q, b + p)]
+    return vertices, faces
+
+
+def bowl():
+    """An open shell without thickness."""
+    return lathe([(0.3, 0.0)] + [(math.sin(a), 1.02 - math.cos(a)) for a in [0.35 + k * 1.2 / 16 for k in range(17)]])
+
+
+def cut(mesh, share=0.25):
+    """What a scanner sees of a thing: its lowest part is missing, and its inside shows."""
+    vertices, faces = mesh
+    low, high = min(v[1] for v in vertices), max(v[1] for v in vertices)
+    return vertices, [f for f in faces if all(vertices[i][1] > low + share * (high - low) for i in f)]
+
+
+def moved(mesh, scale=1, to=(0, 0, 0)):
+    return [tuple(scale * x + t for x, t in zip(v, to)) for v in mesh[0]], mesh[1]
+
+
+def painted(mesh):
+    """Vertices with colours from 0 to 1 by their place."""
+    low = [min(v[c] for v in mesh[0]) for c in range(3)]
+    high = [max(v[c] for v in mesh[0]) for c in range(3)]
+    share = lambda v, c: (v[c] - low[c]) / (high[c] - low[c] or 1)
+    return [v + (0.25 + 0.6 * share(v, 1), 0.3 + 0.4 * share(v, 0), 0.75 - 0.5 * share(v, 2)) for v in mesh[0]], mesh[1]
+
+
 def z_up(mesh):
     """The same with z up: it lies on its back for who takes y."""
     vertices, faces = mesh
-    return [(x, -z, y) for x, y, z in vertices], faces
+    return [(v[0], -v[2], v[1]) + v[3:] for v in vertices], faces
 
 
 def y_up(mesh):
@@ -98,13 +179,21 @@ def read(path):
 
 
 def write(path, mesh):
+    """OBJ or PLY, with colours where vertices have six numbers; without faces points."""
     vertices, faces = mesh
+    coloured = len(vertices[0]) > 3
     with open(path, 'w') as f:
         if path.endswith('.obj'):
-            f.writelines('v %.7g %.7g %.7g\n' % v for v in vertices)
+            f.writelines('v ' + ' '.join('%.12g' % x for x in v) + '\n' for v in vertices)
             f.writelines('f %d %d %d\n' % tuple(i + 1 for i in t) for t in faces)
             return
-        f.write('ply\nformat ascii 1.0\nelement vertex %d\nproperty float x\nproperty float y\nproperty float z\n' % len(vertices))
-        f.write('element face %d\nproperty list uchar int vertex_indices\nend_header\n' % len(faces))
-        f.writelines('%.7g %.7g %.7g\n' % v for v in vertices)
+        f.write('ply\nformat ascii 1.0\nelement vertex %d\n' % len(vertices))
+        f.writelines('property double %s\n' % c for c in 'xyz')
+        if coloured:
+            f.writelines('property uchar %s\n' % c for c in ('red', 'green', 'blue'))
+        if faces:
+            f.write('element face %d\nproperty list uchar int vertex_indices\n' % len(faces))
+        f.write('end_header\n')
+        for v in vertices:
+            f.write('%.12g %.12g %.12g' % v[:3] + (' %d %d %d' % tuple(round(255 * x) for x in v[3:]) if coloured else '') + '\n')
         f.writelines('3 %d %d %d\n' % t for t in faces)
