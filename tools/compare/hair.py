@@ -16,7 +16,7 @@ import booth
 import common
 import mitsuba as mi
 
-SAMPLES = int(os.environ.get("SAMPLES", "1024"))
+SAMPLES = int(os.environ.get("SAMPLES", "256"))
 
 
 def strands(count, radius, points, seed):
