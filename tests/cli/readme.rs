@@ -128,6 +128,8 @@ fn fixtures(folder: &Path) {
     });
     value["scenes"][0]["nodes"].as_array_mut().expect("nodes").push(area.into());
     fs::write(folder.join("room.glb"), glb(&value)).expect("written");
+    let strands = "curves 1\n0 0 0\n0 0.1 0\n0.02 0.2 0\n\n0.05 0 0\n0.05 0.1 0\n0.06 0.2 0\n";
+    fs::write(folder.join("fur.curves"), strands).expect("written");
     for name in ["studio.exr", "studio.hdr"] {
         let path = folder.join(name);
         let sky = image::Rgb32FImage::from_fn(16, 8, |_, y| image::Rgb([1.0, 1.0, 0.3 + 0.1 * y as f32]));

@@ -1,6 +1,6 @@
 //! How lights are grouped into nodes.
 
-use super::WIDTH;
+use super::node::WIDTH;
 use crate::light::bounds::LightBounds;
 use crate::math::Bounds3;
 

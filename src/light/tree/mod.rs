@@ -9,17 +9,13 @@ mod node;
 mod tests;
 
 use super::bounds::LightBounds;
-use crate::math::Vec3;
 use crate::simd::prefetch_element;
 use build::{Group, Item, split_into_groups};
-use node::{Node, sum};
+pub use node::Receiver;
+use node::{LEAF, Node, WIDTH, sum};
 
-/// Children of a node.
-const WIDTH: usize = 8;
 /// Bits of a place in a node.
 const PLACE_BITS: u32 = 3;
-/// Marks a child that is a light; the rest is its number.
-const LEAF: u32 = 1 << 31;
 /// From this depth on, groups are halved, so that the path to any light fits 64 bits.
 const HALVING_DEPTH: u32 = 10;
 
@@ -59,15 +55,6 @@ impl Descent {
     pub fn chosen(&self) -> Option<(u32, f32)> {
         (self.at & LEAF != 0 && self.at != Descent::NOWHERE).then_some((self.at & !LEAF, self.pdf))
     }
-}
-
-/// What a point asks for: its position, and its normal if light from behind does nothing (else zero).
-#[derive(Clone, Copy, Debug)]
-pub struct Receiver {
-    /// The point.
-    pub p: Vec3,
-    /// Unit normal on the side that light must come from, or zero.
-    pub normal: Vec3,
 }
 
 impl LightTree {

@@ -1,8 +1,21 @@
 //! Nodes of the tree over lights, and what their children are estimated to bring.
 
-use super::{LEAF, Receiver, WIDTH};
 use crate::light::bounds::LightBounds;
 use crate::math::{Vec3, poly};
+
+/// Children of a node.
+pub(super) const WIDTH: usize = 8;
+/// Marks a child that is a light; the rest is its number.
+pub(super) const LEAF: u32 = 1 << 31;
+
+/// What a point asks for: its position, and its normal if light from behind does nothing (else zero).
+#[derive(Clone, Copy, Debug)]
+pub struct Receiver {
+    /// The point.
+    pub p: Vec3,
+    /// Unit normal on the side that light must come from, or zero.
+    pub normal: Vec3,
+}
 
 /// Eight children, one number of each side by side; unused places have weight 0.
 #[derive(Clone, Copy, Debug)]

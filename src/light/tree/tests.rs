@@ -1,5 +1,5 @@
 use super::*;
-use crate::math::Bounds3;
+use crate::math::{Bounds3, Vec3};
 use crate::sampling::chi2::Random;
 use crate::sampling::warp;
 use std::f32::consts::{FRAC_PI_2, PI};
