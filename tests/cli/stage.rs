@@ -157,6 +157,48 @@ fn where_a_model_stands_says_nothing_about_its_axis() {
     }
 }
 
+/// Coordinates of maps have more digits than single precision: the picture is that of the same hills at the origin, to the bit.
+#[test]
+fn hills_of_a_map_are_those_at_the_origin() {
+    let folder = tempfile::tempdir().unwrap();
+    let write = |name: &str, [east, north]: [f64; 2]| {
+        let height = |i: u32, j: u32| f64::from((i * 7 + j * 3) % 5) * 0.25;
+        let points: Vec<[f64; 3]> = (0..36u32)
+            .map(|k| (k % 6, k / 6))
+            .map(|(i, j)| [east + 0.5 * f64::from(i), north + 0.5 * f64::from(j), height(i, j)])
+            .collect();
+        let quads: Vec<[u32; 4]> = (0..25u32)
+            .map(|k| k % 5 + 6 * (k / 5))
+            .map(|first| [first, first + 1, first + 7, first + 6])
+            .collect();
+        let is_obj = name.ends_with(".obj");
+        let lines = points.iter().map(|[x, y, z]| format!("{}{x} {y} {z}\n", if is_obj { "v " } else { "" }));
+        let face = |q: &[u32; 4]| match is_obj {
+            true => format!("f {} {} {} {}\n", q[0] + 1, q[1] + 1, q[2] + 1, q[3] + 1),
+            false => format!("4 {} {} {} {}\n", q[0], q[1], q[2], q[3]),
+        };
+        let head = "ply\nformat ascii 1.0\nelement vertex 36\nproperty double x\nproperty double y\n\
+                    property double z\nelement face 25\nproperty list uchar int vertex_indices\nend_header\n";
+        let text = lines.chain(quads.iter().map(face)).collect::<String>();
+        fs::write(folder.path().join(name), if is_obj { text } else { format!("{head}{text}") }).unwrap();
+    };
+    let picture = |name: &str| {
+        let size = ["--width", "48", "--height", "32", "--spp", "2", "--up", "z", "--float", "-o", "a.exr"];
+        let output = oscura(folder.path(), &[&["render", name][..], &size].concat());
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        let flat = exr::prelude::read_first_flat_layer_from_file(folder.path().join("a.exr")).unwrap();
+        let channels = flat.layer_data.channel_data.list;
+        channels.iter().flat_map(|c| c.sample_data.values_as_f32()).map(f32::to_bits).collect::<Vec<u32>>()
+    };
+    for extension in ["obj", "ply"] {
+        let [near, far] = ["near", "far"].map(|stem| format!("{stem}.{extension}"));
+        write(&near, [0.0; 2]);
+        write(&far, [512_345.25, 4_512_345.75]);
+        let [near, far] = [near, far].map(|name| picture(&name));
+        assert!(near == far && near.iter().any(|&bits| bits != 0), "{extension}");
+    }
+}
+
 #[test]
 fn choices_about_the_stage_are_refused_or_said_to_change_nothing() {
     let folder = tempfile::tempdir().unwrap();
