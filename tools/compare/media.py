@@ -2,7 +2,7 @@
 
     python media.py FOLDER [NAME...]
 
-A ball of even fog, a box of smoke (a `.vol` file, which both read) and dense milk stand on a grey floor under a square lamp and an even
+A ball of even fog, a box of smoke (a `.vol` file, which both read), dense milk and an upright slab two mean free paths thick stand on a grey floor under a square lamp and an even
 sky. Neither stops paths before 64 bounces. The cost of a picture is its variance times the processor seconds that it took, over all
 pixels and channels: the time to a given error. Mitsuba's compiler has done its work before the clock starts.
 """
@@ -30,6 +30,7 @@ MEDIA = {
     "fog": ("ball", 0.8, (0.9, 0.9, 0.9), 0.6),
     "smoke": ("grid", 12.0, (0.7, 0.8, 0.9), 0.3),
     "milk": ("ball", 20.0, (0.99, 0.97, 0.9), 0.0),
+    "slab": ("slab", 10.0, (0.98, 0.9, 0.6), 0.5),
 }
 
 
@@ -52,11 +53,11 @@ def write_vol(path, values):
 def ours(name, folder):
     shape, density, albedo, g = MEDIA[name]
     grid = f'grid = "{name}.vol"\n' if shape == "grid" else ""
-    solid = (
-        "box = { min = [-0.8, 0.2, -0.8], max = [0.8, 1.8, 0.8] }"
-        if shape == "grid"
-        else "sphere = { center = [0, 1, 0], radius = 0.8 }"
-    )
+    solid = {
+        "grid": "box = { min = [-0.8, 0.2, -0.8], max = [0.8, 1.8, 0.8] }",
+        "slab": "box = { min = [-1.2, 0.2, -0.1], max = [1.2, 1.8, 0.1] }",
+        "ball": "sphere = { center = [0, 1, 0], radius = 0.8 }",
+    }[shape]
     text = f"""
 [camera]
 look_from = [0, 1.4, 5]
@@ -102,6 +103,8 @@ def theirs(name, folder):
     else:
         medium = {"type": "homogeneous", "sigma_t": density, "albedo": color, "phase": phase}
         solid = {"type": "sphere", "center": [0, 1, 0], "radius": 0.8}
+        if shape == "slab":
+            solid = {"type": "cube", "to_world": t().translate([0, 1, 0]).scale([1.2, 0.8, 0.1])}
     down = t().translate([1, 3, 0.5]).rotate([1, 0, 0], 90).scale(0.5)
     return mi.load_dict(
         {
