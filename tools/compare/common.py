@@ -139,6 +139,12 @@ def by_channel(values, digits):
     return " ".join(f"{v:.{digits}f}" for v in values)
 
 
+def print_row(name, found):
+    """A row of a table: how a scene compares."""
+    cells = [name, by_channel(found.ratio, 4), by_channel(found.sigma, 4), f"{max(found.z, key=abs):+.1f}"]
+    print(f"| {' | '.join(cells)} | {100 * found.beyond_3:.2f} % | {'agrees' if found.holds() else 'DIFFERS'} |", flush=True)
+
+
 def read_glb(path):
     """The JSON of a .glb file."""
     data = Path(path).read_bytes()

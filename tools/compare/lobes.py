@@ -182,8 +182,7 @@ def main():
         common.difference_picture(path.with_suffix(".difference.png"), ours, reference)
         a = common.compare(ours, reference)
         failed += not a.holds()
-        cells = [name, common.by_channel(a.ratio, 4), common.by_channel(a.sigma, 4), f"{max(a.z, key=abs):+.1f}"]
-        print(f"| {' | '.join(cells)} | {100 * a.beyond_3:.2f} % | {'agrees' if a.holds() else 'DIFFERS'} |", flush=True)
+        common.print_row(name, a)
     sys.exit(1 if failed else 0)
 
 
