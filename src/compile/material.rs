@@ -9,8 +9,8 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, Material, Model, NormalMap, ObjectTraits, Parameters, RayKinds,
-    Transmission,
+    AlphaMode, ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
+    Parameters, RayKinds, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -80,12 +80,22 @@ pub struct Presence {
     pub is_holdout: bool,
     /// The camera sees only what other objects change on it.
     pub is_catcher: bool,
+    /// The sets of objects that its object is in.
+    pub sets: ObjectSets,
+    /// What the light that it emits is linked to.
+    pub links: LightLinks,
 }
 
 impl Presence {
     /// That of most surfaces.
-    const FULL: Presence =
-        Presence { visible_to: RayKinds::ALL, is_obstacle: true, is_holdout: false, is_catcher: false };
+    const FULL: Presence = Presence {
+        visible_to: RayKinds::ALL,
+        is_obstacle: true,
+        is_holdout: false,
+        is_catcher: false,
+        sets: ObjectSets::NONE,
+        links: LightLinks::ALL,
+    };
 }
 
 /// Partial presence.
@@ -239,7 +249,8 @@ impl CompiledMaterial {
         let own = self.presence.unwrap_or(Presence::FULL);
         let visible_to = own.visible_to.and(traits.visible_to);
         let (is_holdout, is_catcher) = (traits.is_holdout, traits.is_shadow_catcher);
-        let presence = Presence { visible_to, is_holdout, is_catcher, ..own };
+        let (sets, links) = (traits.sets, traits.links);
+        let presence = Presence { visible_to, is_holdout, is_catcher, sets, links, ..own };
         CompiledMaterial { presence: Some(presence).filter(|p| *p != Presence::FULL), ..self.clone() }
     }
 
@@ -252,6 +263,17 @@ impl CompiledMaterial {
     /// The rays that see it.
     pub fn visible_to(&self) -> RayKinds {
         self.presence.map_or(RayKinds::ALL, |presence| presence.visible_to)
+    }
+
+    /// The sets of objects that its object is in.
+    pub fn sets(&self) -> ObjectSets {
+        self.presence.map_or(ObjectSets::NONE, |presence| presence.sets)
+    }
+
+    /// What the light that it emits is linked to.
+    #[inline]
+    pub fn links(&self) -> LightLinks {
+        self.presence.map_or(LightLinks::ALL, |presence| presence.links)
     }
 
     /// Is it absent everywhere?

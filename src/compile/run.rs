@@ -6,6 +6,7 @@ use super::emitters;
 use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
+use super::links::Links;
 use super::material::CompiledMaterial;
 use super::media;
 use super::medium::Medium;
@@ -76,12 +77,22 @@ pub(super) fn compile_after(
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
     let all = (emitters.lights.clone(), punctual);
-    let lights = lights(scene, Lights::moving(all, motions, environment, &textures));
+    let lights = Lights::moving(all, motions, environment, &textures);
+    let links = Links::of(scene, &lights, (&emitters, &geometries, &materials));
+    check(links.problems())?;
+    let lights = finished(scene, lights, &links, &textures);
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, &geometries, &materials, &textures, &media);
-    let features = Features { ray_kinds: features.ray_kinds || !light_kinds.is_empty(), ..features };
+    let links_lights = links.are_used();
+    let features = Features {
+        ray_kinds: features.ray_kinds || !light_kinds.is_empty() || links_lights,
+        // What casts no shadows in the light of some is absent for their shadow rays.
+        alpha: features.alpha || links_lights,
+        links: links_lights,
+        ..features
+    };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -95,6 +106,7 @@ pub(super) fn compile_after(
         light_groups,
         light_spectra,
         light_kinds,
+        links,
         caught_lights,
         own_materials: scene.materials.len() as u32,
         features,
@@ -105,8 +117,12 @@ pub(super) fn compile_after(
     Ok((compiled, report))
 }
 
-/// The lights with the environment's sun, and without what fog hides.
-fn lights(scene: &Scene, mut lights: Lights) -> Lights {
+/// The lights with their links and the environment's sun, and without what fog hides.
+fn finished(scene: &Scene, mut lights: Lights, links: &Links, textures: &CompiledTextures) -> Lights {
+    if links.are_used() {
+        let is_linked = |class: usize, light| links.reach(links.of_light(light), class as u32);
+        lights.link(links.classes(), textures, is_linked);
+    }
     scene.environment_sun.into_iter().for_each(|sun| lights.show_sun(sun));
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
         lights.hide_far();
@@ -192,6 +208,7 @@ fn features(
             .iter()
             .any(|m| !m.visible_to().contains(RayKinds::ALL.without(RayKinds::CAMERA))),
         catchers: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_catcher)),
+        links: false,
         holdouts: materials.iter().any(|m| m.presence.is_some_and(|p| p.is_holdout)),
         absorption: media.iter().any(|m| m.absorption.is_some()),
     }

@@ -3,6 +3,7 @@
 use super::emitters::Emitters;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
+use super::links::Links;
 use super::material::CompiledMaterial;
 use super::medium::Medium;
 use super::objects::ObjectId;
@@ -88,6 +89,8 @@ pub struct CompiledScene {
     pub(super) light_spectra: Vec<Option<Arc<Spectrum>>>,
     /// What each lights, by number; empty where all light everything.
     pub(super) light_kinds: Vec<RayKinds>,
+    /// What the lights are linked to.
+    pub links: Links,
     /// By light: is it left out where the effect of objects on shadow catchers is told? Empty without catchers.
     pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
@@ -129,6 +132,8 @@ pub struct Features {
     pub environment_visible_to: RayKinds,
     /// Objects or lights are visible to some kinds of rays only, the camera's aside.
     pub ray_kinds: bool,
+    /// Lights are linked to some objects only.
+    pub links: bool,
     /// Some objects cut holes into pictures.
     pub holdouts: bool,
     /// Of some objects cameras see only what others change on them.

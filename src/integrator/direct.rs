@@ -43,8 +43,9 @@ impl Integrator<'_> {
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
+            let index = self.only_light.unwrap_or(light.index[i]);
             let light_is_there =
-                !w.without || !self.scene.is_caught_light(self.only_light.unwrap_or(light.index[i]));
+                (!w.without || !self.scene.is_caught_light(index)) && self.is_lit_by(i, index, &w.wave.paths);
             if light_is_there && r[i].max(g[i]).max(b[i]) > 0.0 {
                 let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));

@@ -23,6 +23,10 @@ impl Integrator<'_> {
         if self.is_left_to_lamps(bounce, i, self.scene.light_at(hit), w) {
             return;
         }
+        let links = self.links_of(material, self.scene.light_at(hit).is_some());
+        if !self.finds_linked(bounce, i, links, &w.arriving) {
+            return;
+        }
         let radiance = self.emitted(at, w.times.waves(w.arriving.carried.sample[i]));
         let radiance = emission.beam.of(radiance, surface.ng, -w.rays[i].direction);
         let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
@@ -36,7 +40,7 @@ impl Integrator<'_> {
             let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
             let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = w.rays[i].origin;
-            let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+            let receiver = self.receiver(i, p, &w.arriving);
             let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
             weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
@@ -55,25 +59,27 @@ impl Integrator<'_> {
     /// Adds the light of the suns in whose directions paths left the scene.
     fn add_suns(&self, bounce: u32, w: &mut Workspace) {
         let suns = self.scene.lights.suns().iter().filter(|s| bounce > 0 || s.is_seen);
-        for SelectedSun { sun, selected, .. } in suns {
+        for SelectedSun { sun, index, pdf_discrete, .. } in suns {
+            let index = *index;
             let path = &w.arriving.carried;
             for i in w.escaped.iter().map(|&i| i as usize).filter(|&i| sun.contains(w.rays[i].direction)) {
-                if self.parts.kinds && !self.brings_light(bounce, i, selected.index, &w.arriving) {
+                if self.parts.kinds && !self.brings_light(bounce, i, index, &w.arriving) {
                     continue;
                 }
-                let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
-                let pdf_discrete = selected.pdf_discrete * self.scene.lights.far_pdf_discrete(&receiver);
+                let receiver = self.receiver(i, w.rays[i].origin, &w.arriving);
+                let among_far = pdf_discrete[receiver.class as usize];
+                let pdf_discrete = among_far * self.scene.lights.far_pdf_discrete(&receiver);
                 let pdf = sun.pdf_solid_angle() * pdf_discrete;
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
-                if self.is_left_to_lamps(bounce, i, Some(selected.index), w) {
+                if self.is_left_to_lamps(bounce, i, Some(index), w) {
                     continue;
                 }
                 let waves = w.times.waves(path.sample[i]);
-                let radiance = self.lanes_of_light(sun.radiance, Some(selected.index), waves);
+                let radiance = self.lanes_of_light(sun.radiance, Some(index), waves);
                 let value = get_rgb(&path.throughput, i) * radiance * weight;
                 w.sink.contribute(path.sample[i], value, || Origin {
                     way: way_of_path(bounce, Way::Environment, &w.arriving.first_bounces, i),
-                    group: self.scene.light_groups.of_light(selected.index),
+                    group: self.scene.light_groups.of_light(index),
                 });
             }
         }
@@ -96,7 +102,14 @@ impl Integrator<'_> {
         }
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, scratch);
-        if lights.use_tree() {
+        let mut pdf_discrete = lights.environment_pdf_discrete(0);
+        if lights.are_linked() {
+            pdf_discrete = 1.0;
+            for (far, &i) in scratch[0].iter_mut().zip(&w.escaped) {
+                let receiver = self.receiver(i as usize, w.rays[i as usize].origin, &w.arriving);
+                *far = lights.far_pdf_discrete(&receiver) * lights.environment_pdf_discrete(receiver.class);
+            }
+        } else if lights.use_tree() {
             let (rays, escaped, normals) = (&w.rays, &w.escaped, &w.arriving.receiver_normal);
             dispatch(FarShares { lights, rays, escaped, normals, scratch });
         } else {
@@ -108,7 +121,6 @@ impl Integrator<'_> {
                 *pdf = environment.pdf_from(ray.origin, ray.direction);
             }
         }
-        let pdf_discrete = lights.environment_pdf_discrete();
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
@@ -147,7 +159,7 @@ impl Kernel for FarShares<'_> {
         let FarShares { lights, rays, escaped, normals, scratch: [far, ..] } = self;
         for (far, &i) in far.iter_mut().zip(escaped) {
             let (p, normal) = (rays[i as usize].origin, get(normals, i as usize));
-            *far = lights.far_pdf_discrete(&Receiver { p, normal });
+            *far = lights.far_pdf_discrete(&Receiver::new(p, normal));
         }
     }
 }

@@ -15,6 +15,7 @@ use super::closure_metal_rough::MetalRoughClass;
 use super::group::Sorted;
 use super::lanes::{get, get_rgb, set_rgb};
 use super::layers::FirstBounce;
+use super::linking::with_class_of;
 use super::phase::MediumClass;
 use super::wave::{Paths, Wave};
 use super::workspace::Workspace;
@@ -67,7 +68,10 @@ impl Integrator<'_> {
     /// Is light `index` visible to the ray of arriving path `i`, and not shadowed?
     pub(super) fn brings_light(&self, bounce: u32, i: usize, index: u32, arriving: &Paths) -> bool {
         let kinds = self.scene.kinds_of_light(index);
-        kinds.contains(self.kind(bounce, i, arriving)) && !self.is_shadowed(i, arriving)
+        let links = self.scene.links.of_light(index);
+        kinds.contains(self.kind(bounce, i, arriving))
+            && !self.is_shadowed(i, arriving)
+            && self.finds_linked(bounce, i, links, arriving)
     }
 
     /// Decides of which kind the next rays of the paths are.
@@ -76,7 +80,7 @@ impl Integrator<'_> {
         for i in sorted.all() {
             let Wave { paths, vertices: v, .. } = &mut **wave;
             if sorted.medium().contains(&i) {
-                paths.kinds[i] = RayKinds::VOLUME.bits();
+                paths.kinds[i] = with_class_of(RayKinds::VOLUME.bits(), paths.kinds[i]);
                 continue;
             }
             let mut first = self.scattering(sorted, v, bsdfs, i, get(&v.next_direction, i));
@@ -89,7 +93,7 @@ impl Integrator<'_> {
                 (false, true) => RayKinds::DIFFUSE,
                 (false, false) => RayKinds::GLOSSY,
             };
-            paths.kinds[i] = kind.bits();
+            paths.kinds[i] = with_class_of(kind.bits(), paths.kinds[i]);
             if bounce == 0 && self.parts.first_bounces && !first.crosses {
                 let diffuse = if is_diffuse { Rgb::ONE } else { Rgb::ZERO };
                 paths.first_bounces.set(i, FirstBounce { diffuse, ..first });
@@ -108,16 +112,18 @@ impl Integrator<'_> {
         bsdfs: &[Bsdf],
     ) -> Rgb {
         let v = &wave.vertices;
-        let kinds = self.scene.kinds_of_light(self.only_light.unwrap_or(v.light.index[i]));
-        if passed == RayKinds::NONE && kinds == RayKinds::ALL {
+        let light = self.only_light.unwrap_or(v.light.index[i]);
+        let (kinds, links) = (self.scene.kinds_of_light(light), self.scene.links.of_light(light));
+        if passed == RayKinds::NONE && kinds == RayKinds::ALL && links.blockers.is_all() {
             return Rgb::ONE;
         }
         let alone = match passed {
-            RayKinds::NONE => 1.0,
+            RayKinds::NONE if links.blockers.is_all() => 1.0,
             _ => 1.0 / self.weight_of_sample(bounce, sorted, wave, bsdfs, i).max(f32::MIN_POSITIVE),
         };
         let of = |kind: RayKinds, share: Rgb| {
-            let weight = if passed.contains(kind) { alone } else { 1.0 };
+            let is_alone = passed.contains(kind) || !links.blockers.is_all();
+            let weight = if is_alone { alone } else { 1.0 };
             let arrives = kinds.contains(kind) && !passed.contains(decider(kind));
             if arrives { share * weight } else { Rgb::ZERO }
         };

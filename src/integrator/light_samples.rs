@@ -6,6 +6,7 @@
 use super::group::Sorted;
 use super::lanes::{WAVE, get, set, set_rgb};
 use super::light_samplers::{EnvironmentSampler, RectangleSampler, VectorSampler};
+use super::linking::class;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
@@ -26,7 +27,8 @@ impl Integrator<'_> {
             return dispatch(SampleLight { wave, count, dimensions, sampler });
         }
         let (lights, opaque) = (&self.scene.lights, sorted.metal_rough().end);
-        dispatch(SelectLights { wave, count, opaque, lights, dimensions });
+        let linked = self.scene.features.links;
+        dispatch(SelectLights { wave, count, opaque, lights, dimensions, linked });
         if let Some(rectangles) = lights.rectangles() {
             return dispatch(SampleRectangles { wave, count, rectangles: Table::new(rectangles) });
         }
@@ -65,6 +67,8 @@ struct SelectLights<'a> {
     opaque: usize,
     lights: &'a Lights,
     dimensions: &'a Dimensions,
+    /// Lights are linked to some objects only.
+    linked: bool,
 }
 
 impl Kernel for SelectLights<'_> {
@@ -81,7 +85,8 @@ impl Kernel for SelectLights<'_> {
         for first in (0..count).step_by(TOGETHER) {
             let receiver = |lane: usize| {
                 let normal = if first + lane < self.opaque { get(&v.ns, first + lane) } else { Vec3::ZERO };
-                Receiver { p: get(&v.p, first + lane), normal }
+                let class = class(first + lane, paths, self.linked);
+                Receiver { p: get(&v.p, first + lane), normal, class }
             };
             let receivers: [Receiver; TOGETHER] = std::array::from_fn(receiver);
             let numbers = std::array::from_fn(|lane| [choice0[first + lane], choice1[first + lane]]);

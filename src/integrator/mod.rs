@@ -33,6 +33,7 @@ mod lanes;
 mod layers;
 mod light_samplers;
 mod light_samples;
+mod linking;
 mod media;
 mod normals;
 mod passes;

@@ -169,6 +169,9 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
+            if self.scene.features.links {
+                self.keep_class(i, k, w);
+            }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();
         }
     }

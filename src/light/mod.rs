@@ -3,6 +3,7 @@
 mod area;
 mod beam;
 mod bounds;
+mod choice;
 mod emission;
 mod environment;
 mod moving;

@@ -1,33 +1,24 @@
 //! All lights of a scene and the choice of one of them.
 
+use super::choice::{Choice, Distance};
 use super::{
-    AreaLight, Descent, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample, LightTree,
+    AreaLight, Descent, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample,
     PunctualLight, RECTANGLE_NUMBERS, Receiver, Sun,
 };
 use crate::math::Vec3;
-use crate::sampling::AliasTable;
 use crate::texture::CompiledTextures;
 use std::f32::consts::PI;
 
 /// All lights; their indices run through the area lights, the punctual ones, then the environment.
 ///
-/// First it is chosen between the lights at some place and those infinitely far away, by estimates of the irradiance that
-/// they bring to the receiver; then among the former by a [`LightTree`], among the latter by their irradiance.
+/// One is chosen by a [`Choice`] among those that light a receiver.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// Over the lights at some place.
-    tree: LightTree,
-    /// Is there any such light?
-    has_near: bool,
-    /// The lights infinitely far away.
-    far: Vec<u32>,
-    /// By their irradiance.
-    far_table: AliasTable,
-    /// Luminance of the irradiance that all of these bring.
-    far_irradiance: f32,
+    /// For each class of receivers the choice among the lights that are linked to it; of all without links.
+    choices: Vec<Choice>,
     suns: Vec<SelectedSun>,
     /// All lights, if they are nothing but such rectangles; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
@@ -35,19 +26,17 @@ pub struct Lights {
 }
 
 /// A sun among the lights.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct SelectedSun {
     /// The sun.
     pub sun: Sun,
-    /// Its index and the probability of choosing it among the lights infinitely far away.
-    pub selected: Selected,
+    /// Its index.
+    pub index: u32,
+    /// For each class of receivers the probability of choosing it among the lights infinitely far away.
+    pub pdf_discrete: Vec<f32>,
     /// Do cameras see it?
     pub is_seen: bool,
 }
-
-/// Lights at some place, and lights infinitely far away, are chosen with at least this probability where they may bring light: how
-/// much of it something is in the way of, the estimates don't know.
-const LEAST_SHARE: f32 = 0.25;
 
 /// A chosen light.
 #[derive(Clone, Copy, Debug)]
@@ -59,21 +48,13 @@ pub struct Selected {
 }
 
 impl Selected {
-    const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
+    pub(super) const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
 
     /// Of the lights at some place, which are chosen with a probability of `share`.
     #[inline(always)]
     fn near(share: f32, chosen: Option<(u32, f32)>) -> Selected {
         chosen.map_or(Selected::NONE, |(index, pdf)| Selected { index, pdf_discrete: share * pdf })
     }
-}
-
-/// Where a light is to be chosen.
-enum Distance {
-    /// Among those at some place, by a number in 0..1; the probability of getting there.
-    Near { share: f32, u: f64 },
-    /// It was: it is infinitely far away, or the only one.
-    Far(Selected),
 }
 
 impl Lights {
@@ -94,52 +75,64 @@ impl Lights {
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
     ) -> Lights {
-        let (mut bounds, mut far, mut irradiances) = (Vec::new(), Vec::new(), Vec::new());
-        for (i, light) in area.iter().enumerate() {
-            let moving = motions.area.get(&i);
-            bounds.push(moving.map_or_else(|| light.bounds(textures), |m| m.bounds(textures)));
-        }
-        for (i, light) in punctual.iter().enumerate() {
-            let of_light = motions.punctual.get(&i).map_or_else(|| light.bounds(), |m| m.bounds());
-            // The place in the tree of one that is infinitely far away stays dark.
-            bounds.push(of_light.unwrap_or(LightBounds::DARK));
-            if let Some(irradiance) = light.irradiance() {
-                far.push((area.len() + i) as u32);
-                irradiances.push(irradiance);
-            }
-        }
-        let has_near = far.len() < bounds.len();
-        // Of a hemisphere of its mean radiance.
-        irradiances.extend(environment.iter().map(|e| e.mean_luminance() * PI));
-        far.extend(environment.iter().map(|_| (area.len() + punctual.len()) as u32));
-        let tree = LightTree::new(&bounds);
-        let far_table = AliasTable::new(if far.is_empty() { &[1.0] } else { &irradiances });
-        let far_irradiance = irradiances.iter().sum();
-        let (suns, rectangles) = (Vec::new(), Vec::new());
-        let mut lights = Lights {
-            area,
-            punctual,
-            environment,
-            tree,
-            has_near,
-            far,
-            far_table,
-            far_irradiance,
-            suns,
-            rectangles,
-            motions,
-        };
+        let (suns, rectangles, choices) = (Vec::new(), Vec::new(), Vec::new());
+        let mut lights = Lights { area, punctual, environment, choices, suns, rectangles, motions };
+        lights.choices = vec![lights.choice(textures, |_| true)];
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
         lights
     }
 
+    /// Lets the receivers of each class choose among the lights that are linked to it; of class and light.
+    pub fn link(
+        &mut self,
+        classes: usize,
+        textures: &CompiledTextures,
+        is_linked: impl Fn(usize, u32) -> bool,
+    ) {
+        self.choices = (0..classes).map(|c| self.choice(textures, |light| is_linked(c, light))).collect();
+        self.suns = self.find_suns();
+    }
+
+    /// The choice among some of the lights.
+    fn choice(&self, textures: &CompiledTextures, has: impl Fn(u32) -> bool) -> Choice {
+        let (mut bounds, mut far, mut near) = (Vec::new(), Vec::new(), 0);
+        for (i, light) in self.area.iter().enumerate() {
+            let of_light =
+                || self.motions.area.get(&i).map_or_else(|| light.bounds(textures), |m| m.bounds(textures));
+            let is_there = has(i as u32);
+            bounds.push(if is_there { of_light() } else { LightBounds::DARK });
+            near += usize::from(is_there);
+        }
+        for (i, light) in self.punctual.iter().enumerate() {
+            let index = (self.area.len() + i) as u32;
+            let is_there = has(index);
+            let of_light = self.motions.punctual.get(&i).map_or_else(|| light.bounds(), |m| m.bounds());
+            // The place in the tree of one that is infinitely far away stays dark.
+            bounds.push(of_light.filter(|_| is_there).unwrap_or(LightBounds::DARK));
+            match light.irradiance() {
+                Some(irradiance) if is_there => far.push((index, irradiance)),
+                None if is_there => near += 1,
+                _ => {}
+            }
+        }
+        // Of a hemisphere of its mean radiance.
+        let index = (self.area.len() + self.punctual.len()) as u32;
+        far.extend(self.environment.iter().filter(|_| has(index)).map(|e| (index, e.mean_luminance() * PI)));
+        Choice::new(&bounds, near, &far, self.len() == 1)
+    }
+
+    /// The choice that a receiver has.
+    #[inline(always)]
+    fn choice_of(&self, receiver: &Receiver) -> &Choice {
+        &self.choices[receiver.class as usize]
+    }
+
     fn find_suns(&self) -> Vec<SelectedSun> {
         let sun = |(i, light): (usize, &PunctualLight)| {
             let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
-            let entry = self.far.iter().position(|&far| far == index)?;
-            let selected = Selected { index, pdf_discrete: self.far_table.pdf_discrete(entry) };
-            Some(SelectedSun { sun, selected, is_seen: false })
+            let pdf_discrete = self.choices.iter().map(|choice| choice.pdf_among_far(index)).collect();
+            Some(SelectedSun { sun, index, pdf_discrete, is_seen: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
     }
@@ -154,13 +147,13 @@ impl Lights {
 
     /// Nothing arrives from infinitely far away: it is chosen only where no other light arrives either.
     pub fn hide_far(&mut self) {
-        self.far_irradiance = 0.0;
+        self.choices.iter_mut().for_each(Choice::hide_far);
     }
 
     /// Lets cameras see one of the punctual lights, a sun.
     pub fn show_sun(&mut self, punctual: u32) {
         let index = self.area.len() as u32 + punctual;
-        self.suns.iter_mut().filter(|s| s.selected.index == index).for_each(|s| s.is_seen = true);
+        self.suns.iter_mut().filter(|s| s.index == index).for_each(|s| s.is_seen = true);
     }
 
     /// Gives up all but the environment.
@@ -210,14 +203,21 @@ impl Lights {
 
     /// Does the choice depend on the receiver? It doesn't for a single light.
     pub fn use_tree(&self) -> bool {
-        self.len() > 1 && self.has_near
+        self.len() > 1 && self.choices.iter().any(|choice| choice.has_near)
+    }
+
+    /// Have receivers of several classes different choices?
+    #[inline(always)]
+    pub fn are_linked(&self) -> bool {
+        self.choices.len() > 1
     }
 
     /// Chooses a light by two numbers in 0..1.
     #[inline(always)]
     pub fn select(&self, receiver: &Receiver, u: [f32; 2]) -> Selected {
-        match self.choose_distance(receiver, u) {
-            Distance::Near { share, u } => Selected::near(share, self.tree.sample(receiver, u)),
+        let choice = self.choice_of(receiver);
+        match choice.choose_distance(receiver, u) {
+            Distance::Near { share, u } => Selected::near(share, choice.tree.sample(receiver, u)),
             Distance::Far(selected) => selected,
         }
     }
@@ -231,14 +231,20 @@ impl Lights {
         count: usize,
     ) -> [Selected; N] {
         let (mut selected, mut shares) = ([Selected::NONE; N], [0.0; N]);
-        let mut descents = [Descent::ENDED; N];
+        if self.are_linked() {
+            for i in 0..count.min(N) {
+                selected[i] = self.select(&receivers[i], numbers[i]);
+            }
+            return selected;
+        }
+        let (choice, mut descents) = (&self.choices[0], [Descent::ENDED; N]);
         for i in 0..count.min(N) {
-            match self.choose_distance(&receivers[i], numbers[i]) {
+            match choice.choose_distance(&receivers[i], numbers[i]) {
                 Distance::Near { share, u } => (shares[i], descents[i]) = (share, Descent::new(u)),
                 Distance::Far(of_far) => selected[i] = of_far,
             }
         }
-        self.tree.descend_together(receivers, &mut descents);
+        choice.tree.descend_together(receivers, &mut descents);
         for i in 0..count.min(N) {
             if shares[i] > 0.0 {
                 selected[i] = Selected::near(shares[i], descents[i].chosen());
@@ -247,66 +253,23 @@ impl Lights {
         selected
     }
 
-    /// Chooses between the lights at some place and those infinitely far away, and among the latter.
-    #[inline(always)]
-    fn choose_distance(&self, receiver: &Receiver, u: [f32; 2]) -> Distance {
-        if self.len() == 1 {
-            return Distance::Far(Selected { index: 0, pdf_discrete: 1.0 });
-        }
-        let share = self.near_share(receiver);
-        if u[1] < share {
-            // The second number adds digits below the first one's 24.
-            let rest = (u[1] / share).min(1.0f32.next_down());
-            return Distance::Near { share, u: f64::from(u[0]) + f64::from(rest) * 2f64.powi(-24) };
-        }
-        let chosen = self.far_table.sample(((u[1] - share) / (1.0 - share)).min(1.0f32.next_down()));
-        Distance::Far(Selected {
-            index: self.far[chosen.index],
-            pdf_discrete: (1.0 - share) * chosen.pdf_discrete,
-        })
-    }
-
-    /// The probability of choosing among the lights at some place.
-    #[inline(always)]
-    fn near_share(&self, receiver: &Receiver) -> f32 {
-        match (self.has_near, self.far.is_empty()) {
-            (true, true) => 1.0,
-            (false, _) => 0.0,
-            (true, false) => {
-                let near = self.tree.irradiance(receiver);
-                // Nothing is 0 where light arrives.
-                if near <= 0.0 {
-                    return 0.0;
-                }
-                if self.far_irradiance <= 0.0 {
-                    return 1.0;
-                }
-                let share = near / (near + self.far_irradiance);
-                let share = if share > LEAST_SHARE { share } else { LEAST_SHARE };
-                if share < 1.0 - LEAST_SHARE { share } else { 1.0 - LEAST_SHARE }
-            }
-        }
-    }
-
     /// The probability of choosing an area light.
     #[inline(always)]
     pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
-        if self.len() == 1 {
-            return 1.0;
-        }
-        self.near_share(receiver) * self.tree.pdf_discrete(receiver, index)
+        self.choice_of(receiver).pdf_discrete(receiver, index)
     }
 
     /// The probability of choosing among the lights infinitely far away.
     #[inline(always)]
     pub fn far_pdf_discrete(&self, receiver: &Receiver) -> f32 {
-        1.0 - self.near_share(receiver)
+        self.choice_of(receiver).far_pdf_discrete(receiver)
     }
 
-    /// The probability of choosing the environment among the lights infinitely far away.
+    /// The probability of choosing the environment among the lights infinitely far away; where lights are linked, for receivers of a
+    /// class.
     #[inline(always)]
-    pub fn environment_pdf_discrete(&self) -> f32 {
-        self.far_table.pdf_discrete(self.far_table.len() - 1)
+    pub fn environment_pdf_discrete(&self, class: u32) -> f32 {
+        self.choices[class as usize].pdf_of_last_far()
     }
 
     /// The middle of a light; `None` for one infinitely far away.
@@ -409,11 +372,11 @@ mod tests {
         let (lights, mut random) = (mixed(), Random::new(3));
         for _ in 0..20 {
             let p = Vec3::new(12.0 * random.next() - 4.0, 5.0 * random.next(), 8.0 * random.next() - 4.0);
-            let receiver = Receiver { p, normal: random.direction() };
+            let receiver = Receiver::new(p, random.direction());
             let far = lights.far_pdf_discrete(&receiver);
             let expected = |index: u32| match index {
-                6 => far * lights.environment_pdf_discrete(),
-                5 => far * (1.0 - lights.environment_pdf_discrete()),
+                6 => far * lights.environment_pdf_discrete(0),
+                5 => far * (1.0 - lights.environment_pdf_discrete(0)),
                 _ => lights.pdf_discrete(&receiver, index),
             };
             let mut counts = [0; 7];
@@ -430,7 +393,7 @@ mod tests {
                 let deviation = (pdf * (1.0 - pdf) / N as f32).sqrt();
                 assert!((share - pdf).abs() <= 5.0 * deviation + 1e-4, "{index}: {share} {pdf}");
             }
-            assert!(far >= LEAST_SHARE - 1e-6);
+            assert!(far >= crate::light::choice::LEAST_SHARE - 1e-6);
         }
     }
 
@@ -438,7 +401,7 @@ mod tests {
     fn hidden_lights_are_not_asked_where_others_arrive() {
         let mut lights = mixed();
         lights.hide_far();
-        let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };
+        let below = Receiver::new(Vec3::new(2.0, 0.0, 0.0), Vec3::Y);
         assert_eq!(lights.far_pdf_discrete(&below), 0.0);
         assert!((0..100).all(|i| lights.select(&below, [0.5, i as f32 / 100.0]).index < 5));
     }

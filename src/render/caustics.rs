@@ -87,6 +87,7 @@ fn obstacle(scene: &CompiledScene, view: &View, options: &RenderOptions) -> Opti
         (scene.features.scattering, "the scene has media that scatter or end where no surface is"),
         (scene.materials.iter().any(|m| m.passes_straight), "the scene has thin sheets of glass"),
         (scene.is_moving() || view.moving.is_some(), "something moves in the scene, or the camera does"),
+        (scene.features.links, "lights of the scene are linked to some objects only"),
         (scene.features.ray_kinds, "objects or lights of the scene are visible to some kinds of rays only"),
         (scene.features.holdouts || options.catchers, "the scene has holdouts or shadow catchers"),
         (options.adaptive != Adaptive::Off, "pixels get different numbers of samples"),

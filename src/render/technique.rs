@@ -101,6 +101,8 @@ impl Choice {
             "the scene has media that scatter"
         } else if options.catchers {
             "the scene has shadow catchers"
+        } else if scene.features.links {
+            "lights of the scene are linked to some objects only"
         } else if scene.features.ray_kinds {
             "objects or lights of the scene are visible to some kinds of rays only"
         } else if scene.is_moving() {

@@ -4,7 +4,7 @@ use super::{
     Camera, Grid, GridId, Image, ImageId, Instance, Light, LightKind, Material, MaterialId, Mesh, MeshId,
     MeshPart, Motion, Projection, Quad, Scene, Shape, ShapeKind, SpotFade, Texture, TextureId, looking_at,
 };
-use super::{ObjectTraits, RayKinds};
+use super::{LightLinks, ObjectTraits, RayKinds};
 use crate::math::{DAffine3, DMat3, DQuat, DVec3};
 
 /// Adds to a list; the id is the index.
@@ -104,7 +104,16 @@ impl Light {
     /// A light that all rays know, without a name and in no group; the unit of its intensity follows from its kind.
     pub fn new(kind: LightKind, intensity: [f32; 3]) -> Light {
         let (name, group) = (String::new(), String::new());
-        Light { name, kind, intensity, profile: None, group, visible_to: RayKinds::ALL, motion: None }
+        Light {
+            name,
+            kind,
+            intensity,
+            profile: None,
+            group,
+            visible_to: RayKinds::ALL,
+            links: LightLinks::ALL,
+            motion: None,
+        }
     }
 
     /// A point light of the same radiant intensity, W/sr, in all directions.
@@ -159,12 +168,25 @@ impl Camera {
 impl Scene {
     /// Gives the objects of a name that are there traits, in place of those that they have.
     pub fn set_object_traits(&mut self, name: &str, traits: ObjectTraits) {
-        let instances = self.instances.iter_mut().map(|i| (&i.name, &mut i.traits));
-        let quads = self.quads.iter_mut().map(|q| (&q.name, &mut q.traits));
-        let shapes = self.shapes.iter_mut().map(|s| (&s.name, &mut s.traits));
-        let curves = self.curves.iter_mut().map(|c| (&c.name, &mut c.traits));
-        let own = instances.chain(quads).chain(shapes).chain(curves).filter(|(other, _)| *other == name);
+        let own = self.object_traits_mut().filter(|(other, _)| *other == name);
         own.for_each(|(_, own)| *own = traits);
+    }
+
+    /// The names of all objects with their traits, which may be changed.
+    pub fn object_traits_mut(&mut self) -> impl Iterator<Item = (&str, &mut ObjectTraits)> {
+        let instances = self.instances.iter_mut().map(|i| (i.name.as_str(), &mut i.traits));
+        let quads = self.quads.iter_mut().map(|q| (q.name.as_str(), &mut q.traits));
+        let shapes = self.shapes.iter_mut().map(|s| (s.name.as_str(), &mut s.traits));
+        let curves = self.curves.iter_mut().map(|c| (c.name.as_str(), &mut c.traits));
+        instances.chain(quads).chain(shapes).chain(curves)
+    }
+
+    /// The names of all objects.
+    pub fn object_names(&self) -> impl Iterator<Item = &str> {
+        let instances = self.instances.iter().map(|i| i.name.as_str());
+        let quads = self.quads.iter().map(|q| q.name.as_str());
+        let shapes = self.shapes.iter().map(|s| s.name.as_str());
+        instances.chain(quads).chain(shapes).chain(self.curves.iter().map(|c| c.name.as_str()))
     }
 
     /// The traits of all objects: of instances, quads, shapes and curves.

@@ -1,5 +1,6 @@
 //! Lights without a surface.
 
+use super::links::LightLinks;
 use super::motion::Moving;
 use super::profile::LightProfile;
 use super::visibility::RayKinds;
@@ -22,6 +23,8 @@ pub struct Light {
     pub group: String,
     /// What it lights, by the kind of ray that it stands for: [`RayKinds::DIFFUSE`] is diffuse reflection and so on.
     pub visible_to: RayKinds,
+    /// What it lights, and what casts shadows in its light.
+    pub links: LightLinks,
     /// Its kind at other times, if it moves while the picture is taken.
     pub motion: Option<Moving<LightKind>>,
 }

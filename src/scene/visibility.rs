@@ -1,5 +1,7 @@
 //! Which kinds of rays meet an object, and what objects are to pictures that are composited.
 
+use super::links::{LightLinks, ObjectSets};
+
 /// Kinds of rays, each by how the path was scattered before.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct RayKinds(u8);
@@ -93,6 +95,10 @@ pub struct ObjectTraits {
     /// transparent there, and laid over a photograph of what the object stands for it shows both. For all else it is an
     /// object like others. A holdout is none.
     pub is_shadow_catcher: bool,
+    /// The sets that it is in, to which lights are linked.
+    pub sets: ObjectSets,
+    /// What is lit by what it emits, and what casts shadows in that light.
+    pub links: LightLinks,
 }
 
 #[cfg(test)]

@@ -311,7 +311,7 @@ fn objects_may_be_special_to_rays_and_pictures() {
         ("holdout = true", RayKinds::ALL, true, false),
         ("shadow_catcher = true", RayKinds::ALL, false, true),
     ] {
-        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
+        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() };
         assert_eq!(of(line), expected, "{line}");
     }
     let wrong = with_sidecar("[objects.\"node 0\"]\nvisible_to = [\"camra\"]\n").expect_err("no kind");
@@ -334,7 +334,7 @@ fn extras_of_nodes_say_the_same() {
         ("{\"is_shadow_catcher\": true, \"visible_glossy\": true}", RayKinds::ALL, false, true),
     ] {
         let loaded = of(extras);
-        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher };
+        let expected = ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() };
         assert_eq!(loaded.scene.instances[0].traits, expected, "{extras}: {:?}", loaded.warnings);
     }
     let loaded = of("{\"visible_to\": \"camra\", \"visible_shadow\": \"no\"}");

@@ -14,6 +14,7 @@ mod curves;
 mod determinism;
 mod guiding;
 mod lamps;
+mod linking;
 mod media;
 mod media_edges;
 mod media_stress;

@@ -8,7 +8,9 @@ use super::traits;
 use crate::error::Choice;
 use crate::load::ies::LUMENS_PER_WATT;
 use crate::math::{DAffine3, DMat3};
-use crate::scene::{Camera, GROUP_KEY, Light, LightKind, ObjectTraits, Projection, SpotFade, is_group_name};
+use crate::scene::{
+    Camera, GROUP_KEY, Light, LightKind, LightLinks, ObjectTraits, Projection, SpotFade, is_group_name,
+};
 use gltf::json::camera::Type;
 use gltf::json::validation::Checked;
 use serde_json::Value;
@@ -201,7 +203,16 @@ pub(super) fn light(doc: &Document, node: &Node, index: usize, report: &mut Repo
     let group = of_node.or_else(|| light_group(raw, &at, report)).unwrap_or_default();
     let ObjectTraits { visible_to, .. } = traits::of_node(node_raw, &node.pointer(), report);
     let name = name_of(node_raw, "light of node", node.index);
-    Ok(Light { name, kind, intensity, profile: None, group, visible_to, motion: None })
+    Ok(Light {
+        name,
+        kind,
+        intensity,
+        profile: None,
+        group,
+        visible_to,
+        links: LightLinks::ALL,
+        motion: None,
+    })
 }
 
 /// Inner and outer half angle of a spot light, in order.

@@ -25,7 +25,7 @@ pub(super) fn of_node(raw: &Value, at: &str, report: &mut Report) -> ObjectTrait
     let mut is = |keys: [&str; 2]| keys.iter().any(|key| flag(extras, key, &at, report) == Some(true));
     let is_holdout = is(["holdout", "is_holdout"]);
     let is_shadow_catcher = is(["shadow_catcher", "is_shadow_catcher"]);
-    ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() }
 }
 
 /// The kinds that are listed; all where none are.

@@ -1,6 +1,7 @@
 //! A scene in the making.
 
 use super::fields::Problems;
+use super::linking::Linking;
 use crate::load::{LoadOptions, Loaded, ShutterOptions};
 use std::path::Path;
 
@@ -16,6 +17,8 @@ pub(super) struct Build<'a> {
     pub shutter: ShutterOptions,
     /// The file lies beside a model, whose parts it may change.
     pub is_beside_model: bool,
+    /// What lights are linked to.
+    pub linking: Linking,
     /// The scene so far.
     pub loaded: Loaded,
 }

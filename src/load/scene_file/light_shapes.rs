@@ -10,7 +10,7 @@ use crate::load::image::Use;
 use crate::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
 use crate::scene::{
     Beam, Instance, Interpolation, Lamp, Mapping, Material, MaterialId, Mesh, MeshId, MeshPart, Motion,
-    Moving, Quad, Shape, ShapeKind, Texture, TextureId, TextureTransform, Wrap,
+    Moving, ObjectTraits, Quad, Shape, ShapeKind, Texture, TextureId, TextureTransform, Wrap,
 };
 use crate::shape::mesh_of;
 use std::f64::consts::{FRAC_PI_4, PI};
@@ -103,7 +103,8 @@ pub(super) fn add(
     beam: Beam,
     (radiance, picture): (f64, Option<TextureId>),
 ) {
-    let LightTraits { name, color, lamp, group, .. } = traits;
+    let LightTraits { name, color, lamp, group, links, .. } = traits;
+    let traits = ObjectTraits { links, ..ObjectTraits::default() };
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
@@ -116,11 +117,11 @@ pub(super) fn add(
     match surface {
         Surface::Rectangle { corner, edge_u, edge_v } => {
             scene.motion.quads.extend(motion.map(|moving| (scene.quads.len(), moving)));
-            scene.quads.push(Quad { name, ..Quad::new(corner, edge_u, edge_v, material) });
+            scene.quads.push(Quad { name, traits, ..Quad::new(corner, edge_u, edge_v, material) });
         }
         Surface::Ball { position, radius } => {
             scene.motion.shapes.extend(motion.map(|moving| (scene.shapes.len(), moving)));
-            scene.shapes.push(Shape { name, ..Shape::sphere(position, radius, material) });
+            scene.shapes.push(Shape { name, traits, ..Shape::sphere(position, radius, material) });
         }
         Surface::Ellipse { center, axis_u, axis_v } => {
             let (u, v) = (axis_u.length(), axis_v.length());
@@ -131,7 +132,7 @@ pub(super) fn add(
                 let turned = DMat3::from_cols(axis_u / u, normal.cross(axis_u / u), normal);
                 let rotation =
                     if picture.is_some() { DQuat::from_mat3(&turned).normalize() } else { disk.rotation };
-                scene.shapes.push(Shape { name, rotation, ..disk });
+                scene.shapes.push(Shape { name, rotation, traits, ..disk });
                 return;
             }
             let mut mesh = Mesh { name: format!("{name} (ellipse)"), ..mesh_of(ShapeKind::Disk) };
@@ -141,7 +142,7 @@ pub(super) fn add(
             let mesh = MeshId(scene.meshes.len() as u32 - 1);
             let axes = DMat3::from_cols(axis_u, axis_v, axis_u.cross(axis_v).normalize_or_zero());
             let world_from_object = DAffine3::from_mat3_translation(axes, center);
-            let mut instance = Instance { name, ..Instance::new(mesh, world_from_object) };
+            let mut instance = Instance { name, traits, ..Instance::new(mesh, world_from_object) };
             if let Some(moving) = motion {
                 instance.motion = Motion::Keyed(scene.motion.instances.len() as u32);
                 scene.motion.instances.push(moving.map(|key| *key * world_from_object));

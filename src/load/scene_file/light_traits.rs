@@ -2,7 +2,7 @@
 
 use super::fields::Fields;
 use super::motion::Moved;
-use crate::scene::{Lamp, is_group_name};
+use crate::scene::{Lamp, LightLinks, is_group_name};
 
 /// What all shapes of lights have.
 pub(super) struct LightTraits {
@@ -10,6 +10,7 @@ pub(super) struct LightTraits {
     pub color: [f32; 3],
     pub lamp: Lamp,
     pub group: String,
+    pub links: LightLinks,
     /// Where it moves.
     pub moved: Option<Moved>,
 }

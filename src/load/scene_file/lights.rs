@@ -31,7 +31,7 @@ use super::light_shapes::{self, Surface};
 use super::light_traits::{LightTraits, group, positive, strength};
 use super::placement::{Placed, Placement, at_node, direction};
 use super::visibility::visible_to;
-use super::{motion, profiled};
+use super::{linking, motion, profiled};
 use crate::math::{DAffine3, DQuat, DVec3};
 use crate::scene::{Beam, Lamp, Light, LightKind, LightProfile, Moving, RayKinds, SpotFade};
 use std::f64::consts::PI;
@@ -57,6 +57,7 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
             is_obstacle: fields.flag("obstacle", true),
             beam: Beam::Even,
         };
+        let links = linking::read(build, &fields).unwrap_or_default();
         let moved = motion::rigid(build, &fields, &name);
         let given: Vec<&'static str> = SHAPES.into_iter().filter(|s| fields.has(s)).collect();
         match given[..] {
@@ -66,7 +67,7 @@ pub(super) fn read(build: &mut Build, root: &Fields) {
                         let message = "a light at a node moves along with it: leave 'motion' out";
                         fields.problems.push(shape_fields.span(), message);
                     }
-                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group, moved });
+                    add(build, shape, &shape_fields, LightTraits { name, color, lamp, group, links, moved });
                     shape_fields.finish();
                 }
             }
@@ -238,7 +239,16 @@ fn push(
     profile: Option<Arc<LightProfile>>,
 ) {
     let intensity = traits.color.map(|c| c * strength as f32);
-    let LightTraits { name, group, lamp, .. } = traits;
+    let LightTraits { name, group, lamp, links, .. } = traits;
     let visible_to = lamp.visible_to;
-    build.loaded.scene.lights.push(Light { name, kind, intensity, profile, group, visible_to, motion });
+    build.loaded.scene.lights.push(Light {
+        name,
+        kind,
+        intensity,
+        profile,
+        group,
+        visible_to,
+        links,
+        motion,
+    });
 }

@@ -28,6 +28,7 @@ mod hair;
 mod light_shapes;
 mod light_traits;
 mod lights;
+mod linking;
 mod materials;
 mod media;
 mod metals;
@@ -57,6 +58,7 @@ use crate::error::Result;
 use assets::Assets;
 use build::Build;
 use fields::{Fields, Problems};
+use linking::Linking;
 use parts::{read_parts, read_text};
 use std::path::Path;
 use toml::de::DeTable;
@@ -85,7 +87,15 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
     let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
     let shutter = shutter::chosen(options.shutter, &root);
     let (loaded, is_beside_model) = (Loaded::default(), false);
-    let mut build = Build { file: path, options, problems, loaded, shutter, is_beside_model };
+    let mut build = Build {
+        file: path,
+        options,
+        problems,
+        loaded,
+        shutter,
+        is_beside_model,
+        linking: Linking::default(),
+    };
     build.loaded.scene.name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     if !root.has("curves") {
         root.require("objects", root.list("objects"));

@@ -27,10 +27,10 @@ use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};
 use super::textures::Textures;
-use super::{overrides, round, subdivided, visibility};
+use super::{linking, overrides, round, subdivided, visibility};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
+use crate::scene::{Instance, MaterialId, MeshPart, ObjectTraits, Quad, Shape};
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
@@ -88,7 +88,11 @@ fn counts(build: &Build) -> [usize; 3] {
 
 /// Gives what was added to the scene the traits that its object has.
 fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
-    let Some(traits) = visibility::traits(fields) else { return };
+    let (traits, links) = (visibility::traits(fields), linking::read(build, fields));
+    if traits.is_none() && links.is_none() {
+        return;
+    }
+    let traits = ObjectTraits { links: links.unwrap_or_default(), ..traits.unwrap_or_default() };
     let scene = &mut build.loaded.scene;
     scene.instances[instances..].iter_mut().for_each(|instance| instance.traits = traits);
     scene.quads[quads..].iter_mut().for_each(|quad| quad.traits = traits);

@@ -5,8 +5,8 @@ use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
 use super::textures::Textures;
-use super::{subdivided, visibility};
-use crate::scene::Instance;
+use super::{linking, subdivided, visibility};
+use crate::scene::{Instance, ObjectTraits};
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -28,7 +28,7 @@ pub(super) fn objects<'a>(
 }
 
 /// Changes what a node of the model shows, and what the nodes below it show: `hidden`, another `material`,
-/// the `light_group` of what they emit, subdivided meshes; to which rays (see [`super::visibility`]).
+/// the `light_group` of what they emit and what that is linked to, subdivided meshes; to which rays (see [`super::visibility`]).
 pub(super) fn object<'a>(
     build: &mut Build,
     fields: &Fields<'a>,
@@ -40,6 +40,7 @@ pub(super) fn object<'a>(
     let wanted = fields.string("material");
     let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
     let traits = visibility::traits(fields);
+    let links = linking::read(build, fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     let subdivision = subdivided::read(fields);
     fields.finish();
@@ -69,7 +70,15 @@ pub(super) fn object<'a>(
         let lights = scene.lights.iter_mut().filter(|l| l.name == name);
         lights.for_each(|light| light.visible_to = traits.visible_to);
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
-        own.for_each(|instance| instance.traits = traits);
+        own.for_each(|instance| {
+            instance.traits = ObjectTraits { links: instance.traits.links, ..traits };
+        });
+    }
+    if let Some(links) = links {
+        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
+        lights.for_each(|light| light.links = links);
+        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
+        own.for_each(|instance| instance.traits.links = links);
     }
     if let Some(how) = subdivision {
         let own: Vec<usize> =
@@ -89,7 +98,7 @@ pub(super) fn object<'a>(
 }
 
 /// Is a name, or several joined by slashes, on the way of names to a node?
-fn is_on_path(name: &str, path: &str) -> bool {
+pub(super) fn is_on_path(name: &str, path: &str) -> bool {
     format!("/{path}/").contains(&format!("/{name}/"))
 }
 

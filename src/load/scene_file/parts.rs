@@ -5,7 +5,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::materials::Materials;
 use super::textures::Textures;
-use super::{curves, environment, lights, objects, portals, settings};
+use super::{curves, environment, lights, linking, objects, portals, settings};
 use crate::error::{Error, Problem, Result};
 use crate::load::LoadOptions;
 use std::path::Path;
@@ -49,6 +49,7 @@ pub(super) fn read_parts<'a>(
     if let Some(fields) = root.table("environment") {
         environment::read(build, &fields);
     }
+    linking::resolve(build);
     camera(build, assets);
     root.finish();
     materials.check_unused(build, &mut textures);

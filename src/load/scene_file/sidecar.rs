@@ -17,6 +17,7 @@ use super::assets::Assets;
 use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
+use super::linking::Linking;
 use super::parts::{read_parts, read_text};
 use super::{placement, shutter, subdivided};
 use crate::error::{Choice, Result, Warning};
@@ -68,7 +69,15 @@ fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, load
     let root = Fields::new("the file", root.get_ref(), 0..0, problems);
     let shutter = shutter::chosen(options.shutter, &root);
     let (taken, is_beside_model) = (std::mem::take(loaded), true);
-    let mut build = Build { file: path, options, problems, loaded: taken, shutter, is_beside_model };
+    let mut build = Build {
+        file: path,
+        options,
+        problems,
+        loaded: taken,
+        shutter,
+        is_beside_model,
+        linking: Linking::default(),
+    };
     let mut assets = Assets::default();
     read_parts(&mut build, &root, &mut assets, |build, assets| {
         for fields in root.tables("camera") {

@@ -34,5 +34,6 @@ pub(super) fn traits(fields: &Fields) -> Option<ObjectTraits> {
     let visible_to = visible_to(fields, RayKinds::ALL);
     let is_holdout = fields.flag("holdout", false);
     let is_shadow_catcher = fields.flag("shadow_catcher", false);
-    given.contains(&true).then_some(ObjectTraits { visible_to, is_holdout, is_shadow_catcher })
+    let traits = ObjectTraits { visible_to, is_holdout, is_shadow_catcher, ..ObjectTraits::default() };
+    given.contains(&true).then_some(traits)
 }

@@ -8,9 +8,10 @@ use oscura::scene::{
     AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, CurveBasis, Curves,
     DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog,
     FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
-    LightProfile, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model, Motion, NoiseKind,
-    NormalMap, ObjectTraits, PbrMaterial, Portal, Projection, Quad, RayKinds, Scene, Settings, Shape,
-    ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform, ThinLens, Wrap,
+    LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model,
+    Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, Projection, Quad,
+    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
+    ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -39,6 +40,30 @@ impl Mutate for RayKinds {
 
     fn mutate(&mut self, dice: &mut Dice) {
         *self = RayKinds::fresh(dice);
+        dice.note(format!("= {self:?}"));
+    }
+}
+
+impl Mutate for ObjectSet {
+    fn fresh(dice: &mut Dice) -> ObjectSet {
+        // A few sets, so that objects are in those that lights are linked to.
+        ObjectSet::new(dice.below(3) as usize).expect("one of 64")
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self = ObjectSet::fresh(dice);
+        dice.note(format!("= {self:?}"));
+    }
+}
+
+impl Mutate for ObjectSets {
+    fn fresh(dice: &mut Dice) -> ObjectSets {
+        let sets: Vec<ObjectSet> = (0..dice.below(3)).map(|_| ObjectSet::fresh(dice)).collect();
+        sets.into_iter().fold(ObjectSets::NONE, ObjectSets::with)
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self = ObjectSets::fresh(dice);
         dice.note(format!("= {self:?}"));
     }
 }
@@ -84,8 +109,9 @@ structs! {
     TextureTransform { offset, rotation_rad, scale }
     Image { name, width, height, channels, encoding, pixels }
     LightProfile { vertical_deg, horizontal_deg, values }
-    Light { name, kind, intensity, profile, group, visible_to, motion }
-    ObjectTraits { visible_to, is_holdout, is_shadow_catcher }
+    Light { name, kind, intensity, profile, group, visible_to, links, motion }
+    ObjectTraits { visible_to, is_holdout, is_shadow_catcher, sets, links }
+    LightLinks { receivers, blockers }
     Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, motion }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
@@ -134,6 +160,7 @@ enums! {
         Directional { direction }
         Sun { direction, angle_rad }
     } {}
+    Link { All {} } { Only AllBut }
     SpotFade { Square {} Smooth {} } {}
     Beam {
         Even {}

@@ -1,0 +1,111 @@
+//! `light_link = { include = ["Figure"] }` has a light shine on these objects only, `{ exclude = ["Floor"] }` on all but these;
+//! `shadow_link` says in the same way which objects cast shadows in its light. With both lists, those of the first that
+//! are not in the second. Lights have them, and objects that shine.
+
+use super::build::Build;
+use super::fields::{Fields, nearest};
+use super::overrides::is_on_path;
+use crate::scene::{LightLinks, Link, ObjectSet, ObjectSets, Scene};
+use std::ops::Range;
+
+/// Names of objects, and where they are written.
+type Names = Vec<(String, Range<usize>)>;
+
+/// The sets of objects that lights of a file are linked to.
+#[derive(Default)]
+pub(super) struct Linking {
+    sets: Vec<NamedSet>,
+}
+
+/// The objects of the first list that are not in the second.
+struct NamedSet {
+    include: Names,
+    exclude: Names,
+}
+
+/// What a light or an object that shines is linked to; `None` where nothing is said.
+pub(super) fn read(build: &mut Build, fields: &Fields) -> Option<LightLinks> {
+    let given = ["light_link", "shadow_link"].map(|key| fields.has(key));
+    let receivers = link(build, fields, "light_link");
+    let blockers = link(build, fields, "shadow_link");
+    given.contains(&true).then_some(LightLinks { receivers, blockers })
+}
+
+fn link(build: &mut Build, fields: &Fields, key: &'static str) -> Link {
+    let Some(table) = fields.table(key) else { return Link::All };
+    let (include, exclude) = (names(&table, "include"), names(&table, "exclude"));
+    table.finish();
+    match (include, exclude) {
+        (None, None) => {
+            fields.problems.push(table.span(), format!("'{key}' needs 'include' or 'exclude'"));
+            Link::All
+        }
+        (None, Some(exclude)) => {
+            build.linking.add(exclude, Vec::new(), &table).map_or(Link::All, Link::AllBut)
+        }
+        (Some(include), exclude) => {
+            build.linking.add(include, exclude.unwrap_or_default(), &table).map_or(Link::All, Link::Only)
+        }
+    }
+}
+
+/// A list of names.
+fn names(fields: &Fields, key: &'static str) -> Option<Names> {
+    let list = fields.list(key)?;
+    let name = |value: &toml::Spanned<toml::de::DeValue>| {
+        let name = value.get_ref().as_str();
+        if name.is_none() {
+            fields.problems.push(value.span(), format!("'{key}' must hold names of objects"));
+        }
+        Some((name?.to_string(), value.span()))
+    };
+    Some(list.iter().filter_map(name).collect())
+}
+
+impl Linking {
+    /// The set of objects of such names; the same lists give the same one.
+    fn add(&mut self, include: Names, exclude: Names, fields: &Fields) -> Option<ObjectSet> {
+        let is_same = |a: &Names, b: &Names| a.iter().map(|n| &n.0).eq(b.iter().map(|n| &n.0));
+        let known =
+            self.sets.iter().position(|s| is_same(&s.include, &include) && is_same(&s.exclude, &exclude));
+        let number = known.unwrap_or(self.sets.len());
+        let Some(set) = ObjectSet::new(number) else {
+            let most = ObjectSet::COUNT;
+            let message = format!("the lights of the file are linked to more than {most} sets of objects");
+            fields.problems.push_help(fields.span(), message, "give lights the same lists of names");
+            return None;
+        };
+        if known.is_none() {
+            self.sets.push(NamedSet { include, exclude });
+        }
+        Some(set)
+    }
+}
+
+/// Finds the objects of the names, once all are there.
+pub(super) fn resolve(build: &mut Build) {
+    let sets = std::mem::take(&mut build.linking.sets);
+    if sets.is_empty() {
+        return;
+    }
+    for (name, span) in sets.iter().flat_map(|set| set.include.iter().chain(&set.exclude)) {
+        if !names_of(&build.loaded.scene).any(|path| is_on_path(name, path)) {
+            let help = match nearest(name, names_of(&build.loaded.scene).flat_map(|path| path.split('/'))) {
+                Some(near) => format!("did you mean '{near}'?"),
+                None => "links name objects of the model or of the file".into(),
+            };
+            build.problems.push_help(span.clone(), format!("there is no object '{name}' to link to"), help);
+        }
+    }
+    let of_object = |path: &str| {
+        let is_in = |names: &Names| names.iter().any(|(name, _)| is_on_path(name, path));
+        let holding = (0..).zip(&sets).filter(|(_, set)| is_in(&set.include) && !is_in(&set.exclude));
+        holding.filter_map(|(number, _)| ObjectSet::new(number)).fold(ObjectSets::NONE, ObjectSets::with)
+    };
+    build.loaded.scene.object_traits_mut().for_each(|(name, traits)| traits.sets = of_object(name));
+}
+
+/// The names of all that may be linked to; lamps may be, and nothing is lit of those without a surface.
+fn names_of(scene: &Scene) -> impl Iterator<Item = &str> {
+    scene.object_names().chain(scene.lights.iter().map(|light| light.name.as_str()))
+}

@@ -1,0 +1,200 @@
+//! Light linking and shadow linking: lights that light some objects only, or in whose light some objects only cast shadows.
+
+use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
+use oscura::math::DVec3;
+use oscura::render::RenderOptions;
+use oscura::scene::{
+    ColorSlot, Environment, FloatSlot, Light, LightKind, LightLinks, Link, Material, Model, ObjectSet,
+    ObjectSets, ObjectTraits, PbrMaterial, Scene,
+};
+
+const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
+
+fn set(number: usize) -> ObjectSet {
+    ObjectSet::new(number).expect("one of 64")
+}
+
+fn member_of(number: usize) -> ObjectTraits {
+    ObjectTraits { sets: ObjectSets::NONE.with(set(number)), ..ObjectTraits::default() }
+}
+
+fn receivers(receivers: Link) -> LightLinks {
+    LightLinks { receivers, ..LightLinks::ALL }
+}
+
+fn blockers(blockers: Link) -> LightLinks {
+    LightLinks { blockers, ..LightLinks::ALL }
+}
+
+fn plastic(roughness: f32) -> Material {
+    let parameters = PbrMaterial {
+        base_color: ColorSlot::constant([0.6, 0.3, 0.2]),
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(roughness),
+        ..PbrMaterial::default()
+    };
+    Material::gltf("plastic", parameters)
+}
+
+/// A floor in set 0, and a camera that looks at its middle.
+fn floor(of: Material) -> Scene {
+    let mut scene = Scene::default();
+    let ground = material(&mut scene, of);
+    quad(&mut scene, [-50.0, 0.0, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], ground);
+    scene.quads[0].traits = member_of(0);
+    scene.cameras.push(camera(EYE, DVec3::ZERO, DVec3::Y, 1e-3));
+    scene
+}
+
+/// Adds a ball that shines.
+fn add_lamp(scene: &mut Scene, name: &str, center: [f64; 3], radiance: f32, links: LightLinks) {
+    let lamp = material(scene, Material::emitter(name, [radiance; 3], false));
+    sphere(scene, center, 0.5, lamp);
+    let shape = scene.shapes.last_mut().expect("just added");
+    (shape.name, shape.traits) = (name.into(), ObjectTraits { links, ..ObjectTraits::default() });
+}
+
+fn sun(links: LightLinks) -> Light {
+    let direction = DVec3::new(0.3, -1.0, 0.2).normalize();
+    Light { links, ..Light::new(LightKind::Sun { direction, angle_rad: 0.3 }, [0.4; 3]) }
+}
+
+fn of(scene: &Scene) -> f64 {
+    let options: RenderOptions = options(24, 256, 1);
+    mean(&picture(scene, &options))
+}
+
+/// All that lights the floor: two balls, a point, a sun and a sky, each linked or left out.
+fn lit_by(of_floor: Material, present: [bool; 5], links: Option<[LightLinks; 4]>) -> Scene {
+    let mut scene = floor(of_floor);
+    let links = links.unwrap_or([LightLinks::ALL; 4]);
+    // Those that don't shine are still in the way of the sky.
+    add_lamp(&mut scene, "a", [1.5, 1.0, 1.0], if present[0] { 2.0 } else { 0.0 }, links[0]);
+    add_lamp(&mut scene, "b", [0.5, 2.0, -1.0], if present[1] { 3.0 } else { 0.0 }, links[1]);
+    if present[2] {
+        scene.lights.push(Light { links: links[2], ..Light::point([0.0, 3.0, 0.0], [1.0; 3]) });
+    }
+    if present[3] {
+        scene.lights.push(sun(links[3]));
+    }
+    if present[4] {
+        scene.environment = Environment::Constant([0.1; 3]);
+    }
+    scene
+}
+
+/// A light that is linked to others is as one that is not there, for light samples and for what rays find, in rough surfaces
+/// and in mirrors.
+#[test]
+fn what_is_not_linked_is_not_lit() {
+    let other = receivers(Link::Only(set(1)));
+    let own = receivers(Link::Only(set(0)));
+    let but = receivers(Link::AllBut(set(0)));
+    let all = LightLinks::ALL;
+    let mirror = || {
+        Material::new(
+            "mirror",
+            Model::SchlickMetal { color: ColorSlot::constant([0.9; 3]), roughness: FloatSlot::constant(0.0) },
+        )
+    };
+    for (links, present) in [
+        ([other, all, own, all], [false, true, true, true, true]),
+        ([all, but, other, other], [true, false, false, false, true]),
+        ([own, other, all, but], [true, false, true, false, true]),
+        ([other, but, other, but], [false, false, false, false, true]),
+        ([own, own, own, own], [true; 5]),
+    ] {
+        for (what, of_floor) in [
+            ("smooth plastic", plastic(0.1)),
+            ("rough plastic", plastic(0.7)),
+            ("mirror", mirror()),
+            ("clay", Material::lambert("clay", [0.5; 3])),
+        ] {
+            let linked = of(&lit_by(of_floor.clone(), [true; 5], Some(links)));
+            let truth = of(&lit_by(of_floor, present, None));
+            let most = 6e-3 * truth + 1e-6;
+            assert!((linked - truth).abs() < most, "{what}, {present:?}: {linked}, not {truth}");
+        }
+    }
+}
+
+/// Without a sky, an object that no light is linked to is black.
+#[test]
+fn an_object_may_have_no_light() {
+    let none = receivers(Link::Only(set(1)));
+    let dark = lit_by(plastic(0.5), [true, true, true, true, false], Some([none; 4]));
+    assert_eq!(of(&dark), 0.0);
+    let one = lit_by(plastic(0.5), [true, false, false, false, false], Some([none; 4]));
+    assert_eq!(of(&one), 0.0, "a single light");
+}
+
+/// What lights an object is what it is linked to, also after the light came from another object: a wall that a lamp is linked to
+/// lights the floor that it is not linked to.
+#[test]
+fn what_is_lit_lights_all() {
+    let room = |links: Option<LightLinks>| {
+        let mut scene = floor(Material::lambert("clay", [0.8; 3]));
+        let white = material(&mut scene, Material::lambert("white", [0.8; 3]));
+        quad(&mut scene, [2.0, 0.0, -20.0], [0.0, 9.0, 0.0], [0.0, 0.0, 40.0], white);
+        scene.quads[1].traits = member_of(1);
+        // It shines at the wall only.
+        let position = DVec3::new(0.5, 2.0, 0.0);
+        let links = links.unwrap_or_default();
+        let spot = Light::spot(position, DVec3::X, [0.6, 0.7], [5.0; 3]);
+        scene.lights.push(Light { links, ..spot });
+        scene
+    };
+    let options: RenderOptions = options(24, 1024, 2);
+    let of = |links| mean(&picture(&room(links), &options));
+    let (all, wall) = (of(None), of(Some(receivers(Link::Only(set(1))))));
+    assert!(all > 0.0 && (wall - all).abs() < 6e-3 * all, "{wall}, not {all}");
+    assert_eq!(of(Some(receivers(Link::Only(set(0))))), 0.0);
+}
+
+/// The camera sees a lamp that lights nothing.
+#[test]
+fn cameras_see_lamps_in_any_case() {
+    let mut scene = floor(plastic(0.5));
+    add_lamp(&mut scene, "lamp", [0.0; 3], 2.0, receivers(Link::Only(set(1))));
+    assert_radiance("the lamp itself", &scene, &options(16, 16, 4), 2.0, 1e-6);
+}
+
+/// A light whose blockers are others shines through what is in the way; surfaces that reflect by facets get the same of it.
+#[test]
+fn what_blocks_nothing_is_passed() {
+    for roughness in [0.05, 0.3, 0.8] {
+        let lit = |sheet: Option<usize>, links: LightLinks, kind: usize| {
+            let mut scene = floor(plastic(roughness));
+            match kind {
+                0 => add_lamp(&mut scene, "lamp", [1.5, 1.0, 1.0], 2.0, links),
+                1 => scene.lights.push(Light { links, ..Light::point([1.5, 1.0, 1.0], [2.0; 3]) }),
+                _ => scene.lights.push(sun(links)),
+            }
+            if let Some(number) = sheet {
+                let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+                quad(&mut scene, [0.5, -1.0, -9.0], [0.0, 9.0, 0.0], [0.0, 0.0, 19.0], black);
+                quad(&mut scene, [-9.0, 0.8, -9.0], [0.0, 0.0, 19.0], [19.0, 0.0, 0.0], black);
+                // The camera is between them.
+                scene.quads[1..].iter_mut().for_each(|quad| quad.traits = member_of(number));
+                scene.cameras[0] = camera(DVec3::new(-3.0, 0.7, -2.0), DVec3::ZERO, DVec3::Y, 1e-3);
+            } else {
+                scene.cameras[0] = camera(DVec3::new(-3.0, 0.7, -2.0), DVec3::ZERO, DVec3::Y, 1e-3);
+            }
+            of(&scene)
+        };
+        let (only, but) = (blockers(Link::Only(set(1))), blockers(Link::AllBut(set(2))));
+        for kind in 0..3 {
+            let free = lit(None, LightLinks::ALL, kind);
+            let name = ["lamp", "point", "sun"][kind];
+            assert!(free > 0.0, "{name}");
+            assert_eq!(lit(Some(1), LightLinks::ALL, kind), 0.0, "{name} behind a sheet");
+            assert_eq!(lit(Some(1), only, kind), 0.0, "{name} behind a sheet that blocks it");
+            assert_eq!(lit(Some(1), but, kind), 0.0, "{name} behind a sheet of another set");
+            for (links, number) in [(only, 2), (only, 0), (but, 2)] {
+                let found = lit(Some(number), links, kind);
+                let what = format!("{name}, roughness {roughness}, sheet {number} and {links:?}");
+                assert!((found - free).abs() < 8e-3 * free, "{what}: {found}, not {free}");
+            }
+        }
+    }
+}
