@@ -4,6 +4,7 @@ mod curves;
 mod gltf;
 mod images;
 mod left_out;
+mod linking;
 mod moving;
 mod obj_ply;
 mod oracles;

@@ -448,21 +448,37 @@ class SurfacesTest(SceneTest):
         sheen = made["extensions"]["KHR_materials_sheen"]["sheenColorFactor"][0]
         self.assertTrue(0.3 < sheen < 0.7, sheen)
 
-    def test_links_of_light_are_told_by_name(self):
-        first, second = (self.add("plane", None, location=(3 * k, 0, 0)) for k in range(2))
-        first.name, second.name = "First", "Second"
-        lamp = bpy.data.objects.new("Rim", bpy.data.lights.new("Rim", "POINT"))
-        lamp.data.energy = 10
-        self.scene.collection.objects.link(lamp)
-        receivers, blockers = (bpy.data.collections.new(name) for name in ("Receivers", "Blockers"))
+    def test_lights_and_objects_that_shine_are_linked_to_nodes(self):
+        first, second, third = (self.add("plane", None, location=(3 * k, 0, 0)) for k in range(3))
+        first.name, second.name, third.name = "First", "Second", "Third"
+        glow = bpy.data.materials.new("glow")
+        glow.use_nodes = True
+        glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2.0
+        third.data.materials.append(glow)
+        lamp, free = (bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT")) for name in ("Rim", "Free"))
+        for obj in (lamp, free):
+            obj.data.energy = 10
+            self.scene.collection.objects.link(obj)
+        free.data.use_shadow = False
+        receivers, blockers, group = (bpy.data.collections.new(name) for name in ("Receivers", "Blockers", "Group"))
+        group.objects.link(second)
+        group.objects.link(third)
         receivers.objects.link(first)
+        receivers.children.link(group)
+        receivers.objects.link(third)
+        receivers.collection_objects[-1].light_linking.link_state = "EXCLUDE"
         blockers.objects.link(second)
+        blockers.collection_objects[0].light_linking.link_state = "EXCLUDE"
         lamp.light_linking.receiver_collection = receivers
-        second.light_linking.blocker_collection = blockers
-        _, _, answer = self.export()
-        told = dict(answer["warnings"])
-        self.assertIn("'First'", told["Rim"])
-        self.assertIn("'Second'", told["Second"])
+        third.light_linking.blocker_collection = blockers
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        lights = {light["name"]: light for light in settings["lights"]}
+        self.assertEqual(lights["Rim"]["light_link"], {"include": ["/First", "/Second"]})
+        self.assertNotIn("shadow_link", lights["Rim"])
+        self.assertEqual(lights["Free"]["shadow_link"], {"include": []})
+        self.assertEqual(settings["objects"], {"/Third": {"shadow_link": {"exclude": ["/Second"]}}})
+        self.assertLessEqual({"First", "Second", "Third"}, {node["name"] for node in model["nodes"]})
 
 
 class KeptTest(unittest.TestCase):

@@ -36,6 +36,7 @@ from blend_objects import (
     visibility,
 )
 from blend_blur import blurred, blurred_camera
+from blend_links import light_links, linked_instances, shadow_links, shadowless
 from blend_panoramas import (
     equirectangular,
     equirectangular_part,
@@ -65,5 +66,6 @@ SCENES = [
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
+    light_links, shadow_links, linked_instances, shadowless,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -1,6 +1,6 @@
 //! `[[lights]]`: each has exactly one shape, and optionally a `name`, a `color` (1, 1, 1), a `group`, whose
 //! light `--light-groups` keeps apart, a `motion` (see there), `visible_to_camera` and `obstacle` (both true), and
-//! `visible_to`, the kinds of rays that it lights and that see it, as for objects (all).
+//! `visible_to`, the kinds of rays that it lights and that see it, as for objects (all), `light_link` and `shadow_link` (below).
 //!
 //! | Shape | Value |
 //! |---|---|

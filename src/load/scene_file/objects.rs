@@ -19,6 +19,9 @@
 //! camera sees the object. With `shadow_catcher = true` the camera sees only what other objects change on it, to be laid
 //! over a photograph; the layer `ShadowCatcher` has the factors by channel.
 //!
+//! `light_link` and `shadow_link` say which objects the light of one that shines lights, and which cast shadows in it
+//! (`oscura help lights`).
+//!
 //! Shapes without a material take `[materials.default]`. Quads stay what they are under every transform.
 
 use super::assets::Assets;

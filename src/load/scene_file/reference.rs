@@ -37,7 +37,7 @@ pub const CHAPTERS: &[Chapter] = &[
     chapter("[[curves]]", &[include_str!("curves.rs")]),
     chapter("transform", &[include_str!("transform.rs")]),
     chapter("motion", &[include_str!("motion.rs")]),
-    chapter("[[lights]]", &[include_str!("lights.rs")]),
+    chapter("[[lights]]", &[include_str!("lights.rs"), include_str!("linking.rs")]),
     chapter("[[portals]]", &[include_str!("portals.rs")]),
     chapter("sidecar", &[include_str!("sidecar.rs")]),
 ];

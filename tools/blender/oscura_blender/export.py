@@ -86,6 +86,7 @@ def export(options, report):
         written = glb.Glb(model)
     glb.compose(written, found, (cameras, empties), patches, kept, moves)
     written.write(model)
+    shining = found.links.settle({node["name"] for node in written.json.get("nodes", []) if "mesh" in node})
     store.trim()
     comment = f"What glTF can't carry of {os.path.basename(options.file)}; 'oscura help sidecar' explains it."
     if moves is not None and (moves.matrices or moves.shapes):
@@ -93,6 +94,7 @@ def export(options, report):
     names = {material["name"] for material in written.json.get("materials", [])}
     known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
     tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
+    tables += [(f"[objects.{sidecar.value(name)}]", entries) for name, entries in shining]
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 
@@ -175,7 +177,7 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), report)
+        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, report)
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))

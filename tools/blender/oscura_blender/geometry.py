@@ -6,7 +6,8 @@ import re
 import bpy
 import numpy as np
 
-from . import links, objectwise
+from . import objectwise
+from .links import Links
 from .report import listed
 
 # Kinds of rays that see an object.
@@ -46,6 +47,7 @@ class Collected:
         self.sight = None  # how large things appear
         self.exposure = 1.0  # the film's factor on all light
         self.brushed = {}  # by the name of the mesh object: see there
+        self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
         self.faces = 0  # of meshes that were made for the sake of materials
 
@@ -108,6 +110,7 @@ def collect(scene, layer, graph, report):
     """Collects everything."""
     found = Collected()
     found.questions = objectwise.Questions(layer)
+    found.links = Links(bpy.data.objects)
     lost = {}
     for instance in graph.object_instances:
         obj = instance.object
@@ -143,7 +146,7 @@ def mark(instance):
 def _add_mesh(found, obj, instance, report):
     parent = instance.parent if instance.is_instance else None
     extras = _extras(obj, parent)
-    key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items())
+    key = (obj.data.as_pointer(), *extras.items(), *_own_materials(obj).items(), found.links.key(_linked(obj, parent)))
     asking = [material for material in _materials(found, obj) if found.questions.is_asked(material)]
     told = objectwise.answers(instance, obj, parent, asking, found.questions.layer) if asking else ()
     if told and (key, told) not in found.objects and found.is_crowded(obj, report):
@@ -162,6 +165,12 @@ def _add_mesh(found, obj, instance, report):
     name = obj.original.name if is_own else f"{parent.original.name}/{obj.original.name}"
     found.placements[holder.name].append((name, instance.matrix_world.copy()))
     found.marks[holder.name].append(mark(instance))
+    found.links.place(name, _linked(obj, parent))
+
+
+def _linked(obj, parent):
+    """The object that collections of links hold: of an instance, what makes it."""
+    return (obj if parent is None else parent).original
 
 
 def _materials(found, obj):
@@ -240,7 +249,6 @@ def _values(mesh, name, size):
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
-    links.tell(obj, report)
     for system in getattr(obj, "particle_systems", []):
         if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
             report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")

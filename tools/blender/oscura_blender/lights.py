@@ -2,11 +2,11 @@
 
 import math
 
-from . import links, shaders
+from . import shaders
 from .geometry import VISIBILITY, light_group
 
 
-def entries(obj, name, light, exposure, report):
+def entries(obj, name, light, exposure, links, report):
     """The entries of [[lights]] for a light at the node `name`, times the film's exposure; None for what shines not."""
     if light.type == "AREA" and light.cycles.is_portal:
         return None
@@ -17,7 +17,6 @@ def entries(obj, name, light, exposure, report):
     if energy < 0 or min(color) < 0:
         report.warn(obj.name, "light that takes light away is not supported: it is left out")
         return None
-    _tell_of_the_rest(obj, light, report)
     found = {"name": obj.name, "color": color}
     if group := light_group(obj):
         found["group"] = group
@@ -29,6 +28,9 @@ def entries(obj, name, light, exposure, report):
     scale = obj.matrix_world.to_scale()
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
     kind, values = shape(light, energy, scale)
+    found.update(links.entries(obj))
+    if not light.use_shadow:
+        found["shadow_link"] = {"include": []}
     found[kind] = {"node": name, **values}
     return found
 
@@ -94,9 +96,3 @@ def _strength(light, name, report):
     # The colour carries no strength.
     peak = max(max(color), 1e-30)
     return factor * peak, [c / peak for c in color]
-
-
-def _tell_of_the_rest(obj, light, report):
-    if not light.use_shadow:
-        report.warn(obj.name, "light without shadows is not supported: it casts them")
-    links.tell(obj, report)

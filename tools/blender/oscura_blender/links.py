@@ -1,27 +1,73 @@
-"""Light linking and shadow linking, which are not carried over: what they say, by name."""
+"""Light linking and shadow linking: which objects a light lights, and which cast shadows in its light."""
 
-from .report import listed
+KEYS = (("light_link", "receiver_collection"), ("shadow_link", "blocker_collection"))
 
 
-def tell(obj, report):
-    """Says what the light of an object, a lamp or one that shines, is restricted to."""
+class Links:
+    """The collections that lights are linked to, and the nodes of the model that they hold."""
+
+    def __init__(self, objects):
+        self.members = {}  # by the name of a collection: names of objects that it includes, and of those that it excludes
+        self.objects = {}  # by the name of a placement: that of the object that collections hold
+        self.unsettled = []  # lists of nodes, each with the names of the objects that it is for
+        self.shining = {}  # entries by the name of a placement
+        for obj in objects:
+            for _, collection in _collections(obj):
+                if collection.name not in self.members:
+                    self.members[collection.name] = _members(collection)
+
+    def key(self, obj):
+        """What tells an object from others that are linked otherwise."""
+        if not self.members:
+            return ()
+        held = tuple((obj.name in include, obj.name in exclude) for include, exclude in self.members.values())
+        return (*held, *((key, collection.name) for key, collection in _collections(obj)))
+
+    def place(self, name, obj):
+        """Takes down that an object is placed by that name."""
+        if self.members:
+            self.objects[name] = obj.name
+            if entries := self.entries(obj):
+                self.shining[name] = entries
+
+    def entries(self, obj):
+        """What the light of an object, a lamp or one that shines, is linked to; the nodes' names are known in the end only."""
+        found = {}
+        for key, collection in _collections(obj):
+            include, exclude = self.members[collection.name]
+            if include:
+                found[key] = {"include": self._later(include - exclude)}
+            elif exclude:
+                found[key] = {"exclude": self._later(exclude)}
+        return found
+
+    def _later(self, names):
+        nodes = []
+        self.unsettled.append((nodes, names))
+        return nodes
+
+    def settle(self, nodes):
+        """Fills in the names of the nodes, of all that there are."""
+        written = [name for name in self.objects if name in nodes]
+        for named, names in self.unsettled:
+            # From the root of the model, so that nothing else is meant.
+            named[:] = sorted(f"/{name}" for name in written if self.objects[name] in names)
+        return [(f"/{name}", entries) for name, entries in sorted(self.shining.items()) if name in nodes]
+
+
+def _collections(obj):
+    """The collections that the light of an object is linked to, by the keys of files."""
     linking = getattr(obj, "light_linking", None)
-    if linking is None:
-        return
-    if linking.receiver_collection is not None:
-        told = _linked(linking.receiver_collection)
-        report.warn(obj.name, f"light linking is not supported: it lights everything, not what its collection says ({told})")
-    if linking.blocker_collection is not None:
-        told = _linked(linking.blocker_collection)
-        report.warn(obj.name, f"shadow linking is not supported: everything blocks its light, not what its collection says ({told})")
+    found = [] if linking is None else [(key, getattr(linking, of)) for key, of in KEYS]
+    return [(key, collection) for key, collection in found if collection is not None]
 
 
-def _linked(collection):
-    """What a collection of links holds, by name."""
-    parts = []
-    for members, links in ((collection.objects, "collection_objects"), (collection.children, "collection_children")):
-        states = [entry.light_linking.link_state for entry in getattr(collection, links)]
-        for state, what in (("INCLUDE", ""), ("EXCLUDE", "without ")):
-            names = [member.name for member, of in zip(members, states) if of == state]
-            parts += [f"{what}{listed(names)}"] if names else []
-    return "; ".join(parts) or "nothing"
+def _members(collection):
+    """The names of the objects that a collection of links includes, and of those that it excludes. What is said of an object itself
+    goes before what is said of a collection with it."""
+    states = {}
+    for child, link in zip(collection.children, collection.collection_children):
+        states.update({obj.name: link.light_linking.link_state for obj in child.all_objects})
+    for obj, link in zip(collection.objects, collection.collection_objects):
+        states[obj.name] = link.light_linking.link_state
+    return tuple({name for name, of in states.items() if of == state} for state in ("INCLUDE", "EXCLUDE"))

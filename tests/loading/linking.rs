@@ -1,0 +1,95 @@
+//! What lights are linked to, in scene files and beside models.
+
+use oscura::error::Error;
+use oscura::load::{LoadOptions, Loaded, load};
+use oscura::scene::{LightLinks, Link, ObjectSets};
+
+const SCENE: &str = r#"
+[materials]
+a = { type = "lambert" }
+lamp = { type = "emissive", radiance = [3, 3, 3] }
+[[objects]]
+name = "ball"
+sphere = { center = [0, 0, 0], radius = 1 }
+material = "a"
+[[objects]]
+name = "box"
+box = { min = [2, 0, 0], max = [3, 1, 1] }
+material = "a"
+[[objects]]
+name = "board"
+quad = { corner = [0, 5, 0], u = [1, 0, 0], v = [0, 0, 1] }
+material = "lamp"
+"#;
+
+fn scene(more: &str) -> Result<Loaded, Error> {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("scene.toml");
+    std::fs::write(&path, format!("{SCENE}{more}\n")).expect("written");
+    load(path, &LoadOptions::default())
+}
+
+/// The sets that the ball and the sides of the box are in.
+fn members(loaded: &Loaded) -> [ObjectSets; 2] {
+    let scene = &loaded.scene;
+    let ball = scene.shapes.iter().find(|s| s.name == "ball").expect("a ball");
+    let sides: Vec<ObjectSets> = (scene.quads.iter().filter(|q| q.name == "box").map(|q| q.traits.sets))
+        .chain(scene.instances.iter().filter(|i| i.name == "box").map(|i| i.traits.sets))
+        .collect();
+    assert!(!sides.is_empty() && sides.iter().all(|sets| *sets == sides[0]), "all sides of the box");
+    [ball.traits.sets, sides[0]]
+}
+
+#[test]
+fn lights_and_objects_that_shine_are_linked_by_names() {
+    let lights = r#"light_link = { exclude = ["box"] }
+[[lights]]
+light_link = { include = ["ball"] }
+shadow_link = { include = ["ball", "box"], exclude = ["ball"] }
+point = { position = [0, 9, 0], power = 1 }
+[[lights]]
+name = "lamp"
+shadow_link = { include = ["ball"] }
+area = { center = [0, 3, 0], direction = [0, -1, 0], size = [1, 1], power = 1 }
+"#;
+    let loaded = scene(lights).unwrap_or_else(|e| panic!("{e}"));
+    let [ball, cube] = members(&loaded);
+    let quad = |name: &str| loaded.scene.quads.iter().find(|q| q.name == name).expect("a quad").traits.links;
+    let LightLinks { receivers, blockers } = loaded.scene.lights[0].links;
+    assert!(receivers.holds(ball) && !receivers.holds(cube), "{receivers:?}");
+    assert!(!blockers.holds(ball) && blockers.holds(cube), "{blockers:?}");
+    let board = quad("board");
+    assert!(board.receivers.holds(ball) && !board.receivers.holds(cube) && board.blockers == Link::All);
+    assert!(board.receivers.holds(ObjectSets::NONE) && !receivers.holds(ObjectSets::NONE));
+    // The same names are the same set.
+    assert_eq!(quad("lamp"), LightLinks { receivers: Link::All, blockers: receivers });
+    assert_eq!(members(&scene("").unwrap_or_else(|e| panic!("{e}"))), [ObjectSets::NONE; 2]);
+}
+
+#[test]
+fn what_is_wrong_with_links_is_said_at_its_line() {
+    let with = |links: &str| {
+        let lights = format!("[[lights]]\n{links}\npoint = {{ position = [0, 9, 0], power = 1 }}");
+        scene(&lights).expect_err(links).to_string()
+    };
+    let wrong = with("light_link = { include = [\"bal\"], exclude = [\"sky\"] }");
+    assert!(
+        wrong.contains("no object 'bal' to link to") && wrong.contains("did you mean 'ball'?"),
+        "{wrong}"
+    );
+    assert!(wrong.contains("no object 'sky' to link to"), "{wrong}");
+    assert!(with("shadow_link = {}").contains("needs 'include' or 'exclude'"));
+    assert!(with("shadow_link = { include = [3] }").contains("names of objects"));
+    assert!(with("light_link = { includes = [\"ball\"] }").contains("include"));
+    let many = |count: usize| {
+        let light = |i: usize| {
+            let names = vec!["\"ball\""; i + 1].join(", ");
+            format!(
+                "[[lights]]\nlight_link = {{ include = [{names}] }}\npoint = {{ position = [0, 9, 0], power = 1 }}\n"
+            )
+        };
+        scene(&(0..count).map(light).collect::<String>())
+    };
+    assert!(many(64).is_ok());
+    assert!(many(65).expect_err("one too many").to_string().contains("more than 64 sets"));
+}
