@@ -2,7 +2,7 @@
 
 use super::blur;
 use super::classes::{self, Classes};
-use super::emitters;
+use super::emitters::{self, Emitters};
 use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
@@ -76,23 +76,13 @@ pub(super) fn compile_after(
     let punctual = scene.lights.iter().map(|l| PunctualLight::new(l, anchor)).collect();
     let motions = LightMotions { area: emitters.moving.clone(), punctual: blur::lights(scene, anchor) };
     let environment = environment(scene, kept.environment.take(), anchor, &mut report.warnings);
-    let all = (emitters.lights.clone(), punctual);
-    let lights = Lights::moving(all, motions, environment, &textures);
-    let links = Links::of(scene, &lights, (&emitters, &geometries, &materials));
-    check(links.problems())?;
-    let lights = finished(scene, lights, &links, &textures);
+    let lights = Lights::moving((emitters.lights.clone(), punctual), motions, environment, &textures);
+    let (lights, links) = finished(scene, lights, (&emitters, &geometries, &materials), &textures)?;
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, &geometries, &materials, &textures, &media);
-    let links_lights = links.are_used();
-    let features = Features {
-        ray_kinds: features.ray_kinds || !light_kinds.is_empty() || links_lights,
-        // What casts no shadows in the light of some is absent for their shadow rays.
-        alpha: features.alpha || links_lights,
-        links: links_lights,
-        ..features
-    };
+    let features = features.with_lights(!light_kinds.is_empty(), links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -118,7 +108,14 @@ pub(super) fn compile_after(
 }
 
 /// The lights with their links and the environment's sun, and without what fog hides.
-fn finished(scene: &Scene, mut lights: Lights, links: &Links, textures: &CompiledTextures) -> Lights {
+fn finished(
+    scene: &Scene,
+    mut lights: Lights,
+    surfaces: (&Emitters, &Geometries, &[CompiledMaterial]),
+    textures: &CompiledTextures,
+) -> Result<(Lights, Links)> {
+    let links = Links::of(scene, &lights, surfaces);
+    check(links.problems())?;
     if links.are_used() {
         let is_linked = |class: usize, light| links.reach(links.of_light(light), class as u32);
         lights.link(links.classes(), textures, is_linked);
@@ -127,7 +124,7 @@ fn finished(scene: &Scene, mut lights: Lights, links: &Links, textures: &Compile
     if scene.fog.as_ref().is_some_and(media::is_opaque_to_far_light) {
         lights.hide_far();
     }
-    lights
+    Ok((lights, links))
 }
 
 /// The textures; `kept` are those of an earlier moment, if they are the same.

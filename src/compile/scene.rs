@@ -140,6 +140,15 @@ pub struct Features {
     pub catchers: bool,
 }
 
+impl Features {
+    /// With lights that light some kinds of rays only, or some objects only.
+    pub(super) fn with_lights(self, some_kinds: bool, links: bool) -> Features {
+        let ray_kinds = self.ray_kinds || some_kinds || links;
+        // What casts no shadows in the light of some is absent for their shadow rays.
+        Features { ray_kinds, alpha: self.alpha || links, links, ..self }
+    }
+}
+
 impl CompiledScene {
     /// The light that the primitive at a hit is part of.
     #[inline]

@@ -1,6 +1,5 @@
 //! The choice of one light among those that light a receiver.
 
-use super::select::Selected;
 use super::{LightBounds, LightTree, Receiver};
 use crate::sampling::AliasTable;
 
@@ -24,6 +23,25 @@ pub(super) struct Choice {
     far_irradiance: f32,
     /// There is one light only, chosen in any case.
     is_single: bool,
+}
+
+/// A chosen light.
+#[derive(Clone, Copy, Debug)]
+pub struct Selected {
+    /// Its index.
+    pub index: u32,
+    /// The probability of choosing it; 0 if none was found to choose.
+    pub pdf_discrete: f32,
+}
+
+impl Selected {
+    pub(super) const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
+
+    /// Of the lights at some place, which are chosen with a probability of `share`.
+    #[inline(always)]
+    pub fn near(share: f32, chosen: Option<(u32, f32)>) -> Selected {
+        chosen.map_or(Selected::NONE, |(index, pdf)| Selected { index, pdf_discrete: share * pdf })
+    }
 }
 
 /// Where a light is to be chosen.

@@ -1,6 +1,6 @@
 //! All lights of a scene and the choice of one of them.
 
-use super::choice::{Choice, Distance};
+use super::choice::{Choice, Distance, Selected};
 use super::{
     AreaLight, Descent, EnvironmentLight, EvenRectangle, LightBounds, LightMotions, LightSample,
     PunctualLight, RECTANGLE_NUMBERS, Receiver, Sun,
@@ -36,25 +36,6 @@ pub struct SelectedSun {
     pub pdf_discrete: Vec<f32>,
     /// Do cameras see it?
     pub is_seen: bool,
-}
-
-/// A chosen light.
-#[derive(Clone, Copy, Debug)]
-pub struct Selected {
-    /// Its index.
-    pub index: u32,
-    /// The probability of choosing it; 0 if none was found to choose.
-    pub pdf_discrete: f32,
-}
-
-impl Selected {
-    pub(super) const NONE: Selected = Selected { index: 0, pdf_discrete: 0.0 };
-
-    /// Of the lights at some place, which are chosen with a probability of `share`.
-    #[inline(always)]
-    fn near(share: f32, chosen: Option<(u32, f32)>) -> Selected {
-        chosen.map_or(Selected::NONE, |(index, pdf)| Selected { index, pdf_discrete: share * pdf })
-    }
 }
 
 impl Lights {

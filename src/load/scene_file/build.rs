@@ -1,7 +1,7 @@
 //! A scene in the making.
 
 use super::fields::Problems;
-use super::linking::Linking;
+use super::linked_sets::Linking;
 use crate::load::{LoadOptions, Loaded, ShutterOptions};
 use std::path::Path;
 

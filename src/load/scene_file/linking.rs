@@ -8,24 +8,9 @@
 
 use super::build::Build;
 use super::fields::{Fields, nearest};
-use super::overrides::is_on_path;
+use super::linked_sets::Names;
+use super::node_paths::is_on_path;
 use crate::scene::{LightLinks, Link, ObjectSet, ObjectSets, Scene};
-use std::ops::Range;
-
-/// Names of objects, and where they are written.
-type Names = Vec<(String, Range<usize>)>;
-
-/// The sets of objects that lights of a file are linked to.
-#[derive(Default)]
-pub(super) struct Linking {
-    sets: Vec<NamedSet>,
-}
-
-/// The objects of the first list that are not in the second.
-struct NamedSet {
-    include: Names,
-    exclude: Names,
-}
 
 /// What a light or an object that shines is linked to; `None` where nothing is said.
 pub(super) fn read(build: &mut Build, fields: &Fields) -> Option<LightLinks> {
@@ -66,29 +51,9 @@ fn names(fields: &Fields, key: &'static str) -> Option<Names> {
     Some(list.iter().filter_map(name).collect())
 }
 
-impl Linking {
-    /// The set of objects of such names; the same lists give the same one.
-    fn add(&mut self, include: Names, exclude: Names, fields: &Fields) -> Option<ObjectSet> {
-        let is_same = |a: &Names, b: &Names| a.iter().map(|n| &n.0).eq(b.iter().map(|n| &n.0));
-        let known =
-            self.sets.iter().position(|s| is_same(&s.include, &include) && is_same(&s.exclude, &exclude));
-        let number = known.unwrap_or(self.sets.len());
-        let Some(set) = ObjectSet::new(number) else {
-            let most = ObjectSet::COUNT;
-            let message = format!("the lights of the file are linked to more than {most} sets of objects");
-            fields.problems.push_help(fields.span(), message, "give lights the same lists of names");
-            return None;
-        };
-        if known.is_none() {
-            self.sets.push(NamedSet { include, exclude });
-        }
-        Some(set)
-    }
-}
-
 /// Finds the objects of the names, once all are there.
 pub(super) fn resolve(build: &mut Build) {
-    let sets = std::mem::take(&mut build.linking.sets);
+    let sets = build.linking.take();
     if sets.is_empty() {
         return;
     }

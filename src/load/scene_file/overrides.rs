@@ -4,9 +4,10 @@ use super::build::Build;
 use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
+use super::node_paths::is_on_path;
 use super::textures::Textures;
 use super::{linking, subdivided, visibility};
-use crate::scene::{Instance, ObjectTraits};
+use crate::scene::{Instance, LightLinks, ObjectTraits, Scene};
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -66,20 +67,7 @@ pub(super) fn object<'a>(
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
         own.for_each(|instance| instance.light_group = Some(group.clone()));
     }
-    if let Some(traits) = traits {
-        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
-        lights.for_each(|light| light.visible_to = traits.visible_to);
-        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
-        own.for_each(|instance| {
-            instance.traits = ObjectTraits { links: instance.traits.links, ..traits };
-        });
-    }
-    if let Some(links) = links {
-        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
-        lights.for_each(|light| light.links = links);
-        let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
-        own.for_each(|instance| instance.traits.links = links);
-    }
+    apply_traits(scene, name, (traits, links));
     if let Some(how) = subdivision {
         let own: Vec<usize> =
             (0..scene.instances.len()).filter(|&i| is_meant(&scene.instances[i].name)).collect();
@@ -97,29 +85,20 @@ pub(super) fn object<'a>(
     }
 }
 
-/// Is a name, or several joined by slashes, on the way of names to a node? With a slash before them the way begins so.
-pub(super) fn is_on_path(name: &str, path: &str) -> bool {
-    if name.starts_with('/') {
-        return format!("/{path}/").starts_with(&format!("{name}/"));
+/// Gives the lights and objects of a name their traits, and what they are linked to.
+fn apply_traits(scene: &mut Scene, name: &str, (traits, links): (Option<ObjectTraits>, Option<LightLinks>)) {
+    if let Some(traits) = traits {
+        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
+        lights.for_each(|light| light.visible_to = traits.visible_to);
+        let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
+        own.for_each(|instance| {
+            instance.traits = ObjectTraits { links: instance.traits.links, ..traits };
+        });
     }
-    format!("/{path}/").contains(&format!("/{name}/"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn names_are_those_of_nodes_on_the_way() {
-        assert!(
-            is_on_path("Fog", "Fog") && is_on_path("Fog", "Room/Fog") && is_on_path("Room", "Room/Fog/3")
-        );
-        assert!(is_on_path("/Room", "Room/Fog") && is_on_path("/Room/Fog", "Room/Fog"));
-        assert!(!is_on_path("/Fog", "Room/Fog") && !is_on_path("/Room", "House/Room"));
-        assert!(
-            is_on_path("Room/Fog", "House/Room/Fog")
-                && !is_on_path("Fo", "Fog")
-                && !is_on_path("Fog", "Foggy/x")
-        );
+    if let Some(links) = links {
+        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
+        lights.for_each(|light| light.links = links);
+        let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
+        own.for_each(|instance| instance.traits.links = links);
     }
 }

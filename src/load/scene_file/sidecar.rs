@@ -17,7 +17,7 @@ use super::assets::Assets;
 use super::build::Build;
 use super::camera;
 use super::fields::{Fields, Problems};
-use super::linking::Linking;
+use super::linked_sets::Linking;
 use super::parts::{read_parts, read_text};
 use super::{placement, shutter, subdivided};
 use crate::error::{Choice, Result, Warning};

@@ -47,7 +47,7 @@ impl Mutate for RayKinds {
 impl Mutate for ObjectSet {
     fn fresh(dice: &mut Dice) -> ObjectSet {
         // A few sets, so that objects are in those that lights are linked to.
-        ObjectSet::new(dice.below(3) as usize).expect("one of 64")
+        ObjectSet::new(dice.below(3)).expect("one of 64")
     }
 
     fn mutate(&mut self, dice: &mut Dice) {
