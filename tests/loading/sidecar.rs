@@ -151,6 +151,13 @@ fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
 }
 
 #[test]
+fn numbers_without_their_first_digit_are_told_what_they_lack() {
+    let error =
+        with_sidecar("[[lights]]\npoint = { position = [1, .5, 0], power = 1 }\n").expect_err("no TOML");
+    assert!(error.to_string().contains("0.5, not .5"), "{error}");
+}
+
+#[test]
 fn depth_of_field_says_what_it_lacks() {
     let fails = |camera: &str, part: &str| {
         let shown = with_sidecar(&format!("[camera]\n{camera}\n")).expect_err(part).to_string();
