@@ -104,6 +104,7 @@ pub(super) fn add(
     (radiance, picture): (f64, Option<TextureId>),
 ) {
     let LightTraits { name, color, lamp, group, .. } = traits;
+    build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);
