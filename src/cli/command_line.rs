@@ -34,7 +34,14 @@ pub(crate) fn words() -> impl Iterator<Item = OsString> {
 impl Arguments {
     /// The whole command line.
     pub fn whole() -> clap::Command {
-        Arguments::command().mut_subcommand("view", view::adapt)
+        // What looks like a negative number is a value of the option before it, which says what is wrong with it.
+        let takes_numbers = |command: clap::Command| {
+            command.mut_args(|arg| {
+                let has_value = !arg.is_positional() && arg.get_action().takes_values();
+                arg.allow_negative_numbers(has_value)
+            })
+        };
+        Arguments::command().mut_subcommands(takes_numbers).mut_subcommand("view", view::adapt)
     }
 
     /// Reads a command line, the first word of which is the program's name.

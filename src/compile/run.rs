@@ -56,7 +56,6 @@ pub(super) fn compile_after(
     let mut report = CompileReport::default();
     let mut kept = earlier.map_or_else(Kept::default, |earlier| earlier.into_kept(scene));
     if options.shading.spectral {
-        check(scene.spectral_problems())?;
         spectral::warn(scene, &mut report.warnings);
     }
     let mut textures = textures(kept.textures.take(), scene, anchor, options.shading.spectral);

@@ -188,12 +188,14 @@ impl Sink {
     /// From what arrived in the lanes of paths to red, green and blue, by the wavelengths of the samples.
     pub fn convert_to_rgb(&mut self, waves: &[Wavelengths]) {
         let count = self.layers.count();
+        // The last of what catchers catch is no light.
+        let of_light = if self.layers.of_catchers().is_some() { count - 1 } else { count };
         for (i, waves) in waves.iter().enumerate().take(self.count) {
             let [a, b, c, alpha] = self.samples[i];
             let [red, green, blue] = waves.rgb([a, b, c]);
             self.samples[i] = [red, green, blue, alpha];
             self.plain.get_mut(i).into_iter().for_each(|plain| *plain = waves.rgb(*plain));
-            self.parts[i * count..(i + 1) * count].iter_mut().for_each(|part| *part = waves.rgb(*part));
+            self.parts[i * count..i * count + of_light].iter_mut().for_each(|part| *part = waves.rgb(*part));
         }
     }
 

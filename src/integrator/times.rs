@@ -55,6 +55,7 @@ impl Times {
     /// All samples are traced once more, under the indices behind those of all.
     pub fn repeat(&mut self) {
         self.by_sample.extend_from_within(..);
+        self.waves.extend_from_within(..);
     }
 
     /// The times of all samples.

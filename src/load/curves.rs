@@ -9,6 +9,7 @@
 //! the transparency and the colour, where there are no such arrays (u32, f32, f32, 3 f32); 88 bytes of text. Segments are u16,
 //! one a strand; all else is f32, by point. A strand has a point more than it has segments. Thickness is the diameter.
 
+use crate::math::{DAffine3, DVec3};
 use crate::scene::CurveBasis;
 use std::path::Path;
 
@@ -16,6 +17,8 @@ use std::path::Path;
 const HEADER: usize = 128;
 /// Files may not be larger, bytes.
 const MOST_BYTES: u64 = 1 << 33;
+/// What reaches farther is nowhere, metres.
+const FARTHEST: f64 = 1e18;
 
 /// What a file holds.
 #[derive(Debug, Default, PartialEq)]
@@ -102,6 +105,38 @@ impl CurveFile {
         }
     }
 
+    /// Drops strands with points or radii that reach beyond [`FARTHEST`] where they are placed; how many. All points have a radius.
+    pub fn leave_out_far(&mut self, world_from_object: DAffine3) -> usize {
+        let stretch =
+            world_from_object.matrix3.to_cols_array().iter().fold(0.0f64, |most, x| most.max(x.abs()));
+        let is_near = |i: usize| {
+            let point = world_from_object.transform_point3(DVec3::from(self.points[i].map(f64::from)));
+            point.abs().max_element() <= FARTHEST && f64::from(self.radii[i]) * stretch <= FARTHEST
+        };
+        let mut first = 0;
+        let near: Vec<bool> = self
+            .strands
+            .iter()
+            .map(|&count| {
+                let points = first..first + count as usize;
+                first = points.end;
+                points.into_iter().all(is_near)
+            })
+            .collect();
+        let dropped = near.iter().filter(|is_near| !**is_near).count();
+        if dropped == 0 {
+            return 0;
+        }
+        let by_point = near.iter().zip(&self.strands);
+        let kept: Vec<bool> =
+            by_point.flat_map(|(&kept, &n)| std::iter::repeat_n(kept, n as usize)).collect();
+        retain(&mut self.strands, &near);
+        retain(&mut self.points, &kept);
+        retain(&mut self.radii, &kept);
+        retain(&mut self.colors, &kept);
+        dropped
+    }
+
     fn point(&mut self, values: &[f32]) {
         self.points.push([values[0], values[1], values[2]]);
         self.radii.extend(values.get(3));
@@ -109,6 +144,12 @@ impl CurveFile {
             self.colors.push([r, g, b]);
         }
     }
+}
+
+/// Keeps what a list says.
+fn retain<T>(values: &mut Vec<T>, is_kept: &[bool]) {
+    let mut kept = is_kept.iter();
+    values.retain(|_| kept.next() == Some(&true));
 }
 
 /// The numbers of a file of little-endian words.

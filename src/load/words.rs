@@ -9,6 +9,13 @@ pub(super) fn next_word(text: &[u8]) -> Option<(&[u8], &[u8])> {
     Some(text.split_at(length))
 }
 
+/// Does UTF-16 text begin like that? It has a mark of its byte order, or a zero beside each letter.
+pub(super) fn is_utf_16(start: &[u8]) -> bool {
+    let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
+    matches!(start, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
+        || start.len() >= 4 && start[..start.len().min(16)].chunks_exact(2).all(is_letter)
+}
+
 /// A whole number of at most 18 digits, with or without a sign.
 #[inline]
 pub(super) fn integer(word: &[u8]) -> Option<i64> {

@@ -38,7 +38,6 @@ mod profile;
 mod settings;
 mod shape;
 mod slot;
-mod spectral;
 mod texture;
 mod turning;
 mod validate;

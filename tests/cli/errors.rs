@@ -15,6 +15,9 @@ fn usage_errors_exit_with_2_before_any_work() {
         &["render", "a.gltf", "-o", "a.exr", "--spp", "-4"],
         &["render", "a.gltf", "-o", "a.exr", "--width", "0"],
         &["render", "a.gltf", "-o", "a.exr", "--time-limit", "-1"],
+        &["render", "a.gltf", "-o", "a.exr", "--glass", "-1"],
+        &["thumb", "a.gltf", "--background", "-1"],
+        &["view", "a.gltf", "--port", "-1"],
         &["render", "a.gltf", "-o", "a.exr", "--filter", "lanczos"],
         &["render", "a.gltf", "-o", "a.exr", "--aov", "depth,colour"],
         &["render", "a.gltf", "-o", "a.exr", "--no-such-option"],
@@ -30,6 +33,11 @@ fn usage_errors_exit_with_2_before_any_work() {
         let output = oscura(folder.path(), args);
         assert_eq!(code(&output), 2, "{args:?}: {}", stderr(&output));
         assert!(!output.stderr.is_empty() && output.stdout.is_empty(), "{args:?}");
+        assert!(
+            !stderr(&output).contains("'-- -"),
+            "a negative number is no name of a file: {}",
+            stderr(&output)
+        );
     }
     assert_eq!(names(folder.path()), ["a.gltf"]);
 }

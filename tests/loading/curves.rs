@@ -23,6 +23,31 @@ fn read(curves: &str) -> Result<Loaded, Error> {
 
 const STRAND: &str = "strands = [[[0, 0, 0], [1, 0, 0], [2, 1, 0], [3, 0, 0]]]\n";
 
+/// Strands that aren't anywhere, and files without any, are said by name.
+#[test]
+fn strands_far_away_and_no_strands_are_told() {
+    let text = "curves 1\n0 0 0 .1 1 0 0\n1 0 0 .1 1 0 0\n\n1e38 0 0 .1 0 1 0\n-1e38 0 0 .1 0 1 0\n\n0 1 0 .2 0 0 1\n0 2 0 .2 0 0 1\n";
+    let linear = "file = \"a.curves\"\nname = \"beard\"\nbasis = \"linear\"\n";
+    let loaded = with_file(linear, "a.curves", text.as_bytes()).expect("it loads");
+    let beard = &loaded.scene.curves[0];
+    assert_eq!((&beard.strands[..], beard.points.len(), beard.radii[2]), (&[2, 2][..], 4, 0.2));
+    assert_eq!(beard.colors[3], [0.0, 0.0, 1.0]);
+    let said = |loaded: &Loaded, words: &str| loaded.warnings.iter().any(|w| w.message == words);
+    assert!(
+        said(&loaded, "a strand of beard reaches beyond 1e18 m and is left out"),
+        "{:?}",
+        loaded.warnings
+    );
+    let mut hair = b"HAIR".to_vec();
+    hair.extend([0u32, 0, 2, 1].iter().flat_map(|x| x.to_le_bytes()));
+    hair.extend([0.1f32, 0.0, 1.0, 1.0, 1.0].iter().flat_map(|x| x.to_le_bytes()));
+    hair.resize(128, 0);
+    for (name, bytes) in [("a.hair", &hair[..]), ("a.curves", b"curves 1\n")] {
+        let loaded = with_file(&format!("file = \"{name}\"\nradius = 1\n"), name, bytes).expect("it loads");
+        assert!(said(&loaded, "curves 1 hold no strands"), "{name}: {:?}", loaded.warnings);
+    }
+}
+
 #[test]
 fn strands_and_files_are_read() {
     let scene = read(&format!("{STRAND}radius = [0.3, 0]")).expect("it loads").scene;

@@ -150,6 +150,26 @@ fn all_problems_of_a_sidecar_come_with_its_name_and_lines() {
     }
 }
 
+/// Lamps that are said to be lamps light a model, however little: nothing is added.
+#[test]
+fn lamps_beside_a_model_are_its_light() {
+    for lamp in [
+        "area = { center = [0, 3, 0], direction = [0, -1, 0], size = [2, 2], power = 0.1 }\nvisible_to_camera = false",
+        "point = { position = [0, 3, 0], radius = 0.5, power = 0.1 }",
+        "spot = { position = [0, 3, 0], target = [0, 0, 0], radius = 0.5, power = 0.1 }",
+    ] {
+        let loaded = with_sidecar(&format!("[[lights]]\n{lamp}\n")).unwrap_or_else(|e| panic!("{e}"));
+        assert_eq!(loaded.scene.environment, Environment::Black, "{lamp}: {:?}", loaded.warnings);
+    }
+}
+
+#[test]
+fn numbers_without_their_first_digit_are_told_what_they_lack() {
+    let error =
+        with_sidecar("[[lights]]\npoint = { position = [1, .5, 0], power = 1 }\n").expect_err("no TOML");
+    assert!(error.to_string().contains("0.5, not .5"), "{error}");
+}
+
 #[test]
 fn depth_of_field_says_what_it_lacks() {
     let fails = |camera: &str, part: &str| {

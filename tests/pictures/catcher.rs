@@ -1,5 +1,6 @@
 //! Shadow catchers over a plate against what the plate shows is really there.
 
+use crate::spectral::pixels;
 use crate::support::{camera, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
@@ -37,13 +38,14 @@ fn scene(has_ball: bool, glow: f32) -> Scene {
 fn blocks(
     scene: &Scene,
     options: &RenderOptions,
+    spectral: bool,
     finish: impl Fn([f32; 4], usize) -> [f32; 3],
 ) -> Vec<Vec<f64>> {
     let of_seed = |seed| {
-        let film = picture(scene, &options.seed(31 * seed + 7));
+        let pixels = pixels(scene, &options.seed(31 * seed + 7), spectral);
         let columns = SIZE / BLOCK;
         let mut sums = vec![0.0; (3 * columns * columns) as usize];
-        for (i, rgba) in film.rgba().into_iter().enumerate() {
+        for (i, rgba) in pixels.into_iter().enumerate() {
             let (x, y) = (i as u32 % SIZE / BLOCK, i as u32 / SIZE / BLOCK);
             for (c, v) in finish(rgba, i).into_iter().enumerate() {
                 sums[3 * (y * columns + x) as usize + c] += f64::from(v) / f64::from(BLOCK * BLOCK);
@@ -67,10 +69,12 @@ fn rgb([r, g, b, _]: [f32; 4], _: usize) -> [f32; 3] {
 
 #[test]
 fn over_a_plate_it_is_what_the_plate_would_be() {
-    for (what, glow) in [("a red ball", 0.0), ("a ball that glows", 3.0)] {
+    for (what, glow, spectral) in
+        [("a red ball", 0.0, false), ("a ball that glows", 3.0, false), ("a ball by wavelength", 3.0, true)]
+    {
         let plain = options(SIZE, 256, 4);
-        let plate = picture(&scene(false, 0.0), &options(SIZE, 4096, 4)).rgba();
-        let truth = blocks(&scene(true, glow), &plain, rgb);
+        let plate = pixels(&scene(false, 0.0), &options(SIZE, 4096, 4), spectral);
+        let truth = blocks(&scene(true, glow), &plain, spectral, rgb);
         let mut caught = scene(true, glow);
         let traits = ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() };
         caught.set_object_traits("floor", traits);
@@ -83,7 +87,7 @@ fn over_a_plate_it_is_what_the_plate_would_be() {
             environment_visible_to: oscura::scene::RayKinds::ALL.without(oscura::scene::RayKinds::CAMERA),
             ..caught
         };
-        let found = blocks(&hidden, &plain.catchers(true), over);
+        let found = blocks(&hidden, &plain.catchers(true), spectral, over);
         let (mut sum, mut worst) = (0.0, 0.0f64);
         for i in 0..truth[0].len() {
             let ((a, of_a), (b, of_b)) = (mean_and_error(&truth, i), mean_and_error(&found, i));

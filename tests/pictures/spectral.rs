@@ -13,14 +13,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 /// The pixels of a picture.
-fn pixels(scene: &Scene, options: &RenderOptions, spectral: bool) -> Vec<[f32; 4]> {
+pub fn pixels(scene: &Scene, options: &RenderOptions, spectral: bool) -> Vec<[f32; 4]> {
     let shading = ShadingModel { spectral, ..ShadingModel::default() };
     let (compiled, _) =
         compile(scene, &CompileOptions { shading, ..CompileOptions::default() }).expect("compiles");
     let mut rendering = Rendering::new(compiled, &scene.cameras[0], *options).expect("the film fits");
     assert_eq!(rendering.run(), PassOutcome::Done);
     assert_eq!(rendering.statistics().invalid_samples, 0);
-    rendering.film().rgba()
+    rendering.into_picture().into_film().rgba()
 }
 
 /// Means by channel over some seeds, each with its standard error.
@@ -321,20 +321,6 @@ fn prisms_bend_each_wavelength_by_snells_law() {
     }
     // Blue is bent most, and the test could tell: some centimetres lie between the lines.
     assert!(places.windows(2).all(|p| (p[0] - p[1]).abs() > 0.01), "{places:?}");
-}
-
-#[test]
-fn what_cannot_be_told_by_wavelength_is_refused() {
-    let refused = |scene: &Scene| {
-        let shading = ShadingModel { spectral: true, ..ShadingModel::default() };
-        let result = compile(scene, &CompileOptions { shading, ..CompileOptions::default() });
-        result.err().map(|error| error.to_string()).unwrap_or_default()
-    };
-    let mut scene = grey_room();
-    assert_eq!(refused(&scene), "");
-    scene.quads[0].traits.is_shadow_catcher = true;
-    let error = refused(&scene);
-    assert!(error.contains("shadow catchers") && error.contains("wavelength"), "{error}");
 }
 
 /// The same picture whatever the threads and the CPU.

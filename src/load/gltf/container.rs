@@ -1,6 +1,7 @@
 //! The binary container (GLB) and the JSON text in it or by itself.
 
 use crate::error::{Error, Result};
+use crate::load::words::is_utf_16;
 use gltf::{Glb, binary};
 use serde_json::Value;
 use std::borrow::Cow;
@@ -29,6 +30,9 @@ pub(super) fn open<'a>(path: &Path, bytes: &'a [u8]) -> Result<Parts<'a>> {
     }
     let (text, binary) = if bytes.starts_with(MAGIC) { chunks(path, bytes)? } else { (bytes.into(), None) };
     let text = text.strip_prefix(b"\xef\xbb\xbf").unwrap_or(&text);
+    if is_utf_16(text) {
+        return Err(Error::input(path, "is UTF-16 text").with_help("save the file as UTF-8"));
+    }
     let json: Value = serde_json::from_slice(text)
         .map_err(|e| Error::input(path, format!("is not a glTF file: its JSON can't be read: {e}")))?;
     if !json.is_object() {

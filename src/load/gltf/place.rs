@@ -263,7 +263,7 @@ impl<'b, 'a> Builder<'b, 'a> {
         let further = report.lasting(|report| images::read(doc, &needs[kept.images.len()..], report));
         kept.images.extend(further);
         scene.images = kept.images.clone();
-        kept.materials.settle_glass(&mut scene.meshes, doc.options.glass, report);
+        kept.materials.settle_glass(&mut scene, doc.options.glass, report);
         scene.materials = kept.materials.list.clone();
         scene.textures = kept.materials.textures.list.clone();
         area_lights.into_iter().for_each(|light| light.add_to(&mut scene));

@@ -21,6 +21,7 @@ mod statements;
 pub(in crate::load) use files::find as find_file;
 
 use super::shapes::Repairs;
+use super::words::is_utf_16;
 use super::{LoadOptions, Loaded, Up, UpHint, far};
 use crate::error::{Error, Result, Warning};
 use crate::math::{DAffine3, DVec3};
@@ -105,13 +106,6 @@ fn warn_of_missing_coordinates(path: &Path, loaded: &mut Loaded) {
             loaded.warnings.push(Warning::new(path, "", message));
         }
     }
-}
-
-/// Does UTF-16 text begin like that? It has a mark of its byte order, or a zero beside each letter.
-fn is_utf_16(start: &[u8]) -> bool {
-    let is_letter = |pair: &[u8]| matches!(pair, [0, 1..=127] | [1..=127, 0]);
-    matches!(start, [0xff, 0xfe, ..] | [0xfe, 0xff, ..])
-        || start.len() >= 4 && start.chunks_exact(2).all(is_letter)
 }
 
 /// What the comments at a file's head tell about who wrote it.

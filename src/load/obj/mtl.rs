@@ -7,7 +7,9 @@
 
 use super::lines::{Clean, Words, by_tobj, decoded, float};
 use crate::error::Warning;
+use crate::load::words::is_utf_16;
 use std::fs::File;
+use std::io::{Read, Seek};
 use std::path::Path;
 
 /// A material as the file says.
@@ -91,7 +93,13 @@ const MAPS: [&str; 15] = [
 /// # Errors
 /// Says why the file can't be read.
 pub(super) fn read(path: &Path, warnings: &mut Vec<Warning>) -> Result<Vec<Mtl>, String> {
-    let file = File::open(path).map_err(|e| format!("can't be read: {e}"))?;
+    let unreadable = |e| format!("can't be read: {e}");
+    let mut file = File::open(path).map_err(unreadable)?;
+    let mut start = Vec::new();
+    file.by_ref().take(16).read_to_end(&mut start).and_then(|_| file.rewind()).map_err(unreadable)?;
+    if is_utf_16(&start) {
+        return Err("is UTF-16 text; save it as UTF-8".into());
+    }
     let (parsed, library) = by_tobj(file, Library::default(), tobj::load_mtl_buf)?;
     let (materials, _) = parsed.map_err(|e| format!("can't be understood: {e}"))?;
     let ignored = library.ignored.into_iter();

@@ -10,6 +10,7 @@ use super::lines::{cut, split_line};
 use crate::error::Problem;
 use crate::gauge::Gauge;
 use crate::load::Up;
+use crate::load::words::is_utf_16;
 use ply_rs::parser::Parser;
 use ply_rs::ply::{ElementDef, Encoding, Header, PropertyType, ScalarType};
 
@@ -281,6 +282,9 @@ fn first_line(text: &str) -> String {
 
 fn header_text(bytes: &[u8]) -> Result<HeaderText> {
     if !bytes.starts_with(b"ply") {
+        if is_utf_16(bytes) {
+            return Err(Problem::new("", "is UTF-16 text").with_help("save the file as UTF-8"));
+        }
         return Err(Problem::new("", "is not a PLY file: it doesn't start with 'ply'"));
     }
     let (mut text, mut at, mut lines, mut strays) = (String::new(), 0, 0, Vec::new());

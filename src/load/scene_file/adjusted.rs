@@ -9,6 +9,7 @@ use super::textures::Textures;
 use super::visibility::visible_to;
 use crate::error::Warning;
 use crate::scene::{AlphaMode, FloatSlot, Lamp, Material, Model};
+use std::ops::Range;
 
 /// The material of a model, with what the keys say; `None` if it has no parameters to change.
 pub(super) fn adjusted<'a>(
@@ -47,6 +48,16 @@ pub(super) fn adjusted<'a>(
     material.priority = media::priority(fields).unwrap_or(material.priority);
     fields.finish();
     Some(Material { model: Model::Pbr(model), ..material })
+}
+
+/// Notes a problem if a material of the model may be meant by a name that none of them has; did it?
+pub(super) fn push_unknown(build: &Build, name: &str, span: Range<usize>) -> bool {
+    let near = nearest(name, build.loaded.scene.materials.iter().map(|m| m.name.as_str()));
+    if let Some(near) = near {
+        let message = format!("there is no material '{name}'");
+        build.problems.push_help(span, message, format!("did you mean '{near}' of the model?"));
+    }
+    near.is_some()
 }
 
 /// Warns of a table that is named as no material of the model and that no object refers to.

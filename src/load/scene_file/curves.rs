@@ -71,15 +71,24 @@ fn one<'a>(
         );
         return None;
     }
-    let CurveFile { strands, points, radii, colors, .. } = file;
-    let radii = match radius {
-        Some(ends) => tapered(&strands, ends),
-        None if radii.len() == points.len() => radii,
+    let mut file = file;
+    match radius {
+        Some(ends) => file.radii = tapered(&file.strands, ends),
+        None if file.radii.len() == file.points.len() => {}
         None => {
             fields.problems.push_help(span, format!("{name} have no radii"), "write 'radius', in metres");
             return None;
         }
+    }
+    let far = file.leave_out_far(world_from_object);
+    let message = match (far, file.strands.is_empty()) {
+        (0, true) => Some(format!("{name} hold no strands")),
+        (0, false) => None,
+        (1, _) => Some(format!("a strand of {name} reaches beyond 1e18 m and is left out")),
+        (far, _) => Some(format!("{far} strands of {name} reach beyond 1e18 m and are left out")),
     };
+    build.loaded.warnings.extend(message.map(|message| Warning::new(build.file, "", message)));
+    let CurveFile { strands, points, radii, colors, .. } = file;
     let material = material?;
     if !colors.is_empty() {
         build.loaded.scene.materials[material.index()].use_vertex_colors = true;

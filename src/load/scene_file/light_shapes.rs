@@ -105,6 +105,7 @@ pub(super) fn add(
 ) {
     let LightTraits { name, color, lamp, group, links, .. } = traits;
     let traits = ObjectTraits { links, ..ObjectTraits::default() };
+    build.loaded.has_area_lights = true;
     let scene = &mut build.loaded.scene;
     let material = MaterialId(scene.materials.len() as u32);
     let mut emitter = Material::emitter(&name, color.map(|c| c * radiance as f32), false);

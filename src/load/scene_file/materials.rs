@@ -26,7 +26,7 @@
 //! fuzz is taken (fuzz 0.3 gives alpha 0.056, fuzz 1 gives 0.31), and roughness is its square root.
 
 use super::build::Build;
-use super::fields::{Fields, named};
+use super::fields::{Fields, named, nearest};
 use super::light_traits::group;
 use super::textures::Textures;
 use super::{adjusted, displaced, hair, media, metals, pbr};
@@ -70,6 +70,10 @@ impl<'a> Materials<'a> {
             let own = build.loaded.scene.materials.iter().position(|m| m.name == name);
             if let Some(index) = own {
                 return Some(MaterialId(index as u32));
+            }
+            let own_tables = self.fields.iter().flat_map(|f| f.entries()).map(|(n, _)| n);
+            if nearest(name, own_tables).is_none() && adjusted::push_unknown(build, name, span.clone()) {
+                return None;
             }
         }
         let value = named(self.fields.as_ref(), "material", name, span, build.problems)?;
@@ -120,6 +124,11 @@ impl<'a> Materials<'a> {
             match value.get_ref().as_table() {
                 Some(table) => {
                     let fields = Fields::new(format!("material '{name}'"), table, value.span(), all.problems);
+                    // It means to change one of the model's.
+                    let is_change = build.is_beside_model && !fields.has("type");
+                    if is_change && adjusted::push_unknown(build, name, value.span()) {
+                        continue;
+                    }
                     read(build, textures, &fields, name);
                 }
                 None => build.problems.push(value.span(), format!("material '{name}' must be a table")),

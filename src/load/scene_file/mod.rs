@@ -77,13 +77,7 @@ pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
 fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) -> Loaded {
     let (root, errors) = DeTable::parse_recoverable(text);
     if !errors.is_empty() {
-        for e in errors {
-            let span = e.span().unwrap_or(0..0);
-            match lacks_first_digit(text, span.start) {
-                true => problems.push_help(span, e.message(), "numbers begin with a digit: 0.5, not .5"),
-                false => problems.push(span, e.message()),
-            }
-        }
+        tell_of_syntax(text, &errors, problems);
         return Loaded::default();
     }
     let root = Fields::new("the scene file", root.get_ref(), 0..0, problems);
@@ -110,6 +104,17 @@ fn build(path: &Path, text: &str, options: &LoadOptions, problems: &Problems) ->
         }
     });
     build.loaded
+}
+
+/// Notes what makes a text no TOML.
+fn tell_of_syntax(text: &str, errors: &[toml::de::Error], problems: &Problems) {
+    for e in errors {
+        let span = e.span().unwrap_or(0..0);
+        match lacks_first_digit(text, span.start) {
+            true => problems.push_help(span, e.message(), "numbers begin with a digit: 0.5, not .5"),
+            false => problems.push(span, e.message()),
+        }
+    }
 }
 
 /// Is there a number such as `.5` at a place of a text, or its point just before?

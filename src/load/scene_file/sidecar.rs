@@ -59,10 +59,8 @@ pub(in crate::load) fn asked_first(model: &Path, options: &LoadOptions) -> LoadO
 /// What was added, in words.
 fn add(path: &Path, text: &str, options: &LoadOptions, problems: &Problems, loaded: &mut Loaded) -> String {
     let (root, errors) = DeTable::parse_recoverable(text);
-    for e in &errors {
-        problems.push(e.span().unwrap_or(0..0), e.message());
-    }
     if !errors.is_empty() {
+        super::tell_of_syntax(text, &errors, problems);
         return String::new();
     }
     let own = std::mem::take(&mut loaded.scene.settings);

@@ -48,11 +48,7 @@ impl Scene {
             cameras::check(camera, i, &mut findings);
         }
         settings::check(&self.settings, &mut findings);
-        let mut problems = findings.into_problems();
-        if self.settings.spectral == Some(true) {
-            problems.extend(self.spectral_problems());
-        }
-        problems
+        findings.into_problems()
     }
 }
 

@@ -195,9 +195,18 @@ fn box_bytes(size: [f32; 3]) -> Vec<u8> {
 
 #[test]
 fn flat_panes_become_sheets_where_that_is_wanted() {
-    let shown = |size: [f32; 3], glass: Glass| {
+    let scaled = |size: [f32; 3], scale: &[[f32; 3]], glass: Glass| {
         let bytes = box_bytes(size);
         let mut asset = corners(36, bytes.len());
+        asset["nodes"] = scale.iter().map(|scale| json!({"mesh": 0, "scale": scale})).collect();
+        asset["scenes"][0]["nodes"] = (0..scale.len()).collect();
+        asset["nodes"]
+            .as_array_mut()
+            .expect("nodes")
+            .push(json!({"extensions": {"KHR_lights_punctual": {"light": 0}}}));
+        asset["scenes"][0]["nodes"].as_array_mut().expect("roots").push(json!(scale.len()));
+        asset["extensions"] =
+            json!({"KHR_lights_punctual": {"lights": [{"type": "directional", "intensity": 1}]}});
         asset["accessors"][0]
             .as_object_mut()
             .expect("an object")
@@ -214,6 +223,7 @@ fn flat_panes_become_sheets_where_that_is_wanted() {
             LoadOptions { gltf: GltfOptions { glass, ..GltfOptions::default() }, ..LoadOptions::default() };
         load_by(&asset, &[("a.bin", &bytes)], &options).unwrap_or_else(|e| panic!("{e}"))
     };
+    let shown = |size: [f32; 3], glass: Glass| scaled(size, &[[1.0; 3]], glass);
     let pane = shown([1.0, 2.0, 0.02], Glass::Panes);
     let Model::Pbr(model) = &pane.scene.materials[0].model else { panic!("no glTF material") };
     assert!(!model.has_volume && model.attenuation_distance.is_infinite());
@@ -228,5 +238,27 @@ fn flat_panes_become_sheets_where_that_is_wanted() {
         let loaded = shown(size, glass);
         let Model::Pbr(model) = &loaded.scene.materials[0].model else { panic!("no glTF material") };
         assert!(model.has_volume && loaded.scene.meshes[0].triangles.len() == 12);
+        // That sunlight stops at them is said.
+        let is_said =
+            loaded.notes.iter().any(|n| n.message.contains("don't shine through the flat solid panes"));
+        assert_eq!(is_said, glass == Glass::Auto);
+    }
+    // A cube that its node flattens is a pane, in copies as well unless they are flat another way.
+    let (flat, thick) = ([2.0, 1.0, 0.02], [2.0, 1.0, 0.5]);
+    for (scales, triangles) in [
+        (&[flat][..], 2),
+        (&[flat, [1.0, 1.0, -0.01]], 2),
+        (&[thick], 12),
+        (&[flat, thick], 12),
+        (&[flat, [0.02, 1.0, 2.0]], 12),
+    ] {
+        let loaded = scaled([1.0; 3], scales, Glass::Panes);
+        assert_eq!(loaded.scene.meshes[0].triangles.len(), triangles, "{scales:?}");
+        let Model::Pbr(model) = &loaded.scene.materials[0].model else { panic!("no glTF material") };
+        assert!(
+            triangles == 12 || (model.base_color.factor[1] - 0.5).abs() < 1e-4,
+            "{:?}",
+            model.base_color.factor
+        );
     }
 }

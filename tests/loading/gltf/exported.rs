@@ -138,6 +138,12 @@ fn misspelt_names_of_a_model_are_said() {
     fails("[objects.Tre]\nhidden = true\n", "the model has no object 'Tre' (did you mean 'Tree'?)");
     fails("[objects.Tree]\nhiden = true\n", "object 'Tree' has no key 'hiden' (did you mean 'hidden'?)");
     fails("[objects.Tree]\nmaterial = \"Wod\"\n", "there is no material 'Wod'");
+    fails("[objects.Tree]\nmaterial = \"Wod\"\n", "did you mean 'Wood' of the model?");
+    fails(
+        "[materials.Wod]\nbase_color = 0.5\n",
+        "there is no material 'Wod' (did you mean 'Wood' of the model?)",
+    );
+    fails("[materials.Marble]\nbase_color = 0.5\n", "material 'Marble' needs 'type'");
     fails("[materials.Wood]\nbase_colour = 1\n", "material 'Wood' has no key 'base_colour'");
     let warned = load(&room(BLENDER, 255), Some("[materials.Wod]\ntype = \"lambert\"\n")).warnings;
     let words = "the model has no material 'Wod' and no object asks for it (did you mean 'Wood'?)";

@@ -43,6 +43,21 @@ fn utf_16_is_called_by_its_name() {
         let error = load_files(&[("a.obj", &text)]).expect_err("it is no text that is read").to_string();
         assert!(error.contains("UTF-16") && !error.contains('\0'), "{error}");
     }
+    // So it is for its materials, and for other files of text.
+    let encoded = |text: &str| {
+        [&[0xff, 0xfe], &text.encode_utf16().flat_map(u16::to_le_bytes).collect::<Vec<_>>()[..]].concat()
+    };
+    let (mtl, obj) =
+        (encoded("newmtl a\nKd 1 0 0\n"), "mtllib a.mtl\nv 0 0 0\nv 1 0 0\nv 0 1 0\nusemtl a\nf 1 2 3\n");
+    let loaded = load_files(&[("a.obj", obj.as_bytes()), ("a.mtl", &mtl)]).expect("it is grey");
+    let warned: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(warned[0].contains("'a.mtl' is UTF-16 text") && !warned.concat().contains('\0'), "{warned:?}");
+    for (name, text) in
+        [("a.ply", "ply\nformat ascii 1.0\n"), ("a.gltf", "{\"asset\": {\"version\": \"2.0\"}}")]
+    {
+        let error = load_files(&[(name, &encoded(text))]).expect_err(name).to_string();
+        assert!(error.contains("UTF-16"), "{error}");
+    }
 }
 
 #[test]

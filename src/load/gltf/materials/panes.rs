@@ -4,8 +4,8 @@ use super::Materials;
 use crate::error::Choice;
 use crate::load::gltf::options::Glass;
 use crate::load::gltf::report::Report;
-use crate::math::DVec3;
-use crate::scene::{MaterialId, Mesh, Model, PbrMaterial, encloses};
+use crate::math::{DMat3, DVec3};
+use crate::scene::{Instance, MaterialId, Mesh, Model, PbrMaterial, Scene, encloses};
 
 /// Share of a pane's surface that lies in its two planes, and the cosine within which a triangle counts to them.
 const FLAT_SHARE: f64 = 0.8;
@@ -14,14 +14,20 @@ const FLAT_COSINE: f64 = 0.999;
 impl Materials {
     /// Decides on glass that is solid where its meshes enclose a body, and says so; makes sheets of panes where the user
     /// wants that.
-    pub fn settle_glass(&mut self, meshes: &mut [Mesh], glass: Glass, report: &mut Report) {
+    pub fn settle_glass(&mut self, scene: &mut Scene, glass: Glass, report: &mut Report) {
+        let has_lamps = !scene.lights.is_empty();
+        let Scene { meshes, instances, .. } = scene;
         for index in 0..self.needs.len() {
             let id = MaterialId(index as u32);
             if std::mem::take(&mut self.needs[index].body) {
                 self.settle_body(id, meshes, report);
             }
-            if self.needs[index].glass && glass == Glass::Panes {
-                self.settle_panes(id, meshes, report);
+            match glass {
+                Glass::Panes if self.needs[index].glass => self.settle_panes(id, meshes, instances, report),
+                Glass::Auto if self.needs[index].glass && has_lamps => {
+                    self.note_panes(id, meshes, instances, report);
+                }
+                _ => {}
             }
         }
     }
@@ -42,17 +48,22 @@ impl Materials {
     }
 
     /// Makes single sheets of the panes of a material that is on nothing else.
-    fn settle_panes(&mut self, id: MaterialId, meshes: &mut [Mesh], report: &mut Report) {
+    fn settle_panes(
+        &mut self,
+        id: MaterialId,
+        meshes: &mut [Mesh],
+        instances: &[Instance],
+        report: &mut Report,
+    ) {
         let Model::Pbr(model) = &self.list[id.index()].model else { return };
         // A picture that each crossing takes would have to be squared.
         if model.base_color.texture.is_some() && !model.tints_once {
             return;
         }
         let is_known = self.panes.contains(&id);
-        let its = || meshes.iter().filter(|mesh| has(mesh, id));
-        let thickest = its()
-            .map(|mesh| Pane::of(mesh, id))
-            .try_fold(0.0f64, |most, pane| pane.map(|pane| most.max(pane.thickness)));
+        let panes: Option<Vec<(usize, Pane)>> = panes(id, meshes, instances);
+        let thickest =
+            panes.as_ref().map(|list| list.iter().fold(0.0, |most, (_, pane)| pane.thickness.max(most)));
         let (Some(thickness), true) = (thickest.or(is_known.then_some(0.0)), is_known || model.has_volume)
         else {
             return;
@@ -72,42 +83,84 @@ impl Materials {
             );
             report.lasting(|report| report.note("", message));
         }
-        for mesh in meshes.iter_mut().filter(|mesh| has(mesh, id)) {
-            if let Some(pane) = Pane::of(mesh, id) {
-                pane.leave_one_face(mesh);
-            }
+        // Meshes of other moments have lost their second face already.
+        for (index, pane) in panes.into_iter().flatten() {
+            pane.leave_one_face(&mut meshes[index]);
         }
     }
+
+    /// Says that lamps without size don't shine through solid panes.
+    fn note_panes(&self, id: MaterialId, meshes: &[Mesh], instances: &[Instance], report: &mut Report) {
+        let material = &self.list[id.index()];
+        let Model::Pbr(model) = &material.model else { return };
+        let is_clear = model.roughness.factor == 0.0 && model.transmission.factor > 0.0;
+        if !model.has_volume || !is_clear || panes(id, meshes, instances).is_none_or(|list| list.is_empty()) {
+            return;
+        }
+        let message = format!(
+            "suns and lamps without size don't shine through the flat solid panes of material '{}'; through single sheets \
+             they do ('panes' of {})",
+            material.name,
+            Choice::Glass
+        );
+        report.lasting(|report| report.note("", message));
+    }
+}
+
+/// The meshes with a material and the panes that they are; `None` if one is none.
+fn panes(id: MaterialId, meshes: &[Mesh], instances: &[Instance]) -> Option<Vec<(usize, Pane)>> {
+    let its = meshes.iter().enumerate().filter(|(_, mesh)| has(mesh, id));
+    its.map(|(index, mesh)| {
+        let placed = instances.iter().filter(|i| i.mesh.index() == index);
+        let mut panes = placed.map(|i| Pane::of(mesh, id, i.world_from_object.matrix3));
+        let first = panes.next().unwrap_or_else(|| Pane::of(mesh, id, DMat3::IDENTITY))?;
+        let all = panes.try_fold(first, |first, pane| pane.and_then(|pane| first.and(&pane)));
+        all.map(|pane| (index, pane))
+    })
+    .collect()
 }
 
 fn has(mesh: &Mesh, id: MaterialId) -> bool {
     mesh.parts.iter().any(|part| part.material == id)
 }
 
-/// A flat closed body.
+/// A flat closed body, as it is placed.
 struct Pane {
-    /// Normal of its faces, of unit length.
+    /// Normal of its faces in the mesh's own space, of unit length.
     axis: DVec3,
-    /// Metres in the mesh's own space.
+    /// Metres.
     thickness: f64,
 }
 
 impl Pane {
-    /// A mesh as a pane; `None` if it isn't one of a single material.
-    fn of(mesh: &Mesh, id: MaterialId) -> Option<Pane> {
+    /// A mesh as a pane where `world_from_object` places it; `None` if it isn't one of a single material.
+    fn of(mesh: &Mesh, id: MaterialId, world_from_object: DMat3) -> Option<Pane> {
         if mesh.parts.iter().any(|part| part.material != id) || !encloses(mesh) {
             return None;
         }
+        let determinant = world_from_object.determinant();
+        // Areas go by the cofactors.
+        let cofactors = world_from_object.inverse().transpose() * determinant;
         let vectors: Vec<DVec3> = mesh.triangles.iter().map(|&t| vector_area(mesh, t)).collect();
-        let largest = vectors.iter().copied().max_by(|a, b| a.length().total_cmp(&b.length()))?;
-        let axis = largest.try_normalize()?;
-        let area: f64 = vectors.iter().map(|v| v.length()).sum();
+        let placed: Vec<DVec3> = vectors.iter().map(|&v| cofactors * v).collect();
+        let (largest, _) =
+            placed.iter().enumerate().max_by(|(_, a), (_, b)| a.length().total_cmp(&b.length()))?;
+        let axis = placed[largest].try_normalize()?;
+        let area: f64 = placed.iter().map(|v| v.length()).sum();
         let is_of_face = |v: &&DVec3| v.dot(axis).abs() >= FLAT_COSINE * v.length();
-        let flat: f64 = vectors.iter().filter(is_of_face).map(|v| v.length()).sum();
+        let flat: f64 = placed.iter().filter(is_of_face).map(|v| v.length()).sum();
         // The volume, by tetrahedra from the origin, over one of the two faces.
-        let thrice: f64 = mesh.triangles.iter().map(|&t| corners(mesh, t)[0].dot(vector_area(mesh, t))).sum();
-        let thickness = (thrice / 3.0 / (flat / 2.0)).abs();
+        let thrice: f64 =
+            mesh.triangles.iter().zip(&vectors).map(|(&t, v)| corners(mesh, t)[0].dot(*v)).sum();
+        let thickness = (thrice / 3.0 * determinant / (flat / 2.0)).abs();
+        let axis = vectors[largest].try_normalize()?;
         (flat >= FLAT_SHARE * area && thickness.is_finite()).then_some(Pane { axis, thickness })
+    }
+
+    /// Both, the thicker, if they have the same faces.
+    fn and(self, other: &Pane) -> Option<Pane> {
+        let thickness = self.thickness.max(other.thickness);
+        (self.axis.dot(other.axis).abs() >= FLAT_COSINE).then_some(Pane { thickness, ..self })
     }
 
     /// Removes all triangles but those of one face.
