@@ -49,6 +49,11 @@ pub struct CompiledMaterial {
     pub presence: Option<Presence>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
+    /// What it reflects for a direction of light differs with the viewer otherwise than its BSDF's form says: others can't tell from
+    /// what they know of one viewer, nor paths that come from lamps.
+    pub depends_on_viewer: bool,
+    /// What it emits differs with the viewer, and with the normals of vertices: only paths that meet it find its light.
+    pub shines_by_viewer: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
@@ -222,6 +227,10 @@ impl CompiledMaterial {
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors,
+            depends_on_viewer: reads_facing(&model, textures),
+            shines_by_viewer: emission
+                .and_then(|e| e.radiance.texture)
+                .is_some_and(|id| textures.depends_on_viewer(id)),
             uses_uv,
             uses_frame,
             coat_normal_map,
@@ -412,6 +421,15 @@ fn has_textures(model: &Model, textures: &CompiledTextures) -> bool {
     let differs = |id| textures.spectrum(id).is_none();
     let mut found = false;
     model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(differs));
+    found
+}
+
+/// Are there textures that differ with the viewer?
+fn reads_facing(model: &Model, textures: &CompiledTextures) -> bool {
+    let mut found = false;
+    model.visit("", &mut |_, parameter| {
+        found |= parameter.texture().is_some_and(|id| textures.depends_on_viewer(id));
+    });
     found
 }
 

@@ -277,7 +277,7 @@ impl Integrator<'_> {
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
-        alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha)
+        alpha.presence(&self.slots(&at, &surface, -ray.direction, 0.0), vertex_alpha)
     }
 }
 
