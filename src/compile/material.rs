@@ -98,6 +98,8 @@ impl Presence {
 pub struct Alpha {
     slot: FloatSlot,
     cutoff: Option<f32>,
+    /// It differs with the direction of the ray.
+    pub depends_on_viewer: bool,
 }
 
 impl Slots for PointReader<'_> {
@@ -397,10 +399,11 @@ impl Alpha {
 
 fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
     let slot = fold_float(material.alpha, textures);
+    let depends_on_viewer = slot.texture.is_some_and(|(id, _)| textures.depends_on_viewer(id));
     let alpha = match material.alpha_mode {
         AlphaMode::Opaque => return None,
-        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff) },
-        AlphaMode::Blend => Alpha { slot, cutoff: None },
+        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff), depends_on_viewer },
+        AlphaMode::Blend => Alpha { slot, cutoff: None, depends_on_viewer },
     };
     // Present everywhere: nothing to do.
     let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);

@@ -318,6 +318,35 @@ mod tests {
     }
 
     #[test]
+    fn tables_by_the_cosine_are_linear() {
+        let table = |colors: &[[f32; 3]]| Texture::Facing(colors.into());
+        let textures = [
+            table(&[[0.0; 3], [1.0, 0.5, 0.25], [0.0, 1.0, 0.0]]),
+            table(&[[0.5; 3], [0.5; 3]]),
+            table(&[]),
+            Texture::Checker {
+                even: TextureId(0),
+                odd: TextureId(1),
+                cell_size: 1.0,
+                mapping: Mapping::World,
+            },
+        ];
+        let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
+        let at = |cosine| t.eval_at(TextureId(0), &TexturePoint { cosine, ..TexturePoint::default() });
+        assert_eq!(at(0.0), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(at(0.25), [0.5, 0.25, 0.125, 1.0]);
+        assert_eq!(at(0.75), [0.5, 0.75, 0.125, 1.0]);
+        // Rounding may lead a little beyond.
+        assert_eq!([at(1.0), at(1.000_001)], [[0.0, 1.0, 0.0, 1.0]; 2]);
+        assert_eq!(t.constant(TextureId(1)), Some([0.5, 0.5, 0.5, 1.0]));
+        assert_eq!(t.constant(TextureId(2)), Some([0.0, 0.0, 0.0, 1.0]));
+        assert_eq!(
+            [0, 1, 2, 3, 9].map(|i| t.depends_on_viewer(TextureId(i))),
+            [true, false, false, true, false]
+        );
+    }
+
+    #[test]
     fn world_offset_moves_patterns_back() {
         let noise = Texture::Noise {
             kind: NoiseKind::Marble,

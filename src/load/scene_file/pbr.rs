@@ -27,8 +27,8 @@
 use super::fields::Fields;
 use super::media;
 use crate::scene::{
-    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material,
-    Medium, Model, PbrMaterial, Sheen,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
+    Material, Medium, Model, PbrMaterial, Sheen,
 };
 
 /// Reads the material; `slot` reads a colour or the name of a texture, with a default.
