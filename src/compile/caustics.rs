@@ -35,6 +35,7 @@ impl CompiledMaterial {
     pub fn role(&self) -> Role {
         use BsdfClass::{Black, Conductor, Dielectric, Lambert, MetalRough, OrenNayar, SchlickMetal};
         match self.class {
+            _ if self.depends_on_viewer => Role::Neither,
             Lambert | OrenNayar => Role::Catches,
             Black => Role::Neither,
             Dielectric => Role::Sends,

@@ -71,9 +71,10 @@ pub fn find(geometries: &Geometries, materials: &[CompiledMaterial]) -> Emitters
     emitters
 }
 
-/// The emission that light sampling knows of. Where a surface is partly absent only paths that meet it find its light.
+/// The emission that light sampling knows of. Where a surface is partly absent, or shines otherwise for each viewer, only paths that
+/// meet it find its light.
 pub(super) fn sampled_emission(material: &CompiledMaterial) -> Option<CompiledEmission> {
-    material.emission.filter(|_| material.alpha.is_none())
+    material.emission.filter(|_| material.alpha.is_none() && !material.shines_by_viewer)
 }
 
 impl Emitters {

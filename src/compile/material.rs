@@ -1,6 +1,7 @@
 //! Materials ready for shading: constant slots folded, constant BSDFs made once, others as programs that hits run.
 
-use super::fold::{fold_color, fold_float, fold_model};
+use super::alpha::{Alpha, alpha_of};
+use super::fold::{fold_color, fold_model};
 use super::medium::{Medium, lets_light_in};
 use super::uplift;
 use crate::bsdf::{Bsdf, BsdfClass, BsdfProgram, Factors, LocalFrame, ShadingModel, Slots};
@@ -9,8 +10,8 @@ use crate::color::spectral::{Spectrum, Wavelengths, uplifted_share};
 use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
-    AlphaMode, ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits,
-    Parameters, RayKinds, Transmission,
+    ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits, Parameters,
+    RayKinds, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -49,6 +50,11 @@ pub struct CompiledMaterial {
     pub presence: Option<Presence>,
     /// Vertex colours multiply the base colour.
     pub uses_vertex_colors: bool,
+    /// What it reflects for a direction of light differs with the viewer otherwise than its BSDF's form says: others can't tell from
+    /// what they know of one viewer, nor paths that come from lamps.
+    pub depends_on_viewer: bool,
+    /// What it emits differs with the viewer, and with the normals of vertices: only paths that meet it find its light.
+    pub shines_by_viewer: bool,
     /// Texture coordinates are needed.
     pub uses_uv: bool,
     /// The BSDF depends on tangents or on a second normal.
@@ -96,13 +102,6 @@ impl Presence {
         sets: ObjectSets::NONE,
         links: LightLinks::ALL,
     };
-}
-
-/// Partial presence.
-#[derive(Clone, Copy, Debug)]
-pub struct Alpha {
-    slot: FloatSlot,
-    cutoff: Option<f32>,
 }
 
 impl Slots for PointReader<'_> {
@@ -232,6 +231,10 @@ impl CompiledMaterial {
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors,
+            depends_on_viewer: reads_facing(&model, textures),
+            shines_by_viewer: emission
+                .and_then(|e| e.radiance.texture)
+                .is_some_and(|id| textures.depends_on_viewer(id)),
             uses_uv,
             uses_frame,
             coat_normal_map,
@@ -391,36 +394,6 @@ fn local_normal(map: NormalMap, slots: &PointReader<'_>) -> Vec3 {
     Vec3::new((2.0 * x - 1.0) * map.scale, (2.0 * y - 1.0) * map.scale, 2.0 * z - 1.0)
 }
 
-impl Alpha {
-    /// Zero alpha stays zero whatever vertices and textures multiply it with.
-    fn is_never_present(&self) -> bool {
-        self.slot.factor == 0.0 && self.cutoff.is_none_or(|cutoff| cutoff > 0.0)
-    }
-
-    /// The probability that the surface is present at a point.
-    #[inline]
-    pub fn presence(&self, slots: &PointReader<'_>, vertex_alpha: f32) -> f32 {
-        let alpha = slots.number(&self.slot) * vertex_alpha;
-        match self.cutoff {
-            Some(cutoff) => f32::from(u8::from(alpha >= cutoff)),
-            None => alpha.clamp(0.0, 1.0),
-        }
-    }
-}
-
-fn alpha_of(material: &Material, textures: &CompiledTextures) -> Option<Alpha> {
-    let slot = fold_float(material.alpha, textures);
-    let alpha = match material.alpha_mode {
-        AlphaMode::Opaque => return None,
-        AlphaMode::Mask { cutoff } => Alpha { slot, cutoff: Some(cutoff) },
-        AlphaMode::Blend => Alpha { slot, cutoff: None },
-    };
-    // Present everywhere: nothing to do.
-    let present = |a: f32| alpha.cutoff.map_or(a >= 1.0, |cutoff| a >= cutoff);
-    let constant = slot.texture.is_none() && !material.use_vertex_colors;
-    (!(constant && present(slot.factor))).then_some(alpha)
-}
-
 fn is_transmissive(model: &Model) -> bool {
     match model.transmission() {
         Transmission::None => false,
@@ -434,6 +407,15 @@ fn has_textures(model: &Model, textures: &CompiledTextures) -> bool {
     let differs = |id| textures.spectrum(id).is_none();
     let mut found = false;
     model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(differs));
+    found
+}
+
+/// Are there textures that differ with the viewer?
+fn reads_facing(model: &Model, textures: &CompiledTextures) -> bool {
+    let mut found = false;
+    model.visit("", &mut |_, parameter| {
+        found |= parameter.texture().is_some_and(|id| textures.depends_on_viewer(id));
+    });
     found
 }
 

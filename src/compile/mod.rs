@@ -1,6 +1,7 @@
 //! From what the user described to what the renderer needs: flat geometry with its accelerator, folded materials and
 //! textures, lights. Whatever the picture does not need is left out, and said so.
 
+mod alpha;
 mod bake;
 mod black_body;
 mod blur;
@@ -37,6 +38,7 @@ mod uplift;
 mod vectors;
 mod view;
 
+pub use alpha::Alpha;
 pub use black_body::BlackBodies;
 pub use caustics::Role;
 pub use compiler::Compiler;
@@ -45,7 +47,7 @@ pub use density::{DensityGrid, GridRay};
 pub use geometry::{Corners, Geometries, Placement, Space, SurfaceCoordinates, TextureCorners, Transform};
 pub use glow::Glow;
 pub use links::MOST_CLASSES;
-pub use material::{Alpha, CompiledEmission, CompiledMaterial, Presence};
+pub use material::{CompiledEmission, CompiledMaterial, Presence};
 pub use medium::Medium;
 pub use objects::ObjectId;
 pub use run::compile;

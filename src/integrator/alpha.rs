@@ -10,7 +10,7 @@ use super::surface::HitPoint;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::compile::CompiledMaterial;
-use crate::math::{Hit, Ray};
+use crate::math::{Hit, Ray, Vec3};
 use crate::sampling::hash::{hash32, unit};
 use crate::scene::RayKinds;
 use crate::shape::Surface;
@@ -285,7 +285,9 @@ impl Integrator<'_> {
         let surface: Surface = self.scene.geometries.surface(ray, hit, time);
         let at = self.scene.geometries.coordinates(&surface, hit, false, time);
         let vertex_alpha = if material.uses_vertex_colors { at.color[3] } else { 1.0 };
-        alpha.presence(&self.slots(&at, &surface, 0.0), vertex_alpha)
+        // Those of shadow rays are as long as their way.
+        let wo = if alpha.depends_on_viewer { -ray.direction.normalize() } else { Vec3::ZERO };
+        alpha.presence(&self.slots(&at, &surface, wo, 0.0), vertex_alpha)
     }
 }
 

@@ -27,8 +27,9 @@ impl Integrator<'_> {
         if !self.finds_linked(bounce, i, links, &w.arriving) {
             return;
         }
-        let radiance = self.emitted(at, w.times.waves(w.arriving.carried.sample[i]));
-        let radiance = emission.beam.of(radiance, surface.ng, -w.rays[i].direction);
+        let wo = -w.rays[i].direction;
+        let radiance = self.emitted(at, wo, w.times.waves(w.arriving.carried.sample[i]));
+        let radiance = emission.beam.of(radiance, surface.ng, wo);
         let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
         let mut weight = 1.0;
         if path.pdf[i] > 0.0

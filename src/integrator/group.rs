@@ -152,6 +152,8 @@ pub fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> Group {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => Group::None,
+        // Neighbouring pixels don't share what it reflects, as they do in the groups below.
+        BsdfClass::Lambert | BsdfClass::MetalRough if material.depends_on_viewer => Group::Rough,
         BsdfClass::Lambert => {
             if is_plain {
                 Group::Plain

@@ -69,8 +69,8 @@ impl Integrator<'_> {
         }
     }
 
-    /// The radiance that a surface emits everywhere alike, or at a point by its texture, in the lanes of a path.
-    pub(super) fn emitted(&self, at: &HitPoint<'_>, waves: Option<&Wavelengths>) -> Rgb {
+    /// The radiance that a surface emits towards `wo`, everywhere alike or at a point by its texture, in the lanes of a path.
+    pub(super) fn emitted(&self, at: &HitPoint<'_>, wo: Vec3, waves: Option<&Wavelengths>) -> Rgb {
         let HitPoint { surface, hit, material, time, .. } = at;
         let Some(emission) = material.emission else { return Rgb::ZERO };
         let rgb = match emission.radiance.texture {
@@ -78,7 +78,7 @@ impl Integrator<'_> {
             Some(_) => {
                 // A point: light sampling, which this is weighted against, uses points too.
                 let at = self.scene.geometries.coordinates(surface, hit, false, *time);
-                self.slots(&at, surface, 0.0).color(&emission.radiance)
+                self.slots(&at, surface, wo, 0.0).color(&emission.radiance)
             }
         };
         match (waves, &material.light_spectrum) {

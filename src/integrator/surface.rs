@@ -303,7 +303,7 @@ impl Integrator<'_> {
     fn textured(&self, at: &HitPoint<'_>, width: f32, wo: Vec3, waves: Option<&Wavelengths>) -> (Bsdf, Vec3) {
         let HitPoint { surface, hit, material, time, .. } = at;
         let at = self.scene.geometries.coordinates(surface, hit, self.scene.features.footprints, *time);
-        let slots = self.slots(&at, surface, width);
+        let slots = self.slots(&at, surface, wo, width);
         let ns = material.shading_normal(&slots, surface, at.tangent_frame);
         let frame = if material.uses_frame {
             let scattering = Frame::from_normal(scattering_normal(ns, surface.ng, wo));
@@ -321,10 +321,17 @@ impl Integrator<'_> {
         (bsdf, ns)
     }
 
-    /// Texture lookups at a point that a path covers in a certain width.
-    pub(super) fn slots(&self, at: &SurfaceCoordinates, surface: &Surface, width: f32) -> PointReader<'_> {
+    /// Texture lookups at a point that a path covers in a certain width and sees from `wo`.
+    pub(super) fn slots(
+        &self,
+        at: &SurfaceCoordinates,
+        surface: &Surface,
+        wo: Vec3,
+        width: f32,
+    ) -> PointReader<'_> {
         let (world, normal) = (surface.p, surface.ng);
-        let point = TexturePoint { uv: at.uv, world, normal, width, uv_per_metre: at.uv_per_metre };
+        let cosine = surface.ns.dot(wo).abs();
+        let point = TexturePoint { uv: at.uv, world, normal, cosine, width, uv_per_metre: at.uv_per_metre };
         PointReader::new(&self.scene.textures, point)
     }
 }

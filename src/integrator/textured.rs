@@ -78,6 +78,8 @@ impl Integrator<'_> {
             uv: [uv, Vec2::ZERO],
             world: p,
             normal: ng,
+            // What depends on it is shaded elsewhere.
+            cosine: 1.0,
             width: w.arriving.footprints.width[i],
             uv_per_metre: [v.textured.uv_per_metre[k], 0.0],
         };

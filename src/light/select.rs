@@ -11,7 +11,9 @@ use std::f32::consts::PI;
 
 /// All lights; their indices run through the area lights, the punctual ones, then the environment.
 ///
-/// One is chosen by a [`Choice`] among those that light a receiver.
+/// One is chosen among those that light a receiver: first between the lights at some place and those infinitely far away, by
+/// estimates of the irradiance that they bring to it; then among the former by a [`LightTree`](super::LightTree), among the latter by their
+/// irradiance.
 #[derive(Clone, Debug)]
 pub struct Lights {
     area: Vec<AreaLight>,

@@ -123,6 +123,12 @@ pub enum Texture {
     },
     /// The surface's unit geometric normal n in world space as a colour, (n + 1) / 2: its front's, whichever side is seen.
     Normal,
+    /// Colours by the direction from which a surface is seen: evenly spaced over the cosine between the direction of the path that
+    /// arrives and the shading normal (that of the vertices, before normal maps), from 0, where it is seen at grazing angles, to
+    /// 1, head on; both sides are alike, and values between are linear. At least one.
+    ///
+    /// Surfaces whose reflection differs with the viewer reflect light not alike in both directions of a path, as in Cycles.
+    Facing(Arc<[[f32; 3]]>),
     /// A measured spectrum, the same everywhere: what it looks like in daylight, or as light, where pictures are not rendered by
     /// wavelength.
     Spectrum(Arc<Curve>),

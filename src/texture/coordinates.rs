@@ -12,6 +12,8 @@ pub struct TexturePoint {
     pub world: Vec3,
     /// Unit geometric normal in world space.
     pub normal: Vec3,
+    /// Cosine between the shading normal, before normal maps, and the direction from which it is seen; of both sides alike.
+    pub cosine: f32,
     /// Width of what the path sees of the surface, metres; 0 for a point.
     pub width: f32,
     /// How much each set of texture coordinates changes over a metre.

@@ -19,6 +19,7 @@ use crate::scene::{ImageId, Interpolation, MOST_NESTED_TEXTURES, NoiseKind, Text
 use coordinates::TextureCoordinates;
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
+use std::sync::Arc;
 
 #[derive(Clone, Debug)]
 enum Compiled {
@@ -36,6 +37,8 @@ enum Compiled {
         coordinates: TextureCoordinates,
     },
     Normal,
+    /// By the cosine, from 0 to 1; two colours or more.
+    Facing(Arc<[[f32; 3]]>),
     Spectrum(Spectrum),
     Noise {
         kind: NoiseKind,
@@ -111,6 +114,23 @@ impl CompiledTextures {
         }
     }
 
+    /// Does the value differ with the direction from which it is seen?
+    pub fn depends_on_viewer(&self, id: TextureId) -> bool {
+        let mut pending = vec![id.index()];
+        let mut known = vec![false; self.textures.len()];
+        while let Some(at) = pending.pop() {
+            match self.textures.get(at) {
+                Some(Compiled::Facing(_)) => return true,
+                Some(Compiled::Checker { even, odd, .. }) if !known[at] => {
+                    known[at] = true;
+                    pending.extend([*even as usize, *odd as usize]);
+                }
+                _ => {}
+            }
+        }
+        false
+    }
+
     /// Do lookups depend on how much of a surface a path sees?
     pub fn use_footprints(&self) -> bool {
         self.textures
@@ -161,6 +181,11 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
             coordinates: TextureCoordinates::new(mapping),
         },
         Texture::Normal => Compiled::Normal,
+        Texture::Facing(colors) => match colors.first() {
+            None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
+            Some(&[r, g, b]) if colors.iter().all(|c| c == &colors[0]) => Compiled::Constant([r, g, b, 1.0]),
+            Some(_) => Compiled::Facing(colors.clone()),
+        },
         Texture::Spectrum(curve) => Compiled::Constant(rgba(&Spectrum::Measured(curve.clone()))),
         Texture::Noise { kind, frequency, octaves, low, high, seed } => {
             if low == high {
@@ -230,6 +255,17 @@ fn checker_is_odd(coordinates: &TextureCoordinates, inverse_size: f32, point: &T
     half != half.floor()
 }
 
+/// The colour for a cosine, linear between those of a table.
+#[inline]
+fn color_by_cosine(colors: &[[f32; 3]], cosine: f32) -> [f32; 4] {
+    let last = colors.len() - 1;
+    let at = cosine.clamp(0.0, 1.0) * last as f32;
+    let first = (at as usize).min(last - 1);
+    let (a, b, share) = (colors[first], colors[first + 1], at - first as f32);
+    let [r, g, b] = std::array::from_fn(|i| a[i] + share * (b[i] - a[i]));
+    [r, g, b, 1.0]
+}
+
 /// Noise in 0..1.
 #[inline]
 fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
@@ -279,6 +315,35 @@ mod tests {
         let t = CompiledTextures::new(&[circle], &[], Vec3::ZERO);
         assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
         assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
+    }
+
+    #[test]
+    fn tables_by_the_cosine_are_linear() {
+        let table = |colors: &[[f32; 3]]| Texture::Facing(colors.into());
+        let textures = [
+            table(&[[0.0; 3], [1.0, 0.5, 0.25], [0.0, 1.0, 0.0]]),
+            table(&[[0.5; 3], [0.5; 3]]),
+            table(&[]),
+            Texture::Checker {
+                even: TextureId(0),
+                odd: TextureId(1),
+                cell_size: 1.0,
+                mapping: Mapping::World,
+            },
+        ];
+        let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
+        let at = |cosine| t.eval_at(TextureId(0), &TexturePoint { cosine, ..TexturePoint::default() });
+        assert_eq!(at(0.0), [0.0, 0.0, 0.0, 1.0]);
+        assert_eq!(at(0.25), [0.5, 0.25, 0.125, 1.0]);
+        assert_eq!(at(0.75), [0.5, 0.75, 0.125, 1.0]);
+        // Rounding may lead a little beyond.
+        assert_eq!([at(1.0), at(1.000_001)], [[0.0, 1.0, 0.0, 1.0]; 2]);
+        assert_eq!(t.constant(TextureId(1)), Some([0.5, 0.5, 0.5, 1.0]));
+        assert_eq!(t.constant(TextureId(2)), Some([0.0, 0.0, 0.0, 1.0]));
+        assert_eq!(
+            [0, 1, 2, 3, 9].map(|i| t.depends_on_viewer(TextureId(i))),
+            [true, false, false, true, false]
+        );
     }
 
     #[test]

@@ -2,7 +2,7 @@
 
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
 use super::image::{ImageLookup, Taps};
-use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, noise_value, rgba};
+use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, color_by_cosine, noise_value, rgba};
 use crate::color::Rgb;
 use crate::color::spectral::{Wavelengths, uplifted_share};
 use crate::math::{Vec2, Vec3};
@@ -80,6 +80,7 @@ impl<'a> PointReader<'a> {
                     let [r, g, b] = (0.5 + 0.5 * self.point.normal).to_array();
                     return [r, g, b, 1.0];
                 }
+                Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, self.moved().world * *frequency, *octaves, *seed);
                     let [r, g, b] = std::array::from_fn(|i| low[i] + value * (high[i] - low[i]));

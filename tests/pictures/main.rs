@@ -12,6 +12,7 @@ mod compile_scene;
 mod converged;
 mod curves;
 mod determinism;
+mod facing;
 mod guiding;
 mod lamps;
 mod linking;

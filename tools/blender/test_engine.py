@@ -11,6 +11,7 @@ import subprocess
 import sys
 import tempfile
 import unittest
+import zipfile
 from pathlib import Path
 
 HERE = Path(__file__).resolve().parent
@@ -27,13 +28,17 @@ MODULE = "bl_ext.user_default.oscura"
 SAMPLES, DEPTH = 7, 5
 
 
+def extension_command(*arguments):
+    """Runs the script that `blender --command extension` runs."""
+    tool = Path(bpy.utils.system_resource("SCRIPTS")) / "addons_core/bl_pkg/cli/blender_ext.py"
+    return subprocess.run([sys.executable, str(tool), *map(str, arguments)], capture_output=True, text=True)
+
+
 def build(folder):
-    """Builds the extension by the script that `blender --command extension build` runs."""
-    scripts = Path(bpy.utils.system_resource("SCRIPTS"))
-    tool = scripts / "addons_core/bl_pkg/cli/blender_ext.py"
+    """Builds the extension."""
     package = Path(folder) / "oscura.zip"
-    command = [sys.executable, str(tool), "build", "--source-dir", str(HERE / "engine"), "--output-filepath", str(package)]
-    subprocess.run(command, check=True, capture_output=True)
+    done = extension_command("build", "--source-dir", HERE / "engine", "--output-filepath", package)
+    assert done.returncode == 0, done.stdout + done.stderr
     return package
 
 
@@ -72,7 +77,7 @@ class EngineTest(unittest.TestCase):
         cls.folder = Path(tempfile.mkdtemp(prefix="oscura-test-"))
         bpy.ops.wm.read_factory_settings(use_empty=True)
         bpy.ops.preferences.addon_enable(module="bl_pkg")
-        package = build(cls.folder)
+        cls.package = package = build(cls.folder)
         bpy.ops.extensions.package_install_files(filepath=str(package), repo="user_default", enable_on_install=True)
         cls.engine = sys.modules[f"{MODULE}.engine"]
         cls.exr = sys.modules[f"{MODULE}.exr"]
@@ -105,6 +110,20 @@ class EngineTest(unittest.TestCase):
         command = [PROGRAM, "render", str(blend), "-o", str(picture), "--float", "--blender", sys.executable, "--no-cache"]
         subprocess.run([*command, *more], check=True, capture_output=True)
         return self.exr.read(self.folder / "0002.exr" if "--frames" in more else picture)
+
+    def test_the_package_is_valid_and_whole(self):
+        for path in (self.package, HERE / "engine"):
+            done = extension_command("validate", path)
+            self.assertEqual(done.returncode, 0, done.stdout + done.stderr)
+        with zipfile.ZipFile(self.package) as package:
+            packed = set(package.namelist())
+            self.assertEqual(packed, {p.name for p in (HERE / "engine").iterdir() if p.is_file()})
+        # It would say so.
+        broken = self.folder / "broken"
+        shutil.copytree(HERE / "engine", broken, ignore=shutil.ignore_patterns("__pycache__"))
+        manifest = broken / "blender_manifest.toml"
+        manifest.write_text(manifest.read_text().replace('blender_version_min = "4.2.0"', ""))
+        self.assertNotEqual(extension_command("validate", broken).returncode, 0)
 
     def test_pictures_are_those_of_the_command_line_bit_for_bit(self):
         layer = self.scene.view_layers[0]

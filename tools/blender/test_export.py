@@ -225,13 +225,38 @@ class TreesTest(SceneTest):
         self.assertEqual(answer["warnings"][0][0], "three")
 
     def test_what_differs_with_the_direction_is_said_by_name(self):
-        material, tree, shader, weight = shader_tree("velvet", "LayerWeight")
-        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        material, tree, shader, weight, noise, mix = shader_tree("velvet", "LayerWeight", "TexNoise", "MixRGB")
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(noise.outputs["Color"], mix.inputs["Color1"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
         self.add_plane(material)
-        _, _, answer = self.export()
+        _, _, answer = self.export("--bake", "64")
         ((place, message),) = answer["warnings"]
         self.assertEqual(place, "velvet")
         self.assertIn("Layer Weight", message)
+
+    def test_what_differs_with_the_angle_of_view_alone_becomes_a_table(self):
+        material, tree, shader, weight, gain, mix = shader_tree("velvet", "LayerWeight", "Math", "MixRGB")
+        weight.inputs["Blend"].default_value = 0.25
+        mix.inputs["Color1"].default_value, mix.inputs["Color2"].default_value = (1, 0.5, 0, 1), (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        self.assertNotIn("images", model)
+        told = settings["materials"]["velvet"]
+        tables = {key: settings["textures"][told[key]] for key in ("base_color", "emission")}
+        self.assertEqual({table["type"] for table in tables.values()}, {"facing"})
+        # By a blend of 0.25 facing is 1 - cos^0.5; rows are evenly spaced cosines.
+        facing = 1 - np.linspace(0, 1, len(tables["base_color"]["colors"])) ** 0.5
+        color = np.stack([1 - facing, 0 * facing + 0.5, facing], 1)
+        np.testing.assert_allclose(tables["base_color"]["colors"], color, atol=2e-5)
+        np.testing.assert_allclose(tables["emission"]["colors"], 6 * facing[:, None] * [1, 0.5, 0.25], atol=1e-4)
 
     def test_light_of_trees_keeps_its_strength(self):
         material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")

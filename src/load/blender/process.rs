@@ -22,6 +22,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("closures.py", include_str!("../../../tools/blender/oscura_blender/closures.py")),
     ("context.py", include_str!("../../../tools/blender/oscura_blender/context.py")),
     ("export.py", include_str!("../../../tools/blender/oscura_blender/export.py")),
+    ("facing.py", include_str!("../../../tools/blender/oscura_blender/facing.py")),
     ("fingerprint.py", include_str!("../../../tools/blender/oscura_blender/fingerprint.py")),
     ("flat.py", include_str!("../../../tools/blender/oscura_blender/flat.py")),
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),

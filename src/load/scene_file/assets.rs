@@ -226,7 +226,11 @@ impl Shift {
                 even.0 += self.texture;
                 odd.0 += self.texture;
             }
-            Texture::Solid(_) | Texture::Normal | Texture::Spectrum(_) | Texture::Noise { .. } => {}
+            Texture::Solid(_)
+            | Texture::Normal
+            | Texture::Facing(_)
+            | Texture::Spectrum(_)
+            | Texture::Noise { .. } => {}
         }
         texture
     }

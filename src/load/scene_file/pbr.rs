@@ -3,12 +3,13 @@
 //! | Key | Default | Meaning |
 //! |---|---|---|
 //! | `base_color` | 1 | colour of the diffuse base, of metal and of transmitted light |
-//! | `metallic` | 0 | 0 to 1 |
-//! | `roughness` | 1 | 0 to 1 |
+//! | `metallic` | 0 | 0 to 1, or a texture, whose red counts |
+//! | `roughness` | 1 | the same |
 //! | `diffuse_roughness` | 0 | roughness of the diffuse part (Oren-Nayar), 0 to 1; 0 is Lambert's law |
 //! | `ior` | 1.5 | index of refraction, 1 to 10 |
-//! | `specular`, `specular_color` | 1 | factors on the dielectric's reflection |
-//! | `transmission` | 0 | share of light that passes |
+//! | `specular`, `specular_color` | 1 | factors on the dielectric's reflection; both may be textures |
+//! | `transmission` | 0 | share of light that passes, or a texture |
+//! | `opacity` | 1 | the share of the surface that is there, or a texture: rays pass what is absent |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
 //! | `medium` | none | what fills a solid that lets light in, see `media` |
@@ -26,8 +27,8 @@
 use super::fields::Fields;
 use super::media;
 use crate::scene::{
-    Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence, Material,
-    Medium, Model, PbrMaterial, Sheen,
+    AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
+    Material, Medium, Model, PbrMaterial, Sheen,
 };
 
 /// Reads the material; `slot` reads a colour or the name of a texture, with a default.
@@ -53,13 +54,17 @@ pub(super) fn adjust(
     mut slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
 ) {
     model.base_color = slot("base_color", model.base_color);
-    model.metallic = share(fields, "metallic", model.metallic);
-    model.roughness = share(fields, "roughness", model.roughness);
+    model.metallic = number(fields, "metallic", model.metallic, &mut slot);
+    model.roughness = number(fields, "roughness", model.roughness, &mut slot);
     model.diffuse_roughness = share(fields, "diffuse_roughness", model.diffuse_roughness);
     model.ior = fields.number_in("ior", 1.0..10.0, model.ior.into()) as f32;
-    model.specular = share(fields, "specular", model.specular);
+    model.specular = number(fields, "specular", model.specular, &mut slot);
     model.specular_color = slot("specular_color", model.specular_color);
-    model.transmission = share(fields, "transmission", model.transmission);
+    model.transmission = number(fields, "transmission", model.transmission, &mut slot);
+    if fields.has("opacity") {
+        material.alpha = number(fields, "opacity", FloatSlot::constant(1.0), &mut slot);
+        material.alpha_mode = AlphaMode::Blend;
+    }
     volume(fields, model);
     layers(fields, model, &mut slot);
     filling(fields, material, model, medium);
@@ -79,6 +84,20 @@ fn share(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot 
         true => FloatSlot::constant(fields.number_in(key, 0.0..1.0, otherwise.factor.into()) as f32),
         false => otherwise,
     }
+}
+
+/// A number from 0 to 1, or the name of a texture, whose red counts.
+fn number(
+    fields: &Fields,
+    key: &'static str,
+    otherwise: FloatSlot,
+    slot: &mut impl FnMut(&'static str, ColorSlot) -> ColorSlot,
+) -> FloatSlot {
+    if fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
+        return share(fields, key, otherwise);
+    }
+    let texture = slot(key, ColorSlot::constant([1.0; 3])).texture;
+    texture.map_or(otherwise, |id| FloatSlot::texture(id, 0))
 }
 
 fn volume(fields: &Fields, model: &mut PbrMaterial) {

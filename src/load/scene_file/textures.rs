@@ -6,6 +6,7 @@
 //! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `mapping` = `uv`, or `triplanar` with the `size` that the image covers (1 m) |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
+//! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
 //! | `"perlin"`, `"turbulence"`, `"marble"` | `frequency` (cells a metre; 1), `octaves` (1 to 16; 7), `low`, `high` colours, `seed` |
 
@@ -27,15 +28,17 @@ enum Kind {
     Image,
     Checker,
     Normal,
+    Facing,
     Spectrum,
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, Kind); 8] = [
+const KINDS: [(&str, Kind); 9] = [
     ("solid", Kind::Solid),
     ("image", Kind::Image),
     ("checker", Kind::Checker),
     ("normal", Kind::Normal),
+    ("facing", Kind::Facing),
     ("spectrum", Kind::Spectrum),
     ("perlin", Kind::Noise(NoiseKind::Perlin)),
     ("turbulence", Kind::Noise(NoiseKind::Turbulence)),
@@ -100,6 +103,7 @@ impl<'a> Textures<'a> {
             Kind::Image => image_texture(build, &fields, self.checking),
             Kind::Checker => self.checker(build, &fields, name),
             Kind::Normal => Some(Texture::Normal),
+            Kind::Facing => facing(&fields),
             Kind::Spectrum => spectra::read(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
             Kind::Noise(kind) => Some(noise(&fields, kind)),
         };
@@ -186,6 +190,23 @@ fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<T
         false => Mapping::default(),
     };
     Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping })
+}
+
+/// Largest number of colours.
+const MOST_COLORS: usize = 65_536;
+
+fn facing(fields: &Fields) -> Option<Texture> {
+    let list = fields.require("colors", fields.list("colors"))?;
+    let colors: Option<Vec<[f32; 3]>> = list.iter().map(|v| color(v.get_ref())).collect();
+    match colors.filter(|colors| (2..=MOST_COLORS).contains(&colors.len())) {
+        Some(colors) => Some(Texture::Facing(colors.into())),
+        None => {
+            let message = "'colors' of a texture by facing must be a list of 2 to 65536 colours or numbers";
+            let help = "evenly spaced by the cosine of the angle of view, from 0 (grazing) to 1 (head on)";
+            fields.problems.push_help(fields.span(), message, help);
+            None
+        }
+    }
 }
 
 fn noise(fields: &Fields, kind: NoiseKind) -> Texture {

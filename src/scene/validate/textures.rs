@@ -26,6 +26,11 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 findings.require(is_met, place, "nesting", depth, "at most 64 textures, one in the other");
             }
             Texture::Normal | Texture::Spectrum(_) => {}
+            Texture::Facing(colors) => {
+                let count = colors.len();
+                findings.require(count > 0, place, "Facing", count, "at least one colour");
+                colors.iter().for_each(|rgb| findings.require_color(rgb, place, "Facing"));
+            }
             Texture::Noise { frequency, low, high, .. } => {
                 findings.require(frequency.is_finite(), place, "frequency", frequency, "a finite number");
                 findings.require_color(low, place, "low");

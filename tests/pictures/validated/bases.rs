@@ -266,6 +266,7 @@ fn textures() -> Scene {
         let (even, odd) = (TextureId(even), TextureId(odd));
         scene.textures.push(Texture::Checker { even, odd, cell_size: 0.4, mapping });
     }
+    scene.textures.push(Texture::Facing([[0.9, 0.1, 0.1], [0.1, 0.9, 0.1], [0.2; 3]].into()));
     for i in 0..scene.textures.len() as u32 {
         let mut painted = Material::lambert("painted", [0.8; 3]);
         painted.model = Model::Lambert { albedo: ColorSlot::texture(TextureId(i)) };

@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, pictures, shaders, skins, trees
+from . import cache, fingerprint, flat, pictures, shaders, skins, trees, uniform
 from .context import opened
 from .report import listed
 
@@ -273,9 +273,9 @@ class Baking:
         if kind != pictures.NORMAL:
             glow = tree.nodes.new("ShaderNodeEmission")
             added.append(glow)
-            _feed(tree, node.inputs[name], glow.inputs["Color"])
+            uniform.feed(tree, node.inputs[name], glow.inputs["Color"])
             if name == "Emission Color" and shaders.constant(node.inputs["Emission Strength"]) is None:
-                _feed(tree, node.inputs["Emission Strength"], glow.inputs["Strength"])
+                uniform.feed(tree, node.inputs["Emission Strength"], glow.inputs["Strength"])
             tree.links.new(glow.outputs[0], end.inputs["Surface"])
 
         def restore():
@@ -333,17 +333,6 @@ class Baking:
         code = lambda c: 12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055
         image.generated_color = (*(code(min(max(c, 0.0), 1.0)) for c in tuple(color)[:3]), 1.0)
         return image
-
-
-def _feed(tree, socket, target):
-    """Gives an input what another one has."""
-    source = shaders.source(socket)
-    if source is not None:
-        tree.links.new(source, target)
-        return
-    value = socket.default_value
-    is_color = target.type == "RGBA"
-    target.default_value = (value,) * 3 + (1,) if isinstance(value, float) and is_color else value
 
 
 def _sees_nooks(materials):

@@ -1,7 +1,7 @@
 """Shader nodes as inputs of one Principled shader: constants, or sockets of the tree that feed them. A mix of shaders becomes
 a mix of their inputs."""
 
-from . import shaders, trees, views
+from . import facing, shaders, trees, views
 
 BLACK, WHITE = (0.0, 0.0, 0.0), (1.0, 1.0, 1.0)
 
@@ -233,10 +233,14 @@ class Reader:
     def _glazed(self, node, under, over):
         """Gloss over something, mixed by Fresnel or a layer's weight: what the Principled shader is made for."""
         source = shaders.source(node.inputs[0])
+        if self._is_mirror_over_diffuse(node, under, over):
+            # Of the light that such a layer reflects none is lost, and the rest reaches what is below.
+            trees.settle(self.material, mirror=True)
+            found = {"Specular IOR Level": source, "Roughness": over["Roughness"], "Specular Tint": over["Base Color"]}
+            return {**under, **found}
         if source is None or source.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight"):
             return None
-        ior = self._index(source)
-        if ior is None or over.get("Metallic") != 1.0:
+        if over.get("Metallic") != 1.0 or (ior := self._index(source)) is None:
             return None
         if under.get("Alpha") == 0.0 and not _shines(under):
             # A pane: one sheet of glass.
@@ -254,6 +258,16 @@ class Reader:
         # The layer of glTF has an index of 1.5.
         weight = min(((ior - 1) / (ior + 1)) ** 2 / 0.04, 1.0)
         return {**under, "Coat Weight": weight, "Coat Roughness": over["Roughness"]}
+
+    @staticmethod
+    def _is_mirror_over_diffuse(node, under, over):
+        """Is gloss mixed into diffuse reflection by the angle of view, otherwise than a dielectric would?"""
+        source = shaders.source(node.inputs[0])
+        if source is None or source.node.bl_idname == "ShaderNodeFresnel" or source.name == "Fresnel":
+            return False
+        if over.get("Metallic") != 1.0 or under.get("Metallic", 0.0) != 0.0 or under.get("Alpha", 1.0) != 1.0:
+            return False
+        return under.get("Specular IOR Level") == 0.0 and facing.is_by_facing(node.inputs[0])
 
     def _index(self, source):
         """The index of refraction of what reflects as a weight says; None for one that differs from place to place."""

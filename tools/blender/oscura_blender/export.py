@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, geometry, glb, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
+from . import cache, camera, facing, geometry, glb, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -95,6 +95,9 @@ def export(options, report):
     known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
     tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
     tables += [(f"[objects.{sidecar.value(name)}]", entries) for name, entries in shining]
+    used = {entry for _, entries in known for entry in entries.values() if isinstance(entry, str)}
+    by_facing = ((name, colors) for name, colors in facing.TABLES.items() if name in used)
+    tables += [(f"[textures.{sidecar.value(name)}]", {"type": "facing", "colors": colors}) for name, colors in by_facing]
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
 
 

@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, means, media, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
+from . import bake, brushed, closures, facing, means, media, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
 
 WHITE = closures.WHITE
 
@@ -30,6 +30,7 @@ def prepare(found, store, report):
         relief.bumps(material, principled(material), report)
         views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
         if principled(material) is not None:
+            facing.take(material, principled(material), found.exposure, bake.new_scene)
             views.take_means(material, principled(material), report)
         _expose(material, found.exposure)
     uniform.fold(materials, bake.new_scene, principled)
@@ -45,7 +46,7 @@ def _expose(material, factor):
     """Multiplies what a material emits."""
     node = principled(material)
     settings = trees.SETTINGS.get(material.name, {})
-    if "emission" in settings:
+    if isinstance(settings.get("emission"), list):
         settings["emission"] = [factor * c for c in settings["emission"]]
     if node is None or factor == 1 or shaders.constant(node.inputs["Emission Strength"]) == 0:
         return
@@ -177,7 +178,9 @@ def patch(material, report):
     extensions = {}
     _diffuse(material, value, extensions, report)
     ior = value("IOR")
-    if ior is not None and abs(ior - 1.5) > 1e-6:
+    if trees.SETTINGS.get(material.name, {}).pop("mirror", False):
+        extensions["KHR_materials_ior"] = {"ior": 0.0}
+    elif ior is not None and abs(ior - 1.5) > 1e-6:
         extensions["KHR_materials_ior"] = {"ior": max(ior, 1.0)}
     if value("Sheen Weight"):
         tint = value("Sheen Tint") or (1.0, 1.0, 1.0)

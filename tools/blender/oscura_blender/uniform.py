@@ -52,12 +52,12 @@ _IN_GROUPS = flat.PURE | {"NodeGroupInput", "NodeGroupOutput", "NodeReroute", "N
 
 
 def _fold(materials, wanted, scene, shader_of):
-    board, columns = _board(materials)
-    scene.collection.objects.link(board)
+    plate, columns = board(materials)
+    scene.collection.objects.link(plate)
     layer = scene.view_layers[0]
     layer.update()
-    layer.objects.active = board
-    board.select_set(True, view_layer=layer)
+    layer.objects.active = plate
+    plate.select_set(True, view_layer=layer)
     for name in dict.fromkeys(name for material in materials for name in wanted[material]):
         users = [material for material in materials if name in wanted[material]]
         values = _evaluate(name, materials, users, columns, shader_of)
@@ -67,10 +67,10 @@ def _fold(materials, wanted, scene, shader_of):
             tree.links.remove(socket.links[0])
             value = values[materials.index(material)]
             socket.default_value = tuple(value) if socket.type == "RGBA" else float(value[:3].mean())
-    bpy.data.meshes.remove(board.data)
+    bpy.data.meshes.remove(plate.data)
 
 
-def _board(materials):
+def board(materials):
     """A mesh with a square for each material, side by side on its texture coordinates; and how many are in a row."""
     columns = int(np.ceil(len(materials) ** 0.5))
     corners, uvs = [], []
@@ -124,3 +124,14 @@ def _aim(material, shader, name, image):
         tree.links.new(shader.outputs[0], end.inputs["Surface"])
 
     return restore
+
+
+def feed(tree, socket, target):
+    """Gives an input what another one has."""
+    source = shaders.source(socket)
+    if source is not None:
+        tree.links.new(source, target)
+        return
+    value = socket.default_value
+    is_color = target.type == "RGBA"
+    target.default_value = (value,) * 3 + (1,) if isinstance(value, float) and is_color else value

@@ -1,0 +1,164 @@
+"""Inputs of shaders that differ with the direction of view alone, as Layer Weight and Fresnel nodes make them: tables over the
+cosine of the angle of view, which the file of settings has as textures."""
+
+import bpy
+import numpy as np
+
+from . import flat, shaders, trees, uniform, views
+from .context import opened
+
+# Inputs that may have a table, by the keys of the file of settings. Light is the product of two.
+INPUTS = {
+    "Base Color": "base_color",
+    "Metallic": "metallic",
+    "Roughness": "roughness",
+    "Specular IOR Level": "specular",
+    "Alpha": "opacity",
+}
+LIGHT = ("Emission Color", "Emission Strength")
+
+# The tables, by the names of their textures.
+TABLES = {}
+
+# Rows of a table: evenly spaced cosines from 0 to 1.
+ROWS = 64
+
+_IN_GROUPS = flat.PURE | {"NodeGroupInput", "NodeGroupOutput", "NodeReroute", "NodeFrame"}
+
+
+def is_by_facing(socket):
+    """Does what feeds an input differ with the angle of view, and with nothing else?"""
+    return _kind(socket) == "facing"
+
+
+def _kind(socket):
+    """What an input differs with: nothing ("even"), the angle of view ("facing"), or something else (None)."""
+    source = shaders.source(socket)
+    if source is None:
+        return None if socket.is_linked else "even"
+    node = source.node
+    if node.mute:
+        return None
+    if node.bl_idname in views.DIRECTED:
+        return "facing" if _is_known(node) and source.name in views.DIRECTED[node.bl_idname] else None
+    kinds = {_kind(entry) for entry in node.inputs if entry.enabled}
+    if getattr(node, "node_tree", None):
+        kinds |= {_kind_within(inner) for inner in node.node_tree.nodes}
+    elif node.bl_idname not in flat.PURE:
+        return None
+    return None if None in kinds else "facing" if "facing" in kinds else "even"
+
+
+def _kind_within(node):
+    """The same of a node of a group."""
+    if node.bl_idname in _IN_GROUPS:
+        return "even"
+    return "facing" if node.bl_idname in views.DIRECTED and _is_known(node) else None
+
+
+def _is_known(node):
+    """Is it a weight by the surface's own normal and a constant?"""
+    if node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight") or node.inputs["Normal"].is_linked:
+        return False
+    return shaders.constant(node.inputs["IOR" if node.bl_idname == "ShaderNodeFresnel" else "Blend"]) is not None
+
+
+def take(material, shader, exposure, make_scene):
+    """Puts tables in the place of what differs with the angle of view, as far as the file of settings can have them."""
+    names = _wanted(material, shader)
+    light = [name for name in LIGHT if is_by_facing(shader.inputs[name])]
+    if any(_kind(shader.inputs[name]) is None for name in LIGHT):
+        light = []
+    if not names and not light:
+        return
+    scene = make_scene()
+    try:
+        with opened(scene):
+            tables = {INPUTS[name]: _table(material, scene, [name]) for name in names}
+            if light:
+                tables["emission"] = _table(material, scene, LIGHT) * exposure
+    finally:
+        bpy.data.scenes.remove(scene)
+    for name in names + light:
+        for link in list(shader.inputs[name].links):
+            material.node_tree.links.remove(link)
+    if light:
+        # All of it is in the table.
+        shader.inputs["Emission Strength"].default_value = 0.0
+    for key, table in tables.items():
+        if key != "emission":
+            table = np.minimum(table, 1.0)
+        texture = f"{material.name} {key} by facing"
+        grey = np.ptp(table, axis=1).max() < 1e-6 or key not in ("base_color", "emission")
+        TABLES[texture] = [float(row.mean()) if grey else [float(c) for c in row] for row in table]
+        trees.settle(material, **{key: texture})
+
+
+def _wanted(material, shader):
+    """The inputs that get tables."""
+    names = [name for name in INPUTS if is_by_facing(shader.inputs[name])]
+    left_out = set()
+    if shaders.constant(shader.inputs["Subsurface Weight"]) != 0 or shaders.constant(shader.inputs["Transmission Weight"]) != 0:
+        left_out |= {"Base Color", "Specular IOR Level"}
+    if not trees.SETTINGS.get(material.name, {}).get("mirror"):
+        # There it is the reflectance, else a factor on that along the normal.
+        left_out.add("Specular IOR Level")
+    return [name for name in names if name not in left_out]
+
+
+def _table(material, scene, names):
+    """What inputs of a material's shader give by the cosine of the angle of view, as colours: one input, or the product of two."""
+    own = trees.copied(material)
+    images = []
+    for tree, node in list(trees.nodes_with_trees(own.node_tree, views.DIRECTED)):
+        for out in node.outputs:
+            if out.is_linked and _is_known(node) and out.name in views.DIRECTED[node.bl_idname]:
+                images.append(_put(tree, out, [views.weight(node, out.name, i / (ROWS - 1)) for i in range(ROWS)]))
+    board, _ = uniform.board([own])
+    scene.collection.objects.link(board)
+    layer = scene.view_layers[0]
+    layer.update()
+    layer.objects.active = board
+    board.select_set(True, view_layer=layer)
+    try:
+        return _shone(own, names)
+    finally:
+        bpy.data.meshes.remove(board.data)
+        bpy.data.materials.remove(own)
+        for image in images:
+            bpy.data.images.remove(image)
+
+
+def _put(tree, out, values):
+    """A picture of values along u in the place of an output."""
+    image = bpy.data.images.new("oscura facing", ROWS, 1, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    image.pixels.foreach_set(np.repeat(np.array(values, np.float32), 4))
+    image.update()
+    image.pack()
+    node = tree.nodes.new("ShaderNodeTexImage")
+    node.image, node.interpolation, node.extension = image, "Closest", "EXTEND"
+    for link in list(out.links):
+        tree.links.new(node.outputs["Color"], link.to_socket)
+    return image
+
+
+def _shone(material, names):
+    """Bakes the light of a material that shines with inputs of its shader."""
+    tree = material.node_tree
+    shader = shaders.output(tree)
+    image = bpy.data.images.new("oscura facing", ROWS, 1, float_buffer=True)
+    image.colorspace_settings.name = "Non-Color"
+    target, glow = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
+    target.image = image
+    for node in tree.nodes:
+        node.select = node == target
+    tree.nodes.active = target
+    for name, socket in zip(names, (glow.inputs["Color"], glow.inputs["Strength"])):
+        uniform.feed(tree, shader.inputs[name], socket)
+    tree.links.new(glow.outputs[0], shaders.end(tree).inputs["Surface"])
+    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", margin=0, use_clear=True)
+    pixels = np.empty(ROWS * 4, np.float32)
+    image.pixels.foreach_get(pixels)
+    bpy.data.images.remove(image)
+    return np.maximum(np.nan_to_num(pixels.reshape(-1, 4)[:, :3]), 0.0)
