@@ -211,6 +211,18 @@ impl<T: Mutate + Clone> Mutate for Arc<T> {
     }
 }
 
+impl<T: Mutate + Clone> Mutate for Arc<[T]> {
+    fn fresh(dice: &mut Dice) -> Arc<[T]> {
+        Vec::fresh(dice).into()
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        let mut list = self.to_vec();
+        list.mutate(dice);
+        *self = list.into();
+    }
+}
+
 impl<A: Mutate, B: Mutate> Mutate for (A, B) {
     fn fresh(dice: &mut Dice) -> (A, B) {
         (A::fresh(dice), B::fresh(dice))

@@ -146,7 +146,7 @@ enums! {
         Checker { even, odd, cell_size, mapping }
         Normal {}
         Noise { kind, frequency, octaves, low, high, seed }
-    } { Solid Spectrum }
+    } { Solid Spectrum Facing }
     Mapping { Uv { set, transform } World {} Triplanar { size } } {}
     Wrap { Repeat {} Mirror {} Clamp {} } {}
     Interpolation { Trilinear {} Bilinear {} Nearest {} } {}
