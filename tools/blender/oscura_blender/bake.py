@@ -3,7 +3,7 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, pictures, shaders, skins, trees, uniform
+from . import cache, fingerprint, flat, glow, pictures, shaders, skins, trees
 from .context import opened
 from .report import listed
 
@@ -22,7 +22,7 @@ def bake_all(holders, found, store, report):
         return
     names = sorted({m.name for _, needs in wanted for m, inputs in needs.items() if inputs})
     report.note("", f"node trees were baked to pictures: of {listed(names)}")
-    kitchen = new_scene()
+    kitchen = glow.new_scene()
     try:
         with opened(kitchen):
             _bake_flat([m for _, needs in wanted for m in needs], kitchen, found.sight.most, store)
@@ -75,7 +75,7 @@ def _surroundings(holder, found, kitchen):
 def _bake_flat(materials, kitchen, most, store):
     """Bakes what repeats."""
     for material in dict.fromkeys(materials):
-        node = _principled(material)
+        node = shaders.principled(material)
         names = [name for name in pictures.INPUTS if _is_needed(node, name) or skins.is_wanted(material, name)]
         found = flat.tiles(node, names) if names else None
         if found is not None:
@@ -84,16 +84,11 @@ def _bake_flat(materials, kitchen, most, store):
             bpy.data.meshes.remove(square.data)
 
 
-def _principled(material):
-    node = shaders.output(material.node_tree)
-    return node if node is not None and node.bl_idname == "ShaderNodeBsdfPrincipled" else None
-
-
 def _needs(holder):
     """By material, the inputs that have to be baked; empty if none has any."""
     needs = {}
     for material in holder.data.materials:
-        node = _principled(material)
+        node = shaders.principled(material)
         if node is not None:
             needs[material] = [n for n in pictures.INPUTS if _is_needed(node, n) or skins.is_wanted(material, n)]
     return needs if any(needs.values()) else {}
@@ -119,16 +114,6 @@ def _own_materials(holder):
         slots[i] = copies.get(material.name, material)
 
 
-def new_scene():
-    """A scene to bake in."""
-    kitchen = bpy.data.scenes.new("oscura bake")
-    kitchen.render.engine = "CYCLES"
-    kitchen.cycles.device = "CPU"
-    kitchen.cycles.samples = 1
-    kitchen.cycles.use_denoising = kitchen.cycles.use_adaptive_sampling = False
-    return kitchen
-
-
 class Baking:
     """The baking of one mesh to pictures of an edge, by texture coordinates of a name (empty: the active ones)."""
 
@@ -136,7 +121,7 @@ class Baking:
         self.holder, self.kitchen, self.uv, self.size, self.store = holder, kitchen, uv, size, store
         self.around = around  # what else the trees see
         self.peak = 1.0  # what white means in the picture of the emission
-        self.materials = [m for m in dict.fromkeys(holder.data.materials) if _principled(m) is not None]
+        self.materials = [m for m in dict.fromkeys(holder.data.materials) if shaders.principled(m) is not None]
 
     def run(self, needs, lays_out):
         inputs = [name for name in pictures.INPUTS if any(name in n for n in needs.values())]
@@ -262,32 +247,21 @@ class Baking:
     def _aim(material, name, kind, image):
         """Makes a material's picture the target of baking and lets it shine with the input; gives what undoes it."""
         tree = material.node_tree
-        target = tree.nodes.new("ShaderNodeTexImage")
-        target.image = image
-        for node in tree.nodes:
-            node.select = node == target
-        tree.nodes.active = target
-        end = tree.get_output_node("CYCLES")
-        node = _principled(material)
-        added = [target]
-        if kind != pictures.NORMAL:
-            glow = tree.nodes.new("ShaderNodeEmission")
-            added.append(glow)
-            uniform.feed(tree, node.inputs[name], glow.inputs["Color"])
+        if kind == pictures.NORMAL:
+            target = glow.aim(tree, image)
+            return lambda: tree.nodes.remove(target)
+        node = shaders.principled(material)
+
+        def feed(inputs):
+            shaders.feed(tree, node.inputs[name], inputs["Color"])
             if name == "Emission Color" and shaders.constant(node.inputs["Emission Strength"]) is None:
-                uniform.feed(tree, node.inputs["Emission Strength"], glow.inputs["Strength"])
-            tree.links.new(glow.outputs[0], end.inputs["Surface"])
+                shaders.feed(tree, node.inputs["Emission Strength"], inputs["Strength"])
 
-        def restore():
-            for other in added:
-                tree.nodes.remove(other)
-            tree.links.new(node.outputs[0], end.inputs["Surface"])
-
-        return restore
+        return glow.shine(tree, tree.get_output_node("CYCLES"), node, image, feed)
 
     def _use(self, material, baked):
         """Feeds the inputs from the pictures."""
-        tree, node = material.node_tree, _principled(material)
+        tree, node = material.node_tree, shaders.principled(material)
         if skins.is_wanted(material, "Base Color"):
             baked = {**baked, "Base Color": skins.paint(material, baked["Base Color"])}
         for name in ("Base Color", "Alpha"):

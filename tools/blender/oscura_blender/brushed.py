@@ -5,7 +5,7 @@ import math
 
 import numpy as np
 
-from . import materials, shaders
+from . import shaders
 
 # Components of a place that a direction around each axis follows: (-a, b), and where they belong.
 AROUND = {"X": (2, 1, 1, 2), "Y": (2, 0, 0, 2), "Z": (1, 0, 0, 1)}
@@ -43,7 +43,7 @@ def read(holders, report):
 
 
 def _axis(material, report):
-    node = materials.principled(material)
+    node = shaders.principled(material)
     if node is None or shaders.constant(node.inputs["Anisotropic"]) in (0.0, None):
         return None
     source = shaders.source(node.inputs["Tangent"])

@@ -4,8 +4,7 @@ cosine of the angle of view, which the file of settings has as textures."""
 import bpy
 import numpy as np
 
-from . import flat, shaders, trees, uniform, views
-from .context import opened
+from . import flat, glow, shaders, trees, views
 
 # Inputs that may have a table, by the keys of the file of settings. Light is the product of two.
 INPUTS = {
@@ -22,8 +21,6 @@ TABLES = {}
 
 # Rows of a table: evenly spaced cosines from 0 to 1.
 ROWS = 64
-
-_IN_GROUPS = flat.PURE | {"NodeGroupInput", "NodeGroupOutput", "NodeReroute", "NodeFrame"}
 
 
 def is_by_facing(socket):
@@ -51,7 +48,7 @@ def _kind(socket):
 
 def _kind_within(node):
     """The same of a node of a group."""
-    if node.bl_idname in _IN_GROUPS:
+    if node.bl_idname in flat.IN_GROUPS:
         return "even"
     return "facing" if node.bl_idname in views.DIRECTED and _is_known(node) else None
 
@@ -63,7 +60,7 @@ def _is_known(node):
     return shaders.constant(node.inputs["IOR" if node.bl_idname == "ShaderNodeFresnel" else "Blend"]) is not None
 
 
-def take(material, shader, exposure, make_scene):
+def take(material, shader, exposure):
     """Puts tables in the place of what differs with the angle of view, as far as the file of settings can have them."""
     names = _wanted(material, shader)
     light = [name for name in LIGHT if is_by_facing(shader.inputs[name])]
@@ -71,14 +68,9 @@ def take(material, shader, exposure, make_scene):
         light = []
     if not names and not light:
         return
-    scene = make_scene()
-    try:
-        with opened(scene):
-            tables = {INPUTS[name]: _table(material, scene, [name]) for name in names}
-            if light:
-                tables["emission"] = _table(material, scene, LIGHT) * exposure
-    finally:
-        bpy.data.scenes.remove(scene)
+    tables = {INPUTS[name]: _table(material, [name]) for name in names}
+    if light:
+        tables["emission"] = _table(material, LIGHT) * exposure
     for name in names + light:
         for link in list(shader.inputs[name].links):
             material.node_tree.links.remove(link)
@@ -106,7 +98,7 @@ def _wanted(material, shader):
     return [name for name in names if name not in left_out]
 
 
-def _table(material, scene, names):
+def _table(material, names):
     """What inputs of a material's shader give by the cosine of the angle of view, as colours: one input, or the product of two."""
     own = trees.copied(material)
     images = []
@@ -114,16 +106,10 @@ def _table(material, scene, names):
         for out in node.outputs:
             if out.is_linked and _is_known(node) and out.name in views.DIRECTED[node.bl_idname]:
                 images.append(_put(tree, out, [views.weight(node, out.name, i / (ROWS - 1)) for i in range(ROWS)]))
-    board, _ = uniform.board([own])
-    scene.collection.objects.link(board)
-    layer = scene.view_layers[0]
-    layer.update()
-    layer.objects.active = board
-    board.select_set(True, view_layer=layer)
     try:
-        return _shone(own, names)
+        with glow.board([own]):
+            return _shone(own, names)
     finally:
-        bpy.data.meshes.remove(board.data)
         bpy.data.materials.remove(own)
         for image in images:
             bpy.data.images.remove(image)
@@ -131,8 +117,7 @@ def _table(material, scene, names):
 
 def _put(tree, out, values):
     """A picture of values along u in the place of an output."""
-    image = bpy.data.images.new("oscura facing", ROWS, 1, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
+    image = glow.picture(ROWS, 1)
     image.pixels.foreach_set(np.repeat(np.array(values, np.float32), 4))
     image.update()
     image.pack()
@@ -144,21 +129,13 @@ def _put(tree, out, values):
 
 
 def _shone(material, names):
-    """Bakes the light of a material that shines with inputs of its shader."""
+    """What a material shines with if inputs of its shader are colour and strength of its light."""
     tree = material.node_tree
     shader = shaders.output(tree)
-    image = bpy.data.images.new("oscura facing", ROWS, 1, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
-    target, glow = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
-    target.image = image
-    for node in tree.nodes:
-        node.select = node == target
-    tree.nodes.active = target
-    for name, socket in zip(names, (glow.inputs["Color"], glow.inputs["Strength"])):
-        uniform.feed(tree, shader.inputs[name], socket)
-    tree.links.new(glow.outputs[0], shaders.end(tree).inputs["Surface"])
-    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", margin=0, use_clear=True)
-    pixels = np.empty(ROWS * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return np.maximum(np.nan_to_num(pixels.reshape(-1, 4)[:, :3]), 0.0)
+
+    def feed(inputs):
+        for name, target in zip(names, ("Color", "Strength")):
+            shaders.feed(tree, shader.inputs[name], inputs[target])
+
+    pixels = glow.baked(ROWS, 1, [lambda image: glow.shine(tree, shaders.end(tree), shader, image, feed)])
+    return np.maximum(np.nan_to_num(pixels[0, :, :3]), 0.0)

@@ -14,6 +14,8 @@ PURE = {
         "CombineXYZ", "RGBToBW", "Clamp", "MapRange", "RGB", "Value", "Blackbody",
     )
 }  # fmt: skip
+# What groups of them consist of.
+IN_GROUPS = PURE | {"NodeGroupInput", "NodeGroupOutput", "NodeReroute", "NodeFrame"}
 
 # Largest edge of the results.
 WIDEST = 4096

@@ -9,9 +9,6 @@ from . import bake, brushed, closures, facing, means, media, panes, pictures, re
 
 WHITE = closures.WHITE
 
-# Subsurface scattering of less weight is left to diffuse reflection.
-LEAST_SUBSURFACE = 0.5
-
 # How much longer than the layer is thick the ways through a coat are, about.
 COAT_WAY = 1.1
 
@@ -27,13 +24,13 @@ def prepare(found, store, report):
     materials = trees.of_materials(holders)
     for material in materials:
         _normalize(material, report)
-        relief.bumps(material, principled(material), report)
+        relief.bumps(material, shaders.principled(material), report)
         views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
-        if principled(material) is not None:
-            facing.take(material, principled(material), found.exposure, bake.new_scene)
-            views.take_means(material, principled(material), report)
+        if shaders.principled(material) is not None:
+            facing.take(material, shaders.principled(material), found.exposure)
+            views.take_means(material, shaders.principled(material), report)
         _expose(material, found.exposure)
-    uniform.fold(materials, bake.new_scene, principled)
+    uniform.fold(materials)
     means.take(holders, report)
     panes.settle(holders, found, report)
     skins.settle(holders, report)
@@ -44,7 +41,7 @@ def prepare(found, store, report):
 
 def _expose(material, factor):
     """Multiplies what a material emits."""
-    node = principled(material)
+    node = shaders.principled(material)
     settings = trees.SETTINGS.get(material.name, {})
     if isinstance(settings.get("emission"), list):
         settings["emission"] = [factor * c for c in settings["emission"]]
@@ -163,15 +160,9 @@ def _tint_by_coat(tree, node, material, report):
     node.inputs["Coat Tint"].default_value = (1, 1, 1, 1)
 
 
-def principled(material):
-    """The shader node of a material that has been prepared."""
-    node = shaders.output(material.node_tree)
-    return node if node is not None and node.bl_idname == "ShaderNodeBsdfPrincipled" else None
-
-
 def patch(material, report):
     """The extensions of a material that Blender's exporter leaves out or has wrong, and a roughness to go with them."""
-    node = principled(material)
+    node = shaders.principled(material)
     if node is None:
         return {}
     value = lambda name: shaders.constant(node.inputs[name]) if name in node.inputs else None
@@ -215,7 +206,7 @@ def _brush(node, anisotropic, roughness, patched):
 def _diffuse(material, value, extensions, report):
     """What diffuse light does other than to be reflected by Lambert's law."""
     rough = value("Diffuse Roughness")
-    if rough is None and "Diffuse Roughness" in principled(material).inputs:
+    if rough is None and "Diffuse Roughness" in shaders.principled(material).inputs:
         report.warn(material.name, "a roughness of diffuse reflection that varies is not carried over")
     if rough:
         # The extension of glTF is a draft.
@@ -245,7 +236,7 @@ def _scatter(material, value, body, report):
         message = "subsurface scattering of a varying colour needs a closed mesh: it reflects as diffuse surfaces do"
         report.warn(material.name, message)
         return
-    if weight < LEAST_SUBSURFACE or scale <= 0 or value("Metallic") or value("Transmission Weight"):
+    if weight < skins.LEAST_SUBSURFACE or scale <= 0 or value("Metallic") or value("Transmission Weight"):
         report.warn(material.name, f"subsurface scattering of weight {weight:.3g} is taken for diffuse reflection")
         return
     cosine = min(max(cosine or 0.0, -0.99), 0.99)

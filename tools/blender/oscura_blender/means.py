@@ -1,9 +1,11 @@
 """Inputs of shaders that vary over a surface and that glTF has no picture for: their means, evaluated by Cycles."""
 
+from functools import partial
+
 import bpy
 import numpy as np
 
-from . import bake, materials, pictures, shaders
+from . import bake, glow, pictures, shaders
 from .context import opened
 
 # Inputs whose means are taken, and those that Blender's exporter writes as pictures where they are plain ones.
@@ -36,7 +38,7 @@ def take(holders, report):
 
 
 def _varying(material):
-    node = materials.principled(material)
+    node = shaders.principled(material)
     if node is None:
         return []
     found = [name for name in INPUTS if name in node.inputs and node.inputs[name].is_linked and node.inputs[name].enabled]
@@ -46,10 +48,10 @@ def _varying(material):
 
 
 def _take(holder, material, names):
-    kitchen, mesh = bake.new_scene(), holder.data.copy()
+    kitchen, mesh = glow.new_scene(), holder.data.copy()
     shown = bpy.data.objects.new("oscura mean", mesh)
     kitchen.collection.objects.link(shown)
-    tree, node = material.node_tree, materials.principled(material)
+    tree, node = material.node_tree, shaders.principled(material)
     try:
         with opened(kitchen):
             values = _evaluate(kitchen, shown, material, names) if len(mesh.polygons) <= bake.MOST_FACES else {}
@@ -69,7 +71,7 @@ def _evaluate(kitchen, shown, material, names):
     baking = bake.Baking(shown, kitchen, bake.UV, EDGE, None)
     baking.select()
     baking.lay_out()
-    inputs = materials.principled(material).inputs
+    inputs = shaders.principled(material).inputs
     pictures_of = [_baked(baking, material, source) for source in (None, *(shaders.source(inputs[name]) for name in names))]
     shares = pictures_of[0]
     weight = shares.sum()
@@ -78,35 +80,18 @@ def _evaluate(kitchen, shown, material, names):
 
 def _baked(baking, material, source):
     """What a socket gives on the faces of a material, as numbers; without one 1. 0 on all others."""
-    image = bpy.data.images.new("oscura mean", EDGE, EDGE, float_buffer=True)
-    image.colorspace_settings.name = "Non-Color"
-    undo = [_shine(other, other == material, source, image) for other in baking.materials]
-    bpy.ops.object.bake(type="EMIT", target="IMAGE_TEXTURES", uv_layer=bake.UV, margin=0, use_clear=True)
-    for restore in undo:
-        restore()
-    pixels = np.empty(EDGE * EDGE * 4, np.float32)
-    image.pixels.foreach_get(pixels)
-    bpy.data.images.remove(image)
-    return np.nan_to_num(pixels.reshape(-1, 4)[:, :3].mean(1))
+    shining = [partial(_shine, other, other == material, source) for other in baking.materials]
+    pixels = glow.baked(EDGE, EDGE, shining, uv_layer=bake.UV)
+    return np.nan_to_num(pixels[..., :3].mean(-1).ravel())
 
 
 def _shine(material, is_asked, source, image):
     """Lets a material shine with a socket of it into a picture; gives what undoes it."""
-    tree, node = material.node_tree, materials.principled(material)
-    target, glow = tree.nodes.new("ShaderNodeTexImage"), tree.nodes.new("ShaderNodeEmission")
-    target.image = image
-    for other in tree.nodes:
-        other.select = other == target
-    tree.nodes.active = target
-    glow.inputs["Color"].default_value = (float(is_asked),) * 3 + (1.0,)
-    if is_asked and source is not None:
-        tree.links.new(source, glow.inputs["Color"])
-    end = shaders.end(tree)
-    tree.links.new(glow.outputs[0], end.inputs["Surface"])
+    tree = material.node_tree
 
-    def restore():
-        tree.nodes.remove(target)
-        tree.nodes.remove(glow)
-        tree.links.new(node.outputs[0], end.inputs["Surface"])
+    def feed(inputs):
+        inputs["Color"].default_value = (float(is_asked),) * 3 + (1.0,)
+        if is_asked and source is not None:
+            tree.links.new(source, inputs["Color"])
 
-    return restore
+    return glow.shine(tree, shaders.end(tree), shaders.principled(material), image, feed)

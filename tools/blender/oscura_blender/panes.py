@@ -4,7 +4,7 @@ which light passes straight; level ones are the surfaces of liquids and stay."""
 
 import numpy as np
 
-from . import materials, shaders, trees
+from . import shaders, trees
 
 # How much of a normal may point up or down in a pane that stands, and how far normals may differ.
 UPRIGHT, STRAIGHT = 0.5, 1e-3
@@ -19,7 +19,7 @@ def settle(holders, found, report):
 
 
 def _is_glass(material):
-    node = materials.principled(material)
+    node = shaders.principled(material)
     if node is None or shaders.constant(node.inputs["Transmission Weight"]) == 0:
         return False
     end = shaders.end(material.node_tree)
@@ -50,7 +50,7 @@ def _make_pane(holder, slot, material, report):
     own = trees.copied(material)
     holder.data.materials[slot] = own
     trees.settle(own, volume=False)
-    socket = materials.principled(own).inputs["Base Color"]
+    socket = shaders.principled(own).inputs["Base Color"]
     if (color := shaders.constant(socket)) is not None:
         # Blender's glass has the root of its colour at each surface.
         for link in list(socket.links):

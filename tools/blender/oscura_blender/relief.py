@@ -4,7 +4,7 @@ only meant as bumps becomes a Bump node."""
 import bpy
 import numpy as np
 
-from . import bake, shaders
+from . import glow, shaders
 from .context import opened
 
 HEIGHTS = "oscura heights"
@@ -38,7 +38,7 @@ def displace(holders, found, report):
     wanted = [holder for holder in holders if any(_displaces(m) for m in holder.data.materials)]
     if not wanted:
         return
-    kitchen = bake.new_scene()
+    kitchen = glow.new_scene()
     try:
         with opened(kitchen):
             for holder in wanted:

@@ -2,6 +2,8 @@
 
 import bpy
 
+from . import glow
+
 _MATH = {
     "ADD": lambda a, b: a + b,
     "SUBTRACT": lambda a, b: a - b,
@@ -81,17 +83,16 @@ def blackbody(temperature):
 
 def _evaluated_blackbody(temperature):
     """The same where lights don't tell it (before Blender 4.5)."""
-    from . import bake, uniform  # both need this module
-
     material = bpy.data.materials.new("oscura body")
     try:
         material.use_nodes = True
-        shader = material.node_tree.nodes["Principled BSDF"]
-        body = material.node_tree.nodes.new("ShaderNodeBlackbody")
+        tree = material.node_tree
+        body = tree.nodes.new("ShaderNodeBlackbody")
         body.inputs[0].default_value = temperature
-        material.node_tree.links.new(body.outputs[0], shader.inputs["Base Color"])
-        uniform.fold([material], bake.new_scene, lambda _: shader)
-        return tuple(shader.inputs["Base Color"].default_value)[:3]
+        feed_body = lambda inputs: tree.links.new(body.outputs[0], inputs["Color"])
+        with glow.board([material]):
+            pixels = glow.baked(4, 4, [lambda image: glow.shine(tree, end(tree), output(tree), image, feed_body)])
+        return tuple(float(c) for c in pixels[2, 2, :3])
     finally:
         bpy.data.materials.remove(material)
 
@@ -106,6 +107,23 @@ def output(tree):
     node = end(tree)
     feeding = source(node.inputs["Surface"]) if node else None
     return feeding.node if feeding else None
+
+
+def principled(material):
+    """The Principled shader of a material that has been prepared; None where it has another or none."""
+    node = output(material.node_tree)
+    return node if node is not None and node.bl_idname == "ShaderNodeBsdfPrincipled" else None
+
+
+def feed(tree, socket, target):
+    """Gives an input what another one has."""
+    feeding = source(socket)
+    if feeding is not None:
+        tree.links.new(feeding, target)
+        return
+    value = socket.default_value
+    is_color = target.type == "RGBA"
+    target.default_value = (value,) * 3 + (1,) if isinstance(value, float) and is_color else value
 
 
 def emission_of_light(tree):

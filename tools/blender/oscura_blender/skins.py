@@ -5,7 +5,10 @@ import bmesh
 import bpy
 import numpy as np
 
-from . import materials, shaders, trees
+from . import shaders, trees
+
+# Subsurface scattering of less weight is left to diffuse reflection.
+LEAST_SUBSURFACE = 0.5
 
 # What is noted of materials: that they are to be painted, and the colour of the body once they are.
 WANTED, BODY = "oscura skin", "oscura body"
@@ -26,17 +29,17 @@ def settle(holders, report):
                 users.setdefault(material, []).append((holder, slot))
     for material, places in users.items():
         are_closed = [_is_closed(holder.data, slot) or _close(holder, report) and _is_closed(holder.data, slot) for holder, slot in places]
-        if all(are_closed) and shaders.constant(materials.principled(material).inputs["Base Color"]) is None:
+        if all(are_closed) and shaders.constant(shaders.principled(material).inputs["Base Color"]) is None:
             trees.settle(material, **{WANTED: True})
 
 
 def _scatters(material):
-    node = materials.principled(material)
+    node = shaders.principled(material)
     if node is None:
         return False
     weight = shaders.constant(node.inputs["Subsurface Weight"])
     others = [shaders.constant(node.inputs[name]) for name in ("Metallic", "Transmission Weight")]
-    return weight is not None and weight >= materials.LEAST_SUBSURFACE and others == [0.0, 0.0]
+    return weight is not None and weight >= LEAST_SUBSURFACE and others == [0.0, 0.0]
 
 
 def _close(holder, report):
