@@ -1,7 +1,7 @@
 """Scenes of Blender about motion blur: what moves, turns, bends and swells while the shutter is open, and a camera that moves."""
 
 import blend_motion
-from blend_parts import add, camera, light, material, scene, still_life, world
+from blend_parts import add, camera, keyed, light, material, scene, still_life, world
 
 
 def blurred():
@@ -19,9 +19,9 @@ def blurred_camera():
     world((0.3, 0.35, 0.4))
     light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
     eye = camera()
-    blend_motion._keyed(eye, "location", {1: (6, -7, 4), 5: (5, -8, 4.4)})
+    keyed(eye, "location", {1: (6, -7, 4), 5: (5, -8, 4.4)})
     spinning = add("cube", material("spinning", Base_Color=(0.2, 0.5, 0.8, 1)), (-1.6, -1, 0.6), "Spinning", size=0.9)
-    blend_motion._keyed(spinning, "rotation_euler", {1: (0, 0, 0), 5: (0, 0, 2)})
+    keyed(spinning, "rotation_euler", {1: (0, 0, 0), 5: (0, 0, 2)})
     scene().frame_set(3)
     render = scene().render
     render.use_motion_blur, render.motion_blur_shutter, render.motion_blur_position = True, 0.6, "START"

@@ -2,8 +2,7 @@
 
 import bpy
 
-from blend_parts import add, ball, camera, floor, light, material, shader, world
-from blend_trees import _lit, _nodes, _ramp
+from blend_parts import add, ball, by_ramp, camera, floor, light, lit, material, new_nodes, shader, world
 
 GLOSSY = "BsdfAnisotropic" if hasattr(bpy.types, "ShaderNodeBsdfAnisotropic") else "BsdfGlossy"
 
@@ -16,17 +15,17 @@ def _row(*materials):
 def facing_color():
     """Facing as a colour, and as a factor that mixes two; by Fresnel; on roughness and metalness."""
     floor()
-    _lit()
+    lit()
     grey, mixed, fresnel, rough = (material(name, Roughness=0.8) for name in ("grey", "mixed", "fresnel", "rough"))
-    tree, principled, weight = _nodes(grey, "LayerWeight")
+    tree, principled, weight = new_nodes(grey, "LayerWeight")
     tree.links.new(weight.outputs["Facing"], principled.inputs["Base Color"])
     for made, output, blend in ((mixed, "Facing", 0.7), (fresnel, "Fresnel", 0.6)):
-        tree, principled, weight, mix = _nodes(made, "LayerWeight", "MixRGB")
+        tree, principled, weight, mix = new_nodes(made, "LayerWeight", "MixRGB")
         weight.inputs["Blend"].default_value = blend
         mix.inputs["Color1"].default_value, mix.inputs["Color2"].default_value = (0.7, 0.1, 0.05, 1), (0.1, 0.3, 0.9, 1)
         tree.links.new(weight.outputs[output], mix.inputs["Fac"])
         tree.links.new(mix.outputs[0], principled.inputs["Base Color"])
-    tree, principled, weight = _nodes(rough, "LayerWeight")
+    tree, principled, weight = new_nodes(rough, "LayerWeight")
     principled.inputs["Base Color"].default_value = (0.8, 0.6, 0.3, 1)
     tree.links.new(weight.outputs["Facing"], principled.inputs["Metallic"])
     tree.links.new(weight.outputs["Facing"], principled.inputs["Roughness"])
@@ -37,7 +36,7 @@ def facing_color():
 def facing_mix():
     """Gloss mixed into diffuse reflection by Fresnel, by facing and by facing through a ramp; a ghost."""
     floor()
-    _lit()
+    lit()
     made = []
     for name in ("Fresnel", "LayerWeight", "ramp", "ghost"):
         mixed, tree, mix = shader(name, "MixShader")
@@ -66,14 +65,14 @@ def facing_light():
     world((0.02, 0.02, 0.03))
     light("AREA", "Key", 40, (-3, -4, 5), (0.6, -0.5, 0), size=2)
     strong, colored = (material(name, Base_Color=(0.1, 0.1, 0.1, 1)) for name in ("strong", "colored"))
-    tree, principled, weight, gain = _nodes(strong, "LayerWeight", "Math")
+    tree, principled, weight, gain = new_nodes(strong, "LayerWeight", "Math")
     principled.inputs["Emission Color"].default_value = (1, 0.5, 0.2, 1)
     gain.operation, gain.inputs[1].default_value = "MULTIPLY", 4.0
     tree.links.new(weight.outputs["Facing"], gain.inputs[0])
     tree.links.new(gain.outputs[0], principled.inputs["Emission Strength"])
-    tree, principled, weight = _nodes(colored, "LayerWeight")
+    tree, principled, weight = new_nodes(colored, "LayerWeight")
     principled.inputs["Emission Strength"].default_value = 2.0
-    _ramp(tree, weight.outputs["Facing"], principled, "Emission Color")
+    by_ramp(tree, weight.outputs["Facing"], principled, "Emission Color")
     rim, tree, mix = shader("rim", "MixShader")
     weight, under, over = (tree.nodes.new(f"ShaderNode{n}") for n in ("LayerWeight", "BsdfDiffuse", "Emission"))
     weight.inputs["Blend"].default_value = 0.3
@@ -90,12 +89,12 @@ def facing_light():
 def facing_ramp():
     """Facing through ramps of colours: a velvet, car paint, a toon's outline by steps."""
     floor()
-    _lit()
+    lit()
     velvet, paint, toon = material("velvet", Roughness=0.9), material("paint", Metallic=1.0, Roughness=0.3), material("toon", Roughness=1)
     for made, blend in ((velvet, 0.5), (paint, 0.25), (toon, 0.4)):
-        tree, principled, weight = _nodes(made, "LayerWeight")
+        tree, principled, weight = new_nodes(made, "LayerWeight")
         weight.inputs["Blend"].default_value = blend
-        _ramp(tree, weight.outputs["Facing"], principled)
+        by_ramp(tree, weight.outputs["Facing"], principled)
         if made == toon:
             ramp = next(n for n in tree.nodes if n.bl_idname == "ShaderNodeValToRGB")
             ramp.color_ramp.interpolation = "CONSTANT"

@@ -15,6 +15,7 @@ from pathlib import Path
 import bpy
 
 import blend_parts as scenes
+import blend_run
 
 NAME = "motion"
 
@@ -27,16 +28,10 @@ def motion():
     _hierarchy()
     _shape_keys()
     lamp = scenes.light("AREA", "Key", 150, (-3, -3, 4), (0.6, -0.5, 0), size=1)
-    _keyed(lamp, "location", {1: (-3, -3, 4), 10: (1, -4, 4)})
+    scenes.keyed(lamp, "location", {1: (-3, -3, 4), 10: (1, -4, 4)})
     eye = scenes.camera()
-    _keyed(eye, "location", {1: (6, -7, 4), 10: (3, -8, 5)})
-    _keyed(eye, "rotation_euler", {1: (1.15, 0, 0.7), 10: (1.05, 0, 0.35)})
-
-
-def _keyed(owner, path, values):
-    for frame, value in values.items():
-        setattr(owner, path, value)
-        owner.keyframe_insert(path, frame=frame)
+    scenes.keyed(eye, "location", {1: (6, -7, 4), 10: (3, -8, 5)})
+    scenes.keyed(eye, "rotation_euler", {1: (1.15, 0, 0.7), 10: (1.05, 0, 0.35)})
 
 
 def _tube():
@@ -66,8 +61,8 @@ def _tube():
     tube.modifiers.new("Rig", "ARMATURE").object = rig
     bone = rig.pose.bones["Upper"]
     bone.rotation_mode = "XYZ"
-    _keyed(bone, "rotation_euler", {1: (0, 0, 0), 10: (0.4, 0, 1.2)})
-    _keyed(rig, "rotation_euler", {1: (0, 0, 0), 10: (0, 0, 0.8)})
+    scenes.keyed(bone, "rotation_euler", {1: (0, 0, 0), 10: (0.4, 0, 1.2)})
+    scenes.keyed(rig, "rotation_euler", {1: (0, 0, 0), 10: (0, 0, 0.8)})
 
 
 def _hierarchy():
@@ -76,8 +71,8 @@ def _hierarchy():
     arm = scenes.link("Arm", None, (1, 0, 0.4), scale=(1, 0.6, 1))
     box = scenes.add("cube", scenes.material("box", Base_Color=(0.7, 0.5, 0.1, 1)), (0.3, 0, 0), "Carried", size=0.6)
     arm.parent, box.parent = stand, arm
-    _keyed(stand, "rotation_euler", {1: (0, 0, 0), 10: (0, 0, math.pi)})
-    _keyed(arm, "rotation_euler", {1: (0, 0, 0), 10: (0, 1, 0)})
+    scenes.keyed(stand, "rotation_euler", {1: (0, 0, 0), 10: (0, 0, math.pi)})
+    scenes.keyed(arm, "rotation_euler", {1: (0, 0, 0), 10: (0, 1, 0)})
 
 
 def _shape_keys():
@@ -87,29 +82,25 @@ def _shape_keys():
     swollen = ball.shape_key_add(name="Swollen")
     for vertex, target in zip(ball.data.vertices, swollen.data):
         target.co = vertex.co * (1.0 + 0.8 * max(vertex.co.x, 0.0))
-    _keyed(swollen, "value", {1: 0.0, 10: 1.0})
+    scenes.keyed(swollen, "value", {1: 0.0, 10: 1.0})
 
 
 def main():
-    import blend  # which knows the scenes that use this one
-
     folder = Path(sys.argv[1]).resolve()
     folder.mkdir(parents=True, exist_ok=True)
     count = int(sys.argv[2]) if sys.argv[2:] else 10
     frames = range(1, count + 1)
     if not (folder / f"{NAME}.ref.2.{count:04}.exr").exists():
-        blend.make(folder, motion, frames)
+        blend_run.make(folder, motion, frames)
     for seed in (1, 2):
-        command = [blend.PROGRAM, "render", str(folder / f"{NAME}.blend"), "--frames", f"1-{count}", "--resume"]
-        command += ["-o", str(folder / f"{NAME}.{seed}.####.exr"), "--float", "--spp", str(blend.SAMPLES)]
-        subprocess.run([*command, "--seed", str(seed), "--quiet"], env=blend.environment(), check=True)
+        command = [blend_run.PROGRAM, "render", str(folder / f"{NAME}.blend"), "--frames", f"1-{count}", "--resume"]
+        command += ["-o", str(folder / f"{NAME}.{seed}.####.exr"), "--float", "--spp", str(blend_run.SAMPLES)]
+        subprocess.run([*command, "--seed", str(seed), "--quiet"], env=blend_run.environment(), check=True)
     print("| frame | mean | blocks | noise |\n|---|---:|---:|---:|")
     for frame in frames:
-        read = lambda kind: [blend.read(folder / f"{NAME}{kind}.{seed}.{frame:04}.exr") for seed in (1, 2)]
+        read = lambda kind: [blend_run.read(folder / f"{NAME}{kind}.{seed}.{frame:04}.exr") for seed in (1, 2)]
         ours, theirs = read(""), read(".ref")
-        ratio, rms, noise = blend.measure(ours, theirs)
-        blend.show(folder / f"{NAME}.{frame:04}.png", ours, theirs)
-        print(f"| {frame} | {ratio:.4f} | {100 * rms:.2f} % | {100 * noise:.2f} % |", flush=True)
+        blend_run.row(frame, folder / f"{NAME}.{frame:04}.png", ours, theirs)
 
 
 if __name__ == "__main__":

@@ -100,3 +100,32 @@ def picture(name, pixels):
     full[..., :3] = pixels
     image.pixels[:] = full.ravel()
     return image
+
+
+def keyed(owner, path, values):
+    """Animates what a path leads to: its values by frame."""
+    for frame, value in values.items():
+        setattr(owner, path, value)
+        owner.keyframe_insert(path, frame=frame)
+
+
+def lit():
+    """An even world and one area lamp."""
+    world((0.3, 0.35, 0.4))
+    light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
+
+
+def new_nodes(made, *kinds):
+    """A material's tree, its Principled shader, and new nodes."""
+    tree = made.node_tree
+    return (tree, tree.nodes.get("Principled BSDF"), *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
+
+
+def by_ramp(tree, source, node, name="Base Color"):
+    """Colours an input by a number."""
+    ramp = tree.nodes.new("ShaderNodeValToRGB")
+    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.8, 0.05, 0.05, 1), (0.05, 0.2, 0.9, 1)
+    middle = ramp.color_ramp.elements.new(0.5)
+    middle.color = (0.1, 0.7, 0.1, 1)
+    tree.links.new(source, ramp.inputs[0])
+    tree.links.new(ramp.outputs[0], node.inputs[name])

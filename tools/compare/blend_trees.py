@@ -2,37 +2,16 @@
 
 import bpy
 
-from blend_parts import add, ball, camera, floor, light, link, material, scene, shader, world
-
-
-def _lit():
-    world((0.3, 0.35, 0.4))
-    light("AREA", "Key", 250, (-3, -4, 5), (0.6, -0.5, 0), size=2)
-
-
-def _nodes(made, *kinds):
-    """A material's tree, its Principled shader, and new nodes."""
-    tree = made.node_tree
-    return (tree, tree.nodes.get("Principled BSDF"), *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
-
-
-def _ramp(tree, source, node, name="Base Color"):
-    """Colours an input by a number."""
-    ramp = tree.nodes.new("ShaderNodeValToRGB")
-    ramp.color_ramp.elements[0].color, ramp.color_ramp.elements[1].color = (0.8, 0.05, 0.05, 1), (0.05, 0.2, 0.9, 1)
-    middle = ramp.color_ramp.elements.new(0.5)
-    middle.color = (0.1, 0.7, 0.1, 1)
-    tree.links.new(source, ramp.inputs[0])
-    tree.links.new(ramp.outputs[0], node.inputs[name])
+from blend_parts import add, ball, by_ramp, camera, floor, link, lit, material, new_nodes, shader, world
 
 
 def object_info():
     """Balls of one mesh and one material that are coloured by chance, by their colour, place and number; instances, too."""
     floor()
-    _lit()
+    lit()
     random, own, place, number = (material(name, Roughness=0.7) for name in ("random", "own", "place", "number"))
     for made, output in ((random, "Random"), (own, "Color"), (place, "Location"), (number, "Object Index")):
-        tree, principled, info = _nodes(made, "ObjectInfo")
+        tree, principled, info = new_nodes(made, "ObjectInfo")
         if output == "Color":
             tree.links.new(info.outputs[output], principled.inputs["Base Color"])
         elif output == "Location":
@@ -44,7 +23,7 @@ def object_info():
             half = tree.nodes.new("ShaderNodeMath")
             half.operation, half.inputs[1].default_value = "MULTIPLY", 1.0 if output == "Random" else 0.25
             tree.links.new(info.outputs[output], half.inputs[0])
-            _ramp(tree, half.outputs[0], principled)
+            by_ramp(tree, half.outputs[0], principled)
     data = ball(random, (0, 0, -5), 0.4).data
     for row, made in enumerate((random, own, place, number)):
         shared = data.copy()
@@ -63,15 +42,15 @@ def object_info():
 def object_noise():
     """Noise by where objects stand, moved by a property of each."""
     floor()
-    _lit()
+    lit()
     made = material("speckled", Roughness=0.8)
-    tree, principled, geometry, moved, noise, own = _nodes(made, "NewGeometry", "VectorMath", "TexNoise", "Attribute")
+    tree, principled, geometry, moved, noise, own = new_nodes(made, "NewGeometry", "VectorMath", "TexNoise", "Attribute")
     own.attribute_type, own.attribute_name = "OBJECT", "shift"
     noise.inputs["Scale"].default_value = 1.2
     tree.links.new(geometry.outputs["Position"], moved.inputs[0])
     tree.links.new(own.outputs["Fac"], moved.inputs[1])
     tree.links.new(moved.outputs[0], noise.inputs["Vector"])
-    _ramp(tree, noise.outputs[0], principled)
+    by_ramp(tree, noise.outputs[0], principled)
     data = add("cube", made, (0, 0, -5), size=1).data
     for i in range(5):
         placed = link(f"Cube {i}", data, (-2 + i, 0.5 * i - 1, 0.5), (0, 0, 0.4 * i))
@@ -81,11 +60,11 @@ def object_noise():
 
 def instancer_attributes():
     """Instances of geometry nodes that carry a colour, and objects of particles that know their number."""
-    _lit()
+    lit()
     tinted = material("tinted", Roughness=0.8)
-    tree, principled, own = _nodes(tinted, "Attribute")
+    tree, principled, own = new_nodes(tinted, "Attribute")
     own.attribute_type, own.attribute_name = "INSTANCER", "tint"
-    _ramp(tree, own.outputs["Fac"], principled)
+    by_ramp(tree, own.outputs["Fac"], principled)
     cube = add("cube", tinted, (0, 0, -5), "Tinted", size=0.6)
     base = add("grid", material("soil", Base_Color=(0.4, 0.4, 0.4, 1)), (0, 0, 0), "Base", size=5, x_subdivisions=4, y_subdivisions=4)
     group = bpy.data.node_groups.new("Scatter", "GeometryNodeTree")
@@ -112,10 +91,10 @@ def instancer_attributes():
         group.links.new(a, b)
     base.modifiers.new("Scatter", "NODES").node_group = group
     numbered = material("numbered", Roughness=0.8)
-    tree, principled, info, share = _nodes(numbered, "ParticleInfo", "Math")
+    tree, principled, info, share = new_nodes(numbered, "ParticleInfo", "Math")
     share.operation, share.inputs[1].default_value = "DIVIDE", 20.0
     tree.links.new(info.outputs["Index"], share.inputs[0])
-    _ramp(tree, share.outputs[0], principled)
+    by_ramp(tree, share.outputs[0], principled)
     patch = add("plane", material("sand", Base_Color=(0.5, 0.45, 0.3, 1)), (0, -4, 0), "Patch", size=3)
     patch.modifiers.new("Seeds", "PARTICLE_SYSTEM")
     seeds = patch.particle_systems[0].settings
@@ -128,7 +107,7 @@ def instancer_attributes():
 def two_sides():
     """Cards with another colour behind, and one that is not there from behind."""
     floor()
-    _lit()
+    lit()
     made, tree, mix = shader("two colours", "MixShader")
     side, front, back = (tree.nodes.new(f"ShaderNode{k}") for k in ("NewGeometry", "BsdfDiffuse", "BsdfDiffuse"))
     front.inputs["Color"].default_value, back.inputs["Color"].default_value = (0.8, 0.1, 0.1, 1), (0.1, 0.2, 0.8, 1)
@@ -142,7 +121,7 @@ def two_sides():
     tree.links.new(front.outputs[0], mix.inputs[1])
     tree.links.new(clear.outputs[0], mix.inputs[2])
     inside = material("tree of colours", Roughness=0.6)
-    tree, principled, side, blend = _nodes(inside, "NewGeometry", "Mix")
+    tree, principled, side, blend = new_nodes(inside, "NewGeometry", "Mix")
     blend.data_type = "RGBA"
     blend.inputs[6].default_value, blend.inputs[7].default_value = (0.9, 0.6, 0.1, 1), (0.1, 0.6, 0.6, 1)
     tree.links.new(side.outputs["Backfacing"], blend.inputs[0])
@@ -157,7 +136,7 @@ def two_sides():
 def ray_tricks():
     """Glass that casts no shadow, a lamp that looks otherwise than it shines, a box that only mirrors see, one without."""
     floor()
-    _lit()
+    lit()
     clear, tree, mix = shader("clear shadow", "MixShader")
     path, glass, nothing = (tree.nodes.new(f"ShaderNode{k}") for k in ("LightPath", "BsdfGlass", "BsdfTransparent"))
     tree.links.new(path.outputs["Is Shadow Ray"], mix.inputs[0])
@@ -173,7 +152,7 @@ def ray_tricks():
     tree.links.new(shown.outputs[0], mix.inputs[2])
     ball(lamp, (0.4, 1.6, 1.2), 0.4)
     glow = material("glow", Base_Color=(0, 0, 0, 1), Emission_Color=(0.3, 0.4, 1, 1))
-    tree, principled, path, strength = _nodes(glow, "LightPath", "Math")
+    tree, principled, path, strength = new_nodes(glow, "LightPath", "Math")
     strength.operation, strength.inputs[1].default_value = "MULTIPLY", 6.0
     tree.links.new(path.outputs["Is Camera Ray"], strength.inputs[0])
     tree.links.new(strength.outputs[0], principled.inputs["Emission Strength"])
@@ -192,7 +171,7 @@ def ray_tricks():
 def view_trees():
     """Gloss over a ground by Fresnel and by a layer's weight, a colour by facing, fog of the camera's distance."""
     floor(_by_distance())
-    _lit()
+    lit()
     glossy = "BsdfAnisotropic" if hasattr(bpy.types, "ShaderNodeBsdfAnisotropic") else "BsdfGlossy"
     for i, (weight, output) in enumerate((("Fresnel", 0), ("LayerWeight", 0), ("LayerWeight", 1))):
         for k, ground in enumerate(("BsdfDiffuse", "BsdfPrincipled")):
@@ -209,18 +188,18 @@ def view_trees():
             tree.links.new(over.outputs[0], mix.inputs[2])
             ball(made, (-2.2 + 1.7 * i, 1.0 - 1.8 * k, 0.7), 0.7)
     velvet = material("velvet", Roughness=0.9, Specular_IOR_Level=0)
-    tree, principled, facing = _nodes(velvet, "LayerWeight")
-    _ramp(tree, facing.outputs["Facing"], principled)
+    tree, principled, facing = new_nodes(velvet, "LayerWeight")
+    by_ramp(tree, facing.outputs["Facing"], principled)
     ball(velvet, (2.9, 0.2, 0.7), 0.7)
     camera()
 
 
 def _by_distance():
     made = material("by distance", Roughness=0.9)
-    tree, principled, eye, share = _nodes(made, "CameraData", "MapRange")
+    tree, principled, eye, share = new_nodes(made, "CameraData", "MapRange")
     share.inputs["From Min"].default_value, share.inputs["From Max"].default_value = 6, 14
     tree.links.new(eye.outputs["View Distance"], share.inputs[0])
-    _ramp(tree, share.outputs[0], principled)
+    by_ramp(tree, share.outputs[0], principled)
     return made
 
 
@@ -229,7 +208,7 @@ def bright_bakes():
     floor()
     world((0, 0, 0))
     screen = material("screen", Base_Color=(0, 0, 0, 1), Emission_Strength=1.0)
-    tree, principled, checker, gain = _nodes(screen, "TexChecker", "VectorMath")
+    tree, principled, checker, gain = new_nodes(screen, "TexChecker", "VectorMath")
     checker.inputs["Scale"].default_value = 4
     checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.5, 0.1, 1), (0.05, 0.1, 0.4, 1)
     gain.operation = "SCALE"
@@ -239,7 +218,7 @@ def bright_bakes():
     card = add("plane", screen, (-1.4, 2, 1.2), "Screen", size=2.2)
     card.rotation_euler = (1.5, 0, 0)
     waves = material("waves", Base_Color=(0, 0, 0, 1), Emission_Color=(0.2, 0.6, 1, 1))
-    tree, principled, wave, gain = _nodes(waves, "TexWave", "Math")
+    tree, principled, wave, gain = new_nodes(waves, "TexWave", "Math")
     wave.inputs["Scale"].default_value = 0.6
     gain.operation, gain.inputs[1].default_value = "MULTIPLY", 9.0
     tree.links.new(wave.outputs["Fac"], gain.inputs[0])
@@ -253,11 +232,11 @@ def bright_bakes():
 def nooks():
     """Ambient occlusion as a colour."""
     made = material("worn", Roughness=0.9)
-    tree, principled, nook = _nodes(made, "AmbientOcclusion")
+    tree, principled, nook = new_nodes(made, "AmbientOcclusion")
     nook.inputs["Distance"].default_value = 1.0
-    _ramp(tree, nook.outputs["AO"], principled)
+    by_ramp(tree, nook.outputs["AO"], principled)
     floor(made, 8)
-    _lit()
+    lit()
     ball(made, (-1, 0, 0.6))
     add("cube", made, (1.2, 0, 0.6), "Box", size=1.2)
     camera()
