@@ -11,7 +11,7 @@ use crate::light::Beam;
 use crate::math::{Frame, Mat3, Vec3};
 use crate::scene::{
     ColorSlot, FloatSlot, LightLinks, Material, Model, NormalMap, ObjectSets, ObjectTraits, Parameters,
-    RayKinds, Transmission,
+    RayKinds, TextureId, Transmission,
 };
 use crate::shape::Surface;
 use crate::texture::{CompiledTextures, PointReader};
@@ -191,9 +191,9 @@ impl CompiledMaterial {
             ..Presence::FULL
         });
         let normal_map = material.normal_map.filter(|n| n.scale != 0.0 && class != BsdfClass::Black);
-        let is_textured = has_textures(&model, textures);
-        let is_spectral =
-            shading.spectral && (has_spectra(&model, textures) || program.depends_on_wavelength());
+        let is_textured = has_texture(&model, |id| textures.spectrum(id).is_none());
+        let is_spectral = shading.spectral
+            && (has_texture(&model, |id| textures.spectrum(id).is_some()) || program.depends_on_wavelength());
         let uses_vertex_colors = material.use_vertex_colors && class != BsdfClass::Black;
         let coat = model.pbr().and_then(|pbr| pbr.clearcoat);
         let coat_normal_map = coat.and_then(|c| c.normal_map).filter(|n| n.scale != 0.0);
@@ -231,7 +231,7 @@ impl CompiledMaterial {
             alpha,
             presence: presence.filter(|p| *p != Presence::FULL),
             uses_vertex_colors,
-            depends_on_viewer: reads_facing(&model, textures),
+            depends_on_viewer: has_texture(&model, |id| textures.depends_on_viewer(id)),
             shines_by_viewer: emission
                 .and_then(|e| e.radiance.texture)
                 .is_some_and(|id| textures.depends_on_viewer(id)),
@@ -402,28 +402,9 @@ fn is_transmissive(model: &Model) -> bool {
     }
 }
 
-/// Are there textures that differ from place to place?
-fn has_textures(model: &Model, textures: &CompiledTextures) -> bool {
-    let differs = |id| textures.spectrum(id).is_none();
+/// Has a model a texture of which something holds?
+fn has_texture(model: &Model, holds: impl Fn(TextureId) -> bool) -> bool {
     let mut found = false;
-    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(differs));
-    found
-}
-
-/// Are there textures that differ with the viewer?
-fn reads_facing(model: &Model, textures: &CompiledTextures) -> bool {
-    let mut found = false;
-    model.visit("", &mut |_, parameter| {
-        found |= parameter.texture().is_some_and(|id| textures.depends_on_viewer(id));
-    });
-    found
-}
-
-/// Are there spectra?
-fn has_spectra(model: &Model, textures: &CompiledTextures) -> bool {
-    let mut found = false;
-    model.visit("", &mut |_, parameter| {
-        found |= parameter.texture().is_some_and(|id| textures.spectrum(id).is_some());
-    });
+    model.visit("", &mut |_, parameter| found |= parameter.texture().is_some_and(&holds));
     found
 }

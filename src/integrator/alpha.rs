@@ -146,8 +146,7 @@ impl Integrator<'_> {
                 }
                 let i = shadow_vertices[k] as usize;
                 let (path, time) = (&paths.carried, times.of(paths.carried.sample[i]));
-                let index = self.only_light.unwrap_or(light.index[i]);
-                if self.is_left_out(*without, &hit) || self.lets_pass(index, &hit) {
+                if self.is_left_out(*without, &hit) || self.lets_pass(i as u32, &hit, light) {
                     self.step_past(&mut shadow_rays[k], &hit, time);
                     return true;
                 }
@@ -190,17 +189,12 @@ impl Integrator<'_> {
         // Most hit nothing, or something that is there.
         pending.clear();
         for (k, (hit, occluded)) in pending_hits.iter().zip(&mut **occluded).enumerate() {
-            let index =
-                || self.only_light.unwrap_or_else(|| wave.vertices.light.index[shadow_vertices[k] as usize]);
-            let is_doubtful = hit.is_hit()
-                && (doubtful[self.scene.geometries.material(hit) as usize]
-                    && (*without
-                        || !self.is_surely_front(
-                            &shadow_rays[k],
-                            hit,
-                            times.of(sample(&shadow_vertices[k])),
-                        ))
-                    || self.scene.features.links && self.lets_pass(index(), hit));
+            let vertex = shadow_vertices[k];
+            let is_front = || self.is_surely_front(&shadow_rays[k], hit, times.of(sample(&vertex)));
+            let may_be_absent =
+                || doubtful[self.scene.geometries.material(hit) as usize] && (*without || !is_front());
+            let is_doubtful =
+                hit.is_hit() && (may_be_absent() || self.lets_pass(vertex, hit, &wave.vertices.light));
             *occluded = hit.is_hit() && !is_doubtful;
             if is_doubtful {
                 pending.push(k as u32);

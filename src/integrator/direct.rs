@@ -41,12 +41,10 @@ impl Integrator<'_> {
         w.shadow_rays.clear();
         w.shadow_vertices.clear();
         let (v, light) = (&w.wave.vertices, &w.wave.vertices.light);
+        let all_light = !w.without && !self.scene.features.links;
         for i in sorted.lit() {
             let [r, g, b] = &light.contribution;
-            let index = self.only_light.unwrap_or(light.index[i]);
-            let light_is_there =
-                (!w.without || !self.scene.is_caught_light(index)) && self.is_lit_by(i, index, &w.wave.paths);
-            if light_is_there && r[i].max(g[i]).max(b[i]) > 0.0 {
+            if (all_light || self.is_lit_by(i, w)) && r[i].max(g[i]).max(b[i]) > 0.0 {
                 let t_max = if light.is_infinite[i] > 0.0 { f32::INFINITY } else { 1.0 };
                 let ray = Ray::new(get(&light.origin, i), get(&light.direction, i));
                 w.shadow_rays.push(Ray { t_max, origin_primitive: v.origin_primitives[i], ..ray });

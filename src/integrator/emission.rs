@@ -1,10 +1,11 @@
 //! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
 
 use super::Integrator;
-use super::lanes::{LENGTH, Lanes3, WAVE, get, get_rgb};
+use super::lanes::{LENGTH, WAVE, get, get_rgb};
 use super::layers::{Origin, Way, way_of_path};
+use super::linking::class;
 use super::surface::HitPoint;
-use super::wave::Scratch;
+use super::wave::{Paths, Scratch};
 use super::workspace::Workspace;
 use crate::color::Rgb;
 use crate::light::{
@@ -20,17 +21,18 @@ impl Integrator<'_> {
     pub(super) fn emit(&self, bounce: u32, i: usize, at: &HitPoint<'_>, w: &mut Workspace) {
         let HitPoint { surface, hit, material, is_back, time } = at;
         let Some(emission) = material.emission.filter(|e| e.two_sided || !is_back) else { return };
-        if self.is_left_to_lamps(bounce, i, self.scene.light_at(hit), w) {
+        let light = self.scene.light_at(hit);
+        if self.is_left_to_lamps(bounce, i, light, w) {
             return;
         }
-        let links = self.links_of(material, self.scene.light_at(hit).is_some());
+        let links = self.links_of(material, light.is_some());
         if !self.finds_linked(bounce, i, links, &w.arriving) {
             return;
         }
         let wo = -w.rays[i].direction;
         let radiance = self.emitted(at, wo, w.times.waves(w.arriving.carried.sample[i]));
         let radiance = emission.beam.of(radiance, surface.ng, wo);
-        let (path, light) = (&w.arriving.carried, self.scene.light_at(hit));
+        let path = &w.arriving.carried;
         let mut weight = 1.0;
         if path.pdf[i] > 0.0
             && let Some(index) = light
@@ -41,8 +43,9 @@ impl Integrator<'_> {
             let moving = self.scene.lights.are_moving().then(|| self.scene.lights.area_at(index, *time));
             let area = moving.as_ref().unwrap_or(&self.scene.lights.area()[index as usize]);
             let p = w.rays[i].origin;
-            let receiver = self.receiver(i, p, &w.arriving);
-            let pdf_discrete = self.scene.lights.pdf_discrete(&receiver, index);
+            let receiver = Receiver { p, normal: get(&w.arriving.receiver_normal, i) };
+            let class = class(i, &w.arriving, self.scene.features.links);
+            let pdf_discrete = self.scene.lights.pdf_discrete(class, &receiver, index);
             weight = power_heuristic(path.pdf[i], area.pdf_solid_angle(p, surface.p) * pdf_discrete);
         }
         w.sink.contribute(path.sample[i], get_rgb(&path.throughput, i) * radiance * weight, || Origin {
@@ -67,9 +70,10 @@ impl Integrator<'_> {
                 if self.parts.kinds && !self.brings_light(bounce, i, index, &w.arriving) {
                     continue;
                 }
-                let receiver = self.receiver(i, w.rays[i].origin, &w.arriving);
-                let among_far = pdf_discrete[receiver.class as usize];
-                let pdf_discrete = among_far * self.scene.lights.far_pdf_discrete(&receiver);
+                let receiver = Receiver { p: w.rays[i].origin, normal: get(&w.arriving.receiver_normal, i) };
+                let class = class(i, &w.arriving, self.scene.features.links);
+                let far = self.scene.lights.far_pdf_discrete(class, &receiver);
+                let pdf_discrete = pdf_discrete[class as usize] * far;
                 let pdf = sun.pdf_solid_angle() * pdf_discrete;
                 let weight = if path.pdf[i] > 0.0 { power_heuristic(path.pdf[i], pdf) } else { 1.0 };
                 if self.is_left_to_lamps(bounce, i, Some(index), w) {
@@ -103,16 +107,10 @@ impl Integrator<'_> {
         }
         let (path, scratch) = (&w.arriving.carried, &mut w.wave.scratch);
         look_up(environment, &w.rays, &w.escaped, scratch);
-        let mut pdf_discrete = lights.environment_pdf_discrete(0);
-        if lights.are_linked() {
-            pdf_discrete = 1.0;
-            for (far, &i) in scratch[0].iter_mut().zip(&w.escaped) {
-                let receiver = self.receiver(i as usize, w.rays[i as usize].origin, &w.arriving);
-                *far = lights.far_pdf_discrete(&receiver) * lights.environment_pdf_discrete(receiver.class);
-            }
-        } else if lights.use_tree() {
-            let (rays, escaped, normals) = (&w.rays, &w.escaped, &w.arriving.receiver_normal);
-            dispatch(FarShares { lights, rays, escaped, normals, scratch });
+        let linked = self.scene.features.links;
+        if lights.use_tree() {
+            let (rays, escaped, arriving) = (&w.rays, &w.escaped, &w.arriving);
+            dispatch(FarShares { lights, rays, escaped, arriving, linked, scratch });
         } else {
             scratch[0][..w.escaped.len()].fill(1.0);
         }
@@ -122,11 +120,16 @@ impl Integrator<'_> {
                 *pdf = environment.pdf_from(ray.origin, ray.direction);
             }
         }
+        let pdf_discrete = lights.environment_pdf_discrete(0);
         let light = lights.len() as u32 - 1;
         for (k, &i) in w.escaped.iter().enumerate() {
             let i = i as usize;
             let weight = match path.pdf[i] {
-                scattered if scattered > 0.0 => power_heuristic(scattered, pdf[k] * pdf_discrete * far[k]),
+                scattered if scattered > 0.0 => {
+                    let of_class = || lights.environment_pdf_discrete(class(i, &w.arriving, linked));
+                    let pdf_discrete = if linked { of_class() } else { pdf_discrete };
+                    power_heuristic(scattered, pdf[k] * pdf_discrete * far[k])
+                }
                 _ => 1.0,
             };
             let radiance = Rgb::new(r[k], g[k], b[k]);
@@ -148,7 +151,9 @@ struct FarShares<'a> {
     lights: &'a Lights,
     rays: &'a [Ray],
     escaped: &'a [u32],
-    normals: &'a Lanes3,
+    arriving: &'a Paths,
+    /// Lights are linked to some objects only.
+    linked: bool,
     scratch: &'a mut Scratch,
 }
 
@@ -157,10 +162,11 @@ impl Kernel for FarShares<'_> {
 
     #[inline(always)]
     fn run(self) {
-        let FarShares { lights, rays, escaped, normals, scratch: [far, ..] } = self;
+        let FarShares { lights, rays, escaped, arriving, linked, scratch: [far, ..] } = self;
         for (far, &i) in far.iter_mut().zip(escaped) {
-            let (p, normal) = (rays[i as usize].origin, get(normals, i as usize));
-            *far = lights.far_pdf_discrete(&Receiver::new(p, normal));
+            let i = i as usize;
+            let receiver = Receiver { p: rays[i].origin, normal: get(&arriving.receiver_normal, i) };
+            *far = lights.far_pdf_discrete(class(i, arriving, linked), &receiver);
         }
     }
 }

@@ -11,6 +11,7 @@ use crate::color::Rgb;
 use crate::film::FilterSampler;
 use crate::math::Ray;
 use crate::sampling::sampler::{Dimensions, SobolPoint};
+use crate::scene::RayKinds;
 use crate::simd::{Kernel, dispatch};
 
 impl Integrator<'_> {
@@ -62,6 +63,9 @@ impl Integrator<'_> {
         }
         if self.parts.depths {
             paths.depth[..count].fill(0);
+        }
+        if self.parts.kinds {
+            paths.kinds[..count].fill(RayKinds::CAMERA.bits());
         }
         if self.parts.chains {
             paths.chains[..count].fill(0);

@@ -85,13 +85,18 @@ impl Kernel for SelectLights<'_> {
         for first in (0..count).step_by(TOGETHER) {
             let receiver = |lane: usize| {
                 let normal = if first + lane < self.opaque { get(&v.ns, first + lane) } else { Vec3::ZERO };
-                let class = class(first + lane, paths, self.linked);
-                Receiver { p: get(&v.p, first + lane), normal, class }
+                Receiver { p: get(&v.p, first + lane), normal }
             };
             let receivers: [Receiver; TOGETHER] = std::array::from_fn(receiver);
             let numbers = std::array::from_fn(|lane| [choice0[first + lane], choice1[first + lane]]);
             let lanes = TOGETHER.min(count - first);
-            let chosen = self.lights.select_together(&receivers, &numbers, lanes);
+            let chosen = match self.linked {
+                false => self.lights.select_together(&receivers, &numbers, lanes),
+                true => {
+                    let class = |lane| class(first + lane, paths, true);
+                    self.lights.select_by_class(class, &receivers, &numbers, lanes)
+                }
+            };
             for (i, lane) in (first..first + lanes).zip(0..) {
                 set(&mut paths.receiver_normal, i, receivers[lane].normal);
                 (v.light.index[i], v.light.pdf_discrete[i]) = (chosen[lane].index, chosen[lane].pdf_discrete);

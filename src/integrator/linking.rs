@@ -7,12 +7,10 @@
 //! another amount of its light: so it is left to light samples, but for mirrors and cameras, which show it as it stands.
 
 use super::Integrator;
-use super::lanes::get;
-use super::wave::Paths;
+use super::wave::{LightLanes, Paths};
 use super::workspace::Workspace;
 use crate::compile::{CompiledMaterial, MOST_CLASSES};
-use crate::light::Receiver;
-use crate::math::{Hit, Vec3};
+use crate::math::Hit;
 use crate::scene::{LightLinks, Link};
 
 /// Where the class of receivers begins in the words that tell of the kinds of rays.
@@ -33,13 +31,6 @@ pub(super) fn class(i: usize, paths: &Paths, are_linked: bool) -> u32 {
 }
 
 impl Integrator<'_> {
-    /// The receiver where the ray of arriving path `i` began.
-    #[inline(always)]
-    pub(super) fn receiver(&self, i: usize, p: Vec3, arriving: &Paths) -> Receiver {
-        let normal = get(&arriving.receiver_normal, i);
-        Receiver { p, normal, class: class(i, arriving, self.scene.features.links) }
-    }
-
     /// Takes down the class of vertex `k`, which arriving path `i` found.
     pub(super) fn keep_class(&self, i: usize, k: usize, w: &mut Workspace) {
         let class = if w.hits[i].is_hit() { self.scene.links.class_of(w.materials[i]) } else { 0 };
@@ -65,20 +56,20 @@ impl Integrator<'_> {
         }
     }
 
-    /// Does the light of the sample of vertex `i` light it?
-    #[inline(always)]
-    pub(super) fn is_lit_by(&self, i: usize, light: u32, paths: &Paths) -> bool {
-        !self.scene.features.links || {
-            let links = self.scene.links.of_light(light);
-            self.scene.links.reach(links, class(i, paths, true))
-        }
+    /// Is the light of the sample of vertex `i` there, and linked to it?
+    pub(super) fn is_lit_by(&self, i: usize, w: &Workspace) -> bool {
+        let index = self.only_light.unwrap_or(w.wave.vertices.light.index[i]);
+        let is_left_out = w.without && self.scene.is_caught_light(index);
+        let class = class(i, &w.wave.paths, self.scene.features.links);
+        !is_left_out && self.scene.links.reach(self.scene.links.of_light(index), class)
     }
 
-    /// Does what a shadow ray to a light hit cast no shadow in its light?
+    /// Does what the shadow ray of a vertex hit cast no shadow in the light of its sample?
     #[inline(always)]
-    pub(super) fn lets_pass(&self, light: u32, hit: &Hit) -> bool {
+    pub(super) fn lets_pass(&self, vertex: u32, hit: &Hit, light: &LightLanes) -> bool {
         self.scene.features.links && {
-            let links = self.scene.links.of_light(light);
+            let index = self.only_light.unwrap_or_else(|| light.index[vertex as usize]);
+            let links = self.scene.links.of_light(index);
             !self.scene.links.block(links, self.scene.geometries.material(hit))
         }
     }

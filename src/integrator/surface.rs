@@ -126,6 +126,7 @@ impl Integrator<'_> {
         if w.bsdfs.len() < general.len() {
             w.bsdfs.resize(general.len(), Bsdf::Black);
         }
+        let links = self.scene.features.links;
         for i in 0..w.rays.len() {
             let group = w.groups[i];
             let k = next[group as usize];
@@ -169,7 +170,7 @@ impl Integrator<'_> {
                 w.sink.cover(w.arriving.carried.sample[i]);
             }
             w.arriving.copy_to(i, &mut w.wave.paths, k, self.parts);
-            if self.scene.features.links {
+            if links {
                 self.keep_class(i, k, w);
             }
             w.wave.vertices.origin_primitives[k] = (&w.hits[i]).into();

@@ -74,7 +74,7 @@ impl Integrator<'_> {
         if medium != 0 || lights.is_empty() {
             return None;
         }
-        let selected = lights.select(&Receiver::new(origin, Vec3::ZERO), u);
+        let selected = lights.select(0, &Receiver { p: origin, normal: Vec3::ZERO }, u);
         if selected.pdf_discrete > 0.0 { lights.middle(selected.index) } else { None }
     }
 

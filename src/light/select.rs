@@ -19,8 +19,10 @@ pub struct Lights {
     area: Vec<AreaLight>,
     punctual: Vec<PunctualLight>,
     environment: Option<EnvironmentLight>,
-    /// For each class of receivers the choice among the lights that are linked to it; of all without links.
-    choices: Vec<Choice>,
+    /// The choice that receivers of class 0 have: among all lights, unless some are linked.
+    choice: Choice,
+    /// Those of further classes, of which each has lights of its own linked to it.
+    linked: Vec<Choice>,
     suns: Vec<SelectedSun>,
     /// All lights, if they are nothing but such rectangles; else empty.
     rectangles: Vec<[f32; RECTANGLE_NUMBERS]>,
@@ -58,9 +60,10 @@ impl Lights {
         environment: Option<EnvironmentLight>,
         textures: &CompiledTextures,
     ) -> Lights {
-        let (suns, rectangles, choices) = (Vec::new(), Vec::new(), Vec::new());
-        let mut lights = Lights { area, punctual, environment, choices, suns, rectangles, motions };
-        lights.choices = vec![lights.choice(textures, |_| true)];
+        let (suns, rectangles, linked) = (Vec::new(), Vec::new(), Vec::new());
+        let choice = Choice::new(&[], 0, &[], false);
+        let mut lights = Lights { area, punctual, environment, choice, linked, suns, rectangles, motions };
+        lights.choice = lights.choice_among(textures, |_| true);
         lights.suns = lights.find_suns();
         lights.rectangles = lights.find_rectangles();
         lights
@@ -73,12 +76,14 @@ impl Lights {
         textures: &CompiledTextures,
         is_linked: impl Fn(usize, u32) -> bool,
     ) {
-        self.choices = (0..classes).map(|c| self.choice(textures, |light| is_linked(c, light))).collect();
+        let mut choices = (0..classes).map(|c| self.choice_among(textures, |light| is_linked(c, light)));
+        let (choice, linked) = (choices.next(), choices.collect());
+        (self.choice, self.linked) = (choice.unwrap_or_else(|| self.choice.clone()), linked);
         self.suns = self.find_suns();
     }
 
     /// The choice among some of the lights.
-    fn choice(&self, textures: &CompiledTextures, has: impl Fn(u32) -> bool) -> Choice {
+    fn choice_among(&self, textures: &CompiledTextures, has: impl Fn(u32) -> bool) -> Choice {
         let (mut bounds, mut far, mut near) = (Vec::new(), Vec::new(), 0);
         for (i, light) in self.area.iter().enumerate() {
             let of_light =
@@ -105,16 +110,20 @@ impl Lights {
         Choice::new(&bounds, near, &far, self.len() == 1)
     }
 
-    /// The choice that a receiver has.
+    /// The choice that receivers of a class have.
     #[inline(always)]
-    fn choice_of(&self, receiver: &Receiver) -> &Choice {
-        &self.choices[receiver.class as usize]
+    fn choice_of(&self, class: u32) -> &Choice {
+        if class == 0 { &self.choice } else { &self.linked[class as usize - 1] }
+    }
+
+    fn choices(&self) -> impl Iterator<Item = &Choice> {
+        std::iter::once(&self.choice).chain(&self.linked)
     }
 
     fn find_suns(&self) -> Vec<SelectedSun> {
         let sun = |(i, light): (usize, &PunctualLight)| {
             let (sun, index) = (*light.sun()?, (self.area.len() + i) as u32);
-            let pdf_discrete = self.choices.iter().map(|choice| choice.pdf_among_far(index)).collect();
+            let pdf_discrete = self.choices().map(|choice| choice.pdf_among_far(index)).collect();
             Some(SelectedSun { sun, index, pdf_discrete, is_seen: false })
         };
         self.punctual.iter().enumerate().filter_map(sun).collect()
@@ -130,7 +139,8 @@ impl Lights {
 
     /// Nothing arrives from infinitely far away: it is chosen only where no other light arrives either.
     pub fn hide_far(&mut self) {
-        self.choices.iter_mut().for_each(Choice::hide_far);
+        self.choice.hide_far();
+        self.linked.iter_mut().for_each(Choice::hide_far);
     }
 
     /// Lets cameras see one of the punctual lights, a sun.
@@ -186,26 +196,20 @@ impl Lights {
 
     /// Does the choice depend on the receiver? It doesn't for a single light.
     pub fn use_tree(&self) -> bool {
-        self.len() > 1 && self.choices.iter().any(|choice| choice.has_near)
+        self.len() > 1 && self.choices().any(|choice| choice.has_near)
     }
 
-    /// Have receivers of several classes different choices?
+    /// Chooses a light for a receiver of a class by two numbers in 0..1.
     #[inline(always)]
-    pub fn are_linked(&self) -> bool {
-        self.choices.len() > 1
-    }
-
-    /// Chooses a light by two numbers in 0..1.
-    #[inline(always)]
-    pub fn select(&self, receiver: &Receiver, u: [f32; 2]) -> Selected {
-        let choice = self.choice_of(receiver);
+    pub fn select(&self, class: u32, receiver: &Receiver, u: [f32; 2]) -> Selected {
+        let choice = self.choice_of(class);
         match choice.choose_distance(receiver, u) {
             Distance::Near { share, u } => Selected::near(share, choice.tree.sample(receiver, u)),
             Distance::Far(selected) => selected,
         }
     }
 
-    /// [`Lights::select`] for many receivers, the first `count` of the lists, side by side.
+    /// [`Lights::select`] for many receivers of class 0, the first `count` of the lists, side by side.
     #[inline(always)]
     pub fn select_together<const N: usize>(
         &self,
@@ -214,20 +218,14 @@ impl Lights {
         count: usize,
     ) -> [Selected; N] {
         let (mut selected, mut shares) = ([Selected::NONE; N], [0.0; N]);
-        if self.are_linked() {
-            for i in 0..count.min(N) {
-                selected[i] = self.select(&receivers[i], numbers[i]);
-            }
-            return selected;
-        }
-        let (choice, mut descents) = (&self.choices[0], [Descent::ENDED; N]);
+        let mut descents = [Descent::ENDED; N];
         for i in 0..count.min(N) {
-            match choice.choose_distance(&receivers[i], numbers[i]) {
+            match self.choice.choose_distance(&receivers[i], numbers[i]) {
                 Distance::Near { share, u } => (shares[i], descents[i]) = (share, Descent::new(u)),
                 Distance::Far(of_far) => selected[i] = of_far,
             }
         }
-        choice.tree.descend_together(receivers, &mut descents);
+        self.choice.tree.descend_together(receivers, &mut descents);
         for i in 0..count.min(N) {
             if shares[i] > 0.0 {
                 selected[i] = Selected::near(shares[i], descents[i].chosen());
@@ -236,23 +234,37 @@ impl Lights {
         selected
     }
 
-    /// The probability of choosing an area light.
+    /// The same of receivers of several classes, one after the other.
+    pub fn select_by_class<const N: usize>(
+        &self,
+        class: impl Fn(usize) -> u32,
+        receivers: &[Receiver; N],
+        numbers: &[[f32; 2]; N],
+        count: usize,
+    ) -> [Selected; N] {
+        std::array::from_fn(|i| match i < count {
+            true => self.select(class(i), &receivers[i], numbers[i]),
+            false => Selected::NONE,
+        })
+    }
+
+    /// The probability of choosing an area light for a receiver of a class.
     #[inline(always)]
-    pub fn pdf_discrete(&self, receiver: &Receiver, index: u32) -> f32 {
-        self.choice_of(receiver).pdf_discrete(receiver, index)
+    pub fn pdf_discrete(&self, class: u32, receiver: &Receiver, index: u32) -> f32 {
+        self.choice_of(class).pdf_discrete(receiver, index)
     }
 
     /// The probability of choosing among the lights infinitely far away.
     #[inline(always)]
-    pub fn far_pdf_discrete(&self, receiver: &Receiver) -> f32 {
-        self.choice_of(receiver).far_pdf_discrete(receiver)
+    pub fn far_pdf_discrete(&self, class: u32, receiver: &Receiver) -> f32 {
+        self.choice_of(class).far_pdf_discrete(receiver)
     }
 
-    /// The probability of choosing the environment among the lights infinitely far away; where lights are linked, for receivers of a
-    /// class.
+    /// The probability of choosing the environment among the lights infinitely far away, for receivers of
+    /// a class.
     #[inline(always)]
     pub fn environment_pdf_discrete(&self, class: u32) -> f32 {
-        self.choices[class as usize].pdf_of_last_far()
+        self.choice_of(class).pdf_of_last_far()
     }
 
     /// The middle of a light; `None` for one infinitely far away.
@@ -355,16 +367,16 @@ mod tests {
         let (lights, mut random) = (mixed(), Random::new(3));
         for _ in 0..20 {
             let p = Vec3::new(12.0 * random.next() - 4.0, 5.0 * random.next(), 8.0 * random.next() - 4.0);
-            let receiver = Receiver::new(p, random.direction());
-            let far = lights.far_pdf_discrete(&receiver);
+            let receiver = Receiver { p, normal: random.direction() };
+            let far = lights.far_pdf_discrete(0, &receiver);
             let expected = |index: u32| match index {
                 6 => far * lights.environment_pdf_discrete(0),
                 5 => far * (1.0 - lights.environment_pdf_discrete(0)),
-                _ => lights.pdf_discrete(&receiver, index),
+                _ => lights.pdf_discrete(0, &receiver, index),
             };
             let mut counts = [0; 7];
             for _ in 0..N {
-                let chosen = lights.select(&receiver, [random.next(), random.next()]);
+                let chosen = lights.select(0, &receiver, [random.next(), random.next()]);
                 if chosen.pdf_discrete > 0.0 {
                     let pdf = expected(chosen.index);
                     assert!((chosen.pdf_discrete - pdf).abs() <= 1e-5, "{}: {pdf}", chosen.index);
@@ -384,8 +396,8 @@ mod tests {
     fn hidden_lights_are_not_asked_where_others_arrive() {
         let mut lights = mixed();
         lights.hide_far();
-        let below = Receiver::new(Vec3::new(2.0, 0.0, 0.0), Vec3::Y);
-        assert_eq!(lights.far_pdf_discrete(&below), 0.0);
-        assert!((0..100).all(|i| lights.select(&below, [0.5, i as f32 / 100.0]).index < 5));
+        let below = Receiver { p: Vec3::new(2.0, 0.0, 0.0), normal: Vec3::Y };
+        assert_eq!(lights.far_pdf_discrete(0, &below), 0.0);
+        assert!((0..100).all(|i| lights.select(0, &below, [0.5, i as f32 / 100.0]).index < 5));
     }
 }

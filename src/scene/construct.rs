@@ -181,20 +181,23 @@ impl Scene {
         instances.chain(quads).chain(shapes).chain(curves)
     }
 
+    /// The names of all objects with their traits: of instances, quads, shapes and curves.
+    fn named_traits(&self) -> impl Iterator<Item = (&str, &ObjectTraits)> {
+        let instances = self.instances.iter().map(|i| (i.name.as_str(), &i.traits));
+        let quads = self.quads.iter().map(|q| (q.name.as_str(), &q.traits));
+        let shapes = self.shapes.iter().map(|s| (s.name.as_str(), &s.traits));
+        let curves = self.curves.iter().map(|c| (c.name.as_str(), &c.traits));
+        instances.chain(quads).chain(shapes).chain(curves)
+    }
+
     /// The names of all objects.
     pub fn object_names(&self) -> impl Iterator<Item = &str> {
-        let instances = self.instances.iter().map(|i| i.name.as_str());
-        let quads = self.quads.iter().map(|q| q.name.as_str());
-        let shapes = self.shapes.iter().map(|s| s.name.as_str());
-        instances.chain(quads).chain(shapes).chain(self.curves.iter().map(|c| c.name.as_str()))
+        self.named_traits().map(|(name, _)| name)
     }
 
     /// The traits of all objects: of instances, quads, shapes and curves.
     pub fn object_traits(&self) -> impl Iterator<Item = &ObjectTraits> {
-        let instances = self.instances.iter().map(|i| &i.traits);
-        let quads = self.quads.iter().map(|q| &q.traits);
-        let curves = self.curves.iter().map(|c| &c.traits);
-        instances.chain(quads).chain(self.shapes.iter().map(|s| &s.traits)).chain(curves)
+        self.named_traits().map(|(_, traits)| traits)
     }
 
     /// Are there shadow catchers?

@@ -362,3 +362,22 @@ fn extras_of_nodes_say_the_same() {
     let said = |what: &str| loaded.warnings.iter().any(|w| w.place.contains(what));
     assert!(said("extras/visible_to") && said("extras/visible_shadow"), "{:?}", loaded.warnings);
 }
+
+/// Only what a file says of an object changes.
+#[test]
+fn links_leave_the_other_traits_of_a_model_as_they_are() {
+    let model = MODEL.replace("IMAGE", PIXEL);
+    let model = model.replace("{\"mesh\": 0}", "{\"mesh\": 0, \"extras\": {\"visible_camera\": false}}");
+    let link = "light_link = { exclude = [\"it\"] }";
+    let scene = format!("[[objects]]\nname = \"it\"\nmesh = \"model.gltf\"\n{link}\n");
+    let beside = format!("[objects.\"node 0\"]\n{}\n", link.replace("it", "node 0"));
+    for files in [
+        [("scene.toml", scene.as_str()), ("model.gltf", &model)],
+        [("model.gltf", &model), ("model.oscura.toml", &beside)],
+    ] {
+        let loaded = load_first(&files, &LoadOptions::default()).unwrap_or_else(|e| panic!("{e}"));
+        let traits = loaded.scene.instances[0].traits;
+        assert_eq!(traits.visible_to, RayKinds::ALL.without(RayKinds::CAMERA), "{files:?}");
+        assert!(!traits.links.receivers.holds(traits.sets), "{files:?}");
+    }
+}

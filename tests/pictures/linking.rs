@@ -1,11 +1,11 @@
 //! Light linking and shadow linking: lights that light some objects only, or in whose light some objects only cast shadows.
 
-use crate::support::{assert_radiance, camera, material, mean, options, picture, quad, sphere};
+use crate::support::{assert_radiance, camera, material, mean, options, pbr, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
 use oscura::scene::{
     ColorSlot, Environment, FloatSlot, Light, LightKind, LightLinks, Link, Material, Model, ObjectSet,
-    ObjectSets, ObjectTraits, PbrMaterial, Scene,
+    ObjectSets, ObjectTraits, Scene,
 };
 
 const EYE: DVec3 = DVec3::new(-3.0, 1.0, -2.0);
@@ -27,13 +27,7 @@ fn blockers(blockers: Link) -> LightLinks {
 }
 
 fn plastic(roughness: f32) -> Material {
-    let parameters = PbrMaterial {
-        base_color: ColorSlot::constant([0.6, 0.3, 0.2]),
-        metallic: FloatSlot::constant(0.0),
-        roughness: FloatSlot::constant(roughness),
-        ..PbrMaterial::default()
-    };
-    Material::gltf("plastic", parameters)
+    pbr("plastic", [0.6, 0.3, 0.2], 0.0, roughness)
 }
 
 /// A floor in set 0, and a camera that looks at its middle.
@@ -174,12 +168,10 @@ fn what_blocks_nothing_is_passed() {
                 let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
                 quad(&mut scene, [0.5, -1.0, -9.0], [0.0, 9.0, 0.0], [0.0, 0.0, 19.0], black);
                 quad(&mut scene, [-9.0, 0.8, -9.0], [0.0, 0.0, 19.0], [19.0, 0.0, 0.0], black);
-                // The camera is between them.
                 scene.quads[1..].iter_mut().for_each(|quad| quad.traits = member_of(number));
-                scene.cameras[0] = camera(DVec3::new(-3.0, 0.7, -2.0), DVec3::ZERO, DVec3::Y, 1e-3);
-            } else {
-                scene.cameras[0] = camera(DVec3::new(-3.0, 0.7, -2.0), DVec3::ZERO, DVec3::Y, 1e-3);
             }
+            // Between the sheets.
+            scene.cameras[0] = camera(DVec3::new(-3.0, 0.7, -2.0), DVec3::ZERO, DVec3::Y, 1e-3);
             of(&scene)
         };
         let (only, but) = (blockers(Link::Only(set(1))), blockers(Link::AllBut(set(2))));
@@ -197,4 +189,28 @@ fn what_blocks_nothing_is_passed() {
             }
         }
     }
+}
+
+/// Memory that was used for a scene of many classes of objects is used again for others: paths from the camera have none.
+#[test]
+fn what_was_rendered_before_does_not_matter() {
+    let sky = |scene: &mut Scene, links: LightLinks| {
+        scene.environment = Environment::Constant([0.5; 3]);
+        scene.cameras[0] = camera(DVec3::new(0.0, 1.0, 3.0), DVec3::new(0.0, 1.0, 0.0), DVec3::Y, 60.0);
+        add_lamp(scene, "lamp", [0.0, 3.0, 0.0], 2.0, links);
+    };
+    let mut many = floor(plastic(0.5));
+    sky(&mut many, receivers(Link::Only(set(0))));
+    for number in 0..4 {
+        let grey = material(&mut many, Material::lambert("grey", [0.5; 3]));
+        sphere(&mut many, [f64::from(number) - 1.5, 0.5, 0.0], 0.4, grey);
+        many.shapes.last_mut().expect("just added").traits = member_of(2 + number as usize);
+    }
+    let mut few = floor(plastic(0.5));
+    few.quads[0].traits = ObjectTraits::default();
+    sky(&mut few, receivers(Link::AllBut(set(0))));
+    let options: RenderOptions = options(32, 16, 3);
+    let first = picture(&few, &options).rgba();
+    let _ = picture(&many, &options);
+    assert_eq!(picture(&few, &options).rgba(), first);
 }

@@ -2,19 +2,13 @@
 //! machine.
 
 use crate::support::differences::{assert_same_bits, assert_same_means, noise};
-use crate::support::{assert_radiance, camera, material, options, quad, rendering, sphere, walls};
+use crate::support::{assert_radiance, camera, material, options, pbr, quad, rendering, sphere, walls};
 use oscura::math::DVec3;
 use oscura::render::{PathReuse, RenderOptions, Splitting};
-use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, PbrMaterial, Scene};
+use oscura::scene::{AlphaMode, ColorSlot, Environment, FloatSlot, Material, Model, Scene};
 
 fn metal(roughness: f32) -> Material {
-    let pbr = PbrMaterial {
-        base_color: ColorSlot::constant([0.9, 0.8, 0.7]),
-        metallic: FloatSlot::constant(1.0),
-        roughness: FloatSlot::constant(roughness),
-        ..PbrMaterial::default()
-    };
-    Material::new("metal", Model::Pbr(Box::new(pbr)))
+    pbr("metal", [0.9, 0.8, 0.7], 1.0, roughness)
 }
 
 /// A floor under an even sky with things of all classes of surfaces on it, and a lamp.

@@ -15,16 +15,6 @@ pub struct Receiver {
     pub p: Vec3,
     /// Unit normal on the side that light must come from, or zero.
     pub normal: Vec3,
-    /// Its class, by what lights are linked to it; 0 without links.
-    pub class: u32,
-}
-
-impl Receiver {
-    /// A receiver that all lights are linked to.
-    #[inline(always)]
-    pub fn new(p: Vec3, normal: Vec3) -> Receiver {
-        Receiver { p, normal, class: 0 }
-    }
 }
 
 /// Eight children, one number of each side by side; unused places have weight 0.

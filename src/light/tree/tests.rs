@@ -24,7 +24,7 @@ fn receivers(random: &mut Random) -> Vec<Receiver> {
     let receiver = |i: usize| {
         let p = Vec3::new(random.next(), random.next(), random.next()) * 14.0 - 2.0;
         let normal = warp::uniform_sphere([random.next(), random.next()]);
-        Receiver::new(p, if i.is_multiple_of(4) { Vec3::ZERO } else { normal })
+        Receiver { p, normal: if i.is_multiple_of(4) { Vec3::ZERO } else { normal } }
     };
     (0..40).map(receiver).collect()
 }
@@ -87,7 +87,7 @@ fn lights_in_one_place_and_dark_ones() {
     let mut lights = vec![one; 10_000];
     lights[17].weight = 0.0;
     let tree = LightTree::new(&lights);
-    let receiver = Receiver::new(Vec3::ONE, Vec3::ZERO);
+    let receiver = Receiver { p: Vec3::ONE, normal: Vec3::ZERO };
     assert_eq!(tree.pdf_discrete(&receiver, 17), 0.0);
     let sum: f64 = (0..10_000).map(|i| f64::from(tree.pdf_discrete(&receiver, i))).sum();
     assert!((sum - 1.0).abs() < 1e-3, "{sum}");

@@ -30,10 +30,11 @@ use super::fields::{Fields, numbers};
 use super::materials::Materials;
 use super::object::{Object, add_placed};
 use super::textures::Textures;
-use super::{linking, overrides, round, subdivided, visibility};
+use super::visibility::GivenTraits;
+use super::{overrides, round, subdivided};
 use crate::load::shapes::{Faces, box_faces, pyramid_faces, triangle_faces};
 use crate::math::{DAffine3, DVec3};
-use crate::scene::{Instance, MaterialId, MeshPart, ObjectTraits, Quad, Shape};
+use crate::scene::{Instance, MaterialId, MeshPart, Quad, Shape};
 
 /// The keys of shapes.
 fn shapes() -> impl Iterator<Item = &'static str> {
@@ -91,15 +92,11 @@ fn counts(build: &Build) -> [usize; 3] {
 
 /// Gives what was added to the scene the traits that its object has.
 fn give_traits(build: &mut Build, fields: &Fields, [instances, quads, shapes]: [usize; 3]) {
-    let (traits, links) = (visibility::traits(fields), linking::read(build, fields));
-    if traits.is_none() && links.is_none() {
-        return;
-    }
-    let traits = ObjectTraits { links: links.unwrap_or_default(), ..traits.unwrap_or_default() };
+    let given = GivenTraits::read(build, fields);
     let scene = &mut build.loaded.scene;
-    scene.instances[instances..].iter_mut().for_each(|instance| instance.traits = traits);
-    scene.quads[quads..].iter_mut().for_each(|quad| quad.traits = traits);
-    scene.shapes[shapes..].iter_mut().for_each(|shape| shape.traits = traits);
+    scene.instances[instances..].iter_mut().for_each(|instance| given.apply(&mut instance.traits));
+    scene.quads[quads..].iter_mut().for_each(|quad| given.apply(&mut quad.traits));
+    scene.shapes[shapes..].iter_mut().for_each(|shape| given.apply(&mut shape.traits));
 }
 
 fn read_object<'a>(

@@ -5,9 +5,10 @@ use super::fields::{Fields, nearest};
 use super::light_traits::group;
 use super::materials::Materials;
 use super::node_paths::is_on_path;
+use super::subdivided;
 use super::textures::Textures;
-use super::{linking, subdivided, visibility};
-use crate::scene::{Instance, LightLinks, ObjectTraits, Scene};
+use super::visibility::GivenTraits;
+use crate::scene::{Instance, Scene};
 use std::ops::Range;
 
 /// Reads `[objects.NAME]`: changes of the model's own objects.
@@ -40,8 +41,7 @@ pub(super) fn object<'a>(
     let is_hidden = fields.flag("hidden", false);
     let wanted = fields.string("material");
     let material = wanted.and_then(|wanted| materials.get(build, textures, wanted.value, wanted.span));
-    let traits = visibility::traits(fields);
-    let links = linking::read(build, fields);
+    let given = GivenTraits::read(build, fields);
     let light_group = fields.has("light_group").then(|| group(fields, "light_group"));
     let subdivision = subdivided::read(fields);
     fields.finish();
@@ -67,7 +67,7 @@ pub(super) fn object<'a>(
         let own = scene.instances.iter_mut().filter(|i| is_meant(&i.name));
         own.for_each(|instance| instance.light_group = Some(group.clone()));
     }
-    apply_traits(scene, name, (traits, links));
+    apply_traits(scene, name, &given);
     if let Some(how) = subdivision {
         let own: Vec<usize> =
             (0..scene.instances.len()).filter(|&i| is_meant(&scene.instances[i].name)).collect();
@@ -86,19 +86,11 @@ pub(super) fn object<'a>(
 }
 
 /// Gives the lights and objects of a name their traits, and what they are linked to.
-fn apply_traits(scene: &mut Scene, name: &str, (traits, links): (Option<ObjectTraits>, Option<LightLinks>)) {
-    if let Some(traits) = traits {
-        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
-        lights.for_each(|light| light.visible_to = traits.visible_to);
-        let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
-        own.for_each(|instance| {
-            instance.traits = ObjectTraits { links: instance.traits.links, ..traits };
-        });
+fn apply_traits(scene: &mut Scene, name: &str, given: &GivenTraits) {
+    for light in scene.lights.iter_mut().filter(|l| l.name == name) {
+        light.visible_to = given.own.map_or(light.visible_to, |own| own.visible_to);
+        light.links = given.links.unwrap_or(light.links);
     }
-    if let Some(links) = links {
-        let lights = scene.lights.iter_mut().filter(|l| l.name == name);
-        lights.for_each(|light| light.links = links);
-        let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
-        own.for_each(|instance| instance.traits.links = links);
-    }
+    let own = scene.instances.iter_mut().filter(|i| is_on_path(name, &i.name));
+    own.for_each(|instance| given.apply(&mut instance.traits));
 }

@@ -4,8 +4,10 @@
 //! `holdout = true` the picture is transparent where the camera sees the object; with `shadow_catcher = true` it shows there only
 //! what other objects change.
 
+use super::build::Build;
 use super::fields::Fields;
-use crate::scene::{ObjectTraits, RayKinds};
+use super::linking;
+use crate::scene::{LightLinks, ObjectTraits, RayKinds};
 
 /// The rays that see something; `own` where nothing is said.
 pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
@@ -25,6 +27,29 @@ pub(super) fn visible_to(fields: &Fields, own: RayKinds) -> RayKinds {
     let kinds = listed.unwrap_or(own);
     let by_camera = fields.flag("visible_to_camera", kinds.contains(RayKinds::CAMERA));
     kinds.set(RayKinds::CAMERA, by_camera)
+}
+
+/// What a table says of an object's traits.
+pub(super) struct GivenTraits {
+    /// What the object is to rays and pictures.
+    pub own: Option<ObjectTraits>,
+    /// What the light that it emits is linked to.
+    pub links: Option<LightLinks>,
+}
+
+impl GivenTraits {
+    /// Reads them.
+    pub fn read(build: &mut Build, fields: &Fields) -> GivenTraits {
+        GivenTraits { own: traits(fields), links: linking::read(build, fields) }
+    }
+
+    /// Changes what is said; the rest stays.
+    pub fn apply(&self, traits: &mut ObjectTraits) {
+        if let Some(own) = self.own {
+            *traits = ObjectTraits { links: traits.links, ..own };
+        }
+        traits.links = self.links.unwrap_or(traits.links);
+    }
 }
 
 /// What an object is to rays and pictures; `None` where nothing is said.

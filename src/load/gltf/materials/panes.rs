@@ -135,7 +135,7 @@ struct Pane {
 impl Pane {
     /// A mesh as a pane where `world_from_object` places it; `None` if it isn't one of a single material.
     fn of(mesh: &Mesh, id: MaterialId, world_from_object: DMat3) -> Option<Pane> {
-        if mesh.parts.iter().any(|part| part.material != id) || !encloses(mesh) {
+        if mesh.parts.iter().any(|part| part.material != id) {
             return None;
         }
         let determinant = world_from_object.determinant();
@@ -154,7 +154,9 @@ impl Pane {
             mesh.triangles.iter().zip(&vectors).map(|(&t, v)| corners(mesh, t)[0].dot(*v)).sum();
         let thickness = (thrice / 3.0 * determinant / (flat / 2.0)).abs();
         let axis = vectors[largest].try_normalize()?;
-        (flat >= FLAT_SHARE * area && thickness.is_finite()).then_some(Pane { axis, thickness })
+        let is_flat = flat >= FLAT_SHARE * area && thickness.is_finite();
+        // Most glass is not: whether it is closed takes longer to find.
+        (is_flat && encloses(mesh)).then_some(Pane { axis, thickness })
     }
 
     /// Both, the thicker, if they have the same faces.
