@@ -43,9 +43,20 @@ impl Integrator<'_> {
         if self.is_spectral() {
             self.start_waves(w);
         }
+        self.start_parts(count, w);
+        let vertices = &w.wave.vertices;
+        let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
+        w.rays.extend((0..count).map(start));
+        if camera.is_panorama() {
+            end_blank_rays(&w.arriving.carried, &mut w.rays);
+        }
+    }
+
+    /// The state of paths at the camera, as far as the scene needs it.
+    fn start_parts(&self, count: usize, w: &mut Workspace) {
         let (paths, vertices) = (&mut *w.arriving, &w.wave.vertices);
         if self.parts.footprints {
-            let (width, spread) = camera.pixel_cone();
+            let (width, spread) = self.view.camera.pixel_cone();
             paths.footprints.width[..count].fill(width);
             paths.footprints.spread[..count].fill(spread);
         }
@@ -72,11 +83,6 @@ impl Integrator<'_> {
         }
         if self.parts.references {
             paths.reference[..count].fill(0.0);
-        }
-        let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
-        w.rays.extend((0..count).map(start));
-        if camera.is_panorama() {
-            end_blank_rays(&paths.carried, &mut w.rays);
         }
     }
 
