@@ -64,7 +64,7 @@ pub use panorama::Panorama;
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 pub use portal::Portal;
 pub use profile::LightProfile;
-pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel, VIEWS};
+pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};

@@ -339,13 +339,43 @@ class TreesTest(SceneTest):
         self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
         _, settings, answer = self.export()
         found = settings["render"]
-        self.assertEqual(found["view"], "agx")
+        # What Blender shows of middle grey by AgX.
+        self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
         self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
         self.assertAlmostEqual(found["noise"], 4.0, places=4)
         self.assertEqual(found["crop"], [50, 40, 100, 90])
         self.assertEqual(found["aovs"], ["depth", "crypto_object"])
         self.assertEqual(settings["lights"][0]["point"]["power"], 20.0)
         self.assertIn("Mist", answer["warnings"][0][1])
+
+
+    def shown(self, table, grey):
+        """What a table shows of a grey."""
+        lines = (self.folder / table).read_text().split("\n")
+        knots, values = ([float(word) for word in line.split()] for line in lines[8:10])
+        nodes = int(lines[17].split()[0])
+        place = np.interp(grey, knots, values) * (nodes - 1)
+        greys = [float(lines[18 + k * (1 + nodes + nodes * nodes)].split()[1]) for k in range(nodes)]
+        return np.interp(place, range(nodes), greys)
+
+    def test_views_with_looks_and_curves_are_tables(self):
+        view = self.scene.view_settings
+        view.view_transform, view.look, view.exposure = "AgX", "AgX - Punchy", 1.0
+        _, settings, answer = self.export()
+        self.assertEqual(settings["render"]["exposure"], 1.0)
+        self.assertAlmostEqual(self.shown(settings["render"]["view"], 0.18), 0.3463, places=3)
+        self.assertEqual((answer["warnings"], answer["notes"]), ([], []))
+        # Curves come before the exposure, so that both are part of the table: twice the half of white.
+        view.view_transform, view.look, view.use_curve_mapping = "Standard", "None", True
+        curve = view.curve_mapping.curves[3]
+        curve.points[1].location = (1.0, 0.5)
+        view.curve_mapping.update()
+        found = self.export()[1]["render"]
+        self.assertNotIn("exposure", found)
+        self.assertAlmostEqual(self.shown(found["view"], 1.0), 1.0, places=2)
+        self.assertAlmostEqual(self.shown(found["view"], 0.25), 0.5371, places=2)
+        view.use_curve_mapping = False
+        self.assertEqual(self.export()[1]["render"]["view"], "srgb")
 
 
 class SurfacesTest(SceneTest):

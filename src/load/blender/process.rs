@@ -49,6 +49,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("trees.py", include_str!("../../../tools/blender/oscura_blender/trees.py")),
     ("uniform.py", include_str!("../../../tools/blender/oscura_blender/uniform.py")),
     ("variants.py", include_str!("../../../tools/blender/oscura_blender/variants.py")),
+    ("view_table.py", include_str!("../../../tools/blender/oscura_blender/view_table.py")),
     ("views.py", include_str!("../../../tools/blender/oscura_blender/views.py")),
     ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
 ];

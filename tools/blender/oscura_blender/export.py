@@ -160,7 +160,7 @@ def _go_to_moment(scene, options):
 
 def _settings(scene, found, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
-    tables = [("[render]", settings.read(scene, found.questions.layer, report))]
+    tables = [("[render]", settings.read(scene, found.questions.layer, options.folder, options.name, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
