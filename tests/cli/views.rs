@@ -72,11 +72,15 @@ fn tables_show_pictures_of_scenes_and_parts_and_of_the_command_line() {
 fn tables_that_are_none_are_told_with_their_lines() {
     let folder = folder();
     let folder = folder.path();
-    std::fs::write(folder.join("scenes/negative.csp"), NEGATIVE.replace("1 0 0\n0 0 0", "1 0 0\n0 zero 0")).unwrap();
+    std::fs::write(folder.join("scenes/negative.csp"), NEGATIVE.replace("1 0 0\n0 0 0", "1 0 0\n0 zero 0"))
+        .unwrap();
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
     let said = stderr(&output);
     assert_eq!(code(&output), 3, "{said}");
-    assert!(said.contains("sheet.toml:14") && said.contains("line 20: 'zero' where a number should be"), "{said}");
+    assert!(
+        said.contains("sheet.toml:14") && said.contains("line 20: 'zero' where a number should be"),
+        "{said}"
+    );
 
     std::fs::write(folder.join("scenes/sheet.toml"), SCENE.replace("negative.csp", "agxx")).unwrap();
     let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
