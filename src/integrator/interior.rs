@@ -97,6 +97,9 @@ impl AroundCamera {
         if !scene.features.media {
             return AroundCamera::Same(Interior::AIR);
         }
+        if view.camera.is_clipped() {
+            return AroundCamera::Differs;
+        }
         let is_moving = scene.is_moving() || view.moving.is_some();
         let times = if is_moving { 0..=CELLS } else { 0..=0 };
         let cells = if view.camera.is_perspective() { 0..=0 } else { 0..=CELLS };

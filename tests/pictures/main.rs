@@ -7,6 +7,7 @@ mod bumps;
 mod catcher;
 mod caustic_rooms;
 mod caustics;
+mod clip;
 mod closed_form;
 mod compile_scene;
 mod converged;

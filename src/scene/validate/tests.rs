@@ -157,6 +157,7 @@ fn lights_cameras_shapes_and_settings() {
         aspect_ratio: None,
         lens: None,
         shift: [0.0; 2],
+        clip: None,
         motion: None,
     });
     scene.settings = Settings { width: Some(0), ..Settings::default() };

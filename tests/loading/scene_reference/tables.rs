@@ -107,6 +107,7 @@ pub const TABLES: &[Table] = &[
             ("blade_rotation", "10", "20"),
             ("aperture_ratio", "1.5", "2"),
             ("shift", "[0.1, 0]", "[0.1, 0.2]"),
+            ("clip", "[1, 20]", "[1, 30]"),
         ],
     ),
     lines(
@@ -548,6 +549,7 @@ pub const TABLES: &[Table] = &[
             ("ies", "\"one.ies\"", "\"two.ies\""),
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("turn", "30", "40"),
+            ("strength", "2", "3"),
         ],
     ),
     light(
@@ -557,6 +559,7 @@ pub const TABLES: &[Table] = &[
             ("position", "[0, 3, 0]", "[0, 4, 0]"),
             ("ies", "\"one.ies\"", "\"two.ies\""),
             ("direction", "[0, -1, 1]", "[0, -1, 2]"),
+            ("clockwise", "false", "true"),
         ],
     ),
     light(

@@ -167,6 +167,12 @@ class Reader:
         color = self._value(node, "Color")
         return {**diffuse(color, self._normal(node)), "Translucent Weight": 1.0, "Translucent Color": color}
 
+    def _BsdfSheen(self, node):
+        found = {"Sheen Tint": self._value(node, "Color"), "Sheen Roughness": self._value(node, "Roughness")}
+        if node.distribution != "MICROFIBER":
+            self.report.warn(self.name, f"sheen of the distribution {node.distribution} is that of microfibres here")
+        return {**diffuse(BLACK, self._normal(node)), "Sheen Weight": 1.0, **found}
+
     def _SubsurfaceScattering(self, node):
         found = {f"Subsurface {name}": self._value(node, name) for name in ("Radius", "Scale", "Anisotropy")}
         return {**diffuse(self._value(node, "Color"), self._normal(node)), "Subsurface Weight": 1.0, **found}

@@ -180,7 +180,7 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, report)
+        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, options.folder, report)
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))
