@@ -149,8 +149,6 @@ def mirrored():
     with bpy.context.temp_override(object=child, active_object=child, selected_objects=[child], selected_editable_objects=[child]):
         bpy.ops.object.shade_smooth_by_angle(angle=0.6)
     shell = add("uv_sphere", material("shell", Base_Color=(0.8, 0.7, 0.2, 1)), (2.8, -1, 0.6), "Shell", radius=0.7, segments=24, ring_count=12)
-    keep = shell.modifiers.new("Cut", "BISECT") if False else None
-    assert keep is None
     solid = shell.modifiers.new("Solidify", "SOLIDIFY")
     solid.thickness = 0.1
     soft = add("cube", material("soft", Base_Color=(0.3, 0.4, 0.8, 1), Roughness=0.4), (2, 2.5, 0.7), "Soft", size=1.3)
@@ -230,3 +228,37 @@ def libraries(folder):
     for k in range(2):
         made = link(f"Instance {k}", None, (-2 + 3 * k, k, 0), (0, 0, 0.5 * k), (1, 1, 1 + 0.5 * k))
         made.instance_type, made.instance_collection = "COLLECTION", into.collections[0]
+
+
+def strands():
+    """Fur by particles, in place and by children, and hair by curves."""
+    lit()
+    camera()
+    floor()
+    scene().cycles_curves.shape = "THICK"
+    fur, _, fibre = shader("fur", "BsdfHairPrincipled", Roughness=0.3)
+    fibre.parametrization = "MELANIN"
+    fibre.inputs["Melanin"].default_value = 0.4
+    for k, (children, of) in enumerate((("NONE", fur), ("SIMPLE", material("wool", Base_Color=(0.7, 0.25, 0.1, 1), Roughness=0.8)))):
+        body = add("uv_sphere", material(f"skin {k}", Base_Color=(0.5, 0.4, 0.35, 1)), (-1.2 + 2.6 * k, 0.3 * k, 1), f"Body {k}", radius=0.7)
+        body.scale = (1, 1, 0.8)
+        body.data.materials.append(of)
+        system = body.modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system
+        settings = system.settings
+        settings.type, settings.count, settings.hair_length, settings.hair_step = "HAIR", 600, 0.35, 4
+        settings.material, settings.render_step, settings.child_type = 2, 3, children
+        settings.root_radius, settings.tip_radius, settings.radius_scale = 1.0, 0.2, 0.02
+        settings.brownian_factor = 0.05
+        settings.rendered_child_count, settings.child_percent = 5, 2
+    made = bpy.data.hair_curves.new("Curves")
+    made.add_curves([6] * 200)
+    dice = np.random.default_rng(3)
+    roots = np.concatenate([dice.uniform(-0.5, 0.5, (200, 2)), np.zeros((200, 1))], axis=1)
+    along = np.linspace(0, 1, 6)[None, :, None]
+    bent = np.concatenate([0.3 * along**2, 0.1 * np.sin(5 * along), along], axis=2)
+    points = roots[:, None] + bent * dice.uniform(0.7, 1.2, (200, 1, 1))
+    made.position_data.foreach_set("vector", points.astype(np.float32).ravel())
+    radius = made.attributes.get("radius") or made.attributes.new("radius", "FLOAT", "POINT")
+    radius.data.foreach_set("value", np.tile(np.linspace(0.02, 0.004, 6), 200).astype(np.float32))
+    made.materials.append(shader("reed", "BsdfDiffuse", Color=(0.3, 0.6, 0.2, 1))[0])
+    link("Reed", made, (-3, 2, 0), (0, 0, 0.5), (1, 1, 1.3))

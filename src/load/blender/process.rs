@@ -28,6 +28,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
     ("glow.py", include_str!("../../../tools/blender/oscura_blender/glow.py")),
+    ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("links.py", include_str!("../../../tools/blender/oscura_blender/links.py")),

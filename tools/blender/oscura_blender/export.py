@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, facing, geometry, glb, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
+from . import cache, camera, facing, geometry, glb, hair, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -184,7 +184,8 @@ def _settings(scene, found, options, report):
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))
-    return tables + named + shining, cameras, empties
+    strands = hair.entries(found, options.folder, options.name, report)
+    return tables + named + shining + strands, cameras, empties
 
 
 def _open_alone(holders):
