@@ -10,7 +10,7 @@ use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
-use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
+use oscura::output::{Matte, Metadata, PngOptions, ViewTransform, read_view};
 use oscura::render::{denoise_film, film_warnings, in_pool};
 use serde::Serialize;
 use std::borrow::Cow;
@@ -183,7 +183,7 @@ fn png(args: &MergeArgs, finish: &Finish, targets: &Targets) -> Result<PngOption
         None if ViewTransform::is_file(&finish.view) && targets.has_shown() => {
             let path = Path::new(&finish.view);
             let help = "the parts name it as their view; --view chooses another";
-            ViewTransform::from_file(path).map_err(|e| Error::input(path, e).with_help(help))?
+            read_view(path).map_err(|e| Error::input(path, e).with_help(help))?
         }
         None => ViewTransform::from_name(&finish.view).unwrap_or_default(),
     };

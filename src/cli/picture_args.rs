@@ -4,7 +4,7 @@ use super::denoiser_args::DenoiserArgs;
 use super::numbers::{number, stops};
 use clap::Args;
 use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
-use oscura::output::ViewTransform;
+use oscura::output::{ViewTransform, read_view};
 use oscura::render::Caustics;
 use std::ffi::OsStr;
 use std::path::{Path, PathBuf};
@@ -30,7 +30,7 @@ impl TypedValueParser for Views {
         let is_file = value.to_str().is_some_and(ViewTransform::is_file);
         match is_file {
             true => {
-                let read = |name: String| ViewTransform::from_file(Path::new(&name));
+                let read = |name: String| read_view(Path::new(&name));
                 StringValueParser::new().try_map(read).parse_ref(command, argument, value)
             }
             false => {

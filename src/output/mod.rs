@@ -33,6 +33,15 @@ use crate::error::{Error, Result};
 use crate::film::Film;
 use std::path::Path;
 
+/// Reads the file of a view (cinespace, `.csp`).
+///
+/// # Errors
+/// Where it can't be read, and where it holds no such table, with the line.
+pub fn read_view(path: &Path) -> std::result::Result<ViewTransform, String> {
+    let bytes = std::fs::read(path).map_err(|error| format!("can't be read: {error}"))?;
+    ViewTransform::from_table(&bytes, path)
+}
+
 /// How to write pictures.
 #[derive(Clone, Debug, Default)]
 pub struct OutputOptions {

@@ -162,11 +162,8 @@ mod tests {
             let mirrored = own.clone().mirrored();
             assert!(mirrored.is_sound());
             for degrees in [0.0, 30.0, 90.0, 100.0, 181.0, 300.0] {
-                assert_eq!(
-                    mirrored.at(45.0, degrees),
-                    own.at(45.0, 360.0 - degrees),
-                    "{horizontal:?} {degrees}"
-                );
+                let (found, expected) = (mirrored.at(45.0, degrees), own.at(45.0, 360.0 - degrees));
+                assert!((found - expected).abs() < 1e-5, "{horizontal:?} {degrees}: {found} {expected}");
             }
         }
         let all = |h| at(&[0.0, 270.0, 360.0], &[0.0, 27.0, 0.0], h);

@@ -57,12 +57,13 @@ impl ViewTransform {
         Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csp"))
     }
 
-    /// The one of a file with a table (cinespace, `.csp`).
+    /// The one of the bytes of a file with a table (cinespace, `.csp`).
     ///
     /// # Errors
-    /// Where it can't be read, and where it isn't such a table, with the line.
-    pub fn from_file(path: &Path) -> Result<ViewTransform, String> {
-        Ok(ViewTransform::Table(Arc::new(ViewTable::read(path)?)))
+    /// Where they aren't such a table, with the line.
+    pub fn from_table(bytes: &[u8], path: &Path) -> Result<ViewTransform, String> {
+        let text = std::str::from_utf8(bytes).map_err(|_| "is no text".to_string())?;
+        Ok(ViewTransform::Table(Arc::new(ViewTable::parse(text, path)?)))
     }
 
     /// What users call it: a name, or the path of a file.

@@ -34,16 +34,6 @@ enum Values {
 }
 
 impl ViewTable {
-    /// Reads a file.
-    ///
-    /// # Errors
-    /// Where it can't be read, and where it isn't such a table, with the line.
-    pub fn read(path: &Path) -> Result<ViewTable, String> {
-        let bytes = std::fs::read(path).map_err(|error| format!("can't be read: {error}"))?;
-        let text = std::str::from_utf8(&bytes).map_err(|_| "is no text".to_string())?;
-        ViewTable::parse(text, path)
-    }
-
     /// The table of a file's text.
     ///
     /// # Errors

@@ -89,7 +89,9 @@ fn view(build: &Build, fields: &Fields) -> Option<ViewTransform> {
     }
     let path = build.file.parent().unwrap_or(build.file).join(given.value);
     build.options.files.note(&path);
-    ViewTransform::from_file(&path)
+    let bytes = std::fs::read(&path).map_err(|error| format!("can't be read: {error}"));
+    bytes
+        .and_then(|bytes| ViewTransform::from_table(&bytes, &path))
         .map_err(|message| fields.problems.push(given.span, format!("{}: {message}", path.display())))
         .ok()
 }

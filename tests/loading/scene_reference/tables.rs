@@ -578,6 +578,17 @@ pub const TABLES: &[Table] = &[
         before!(light "spot"),
         &[
             ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("clockwise", "false", "true"),
+            ("strength", "2", "3"),
+        ],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("angle", "30", "40"),
             ("blend", "0.5", "0.25"),
