@@ -65,7 +65,7 @@ impl Picture {
         exposure: Option<f32>,
         white_balance: Option<f32>,
     ) -> PyResult<PngOptions> {
-        let usual = self.picture.output_options().png;
+        let usual = &self.picture.output_options().png;
         let of_scene = if self.is_filmic { ViewTransform::Filmic } else { usual.view.clone() };
         let view = view.map(choices::view).transpose()?.unwrap_or(of_scene);
         let exposure = exposure.unwrap_or(usual.exposure);
