@@ -64,6 +64,8 @@ pub(super) struct Plan {
     pub keeps_uv: bool,
     /// The objects with copies of materials of their own.
     pub classes: Classes,
+    /// By mesh: are its fronts where its backs should be? Empty where none are.
+    pub inside_out: Vec<bool>,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
     pub keys: Option<Keys>,
 }

@@ -6,6 +6,7 @@ use super::emitters::{self, Emitters};
 use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
+use super::inside_out;
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::media;
@@ -15,6 +16,7 @@ use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
 use super::spectral;
+use super::touching;
 use super::uplift;
 use super::vectors::Vectors;
 use crate::accel::BuildStats;
@@ -62,7 +64,8 @@ pub(super) fn compile_after(
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
-    let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
+    let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
+    let plan = Plan { keeps_uv: options.keeps_uv, classes, inside_out, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge));
@@ -82,6 +85,8 @@ pub(super) fn compile_after(
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
     let features = features(scene, &geometries, &materials, &textures, &media);
     let features = features.with_lights(!light_kinds.is_empty(), links.are_used());
+    let touching = touching::exists(scene, &materials, &geometries, &accel, anchor);
+    let features = Features { touching, ..features };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -98,6 +103,7 @@ pub(super) fn compile_after(
         links,
         caught_lights,
         own_materials: scene.materials.len() as u32,
+        own_instances: scene.instances.len() as u32,
         features,
         emitters,
         vectors: Vectors::of(scene, anchor),
@@ -198,6 +204,7 @@ fn features(
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
+        touching: false,
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         ray_kinds: materials

@@ -9,6 +9,7 @@ use super::group::{Group, GroupCounts, Sorted};
 use super::interior::Interior;
 use super::lanes::{set, set_rgb};
 use super::normals::scattering_normal;
+use super::touching::Met;
 use super::wave::Vertices;
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
@@ -20,6 +21,7 @@ use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
 
 /// Where a ray hit a surface.
+#[derive(Clone, Copy)]
 pub(super) struct HitPoint<'a> {
     pub surface: Surface,
     pub hit: Hit,
@@ -256,7 +258,16 @@ impl Integrator<'_> {
         }
         if is_solid {
             let waves = w.times.waves(w.arriving.carried.sample[i]);
-            let boundary = self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves);
+            let touching = self.touching(&w.rays[i], &at);
+            let boundary = if touching.is_empty() {
+                self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves)
+            } else {
+                let met = Met { at, bsdf, ns };
+                let (met, boundary) =
+                    self.boundary_of_touching(met, touching, wo, (bounce, i), &mut w.arriving, waves);
+                vertex.surface = Surface { ns: met.ns, ..met.at.surface };
+                boundary
+            };
             (vertex.bsdf, vertex.beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 vertex.surface.ng = -vertex.surface.ng;

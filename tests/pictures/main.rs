@@ -40,6 +40,7 @@ mod splitting;
 mod stepping;
 mod support;
 mod textured;
+mod touching;
 mod transparent_glass;
 mod trees;
 mod validated;

@@ -4,6 +4,7 @@ use super::super::Integrator;
 use super::super::lanes::{get_rgb, set_rgb};
 use super::super::normals::{bent_normal, scattering_normal, terminator};
 use super::super::surface::HitPoint;
+use super::super::touching::Met;
 use super::super::workspace::Workspace;
 use super::follow::is_stretched;
 use super::path::LampPath;
@@ -65,9 +66,19 @@ impl Integrator<'_> {
         let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
         let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
-        let mut beyond = arriving.interior[0];
+        let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
-            let boundary = self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves);
+            let touching = self.touching(&path.ray, at);
+            let boundary = if touching.is_empty() {
+                self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves)
+            } else {
+                let met = Met { at: *at, bsdf, ns };
+                let (met, boundary) =
+                    self.boundary_of_touching(met, touching, wo, (path.bounces, 0), arriving, waves);
+                surface = met.at.surface;
+                (sender.ng, sender.ns) = (surface.ng, met.ns);
+                boundary
+            };
             (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
@@ -85,13 +96,13 @@ impl Integrator<'_> {
             // So that those which go on bring as much as before.
             _ => (sent.weight.max_element() * sent.scale).min(1.0),
         };
-        let ng = at.surface.ng;
+        let ng = surface.ng;
         let is_lost = material.is_absent_from_behind && sent.direction.dot(ng) <= 0.0;
         if roulette >= survival || is_lost {
             return None;
         }
         let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-        let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
+        let origin = offset_along(surface.p, ng * side, ng.abs().dot(surface.p_error));
         Some(LampPath {
             ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, sent.direction) },
             radiance: radiance * sent.weight,
