@@ -39,6 +39,7 @@ mod spectral_media;
 mod splitting;
 mod stepping;
 mod support;
+mod terminator;
 mod textured;
 mod touching;
 mod transparent_glass;

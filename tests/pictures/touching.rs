@@ -4,7 +4,10 @@ use crate::priorities::{assert_same, glass, reflectance};
 use crate::support::{assert_radiance, camera, material, measure, options, quad};
 use oscura::math::{DAffine3, DQuat, DVec3};
 use oscura::render::Caustics;
-use oscura::scene::{Environment, Instance, Light, LightKind, Material, MaterialId, Mesh, Projection, Scene};
+use oscura::scene::{
+    ColorSlot, Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model,
+    PbrMaterial, Projection, Scene,
+};
 use std::f64::consts::PI;
 
 /// Indices, and what is left after a metre.
@@ -128,6 +131,38 @@ fn liquid_that_touches_its_glass_is_one_boundary_with_it() {
             let what = format!("{order:?}, sine {sine}, from above: {from_above}");
             assert_radiance(&what, &scene, &options(8, 128, 40), truth, 5e-3);
         }
+    }
+}
+
+/// What the surfaces of solids take of light that passes, once a body, counts for both.
+#[test]
+fn touching_solids_both_give_their_colour() {
+    for liquid_first in [false, true] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut solid = |share: f32| {
+            let pbr = PbrMaterial {
+                base_color: ColorSlot::constant([share; 3]),
+                metallic: FloatSlot::constant(0.0),
+                roughness: FloatSlot::constant(0.0),
+                transmission: FloatSlot::constant(1.0),
+                has_volume: true,
+                tints_once: true,
+                ior: 1.0,
+                ..PbrMaterial::default()
+            };
+            material(&mut scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
+        };
+        let (wall, liquid) = (solid(0.8), solid(0.05));
+        for is_liquid in [liquid_first, !liquid_first] {
+            let shell = [([FACES[0], FACES[3]], HALF[1], false), ([FACES[1], FACES[2]], HALF[0], true)];
+            let filling = [([FACES[1], FACES[2]], HALF[0], false)];
+            let (blocks, of) = if is_liquid { (&filling[..], liquid) } else { (&shell[..], wall) };
+            add(&mut scene, blocks, of, DAffine3::IDENTITY);
+        }
+        let at = DVec3::new(0.013, FACES[3], 0.007);
+        scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
+        let what = format!("liquid first: {liquid_first}");
+        assert_radiance(&what, &scene, &options(16, 256, 16), 0.05 * 0.8 * 0.8, 1e-2);
     }
 }
 
