@@ -79,18 +79,17 @@ pub(super) fn bake(
             *made = with_tangents(mesh, uv_set);
         }
         let mesh = made.as_ref().unwrap_or(mesh);
-        let is_inside_out = plan.inside_out.get(instance.mesh.index()).is_some_and(|&is| is);
         if step.place == Place::World {
             let mut needs = needs_of(part_materials(mesh, instance), materials);
             needs.uv[0] |= plan.keeps_uv;
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
             let class = plan.classes.of_object(&instance.traits);
-            let placed = (&step.world_from_object, is_inside_out);
+            let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
             world.append(mesh, (instance.material, class), placed, needs, is_hidden);
         } else {
             let class = plan.mesh_classes[step.geometry];
-            let mut space = share((mesh, is_inside_out), class, materials, plan.keeps_uv);
+            let mut space = share((mesh, plan.is_inside_out(instance.mesh)), class, materials, plan.keeps_uv);
             if step.place == Place::Moving {
                 space.take_keys(scene, instance.mesh);
             }
@@ -104,8 +103,8 @@ pub(super) fn bake(
         Arc::new(world)
     });
     let shared = shared.into_iter().flatten().collect();
-    let (placements, motions) = (Vec::new(), plan.motions.clone());
-    let geometries = Geometries { world, shared, placements, motions, moves: false };
+    let motions = plan.motions.clone();
+    let geometries = Geometries { world, shared, placements: Vec::new(), motions, moves: false };
     let baked = place(scene, plan, &numbering, geometries);
     with_motion(baked, scene, materials, (origin, &numbering), plan)
 }

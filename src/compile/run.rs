@@ -19,7 +19,7 @@ use super::spectral;
 use super::touching;
 use super::uplift;
 use super::vectors::Vectors;
-use crate::accel::BuildStats;
+use crate::accel::{Accel, BuildStats};
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
@@ -83,10 +83,8 @@ pub(super) fn compile_after(
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
-    let features = features(scene, &geometries, &materials, &textures, &media);
+    let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media);
     let features = features.with_lights(!light_kinds.is_empty(), links.are_used());
-    let touching = touching::exists(scene, &materials, &geometries, &accel, anchor);
-    let features = Features { touching, ..features };
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
         anchor,
@@ -103,7 +101,6 @@ pub(super) fn compile_after(
         links,
         caught_lights,
         own_materials: scene.materials.len() as u32,
-        own_instances: scene.instances.len() as u32,
         features,
         emitters,
         vectors: Vectors::of(scene, anchor),
@@ -188,7 +185,7 @@ fn materials(
 
 fn features(
     scene: &Scene,
-    geometries: &Geometries,
+    (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
     materials: &[CompiledMaterial],
     textures: &CompiledTextures,
     media: &[Medium],
@@ -204,7 +201,7 @@ fn features(
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
-        touching: false,
+        touching: touching::exists(scene, materials, (geometries, accel, anchor)),
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         ray_kinds: materials

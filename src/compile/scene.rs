@@ -95,8 +95,6 @@ pub struct CompiledScene {
     pub(super) caught_lights: Vec<bool>,
     /// Materials of the scene that it was compiled from: the first ones. Copies for objects with traits follow.
     pub(super) own_materials: u32,
-    /// Instances of the scene that it was compiled from: its first objects.
-    pub(super) own_instances: u32,
     /// What the integrator may skip.
     pub features: Features,
     /// Which primitives are lights.
@@ -188,11 +186,6 @@ impl CompiledScene {
     /// The material of the scene that a compiled one stands for.
     pub fn described_material(&self, material: u32) -> u32 {
         material % self.own_materials.max(1)
-    }
-
-    /// Is an object a placed mesh?
-    pub fn is_mesh(&self, object: ObjectId) -> bool {
-        object.0 < self.own_instances
     }
 
     /// The object of the scene at a hit.

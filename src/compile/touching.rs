@@ -4,7 +4,7 @@ use super::geometry::Geometries;
 use super::material::CompiledMaterial;
 use super::plan::part_materials;
 use crate::accel::Accel;
-use crate::math::{DAffine3, DVec3, Hit, Ray, gamma};
+use crate::math::{DAffine3, DVec3, Ray, gamma};
 use crate::scene::{MaterialId, Scene};
 use rayon::prelude::*;
 
@@ -33,79 +33,96 @@ enum Pieces {
 pub(super) fn exists(
     scene: &Scene,
     materials: &[CompiledMaterial],
-    geometries: &Geometries,
-    accel: &Accel,
-    anchor: DVec3,
+    (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
 ) -> bool {
     let solids = solids(scene, materials);
-    let rounding = |s: &Solid| s.bounds[0].abs().max(s.bounds[1].abs()).max_element() * f64::from(gamma(64));
-    let near = |a: &Solid, b: &Solid| {
-        let reach = rounding(a).max(rounding(b));
-        (a.bounds[0] - reach).cmple(b.bounds[1]).all() && (b.bounds[0] - reach).cmple(a.bounds[1]).all()
-    };
-    let medium = |hit: &Hit| materials[geometries.material(hit) as usize].medium_index;
-    let is_solid = |hit: &Hit| {
-        let material = &materials[geometries.material(hit) as usize];
-        material.medium_index != 0 && !material.is_boundary
-    };
-    let is_touched = |(middle, normal): (DVec3, DVec3)| {
-        let reach =
-            (middle.abs().max_element() + (middle - anchor).abs().max_element()) * f64::from(gamma(32));
-        let origin = (middle - anchor + normal * reach).as_vec3();
+    let at = Places { materials, geometries, accel, anchor };
+    solids.iter().enumerate().any(|(i, solid)| {
+        let others = solids.iter().enumerate();
+        let others = others.filter(|&(k, other)| if k == i { solid.has_several } else { solid.meets(other) });
+        let others: Vec<&Solid> = others.map(|(_, other)| other).collect();
+        !others.is_empty() && (accel.is_moving() || solid.is_touched(&others, scene, &at))
+    })
+}
+
+/// Where surfaces are looked for.
+struct Places<'a> {
+    materials: &'a [CompiledMaterial],
+    geometries: &'a Geometries,
+    accel: &'a Accel,
+    anchor: DVec3,
+}
+
+impl Places<'_> {
+    /// Do the surfaces of two solids lie at a point with this normal?
+    fn are_two_at(&self, p: DVec3, normal: DVec3) -> bool {
+        let reach = (p.abs().max_element() + (p - self.anchor).abs().max_element()) * f64::from(gamma(32));
+        let origin = (p - self.anchor + normal * reach).as_vec3();
         let ray = Ray::segment(origin, (normal * (-2.0 * reach)).as_vec3());
-        let first = accel.closest_one(&ray);
-        if !first.is_hit() {
+        let first = self.accel.closest_one(&ray);
+        if normal == DVec3::ZERO || !first.is_hit() {
             return false;
         }
-        let second = accel.closest_one(&Ray { origin_primitive: (&first).into(), ..ray });
-        second.is_hit()
-            && [&first, &second].into_iter().all(is_solid)
-            && (geometries.object(&first) != geometries.object(&second) || medium(&first) != medium(&second))
-    };
-    let is_moving = accel.is_moving();
-    solids.iter().enumerate().any(|(i, a)| {
-        let others =
-            solids.iter().enumerate().filter(|&(k, b)| if k == i { a.has_several } else { near(a, b) });
-        let others: Vec<&Solid> = others.map(|(_, b)| b).collect();
-        let is_in_other = |p: DVec3| {
-            others.iter().any(|b| {
-                let reach = rounding(a).max(rounding(b));
-                (b.bounds[0] - reach).cmple(p).all() && p.cmple(b.bounds[1] + reach).all()
-            })
-        };
-        match &a.pieces {
-            _ if others.is_empty() => false,
-            _ if is_moving => true,
+        let second = self.accel.closest_one(&Ray { origin_primitive: (&first).into(), ..ray });
+        if !second.is_hit() {
+            return false;
+        }
+        let [a, b] = [&first, &second].map(|hit| &self.materials[self.geometries.material(hit) as usize]);
+        let is_another = a.medium_index != b.medium_index
+            || self.geometries.object(&first) != self.geometries.object(&second);
+        is_another && is_solid(a) && is_solid(b)
+    }
+}
+
+fn is_solid(material: &CompiledMaterial) -> bool {
+    material.medium_index != 0 && !material.is_boundary
+}
+
+impl Solid {
+    /// What coordinates may be off by.
+    fn rounding(&self) -> f64 {
+        self.bounds[0].abs().max(self.bounds[1].abs()).max_element() * f64::from(gamma(64))
+    }
+
+    /// Do the boxes around two meet?
+    fn meets(&self, other: &Solid) -> bool {
+        let reach = self.rounding().max(other.rounding());
+        let ([low, high], [other_low, other_high]) = (self.bounds, other.bounds);
+        (low - reach).cmple(other_high).all() && (other_low - reach).cmple(high).all()
+    }
+
+    /// Does a point lie in the box around it?
+    fn is_around(&self, p: DVec3, reach: f64) -> bool {
+        (self.bounds[0] - reach).cmple(p).all() && p.cmple(self.bounds[1] + reach).all()
+    }
+
+    /// Does one of the others lie on its surface?
+    fn is_touched(&self, others: &[&Solid], scene: &Scene, at: &Places) -> bool {
+        let is_near = |p: DVec3| others.iter().any(|b| b.is_around(p, self.rounding().max(b.rounding())));
+        match self.pieces {
             Pieces::Mesh { mesh, placed } => {
-                let mesh = &scene.meshes[*mesh];
+                let mesh = &scene.meshes[mesh];
                 let corner =
                     |i: u32| placed.transform_point3(mesh.positions[i as usize].map(f64::from).into());
                 mesh.triangles.par_iter().any(|&t| {
                     let [a, b, c] = t.map(corner);
                     let middle = (a + b + c) / 3.0;
-                    let normal = (b - a).cross(c - a).normalize_or_zero();
-                    is_in_other(middle) && normal != DVec3::ZERO && is_touched((middle, normal))
+                    is_near(middle) && at.are_two_at(middle, (b - a).cross(c - a).normalize_or_zero())
                 })
             }
-            Pieces::Quad([middle, u, v]) => {
-                let normal = u.cross(*v).normalize_or_zero();
-                normal != DVec3::ZERO && is_touched((*middle, normal))
-            }
-            Pieces::Shape(middle, size) => others.iter().any(|b| match b.pieces {
-                Pieces::Shape(other, other_size) => {
-                    other.distance(*middle) <= rounding(a) && (other_size - size).abs() <= rounding(a)
+            Pieces::Quad([middle, u, v]) => at.are_two_at(middle, u.cross(v).normalize_or_zero()),
+            Pieces::Shape(middle, size) => others.iter().any(|other| match other.pieces {
+                Pieces::Shape(center, radius) => {
+                    center.distance(middle) <= self.rounding() && (radius - size).abs() <= self.rounding()
                 }
                 _ => false,
             }),
         }
-    })
+    }
 }
 
 fn solids(scene: &Scene, materials: &[CompiledMaterial]) -> Vec<Solid> {
-    let is_solid = |id: MaterialId| {
-        let material = &materials[id.index()];
-        material.medium_index != 0 && !material.is_boundary
-    };
+    let is_solid = |id: MaterialId| is_solid(&materials[id.index()]);
     let meshes = scene.instances.iter().filter_map(|instance| {
         let mesh = &scene.meshes[instance.mesh.index()];
         let placed = instance.world_from_object;

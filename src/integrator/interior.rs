@@ -120,7 +120,7 @@ impl AroundCamera {
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MOST_SURFACES: u32 = 256;
     let mut ray = Ray::new(p, direction);
-    let (mut entered, mut left): (Vec<(u16, ObjectId)>, Vec<u16>) = (Vec::new(), Vec::new());
+    let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
     for _ in 0..MOST_SURFACES {
         let hit = scene.accel.closest_one_in_time(&ray, time);
         if !hit.is_hit() {
@@ -135,12 +135,13 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
         if medium == 0 {
             continue;
         }
-        let object = scene.geometries.object(&hit);
-        // A body may have several materials, one where it is entered and another where it is left.
-        let is_same = |&(m, o): &(u16, ObjectId)| m == medium || o == object || !scene.is_mesh(o);
+        let mesh = scene.geometries.placed_mesh(&hit);
+        // A body may have several materials, one where it is entered and another where it is left. That is one mesh, or many
+        // quads.
+        let is_same = |&(_, other): &(u16, Option<ObjectId>)| other.is_none() || other == mesh;
         let same_medium = || entered.iter().rposition(|&(m, _)| m == medium);
         if is_front {
-            entered.push((medium, object));
+            entered.push((medium, mesh));
         } else if let Some(at) = same_medium().or_else(|| entered.iter().rposition(is_same)) {
             entered.remove(at);
         } else {

@@ -27,6 +27,7 @@ mod flight;
 mod generate;
 mod group;
 mod guiding;
+mod hit_point;
 mod interior;
 mod kinds;
 mod lanes;

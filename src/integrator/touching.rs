@@ -8,8 +8,8 @@
 //! of the denser one, so that the ways of light in both directions agree.
 
 use super::Integrator;
+use super::hit_point::HitPoint;
 use super::media::{Boundary, hidden};
-use super::surface::HitPoint;
 use super::wave::Paths;
 use crate::bsdf::Bsdf;
 use crate::color::Rgb;
@@ -36,31 +36,22 @@ pub(super) struct Met<'a> {
     pub bsdf: Bsdf,
     /// Shading normal.
     pub ns: Vec3,
+    /// What the path covers there.
+    pub width: f32,
 }
 
 /// The surfaces that touch one.
-pub(super) struct Touching<'a> {
-    list: [Option<HitPoint<'a>>; MOST],
-}
-
-impl Touching<'_> {
-    pub fn is_empty(&self) -> bool {
-        self.list[0].is_none()
-    }
-}
+pub(super) type Touching<'a> = [Option<HitPoint<'a>>; MOST];
 
 impl Integrator<'_> {
-    /// The surfaces of other solids that lie on the one that a ray hit.
+    /// The surfaces of other solids that lie on the one that a ray hit, if there are any.
     #[inline]
-    pub(super) fn touching(&self, ray: &Ray, at: &HitPoint<'_>) -> Touching<'_> {
-        let mut touching = Touching { list: [None; MOST] };
-        if self.scene.features.touching {
-            self.find_touching(ray, at, &mut touching.list);
-        }
-        touching
+    pub(super) fn touching(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<Touching<'_>> {
+        if self.scene.features.touching { self.find_touching(ray, at) } else { None }
     }
 
-    fn find_touching<'a>(&'a self, ray: &Ray, at: &HitPoint<'_>, list: &mut [Option<HitPoint<'a>>; MOST]) {
+    fn find_touching(&self, ray: &Ray, at: &HitPoint<'_>) -> Option<Touching<'_>> {
+        let mut list = [None; MOST];
         let rounding = |at: &HitPoint<'_>| at.surface.ng.abs().dot(at.surface.p_error);
         // Objects are placed in the world, whose origin may be far away.
         let place = (self.scene.anchor.as_vec3() + at.surface.p).abs().max_element() * gamma(4);
@@ -93,6 +84,7 @@ impl Integrator<'_> {
                 count += 1;
             }
         }
+        (count > 0).then_some(list)
     }
 
     /// What a path finds where the surfaces of several solids lie on each other, as one surface: the one that counts, with all
@@ -106,10 +98,10 @@ impl Integrator<'_> {
         paths: &mut Paths,
         waves: Option<&Wavelengths>,
     ) -> (Met<'a>, Boundary) {
-        let width = paths.footprints.width.get(i).copied().unwrap_or(0.0);
-        let others = touching.list.iter().flatten().map(|at| {
+        let width = first.width;
+        let others = touching.iter().flatten().map(|at| {
             let (bsdf, ns) = self.read_material(at, width, wo, waves);
-            Met { at: *at, bsdf, ns }
+            Met { at: *at, bsdf, ns, width }
         });
         let all = || std::iter::once(first).chain(others.clone());
         if let Some(left) = all().find(|met| met.at.is_back) {

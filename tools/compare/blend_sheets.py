@@ -48,7 +48,7 @@ def _pool(sun, sky):
     """A basin whose water is one level sheet over the floor."""
     _shed(sun, sky)
     tiles = material("tiles", Base_Color=(0.5, 0.6, 0.6, 1), Roughness=1.0)
-    for x, y, w, d in ((-1.55, 0, 0.1, 3.2), (1.55, 0, 0.1, 3.2), (0, -1.55, 3.2, 0.1), (0, 1.55, 3.2, 0.1)):
+    for x, y, w, d in ((-1.55, 0, 0.1, 3.2), (1.55, 0, 0.1, 3.2), (0, -1.55, 3.0, 0.1), (0, 1.55, 3.0, 0.1)):
         add("cube", tiles, (x, y, 0.3), "Rim", size=1).scale = (w, d, 0.6)
     water = material("water", Transmission_Weight=1, Roughness=0, IOR=1.33, Base_Color=(1, 1, 1, 1))
     add("plane", water, (0, 0, 0.4), "Water", size=3.0)

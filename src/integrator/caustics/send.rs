@@ -1,9 +1,10 @@
 //! Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
 
 use super::super::Integrator;
+use super::super::hit_point::HitPoint;
+use super::super::interior::Interior;
 use super::super::lanes::{get_rgb, set_rgb};
 use super::super::normals::{bent_normal, scattering_normal, terminator};
-use super::super::surface::HitPoint;
 use super::super::touching::Met;
 use super::super::workspace::Workspace;
 use super::follow::is_stretched;
@@ -14,6 +15,7 @@ use crate::compile::Role;
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::sampler::Dimensions;
 use crate::sampling::warp;
+use crate::shape::Surface;
 
 /// From so many surfaces on, paths may end.
 const FIRST_ROULETTE: u32 = 8;
@@ -30,6 +32,13 @@ struct Sender {
     wo: Vec3,
     /// Nothing else finds this light: nothing that is sent perfectly smoothly, or nothing at all.
     is_only_way: [bool; 2],
+}
+
+/// A sender, its surface, and the solids on the other side.
+struct Crossing {
+    sender: Sender,
+    surface: Surface,
+    beyond: Interior,
 }
 
 /// How light goes on.
@@ -53,37 +62,8 @@ impl Integrator<'_> {
         material_index: u32,
         w: &mut Workspace,
     ) -> Option<LampPath> {
-        let waves = path.waves();
-        let waves = waves.as_ref();
-        let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
-        arriving.interior[0] = path.interior;
-        set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
-        (arriving.carried.seed[0], arriving.carried.shuffled[0]) = path.point.to_parts();
-        let is_solid = material.medium_index != 0;
-        if is_solid && at.is_back {
-            self.assume_inside(material, at.hit.t, 0, arriving, waves);
-        }
-        let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
-        let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
-        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
-        let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
-        if is_solid {
-            let touching = self.touching(&path.ray, at);
-            let boundary = if touching.is_empty() {
-                self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves)
-            } else {
-                let met = Met { at: *at, bsdf, ns };
-                let (met, boundary) =
-                    self.boundary_of_touching(met, touching, wo, (path.bounces, 0), arriving, waves);
-                surface = met.at.surface;
-                (sender.ng, sender.ns) = (surface.ng, met.ns);
-                boundary
-            };
-            (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
-            if boundary.is_inverted {
-                (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
-            }
-        }
+        let Crossing { sender, surface, beyond } = self.meet_sender(path, at, w);
+        let (material, arriving) = (at.material, &mut *w.arriving);
         let radiance = get_rgb(&arriving.carried.throughput, 0);
         let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
         let sent = match role {
@@ -113,6 +93,42 @@ impl Integrator<'_> {
             is_only_way: path.is_only_way && (path.bounces > 0 || sent.is_specular),
             ..*path
         })
+    }
+
+    /// What light meets where it arrives at a surface; the lane of paths from lamps holds its state then.
+    fn meet_sender(&self, path: &LampPath, at: &HitPoint<'_>, w: &mut Workspace) -> Crossing {
+        let waves = path.waves();
+        let waves = waves.as_ref();
+        let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
+        arriving.interior[0] = path.interior;
+        set_rgb(&mut arriving.carried.throughput, 0, path.radiance);
+        (arriving.carried.seed[0], arriving.carried.shuffled[0]) = path.point.to_parts();
+        let is_solid = material.medium_index != 0;
+        if is_solid && at.is_back {
+            self.assume_inside(material, at.hit.t, 0, arriving, waves);
+        }
+        let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
+        let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
+        let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
+        let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
+        if is_solid {
+            let boundary = match self.touching(&path.ray, at) {
+                None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves),
+                Some(touching) => {
+                    let met = Met { at: *at, bsdf, ns, width: 0.0 };
+                    let (met, boundary) =
+                        self.boundary_of_touching(met, touching, wo, (path.bounces, 0), arriving, waves);
+                    surface = met.at.surface;
+                    (sender.ng, sender.ns) = (surface.ng, met.ns);
+                    boundary
+                }
+            };
+            (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
+            if boundary.is_inverted {
+                (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
+            }
+        }
+        Crossing { sender, surface, beyond }
     }
 
     fn scatter_light(&self, at: &Sender, u: [f32; 3]) -> Option<Sent> {

@@ -246,7 +246,7 @@ fn ktx2_of_levels(format: u32, scheme: u32, levels: &[Vec<u8>]) -> Vec<u8> {
         bytes.extend(word.to_le_bytes());
     }
     for (k, channel) in [0u32, 1, 2, 15].into_iter().enumerate() {
-        for word in [channel << 24 | 7 << 16 | 8 * k as u32, 0, 0, 255] {
+        for word in [channel << 24 | 7 << 16 | (8 * k as u32), 0, 0, 255] {
             bytes.extend(word.to_le_bytes());
         }
     }
