@@ -509,7 +509,8 @@ class SurfacesTest(SceneTest):
         self.assertEqual(len(factors), 2)
         self.assertAlmostEqual(factors.pop(name), 0.5, places=5)
         self.assertAlmostEqual(*factors.values(), 0.25, places=5)
-        self.assertIn("thin panes", "".join(message for _, message in answer["notes"]))
+        self.assertIn("thin panes", said := "".join(message for _, message in answer["notes"]))
+        self.assertIn("Solidify", said)
 
     def test_brushed_metals_are_brushed_around_their_axis(self):
         brushed, _, shader = shader_tree("brushed")
