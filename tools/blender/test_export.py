@@ -143,6 +143,25 @@ class SceneTest(unittest.TestCase):
         model, settings, answer = self.export(*more)
         return Glb(str(self.folder / "scene.glb")), settings, answer
 
+    def picture(self, model, material):
+        """The file of a material's base colour."""
+        glb = Glb(str(self.folder / "scene.glb"))
+        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
+        path = self.folder / "paint.png"
+        start = view.get("byteOffset", 0)
+        path.write_bytes(glb.binary[start : start + view["byteLength"]])
+        return str(path)
+
+    def pixels(self, path):
+        """The numbers of a picture as they are stored."""
+        image = bpy.data.images.load(path)
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.array(image.pixels[:]).reshape(height, width, -1)
+        bpy.data.images.remove(image)
+        return pixels
+
 
 class TreesTest(SceneTest):
     def add_plane(self, material, name="Plane", location=(0, 0, 0), data=None):
@@ -225,10 +244,11 @@ class TreesTest(SceneTest):
         self.assertEqual(answer["warnings"][0][0], "three")
 
     def test_what_differs_with_the_direction_is_said_by_name(self):
-        material, tree, shader, weight, noise, mix = shader_tree("velvet", "LayerWeight", "TexNoise", "MixRGB")
-        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
-        tree.links.new(noise.outputs["Color"], mix.inputs["Color1"])
-        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        material, tree, shader, weight, noise, step = shader_tree("velvet", "LayerWeight", "TexNoise", "Math")
+        noise.inputs["Scale"].default_value, step.operation = 20, "GREATER_THAN"
+        tree.links.new(weight.outputs["Facing"], step.inputs[0])
+        tree.links.new(noise.outputs[0], step.inputs[1])
+        tree.links.new(step.outputs[0], shader.inputs["Base Color"])
         self.add_plane(material)
         _, _, answer = self.export("--bake", "64")
         ((place, message),) = answer["warnings"]
@@ -257,6 +277,54 @@ class TreesTest(SceneTest):
         color = np.stack([1 - facing, 0 * facing + 0.5, facing], 1)
         np.testing.assert_allclose(tables["base_color"]["colors"], color, atol=2e-5)
         np.testing.assert_allclose(tables["emission"]["colors"], 6 * facing[:, None] * [1, 0.5, 0.25], atol=1e-4)
+
+    def test_what_the_angle_of_view_mixes_from_place_to_place_becomes_two_pictures_and_a_table(self):
+        material, tree, shader, weight, checker, mix, times, gain = shader_tree(
+            "cloth", "LayerWeight", "TexChecker", "MixRGB", "MixRGB", "Math"
+        )
+        weight.inputs["Blend"].default_value = 0.25
+        checker.inputs["Scale"].default_value = 1.5
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.25, 0, 1), (0.5, 0.5, 0, 1)
+        mix.inputs["Color2"].default_value = (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        tree.links.new(checker.outputs["Color"], shader.inputs["Emission Color"])
+        self.add_plane(material)
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        facing = 1 - np.linspace(0, 1, 64) ** 0.5
+        (told,), textures = settings["materials"].values(), settings["textures"]
+        for key in ("base_color", "emission"):
+            mixed = textures[told[key]]
+            self.assertEqual((mixed["type"], textures[mixed["a"]]["type"]), ("mix", "own"))
+            table = np.array(textures[mixed["factor"]]["colors"])
+            # Where the first colour has nothing to become, no share is told.
+            known = np.ptp(table, axis=0) > 0
+            self.assertTrue(known.any())
+            np.testing.assert_allclose(table[:, known], np.repeat(facing[:, None], known.sum(), 1), atol=2e-3)
+        second = textures[textures[told["base_color"]]["b"]]
+        self.assertEqual((second["mapping"], second["encoding"]), ("own", "srgb"))
+        pixels = self.pixels(str(self.folder / second["file"]))
+        quarter, half = 0.5371, 0.7354  # as sRGB has them
+        self.assertLess(np.abs(pixels[8:-8, 8:-8, :3] - [0, half, 1]).max(), 0.01)
+        first = self.pixels(self.picture(model, model["materials"][0]))
+        for color in ((1, quarter, 0), (half, half, 0)):
+            share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
+            self.assertGreater(share, 0.2, color)
+
+    def test_transparency_of_trees_has_its_picture(self):
+        material, tree, shader, checker = shader_tree("lace", "TexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        tree.links.new(checker.outputs["Fac"], shader.inputs["Alpha"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        alpha = self.pixels(self.picture(model, model["materials"][0]))[..., 3]
+        for value in (0, 1):
+            self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
 
     def test_light_of_trees_keeps_its_strength(self):
         material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
@@ -449,16 +517,6 @@ class SurfacesTest(SceneTest):
         code = lambda c: 1.055 * c ** (1 / 2.4) - 0.055
         for value in (1.0, code(0.5)):
             self.assertGreater((np.abs(red - value) < 0.02).mean(), 0.15, value)
-
-    def picture(self, model, material):
-        """The file of a material's base colour."""
-        glb = Glb(str(self.folder / "scene.glb"))
-        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
-        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
-        path = self.folder / "paint.png"
-        start = view.get("byteOffset", 0)
-        path.write_bytes(glb.binary[start : start + view["byteLength"]])
-        return str(path)
 
     def test_of_what_varies_and_no_picture_holds_the_mean_is_taken_by_name(self):
         cloth, tree, shader, checker = shader_tree("cloth", "TexChecker")
