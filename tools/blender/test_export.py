@@ -326,6 +326,20 @@ class TreesTest(SceneTest):
         for value in (0, 1):
             self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
 
+    def test_pictures_of_files_may_be_links(self):
+        material, tree, shader, node = shader_tree("label", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "a picture.png"), "PNG"
+        picture.save()
+        node.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        (copied,) = self.export()[0]["images"]
+        self.assertNotIn("uri", copied)
+        (linked,) = self.export("--links")[0]["images"]
+        self.assertEqual(linked, {"name": copied["name"], "uri": "picture.1.png"})
+        self.assertEqual((self.folder / "picture.1.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
+
     def test_light_of_trees_keeps_its_strength(self):
         material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
         checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0, 0, 0, 1)

@@ -3,7 +3,7 @@
     python blend_plain.py FOLDER [SCENE...]      with a Python that has bpy, after blend.py made FOLDER
 
 Writes FOLDER/plain/X.glb with cameras, lights and modifiers, asks `oscura inspect` about it, and prints by scene what was lost that
-is said, and what is not.
+is said, what is not, and which materials have nodes that glTF can't hold and are not named.
 """
 
 import re
@@ -74,18 +74,29 @@ def of_cameras(scene):
     yield "motion blur", scene.render.use_motion_blur
 
 
+def used(scene):
+    """Materials that use nodes."""
+    found = {slot.material for obj in scene.objects for slot in obj.material_slots if slot.material}
+    return [material for material in found if material.use_nodes and material.node_tree]
+
+
+def has_other_nodes(material):
+    """Has a material nodes that glTF knows nothing of?"""
+    nodes = [node for node in material.node_tree.nodes if any(out.is_linked for out in node.outputs)]
+    principled = [node for node in nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
+    return len(principled) != 1 or any(n.bl_idname not in EVEN for n in nodes if n not in principled)
+
+
 def of_materials(scene):
-    for material in {slot.material for obj in scene.objects for slot in obj.material_slots if slot.material}:
-        tree = material.node_tree if material.use_nodes else None
-        if tree is None:
-            continue
+    for material in used(scene):
+        tree = material.node_tree
         end = tree.get_output_node("CYCLES")
         yield "volumes", end is not None and end.inputs["Volume"].is_linked
         yield "displacement", end is not None and end.inputs["Displacement"].is_linked
         nodes = [node for node in tree.nodes if any(out.is_linked for out in node.outputs)]
         yield "bumps", any(node.bl_idname == "ShaderNodeBump" for node in nodes)
         principled = [node for node in nodes if node.bl_idname == "ShaderNodeBsdfPrincipled"]
-        yield "nodes", len(principled) != 1 or any(n.bl_idname not in EVEN for n in nodes if n not in principled)
+        yield "nodes", has_other_nodes(material)
         yield "subsurface scattering", any(node.inputs["Subsurface Weight"].default_value > 0 for node in principled)
 
 
@@ -141,8 +152,10 @@ def main():
             lost.add("missing geometry")
         words = told[told.find("  notes") :]
         unsaid = sorted(kind for kind in lost if not re.search(SAID[kind], words))
-        rows.append(f"| {name} | {', '.join(sorted(lost - set(unsaid)))} | {', '.join(unsaid)} |")
-    print("| scene | lost and said | lost and not said |\n|---|---|---|", *rows, sep="\n")
+        silent = [m.name for m in used(scene) if has_other_nodes(m) and f"'{m.name}'" not in words]
+        rows.append(f"| {name} | {', '.join(sorted(lost - set(unsaid)))} | {', '.join(unsaid)} | {', '.join(sorted(silent))} |")
+    head = "| scene | lost and said | lost and not said | materials with other nodes that are not named |"
+    print(head, "|---|---|---|---|", *rows, sep="\n")
 
 
 if __name__ == "__main__":

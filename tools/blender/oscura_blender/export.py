@@ -31,6 +31,7 @@ def main(arguments):
     parser.add_argument("--shutter", type=float)
     parser.add_argument("--shutter-position")
     parser.add_argument("--vectors")
+    parser.add_argument("--links", action="store_true")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -80,7 +81,7 @@ def export(options, report):
     _open_alone(holders)
     _write_model(model)
     written = glb.Glb(model)
-    if not images.exchange(written):
+    if not images.exchange(written, options.folder if options.links else None):
         images.restore()
         _write_model(model)
         written = glb.Glb(model)
