@@ -316,6 +316,55 @@ class TreesTest(SceneTest):
             share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
             self.assertGreater(share, 0.2, color)
 
+    def test_materials_beside_one_that_is_mixed_keep_their_pictures(self):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2)
+        shown = bpy.context.object
+        for name in ("mixed", "plain"):
+            made, tree, shader, weight, checker, mix = shader_tree(name, "LayerWeight", "TexChecker", "MixRGB")
+            checker.inputs["Scale"].default_value = 3.0
+            checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+            mix.inputs["Fac"].default_value, mix.inputs["Color2"].default_value = 0.0, (0, 1, 0, 1)
+            if name == "mixed":
+                tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+            tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+            tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+            shown.data.materials.append(made)
+        shown.data.polygons.foreach_set("material_index", [0, 0, 1, 1])
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        ((name, told),) = settings["materials"].items()
+        self.assertTrue(name.startswith("mixed"), name)
+        second = settings["textures"][settings["textures"][told["base_color"]]["b"]]
+        pictures = [self.pixels(path) for path in (self.picture(model, model["materials"][0]), str(self.folder / second["file"]))]
+        share = lambda pixels, color: (np.abs(pixels[..., :3] - color).max(-1) < 0.02).mean()
+        # Half of the mesh becomes green.
+        self.assertEqual(share(pictures[0], (0, 1, 0)), 0)
+        self.assertTrue(0.25 < share(pictures[1], (0, 1, 0)) < 0.6)
+        self.assertGreater(share(pictures[0], (1, 0, 0)), 1.5 * share(pictures[1], (1, 0, 0)))
+        self.assertGreater(share(pictures[1], (1, 0, 0)), 0.1)
+
+    def test_the_cosine_of_view_and_normal_is_a_weight(self):
+        material, tree, shader, geometry, dot = shader_tree("dotted", "NewGeometry", "VectorMath")
+        dot.operation = "DOT_PRODUCT"
+        tree.links.new(geometry.outputs["Normal"], dot.inputs[0])
+        tree.links.new(geometry.outputs["Incoming"], dot.inputs[1])
+        tree.links.new(dot.outputs["Value"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        table = settings["textures"][settings["materials"]["dotted"]["base_color"]]["colors"]
+        np.testing.assert_allclose(table, np.linspace(0, 1, len(table)), atol=2e-5)
+
+    def test_weights_with_normals_of_their_own_are_told(self):
+        material, tree, shader, weight, bump = shader_tree("bumped", "LayerWeight", "Bump")
+        tree.links.new(bump.outputs[0], weight.inputs["Normal"])
+        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual((place, "normal of its own" in message), ("bumped", True))
+        self.assertIn("base_color", settings["materials"]["bumped"])
+
     def test_transparency_of_trees_has_its_picture(self):
         material, tree, shader, checker = shader_tree("lace", "TexChecker")
         checker.inputs["Scale"].default_value = 2.0

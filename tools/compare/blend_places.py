@@ -100,6 +100,39 @@ def places_shaders():
     camera()
 
 
+def places_forms():
+    """The angle of view in other forms: within a group, as a product of vectors, by a bumped normal, as a map of a range."""
+    floor()
+    lit()
+    grouped, dotted, bumped, ranged = (material(name, Roughness=0.7) for name in ("grouped", "dotted", "bumped", "ranged"))
+    group = bpy.data.node_groups.new("rim", "ShaderNodeTree")
+    for name, way, kind in (("Inner", "INPUT", "Color"), ("Outer", "INPUT", "Color"), ("Color", "OUTPUT", "Color")):
+        group.interface.new_socket(name, in_out=way, socket_type=f"NodeSocket{kind}")
+    start, end, weight = (group.nodes.new(kind) for kind in ("NodeGroupInput", "NodeGroupOutput", "ShaderNodeLayerWeight"))
+    group.links.new(_mixed(group, weight.outputs["Facing"], start.outputs[0], start.outputs[1]), end.inputs[0])
+    tree, principled, noise, rim = new_nodes(grouped, "TexNoise", "Group")
+    rim.node_tree = group
+    rim.inputs[1].default_value = (0.9, 0.2, 0.1, 1)
+    tree.links.new(noise.outputs["Color"], rim.inputs[0])
+    tree.links.new(rim.outputs[0], principled.inputs["Base Color"])
+    tree, principled, geometry, dot, noise = new_nodes(dotted, "NewGeometry", "VectorMath", "TexNoise")
+    dot.operation = "DOT_PRODUCT"
+    tree.links.new(geometry.outputs["Incoming"], dot.inputs[0])
+    tree.links.new(geometry.outputs["Normal"], dot.inputs[1])
+    tree.links.new(_mixed(tree, dot.outputs["Value"], (0.1, 0.5, 0.2), noise.outputs["Color"]), principled.inputs["Base Color"])
+    tree, principled, weight, noise, bump = new_nodes(bumped, "LayerWeight", "TexNoise", "Bump")
+    noise.inputs["Scale"].default_value, bump.inputs["Strength"].default_value = 12, 0.2
+    tree.links.new(noise.outputs[0], bump.inputs["Height"])
+    tree.links.new(bump.outputs[0], weight.inputs["Normal"])
+    tree.links.new(_mixed(tree, weight.outputs["Facing"], noise.outputs["Color"], (0.2, 0.3, 0.9)), principled.inputs["Base Color"])
+    tree, principled, weight, noise, share = new_nodes(ranged, "LayerWeight", "TexVoronoi", "MapRange")
+    share.inputs["From Min"].default_value, share.inputs["From Max"].default_value = 0.2, 0.7
+    tree.links.new(weight.outputs["Facing"], share.inputs[0])
+    tree.links.new(_mixed(tree, share.outputs[0], noise.outputs["Color"], (0.02, 0.02, 0.02)), principled.inputs["Base Color"])
+    _row(grouped, dotted, bumped, ranged)
+    camera()
+
+
 def places_light():
     """A ghost of clouds, a rim of light with waves, a board whose light is a picture by facing."""
     floor()

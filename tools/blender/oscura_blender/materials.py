@@ -24,6 +24,7 @@ def prepare(found, store, report):
     materials = trees.of_materials(holders)
     users = {m: [holder for holder in holders if m in list(holder.data.materials)] for m in materials}
     for material in materials:
+        views.simplify(material, report)
         _normalize(material, report)
         relief.bumps(material, shaders.principled(material), report)
         views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)

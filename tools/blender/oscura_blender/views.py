@@ -12,6 +12,7 @@ DIRECTED = {
     "ShaderNodeNewGeometry": ("Incoming",),
     "ShaderNodeTexCoord": ("Reflection",),
 }
+WEIGHTS = ("ShaderNodeFresnel", "ShaderNodeLayerWeight")
 OF_CAMERA = ("ShaderNodeCameraData", "ShaderNodeTexCoord")
 
 STEPS = 64
@@ -34,6 +35,37 @@ def rewrite_cameras(material, eye):
             made = _BY_EYE[out.name](tree, turned)
             for link in list(out.links):
                 tree.links.new(made, link.to_socket)
+
+
+def simplify(material, report):
+    """Makes Layer Weights of the cosine between view and normal, and lets weights go by the surface's own normal."""
+    if material.node_tree is None:
+        return
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, ("ShaderNodeVectorMath",))):
+        if node.operation == "DOT_PRODUCT" and _are_view_and_normal(node):
+            _put_cosine(tree, node.outputs["Value"])
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, WEIGHTS)):
+        links = list(node.inputs["Normal"].links)
+        for link in links:
+            tree.links.remove(link)
+        if links and any(out.is_linked for out in node.outputs):
+            report.warn(material.name, f"{node.bl_label} has a normal of its own: it goes by that of the surface")
+
+
+def _are_view_and_normal(node):
+    sources = [shaders.source(entry) for entry in node.inputs[:2]]
+    names = {source.name for source in sources if source is not None and source.node.bl_idname == "ShaderNodeNewGeometry"}
+    return names == {"Incoming", "Normal"}
+
+
+def _put_cosine(tree, output):
+    """The cosine by a Layer Weight in the place of an output."""
+    weight, rest = tree.nodes.new("ShaderNodeLayerWeight"), tree.nodes.new("ShaderNodeMath")
+    weight.inputs["Blend"].default_value = 0.5
+    rest.operation, rest.inputs[0].default_value = "SUBTRACT", 1.0
+    for link in list(output.links):
+        tree.links.new(rest.outputs[0], link.to_socket)
+    tree.links.new(weight.outputs["Facing"], rest.inputs[1])
 
 
 def _vector(tree, operation, first, second=None):
@@ -118,7 +150,7 @@ def rows(node, output):
 
 def is_known(node):
     """Is it a weight by the surface's own normal and a constant?"""
-    if node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight") or node.inputs["Normal"].is_linked:
+    if node.bl_idname not in WEIGHTS or node.inputs["Normal"].is_linked:
         return False
     return shaders.constant(node.inputs["IOR" if node.bl_idname == "ShaderNodeFresnel" else "Blend"]) is not None
 
