@@ -1,6 +1,6 @@
 //! Textures of others: constants of constants, mixes, and an end to circles.
 
-use super::Compiled;
+use super::compiled::Compiled;
 use crate::scene::MOST_NESTED_TEXTURES;
 
 /// A checker of two equal constants is a constant, and so is a mix of constants.

@@ -1,5 +1,6 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table.
 
+mod compiled;
 mod coordinates;
 mod fold;
 mod image;
@@ -17,42 +18,11 @@ use crate::color::spectral::Spectrum;
 use crate::image::Image;
 use crate::math::Vec3;
 use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
+use compiled::Compiled;
 use coordinates::TextureCoordinates;
-use fold::{cut_endless_mixes, fold_constants, mixed};
+use fold::{cut_endless_mixes, fold_constants};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
-
-#[derive(Clone, Debug)]
-enum Compiled {
-    Constant([f32; 4]),
-    /// Images that share a grid find the same texels at the same coordinates.
-    Image {
-        lookup: ImageLookup,
-        coordinates: TextureCoordinates,
-        grid: u32,
-    },
-    Checker {
-        even: u32,
-        odd: u32,
-        inverse_size: f32,
-        coordinates: TextureCoordinates,
-    },
-    /// Two textures by a third.
-    Mix([u32; 3]),
-    Normal,
-    /// By the cosine, from 0 to 1; two colours or more.
-    Facing(Arc<[[f32; 3]]>),
-    Spectrum(Spectrum),
-    Noise {
-        kind: NoiseKind,
-        frequency: f32,
-        octaves: u32,
-        low: [f32; 3],
-        high: [f32; 3],
-        seed: u32,
-    },
-}
 
 /// All textures of a scene, by [`TextureId`].
 #[derive(Clone, Debug, Default)]

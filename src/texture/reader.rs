@@ -1,10 +1,10 @@
 //! All textures at one point: what several of them share is computed once.
 
+use super::compiled::Compiled;
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
+use super::fold::mixed;
 use super::image::{ImageLookup, Taps};
-use super::{
-    Compiled, CompiledTextures, TexturePoint, checker_is_odd, color_by_cosine, mixed, noise_value, rgba,
-};
+use super::{CompiledTextures, TexturePoint, checker_is_odd, color_by_cosine, noise_value, rgba};
 use crate::color::Rgb;
 use crate::color::spectral::{Wavelengths, uplifted_share};
 use crate::math::{Vec2, Vec3};

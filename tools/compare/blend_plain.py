@@ -119,12 +119,12 @@ def of_worlds(scene):
 
 
 def corners(scene):
-    """Triangles of everything that a render shows, as far as Blender exports it: meshes and what becomes meshes."""
+    """Triangles of everything that a render shows: what is no mesh comes as an instance of one."""
     found = bpy.context.evaluated_depsgraph_get()
     total = 0
     for instance in found.object_instances:
         obj = instance.object
-        if obj.type in ("MESH", "CURVE", "FONT", "SURFACE", "META") and instance.show_self:
+        if obj.type == "MESH" and instance.show_self:
             mesh = obj.to_mesh()
             mesh.calc_loop_triangles()
             total += len(mesh.loop_triangles)
