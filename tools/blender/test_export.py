@@ -661,6 +661,24 @@ class KeptTest(unittest.TestCase):
         # The picture reaches the model as it is.
         self.assertIn((self.folder / "scene.png").read_bytes(), expected[1])
 
+    def test_meshes_whose_stand_ins_are_alike_keep_their_own_values(self):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        material = bpy.data.materials.new("grey")
+        for edges in (60, 70):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=edges, y_subdivisions=edges)
+            bpy.context.object.data.materials.append(material)
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
+
+        def values(found):
+            model, data = found
+            slots = [primitive for mesh in model["meshes"] for primitive in mesh["primitives"]]
+            numbers = [sorted({**of["attributes"], "indices": of["indices"]}.items()) for of in slots]
+            return [[(slot, data[model["accessors"][number]["bufferView"]]) for slot, number in of] for of in numbers]
+
+        expected = values(self.export())
+        for _ in range(2):
+            self.assertEqual(values(self.cached()), expected)
+
     def test_what_changes_is_made_again(self):
         for change in ({}, {"grey": 0.25}, {"height": 0.5}):
             make_scene(self.folder / "scene.blend", **change)
