@@ -159,7 +159,6 @@ mod tests {
             }
             let most = if degrees <= 60.0 { 0.004 } else { 0.01 };
             assert!((soft / cut - 1.0).abs() < most, "{degrees}: {}", soft / cut);
-            println!("{degrees}: {}", soft / cut);
         }
     }
 

@@ -143,6 +143,25 @@ class SceneTest(unittest.TestCase):
         model, settings, answer = self.export(*more)
         return Glb(str(self.folder / "scene.glb")), settings, answer
 
+    def picture(self, model, material):
+        """The file of a material's base colour."""
+        glb = Glb(str(self.folder / "scene.glb"))
+        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
+        path = self.folder / "paint.png"
+        start = view.get("byteOffset", 0)
+        path.write_bytes(glb.binary[start : start + view["byteLength"]])
+        return str(path)
+
+    def pixels(self, path):
+        """The numbers of a picture as they are stored."""
+        image = bpy.data.images.load(path)
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.array(image.pixels[:]).reshape(height, width, -1)
+        bpy.data.images.remove(image)
+        return pixels
+
 
 class TreesTest(SceneTest):
     def add_plane(self, material, name="Plane", location=(0, 0, 0), data=None):
@@ -225,10 +244,11 @@ class TreesTest(SceneTest):
         self.assertEqual(answer["warnings"][0][0], "three")
 
     def test_what_differs_with_the_direction_is_said_by_name(self):
-        material, tree, shader, weight, noise, mix = shader_tree("velvet", "LayerWeight", "TexNoise", "MixRGB")
-        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
-        tree.links.new(noise.outputs["Color"], mix.inputs["Color1"])
-        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        material, tree, shader, weight, noise, step = shader_tree("velvet", "LayerWeight", "TexNoise", "Math")
+        noise.inputs["Scale"].default_value, step.operation = 20, "GREATER_THAN"
+        tree.links.new(weight.outputs["Facing"], step.inputs[0])
+        tree.links.new(noise.outputs[0], step.inputs[1])
+        tree.links.new(step.outputs[0], shader.inputs["Base Color"])
         self.add_plane(material)
         _, _, answer = self.export("--bake", "64")
         ((place, message),) = answer["warnings"]
@@ -257,6 +277,117 @@ class TreesTest(SceneTest):
         color = np.stack([1 - facing, 0 * facing + 0.5, facing], 1)
         np.testing.assert_allclose(tables["base_color"]["colors"], color, atol=2e-5)
         np.testing.assert_allclose(tables["emission"]["colors"], 6 * facing[:, None] * [1, 0.5, 0.25], atol=1e-4)
+
+    def test_what_the_angle_of_view_mixes_from_place_to_place_becomes_two_pictures_and_a_table(self):
+        material, tree, shader, weight, checker, mix, times, gain = shader_tree(
+            "cloth", "LayerWeight", "TexChecker", "MixRGB", "MixRGB", "Math"
+        )
+        weight.inputs["Blend"].default_value = 0.25
+        checker.inputs["Scale"].default_value = 1.5
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.25, 0, 1), (0.5, 0.5, 0, 1)
+        mix.inputs["Color2"].default_value = (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        tree.links.new(checker.outputs["Color"], shader.inputs["Emission Color"])
+        self.add_plane(material)
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        facing = 1 - np.linspace(0, 1, 64) ** 0.5
+        (told,), textures = settings["materials"].values(), settings["textures"]
+        for key in ("base_color", "emission"):
+            mixed = textures[told[key]]
+            self.assertEqual((mixed["type"], textures[mixed["a"]]["type"]), ("mix", "own"))
+            table = np.array(textures[mixed["factor"]]["colors"])
+            # Where the first colour has nothing to become, no share is told.
+            known = np.ptp(table, axis=0) > 0
+            self.assertTrue(known.any())
+            np.testing.assert_allclose(table[:, known], np.repeat(facing[:, None], known.sum(), 1), atol=2e-3)
+        second = textures[textures[told["base_color"]]["b"]]
+        self.assertEqual((second["mapping"], second["encoding"]), ("own", "srgb"))
+        pixels = self.pixels(str(self.folder / second["file"]))
+        quarter, half = 0.5371, 0.7354  # as sRGB has them
+        self.assertLess(np.abs(pixels[8:-8, 8:-8, :3] - [0, half, 1]).max(), 0.01)
+        first = self.pixels(self.picture(model, model["materials"][0]))
+        for color in ((1, quarter, 0), (half, half, 0)):
+            share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
+            self.assertGreater(share, 0.2, color)
+
+    def test_materials_beside_one_that_is_mixed_keep_their_pictures(self):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2)
+        shown = bpy.context.object
+        for name in ("mixed", "plain"):
+            made, tree, shader, weight, checker, mix = shader_tree(name, "LayerWeight", "TexChecker", "MixRGB")
+            checker.inputs["Scale"].default_value = 3.0
+            checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+            mix.inputs["Fac"].default_value, mix.inputs["Color2"].default_value = 0.0, (0, 1, 0, 1)
+            if name == "mixed":
+                tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+            tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+            tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+            shown.data.materials.append(made)
+        shown.data.polygons.foreach_set("material_index", [0, 0, 1, 1])
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        ((name, told),) = settings["materials"].items()
+        self.assertTrue(name.startswith("mixed"), name)
+        second = settings["textures"][settings["textures"][told["base_color"]]["b"]]
+        pictures = [self.pixels(path) for path in (self.picture(model, model["materials"][0]), str(self.folder / second["file"]))]
+        share = lambda pixels, color: (np.abs(pixels[..., :3] - color).max(-1) < 0.02).mean()
+        # Half of the mesh becomes green.
+        self.assertEqual(share(pictures[0], (0, 1, 0)), 0)
+        self.assertTrue(0.25 < share(pictures[1], (0, 1, 0)) < 0.6)
+        self.assertGreater(share(pictures[0], (1, 0, 0)), 1.5 * share(pictures[1], (1, 0, 0)))
+        self.assertGreater(share(pictures[1], (1, 0, 0)), 0.1)
+
+    def test_the_cosine_of_view_and_normal_is_a_weight(self):
+        material, tree, shader, geometry, dot = shader_tree("dotted", "NewGeometry", "VectorMath")
+        dot.operation = "DOT_PRODUCT"
+        tree.links.new(geometry.outputs["Normal"], dot.inputs[0])
+        tree.links.new(geometry.outputs["Incoming"], dot.inputs[1])
+        tree.links.new(dot.outputs["Value"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        table = settings["textures"][settings["materials"]["dotted"]["base_color"]]["colors"]
+        np.testing.assert_allclose(table, np.linspace(0, 1, len(table)), atol=2e-5)
+
+    def test_weights_with_normals_of_their_own_are_told(self):
+        material, tree, shader, weight, bump = shader_tree("bumped", "LayerWeight", "Bump")
+        tree.links.new(bump.outputs[0], weight.inputs["Normal"])
+        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual((place, "normal of its own" in message), ("bumped", True))
+        self.assertIn("base_color", settings["materials"]["bumped"])
+
+    def test_transparency_of_trees_has_its_picture(self):
+        material, tree, shader, checker = shader_tree("lace", "TexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        tree.links.new(checker.outputs["Fac"], shader.inputs["Alpha"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        alpha = self.pixels(self.picture(model, model["materials"][0]))[..., 3]
+        for value in (0, 1):
+            self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
+
+    def test_pictures_of_files_may_be_links(self):
+        material, tree, shader, node = shader_tree("label", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "a picture.png"), "PNG"
+        picture.save()
+        node.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        (copied,) = self.export()[0]["images"]
+        self.assertNotIn("uri", copied)
+        (linked,) = self.export("--links")[0]["images"]
+        self.assertEqual(linked, {"name": copied["name"], "uri": "picture.1.png"})
+        self.assertEqual((self.folder / "picture.1.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
 
     def test_light_of_trees_keeps_its_strength(self):
         material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
@@ -565,16 +696,6 @@ class SurfacesTest(SceneTest):
         for value in (1.0, code(0.5)):
             self.assertGreater((np.abs(red - value) < 0.02).mean(), 0.15, value)
 
-    def picture(self, model, material):
-        """The file of a material's base colour."""
-        glb = Glb(str(self.folder / "scene.glb"))
-        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
-        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
-        path = self.folder / "paint.png"
-        start = view.get("byteOffset", 0)
-        path.write_bytes(glb.binary[start : start + view["byteLength"]])
-        return str(path)
-
     def test_of_what_varies_and_no_picture_holds_the_mean_is_taken_by_name(self):
         cloth, tree, shader, checker = shader_tree("cloth", "TexChecker")
         checker.inputs["Scale"].default_value = 2.0
@@ -654,6 +775,24 @@ class KeptTest(unittest.TestCase):
         self.assertEqual(self.kept(), first, "nothing was made again")
         # The picture reaches the model as it is.
         self.assertIn((self.folder / "scene.png").read_bytes(), expected[1])
+
+    def test_meshes_whose_stand_ins_are_alike_keep_their_own_values(self):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        material = bpy.data.materials.new("grey")
+        for edges in (60, 70):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=edges, y_subdivisions=edges)
+            bpy.context.object.data.materials.append(material)
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
+
+        def values(found):
+            model, data = found
+            slots = [primitive for mesh in model["meshes"] for primitive in mesh["primitives"]]
+            numbers = [sorted({**of["attributes"], "indices": of["indices"]}.items()) for of in slots]
+            return [[(slot, data[model["accessors"][number]["bufferView"]]) for slot, number in of] for of in numbers]
+
+        expected = values(self.export())
+        for _ in range(2):
+            self.assertEqual(values(self.cached()), expected)
 
     def test_what_changes_is_made_again(self):
         for change in ({}, {"grey": 0.25}, {"height": 0.5}):

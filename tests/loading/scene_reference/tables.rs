@@ -460,6 +460,7 @@ pub const TABLES: &[Table] = &[
             ("file", "\"one.png\"", "\"two.png\""),
             ("wrap", "\"clamp\"", "\"mirror\""),
             ("interpolation", "\"nearest\"", "\"bilinear\""),
+            ("encoding", "\"srgb\"", "\"linear\""),
         ],
     ),
     lines(
@@ -481,6 +482,11 @@ pub const TABLES: &[Table] = &[
             ("size", "0.5", "0.25"),
             ("mapping", "\"uv\"", "\"world\""),
         ],
+    ),
+    lines(
+        "mix",
+        before!(texture "mix"),
+        &[("a", "0.1", "0.2"), ("b", "[0.8, 0.1, 0.1]", "0.7"), ("factor", "0.5", "[0.1, 0.2, 0.3]")],
     ),
     lines("facing", before!(texture "facing"), &[("colors", "[0.1, 0.2]", "[0.1, [0.3, 0.2, 0.1], 1]")]),
     lines("perlin", before!(texture "perlin"), NOISE),

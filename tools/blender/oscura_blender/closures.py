@@ -246,7 +246,7 @@ class Reader:
             return {**under, **found}
         if source is None or source.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight"):
             return None
-        if over.get("Metallic") != 1.0 or (ior := self._index(source)) is None:
+        if over.get("Metallic") != 1.0 or source.name == "Facing" and _has_gloss(under) or (ior := self._index(source)) is None:
             return None
         if under.get("Alpha") == 0.0 and not _shines(under):
             # A pane: one sheet of glass.
@@ -362,6 +362,11 @@ def _with_ground(inputs, other):
     if inputs.get("Translucent Weight") != 1.0 or "Translucent Weight" in other:
         return inputs
     return {**other, **{name: inputs[name] for name in ("Translucent Weight", "Translucent Color")}}
+
+
+def _has_gloss(inputs):
+    """Is it there, opaque and glossy itself? Gloss that facing mixes in is then rather a metal's than a coat's."""
+    return inputs.get("Specular IOR Level") != 0.0 and inputs.get("Transmission Weight") != 1.0 and inputs.get("Alpha") != 0.0
 
 
 def _shines(inputs):

@@ -17,6 +17,10 @@ _MATH = {
 }
 
 
+# What nodes carry that stand for a weight by the angle of view: its values by the cosine, and their mean, which it has.
+BY_COSINE = "oscura by cosine"
+
+
 def source(socket):
     """The socket that feeds an input, past reroutes; None without a link."""
     while socket.is_linked:
@@ -35,7 +39,7 @@ def constant(socket):
     if feeding is None:
         return None if socket.is_linked else _plain(socket.default_value)
     node = feeding.node
-    if node.mute:
+    if node.mute or BY_COSINE in node:
         return None
     if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
         return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
