@@ -7,12 +7,15 @@ use crate::math::Vec3;
 
 impl Camera {
     /// How a point is seen through the point of the lens that `lens` in 0..1 squared chooses, as [`Camera::ray`] does; `None` for
-    /// points behind the camera.
+    /// points behind the camera, and for those that it doesn't reach.
     ///
     /// Of a pinhole, a solid angle `dw` at an angle with cosine `c` to the axis covers `dw / c^3` of the plane at distance 1
     /// (Pharr, Jakob, Humphreys 2016, "Physically Based Rendering", section 16.1.1). The same holds for each point of a lens:
     /// what it sends to the plane in focus is the film's picture, scaled.
     pub fn sight(&self, p: Vec3, lens: [f32; 2]) -> Option<Sight> {
+        if !self.reaches(p) {
+            return None;
+        }
         if let Some(panorama) = &self.panorama {
             return self.panoramic_sight(panorama, p, lens);
         }
@@ -132,6 +135,7 @@ mod tests {
             aspect_ratio: None,
             lens,
             shift: [0.1, -0.05],
+            clip: None,
             motion: None,
         };
         let all = projections.into_iter().flat_map(|p| [(p, None), (p, Some(lens))]);

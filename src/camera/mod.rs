@@ -33,6 +33,7 @@ pub struct Camera {
     focus_distance: f32,
     is_perspective: bool,
     panorama: Option<Panorama>,
+    clip: Option<[f32; 2]>,
 }
 
 impl Camera {
@@ -71,7 +72,26 @@ impl Camera {
             focus_distance: camera.lens.map_or(1.0, |lens| lens.focus_distance) as f32,
             is_perspective,
             panorama,
+            clip: camera.clip.map(|clip| clip.map(|distance| distance as f32)),
         }
+    }
+
+    /// Does it see things at some distances only?
+    #[inline(always)]
+    pub fn is_clipped(&self) -> bool {
+        self.clip.is_some()
+    }
+
+    /// From where to where along a direction of unit length its rays see things.
+    pub fn range(&self, direction: Vec3) -> [f32; 2] {
+        let Some(clip) = self.clip else { return [0.0, f32::INFINITY] };
+        let cosine = if self.panorama.is_some() { 1.0 } else { direction.dot(self.forward) };
+        clip.map(|distance| (distance / cosine).max(0.0))
+    }
+
+    /// Does it see what is at a place?
+    pub fn reaches(&self, p: Vec3) -> bool {
+        self.clip.is_none_or(|[near, far]| (near..=far).contains(&self.depth(p)))
     }
 
     /// A direction along its own axes: to the right, up, and back.
@@ -216,6 +236,7 @@ mod tests {
             aspect_ratio: None,
             lens: None,
             shift: [0.0; 2],
+            clip: None,
             motion: None,
         }
     }

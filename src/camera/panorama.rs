@@ -156,6 +156,7 @@ mod tests {
             projection: Projection::Panorama(panorama),
             lens,
             shift: [0.05, -0.02],
+            clip: None,
             ..scene::Camera::look_at([0.0; 3], [0.0, 0.0, -1.0], 30.0)
         };
         Camera::new(&camera, SIZE.0, SIZE.1, DVec3::ZERO)

@@ -238,7 +238,7 @@ pub(crate) struct RenderArgs {
     /// The tree over the triangles, which pictures don't depend on: fast to build, or full for fast rays.
     #[arg(long, default_value = "auto")]
     pub tree: TreeArg,
-    /// How PNGs and the like look [default: srgb; filmic for models that a stage lights, unless their background is chosen].
+    /// How PNGs and the like look: a name, or a table (cinespace, .csp) [default: srgb; filmic for models that a stage lights, unless their background is chosen].
     #[arg(long, value_name = "VIEW", value_parser = views())]
     pub view: Option<ViewTransform>,
     /// Exposure of PNGs and the like in stops, -100 to 100 [default: 0].

@@ -33,7 +33,7 @@ impl<'a> Keeper<'a> {
         targets: &'a Targets,
         loaded: &mut Loaded,
         settled: &Settled,
-        png: PngOptions,
+        png: &PngOptions,
         warnings: &[Warning],
         kept_without_noise: Option<AovSet>,
     ) -> Result<Keeper<'a>> {
@@ -48,7 +48,7 @@ impl<'a> Keeper<'a> {
             owner: args.owner.clone(),
             float: args.float,
             reproducible: args.reproducible,
-            view: png.view.name().to_string(),
+            view: png.view.name().into_owned(),
             white_balance: png.white_balance.map(f32::to_bits),
             deep: png.deep,
             exposure: png.exposure.to_bits(),

@@ -27,7 +27,7 @@ pub(crate) fn run(args: &ConvertArgs) -> Result<Outcome> {
     check_target(&args.output)?;
     let file = load_layered(&args.picture)?;
     let options = PngOptions {
-        view: args.view,
+        view: args.view.clone(),
         exposure: args.exposure,
         white_balance: args.white_balance,
         dither: args.dither,

@@ -10,11 +10,11 @@ use oscura::error::{Error, Problem, Result, Warning};
 use oscura::film::{Aov, AovSet, Film};
 use oscura::math::{DMat4, DVec3};
 use oscura::output::part::{Finish, PartHeader, check_parts, read_header, read_part};
-use oscura::output::{Matte, Metadata, PngOptions, ViewTransform};
+use oscura::output::{Matte, Metadata, PngOptions, ViewTransform, read_view};
 use oscura::render::{denoise_film, film_warnings, in_pool};
 use serde::Serialize;
 use std::borrow::Cow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::{Instant, SystemTime};
 
 /// What `--json` says.
@@ -80,7 +80,7 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
         float: args.float || finish.float,
         exr: args.exr.options(None),
     };
-    let pictures = Pictures::encode(&how, &targets, shot, png(args, finish), &earlier);
+    let pictures = Pictures::encode(&how, &targets, shot, &png(args, finish, &targets)?, &earlier);
     earlier.extend(pictures.warnings.iter().cloned());
     pictures.write()?;
     let sum = |of: fn(&PartHeader) -> f64| parts.iter().map(|(_, header)| of(header)).sum();
@@ -174,15 +174,27 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
 }
 
 /// As the arguments say, else as the parts do.
-fn png(args: &MergeArgs, finish: &Finish) -> PngOptions {
-    PngOptions {
-        view: args.view.or_else(|| ViewTransform::from_name(&finish.view)).unwrap_or_default(),
+///
+/// # Errors
+/// Where the table by which pictures are to be shown can't be read.
+fn png(args: &MergeArgs, finish: &Finish, targets: &Targets) -> Result<PngOptions> {
+    let view = match &args.view {
+        Some(view) => view.clone(),
+        None if ViewTransform::is_file(&finish.view) && targets.has_shown() => {
+            let path = Path::new(&finish.view);
+            let help = "the parts name it as their view; --view chooses another";
+            read_view(path).map_err(|e| Error::input(path, e).with_help(help))?
+        }
+        None => ViewTransform::from_name(&finish.view).unwrap_or_default(),
+    };
+    Ok(PngOptions {
+        view,
         white_balance: finish.white_balance.map(f32::from_bits),
         deep: finish.deep,
         exposure: args.exposure.unwrap_or(f32::from_bits(finish.exposure)),
         dither: finish.dither,
         opaque: finish.opaque,
-    }
+    })
 }
 
 fn say(args: &MergeArgs, report: &MergeReport, warnings: &[Warning]) {

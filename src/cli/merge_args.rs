@@ -30,7 +30,7 @@ pub(crate) struct MergeArgs {
     pub float: bool,
     #[command(flatten)]
     pub exr: ExrFormatArgs,
-    /// How PNGs and the like look [default: as when the parts were rendered].
+    /// How PNGs and the like look: a name, or a table (cinespace, .csp) [default: as when the parts were rendered].
     #[arg(long, value_name = "VIEW", value_parser = views())]
     pub view: Option<ViewTransform>,
     /// Exposure of PNGs and the like in stops, -100 to 100 [default: as when the parts were rendered].

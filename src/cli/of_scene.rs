@@ -1,7 +1,6 @@
 //! What a scene says about the making of its pictures, where the command line says nothing.
 
 use super::args::RenderArgs;
-use oscura::output::ViewTransform;
 use oscura::output::part::Region;
 use oscura::render::Adaptive;
 use oscura::scene::Settings;
@@ -9,8 +8,7 @@ use oscura::scene::Settings;
 /// The arguments with what the scene says.
 pub(super) fn completed(args: &RenderArgs, settings: &Settings) -> RenderArgs {
     let mut args = args.clone();
-    let named = settings.view.as_deref().and_then(ViewTransform::from_name);
-    args.view = args.view.or(named);
+    args.view = args.view.or_else(|| settings.view.clone());
     args.picture.white_balance = args.picture.white_balance.or(settings.white_balance);
     args.picture.denoise |= settings.denoise == Some(true) && !args.picture.no_denoise;
     if args.long.region.is_none() {

@@ -1,17 +1,52 @@
 //! Arguments about pictures after rendering, and of the commands that read them.
 
 use super::denoiser_args::DenoiserArgs;
-use super::named::named;
 use super::numbers::{number, stops};
 use clap::Args;
-use clap::builder::TypedValueParser;
-use oscura::output::ViewTransform;
+use clap::builder::{PossibleValue, PossibleValuesParser, StringValueParser, TypedValueParser};
+use oscura::output::{ViewTransform, read_view};
 use oscura::render::Caustics;
-use std::path::PathBuf;
+use std::ffi::OsStr;
+use std::path::{Path, PathBuf};
 
-/// View transforms by name.
-pub(super) fn views() -> impl TypedValueParser<Value = ViewTransform> {
-    named(&ViewTransform::ALL, ViewTransform::name, ViewTransform::about)
+/// View transforms by name, or the file of a table.
+pub(super) fn views() -> Views {
+    Views
+}
+
+/// Parses what [`views`] says.
+#[derive(Clone)]
+pub(super) struct Views;
+
+impl TypedValueParser for Views {
+    type Value = ViewTransform;
+
+    fn parse_ref(
+        &self,
+        command: &clap::Command,
+        argument: Option<&clap::Arg>,
+        value: &OsStr,
+    ) -> Result<ViewTransform, clap::Error> {
+        let is_file = value.to_str().is_some_and(ViewTransform::is_file);
+        match is_file {
+            true => {
+                let read = |name: String| read_view(Path::new(&name));
+                StringValueParser::new().try_map(read).parse_ref(command, argument, value)
+            }
+            false => {
+                let named = |name: String| ViewTransform::from_name(&name).ok_or("is no such view");
+                PossibleValuesParser::new(named_views()).try_map(named).parse_ref(command, argument, value)
+            }
+        }
+    }
+
+    fn possible_values(&self) -> Option<Box<dyn Iterator<Item = PossibleValue> + '_>> {
+        Some(Box::new(named_views()))
+    }
+}
+
+fn named_views() -> impl Iterator<Item = PossibleValue> {
+    ViewTransform::NAMED.into_iter().map(|(_, name, about)| PossibleValue::new(name).help(about))
 }
 
 #[derive(Args, Clone, Debug)]
@@ -86,7 +121,7 @@ pub(crate) struct ConvertArgs {
     /// All layers beside each other, small, with their names: colours as they look, other values by their ranges.
     #[arg(long, conflicts_with_all = ["layer", "dither", "deep"])]
     pub sheet: bool,
-    /// How it looks.
+    /// How it looks: a name, or a table (cinespace, .csp).
     #[arg(long, value_name = "VIEW", default_value = "srgb", value_parser = views())]
     pub view: ViewTransform,
     /// Exposure in stops, -100 to 100.

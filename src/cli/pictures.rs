@@ -67,6 +67,11 @@ impl Targets {
         !self.parts.is_empty() || self.pictures.iter().any(|(_, format)| *format == Format::Exr)
     }
 
+    /// Is any of them encoded for displays?
+    pub fn has_shown(&self) -> bool {
+        self.pictures.iter().any(|(_, format)| !matches!(format, Format::Exr | Format::Hdr))
+    }
+
     /// Are there others than those that hold sums?
     pub fn has_pictures(&self) -> bool {
         !self.pictures.is_empty()
@@ -149,7 +154,7 @@ impl<'a> Pictures<'a> {
         how: &How,
         targets: &'a Targets,
         shot: Shot,
-        png: PngOptions,
+        png: &PngOptions,
         earlier: &[Warning],
     ) -> Pictures<'a> {
         let Shot { film, mut warnings, mut metadata } = shot;
@@ -162,7 +167,7 @@ impl<'a> Pictures<'a> {
         if how.reproducible {
             (metadata.render_s, metadata.captured) = (None, None);
         }
-        let options = OutputOptions { float: how.float, exr: how.exr.clone(), png, metadata };
+        let options = OutputOptions { float: how.float, exr: how.exr.clone(), png: png.clone(), metadata };
         let mut files = Vec::new();
         for (path, format) in &targets.pictures {
             let bytes = encode(&film, *format, &options, path).map(|encoded| {

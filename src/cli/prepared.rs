@@ -102,7 +102,7 @@ pub(super) fn prepare(
     left_out.append(&mut build.left_out);
     let labels = Labels::of(&loaded.scene, &settled.options);
     let opaque = !shows_alpha(&scene, &settled.options);
-    let png = png(args, settled.exposure, loaded.is_stage_lit, opaque);
+    let png = png(args, settled.look.exposure, loaded.is_stage_lit, opaque);
     Ok(Prepared {
         scene,
         labels,

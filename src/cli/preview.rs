@@ -35,7 +35,7 @@ impl Preview {
     pub fn begin(
         &mut self,
         rendering: &Rendering,
-        png: PngOptions,
+        png: &PngOptions,
         camera: &Camera,
         triangles: u64,
         said: &mut Said,

@@ -89,8 +89,8 @@ pub(crate) fn check_glass(args: &RenderArgs, scene: &Scene) -> Result<()> {
 
 /// How PNGs and the like look.
 pub(crate) fn png(args: &RenderArgs, exposure: f32, is_stage_lit: bool, opaque: bool) -> PngOptions {
-    let view = match args.view {
-        Some(view) => view,
+    let view = match &args.view {
+        Some(view) => view.clone(),
         None if is_stage_lit && args.stage.leaves_view_open() => ViewTransform::Filmic,
         None => ViewTransform::Srgb,
     };

@@ -109,11 +109,11 @@ pub(super) fn run_one(
     stop_before_pixels(cancel)?;
 
     let denoising = Denoising::of(args, targets, kept_aovs)?;
-    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, png, &told);
-    let mut keeper = Keeper::new(args, targets, loaded, &settled, png, &told, denoising.kept())?;
+    let encode = |shot: Shot| Pictures::encode(&how, targets, shot, &png, &told);
+    let mut keeper = Keeper::new(args, targets, loaded, &settled, &png, &told, denoising.kept())?;
     let rendering = Rendering::labelled(scene, labels, &camera, settled.options)?;
     let rendering = keeper.begin(rendering.placed(loaded.scene.backdrop.clone(), loaded.offset))?;
-    preview.iter_mut().for_each(|shown| shown.begin(&rendering, png, &camera, build.triangles, said));
+    preview.iter_mut().for_each(|shown| shown.begin(&rendering, &png, &camera, build.triangles, said));
     let (mut rendering, kept) =
         take_picture(args, cancel, rendering, &mut keeper, &encode, said, preview.as_mut())?;
     if is_unfinished_frame(args, &rendering) {

@@ -3,10 +3,12 @@
 mod primaries;
 mod rgb;
 pub mod spectral;
+mod view;
 mod white_balance;
 
 pub use primaries::Primaries;
 pub use rgb::Rgb;
+pub use view::{ViewTable, ViewTransform};
 pub use white_balance::white_balance;
 
 /// A colour by a matrix between spaces, in doubles on the way.

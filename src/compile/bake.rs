@@ -85,10 +85,11 @@ pub(super) fn bake(
             let first = world.shapes.triangles.len();
             world.owners.begin(first, numbering.instance(step.instance));
             let class = plan.classes.of_object(&instance.traits);
-            world.append(mesh, (instance.material, class), &step.world_from_object, needs, is_hidden);
+            let placed = (&step.world_from_object, plan.is_inside_out(instance.mesh));
+            world.append(mesh, (instance.material, class), placed, needs, is_hidden);
         } else {
             let class = plan.mesh_classes[step.geometry];
-            let mut space = share(mesh, class, materials, plan.keeps_uv);
+            let mut space = share((mesh, plan.is_inside_out(instance.mesh)), class, materials, plan.keeps_uv);
             if step.place == Place::Moving {
                 space.take_keys(scene, instance.mesh);
             }
@@ -102,8 +103,8 @@ pub(super) fn bake(
         Arc::new(world)
     });
     let shared = shared.into_iter().flatten().collect();
-    let (placements, motions) = (Vec::new(), plan.motions.clone());
-    let geometries = Geometries { world, shared, placements, motions, moves: false };
+    let motions = plan.motions.clone();
+    let geometries = Geometries { world, shared, placements: Vec::new(), motions, moves: false };
     let baked = place(scene, plan, &numbering, geometries);
     with_motion(baked, scene, materials, (origin, &numbering), plan)
 }
@@ -176,7 +177,12 @@ fn needs_of(used: impl Iterator<Item = MaterialId>, materials: &[CompiledMateria
 }
 
 /// A mesh in a space of its own.
-fn share(mesh: &Mesh, class: Class, materials: &[CompiledMaterial], keeps_uv: bool) -> Space {
+fn share(
+    (mesh, is_inside_out): (&Mesh, bool),
+    class: Class,
+    materials: &[CompiledMaterial],
+    keeps_uv: bool,
+) -> Space {
     // Every use may bring its own material.
     let any = |f: fn(&CompiledMaterial) -> bool| materials.iter().any(f);
     let needs = Needs {
@@ -186,7 +192,7 @@ fn share(mesh: &Mesh, class: Class, materials: &[CompiledMaterial], keeps_uv: bo
         colors: any(|m| m.uses_vertex_colors),
     };
     let mut space = Space::EMPTY;
-    space.append(mesh, (None, class), &DAffine3::IDENTITY, needs, |_| false);
+    space.append(mesh, (None, class), (&DAffine3::IDENTITY, is_inside_out), needs, |_| false);
     space.measure();
     space
 }
@@ -243,12 +249,12 @@ impl Space {
         self.bounds = bounds.union(self.shapes.curves.bounds());
     }
 
-    /// Appends a placed mesh to the world's own geometry.
+    /// Appends a placed mesh, which may be inside out, to the world's own geometry.
     fn append(
         &mut self,
         mesh: &Mesh,
         (material, class): (Option<MaterialId>, Class),
-        placed: &DAffine3,
+        (placed, is_inside_out): (&DAffine3, bool),
         needs: Needs,
         is_hidden: impl Fn(MaterialId) -> bool,
     ) {
@@ -266,7 +272,11 @@ impl Space {
         // Mirroring turns counter-clockwise into clockwise; the front stays the front.
         let mirrors = placed.matrix3.determinant() < 0.0;
         let turned = |&[a, b, c]: &[u32; 3]| {
-            if mirrors { [a + first, c + first, b + first] } else { [a + first, b + first, c + first] }
+            if mirrors != is_inside_out {
+                [a + first, c + first, b + first]
+            } else {
+                [a + first, b + first, c + first]
+            }
         };
         for part in &mesh.parts {
             let id = material.unwrap_or(part.material);

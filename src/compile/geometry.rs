@@ -180,6 +180,12 @@ impl Geometries {
         }
     }
 
+    /// The placed mesh at a hit; `None` for all else.
+    pub fn placed_mesh(&self, hit: &Hit) -> Option<ObjectId> {
+        let is_triangle = (hit.prim as usize) < self.space(hit).shapes.triangles.len();
+        is_triangle.then(|| self.object(hit))
+    }
+
     /// The material at a hit.
     #[inline(always)]
     pub fn material(&self, hit: &Hit) -> u32 {

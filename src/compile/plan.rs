@@ -6,7 +6,7 @@ use super::content::{self, Fingerprint};
 use super::material::CompiledMaterial;
 use crate::error::Warning;
 use crate::math::{DAffine3, DMat3, DVec3, TransformKeys};
-use crate::scene::{Instance, MaterialId, Mesh, Motion, Scene};
+use crate::scene::{Instance, MaterialId, Mesh, MeshId, Motion, Scene};
 use rayon::prelude::*;
 use std::collections::HashMap;
 
@@ -64,6 +64,8 @@ pub(super) struct Plan {
     pub keeps_uv: bool,
     /// The objects with copies of materials of their own.
     pub classes: Classes,
+    /// By mesh: are its fronts where its backs should be? Empty where none are.
+    pub inside_out: Vec<bool>,
     /// What another moment must have in common to use the same geometry; `None` if nothing is to be kept.
     pub keys: Option<Keys>,
 }
@@ -131,6 +133,11 @@ pub(super) fn plan(
 }
 
 impl Plan {
+    /// Is a mesh inside out?
+    pub fn is_inside_out(&self, mesh: MeshId) -> bool {
+        self.inside_out.get(mesh.index()).is_some_and(|&is| is)
+    }
+
     /// Gives each mesh that is not copied its number, those that change the last.
     fn number_meshes(&mut self, scene: &Scene, classes: &Classes) {
         for is_changing in [false, true] {

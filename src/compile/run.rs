@@ -6,6 +6,7 @@ use super::emitters::{self, Emitters};
 use super::flat;
 use super::geometry::Geometries;
 use super::groups::LightGroups;
+use super::inside_out;
 use super::links::Links;
 use super::material::CompiledMaterial;
 use super::media;
@@ -15,9 +16,10 @@ use super::plan::{self, Place, Plan};
 use super::reuse::{Geometry, Kept, Sources};
 use super::scene::{CompileOptions, CompileReport, CompiledScene, Features};
 use super::spectral;
+use super::touching;
 use super::uplift;
 use super::vectors::Vectors;
-use crate::accel::BuildStats;
+use crate::accel::{Accel, BuildStats};
 use crate::error::{Error, ErrorKind, Problem, Result, Warning};
 use crate::light::{EnvironmentLight, LightMotions, Lights, PunctualLight};
 use crate::math::DVec3;
@@ -62,7 +64,8 @@ pub(super) fn compile_after(
     let (warnings, left_out) = (&mut report.warnings, &mut report.left_out);
     let (materials, media, classes) = materials(scene, (anchor, &mut textures), options.shading, warnings);
     let plan = plan::plan((scene, &classes), &materials, anchor, is_sequence, warnings, left_out);
-    let plan = Plan { keeps_uv: options.keeps_uv, classes, ..plan };
+    let inside_out = inside_out::find(scene, &materials, &mut report.warnings);
+    let plan = Plan { keeps_uv: options.keeps_uv, classes, inside_out, ..plan };
     check_size(scene, &plan)?;
     let Geometry { geometries, accel } =
         kept.geometry(scene, &materials, anchor, &plan, (options.tree, &options.gauge));
@@ -80,7 +83,7 @@ pub(super) fn compile_after(
     report.lights = lights.len() as u64;
     let light_kinds = classes::light_kinds(scene, &lights, (&emitters, &geometries, &materials));
     let caught_lights = classes::caught_lights(&emitters, &geometries, &materials);
-    let features = features(scene, &geometries, &materials, &textures, &media);
+    let features = features(scene, (&geometries, &accel, anchor), &materials, &textures, &media);
     let features = features.with_lights(!light_kinds.is_empty(), links.are_used());
     report.build_s = begin.elapsed().as_secs_f64();
     let compiled = CompiledScene {
@@ -182,7 +185,7 @@ fn materials(
 
 fn features(
     scene: &Scene,
-    geometries: &Geometries,
+    (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
     materials: &[CompiledMaterial],
     textures: &CompiledTextures,
     media: &[Medium],
@@ -198,6 +201,7 @@ fn features(
         priorities: media.iter().skip(1).any(|m| m.priority != media[1].priority),
         scattering: boundaries || media.iter().any(|m| m.scattering.is_some()),
         boundaries,
+        touching: touching::exists(scene, materials, (geometries, accel, anchor)),
         walks: media.iter().filter_map(|m| m.scattering.as_ref()).any(|s| !s.counts),
         environment_visible_to: scene.environment_visible_to,
         ray_kinds: materials

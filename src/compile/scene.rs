@@ -126,6 +126,8 @@ pub struct Features {
     pub walks: bool,
     /// Some solids displace others wherever they overlap.
     pub priorities: bool,
+    /// The surfaces of some solids lie on those of others.
+    pub touching: bool,
     /// Some media end where no surface is.
     pub boundaries: bool,
     /// Rays that see the environment.

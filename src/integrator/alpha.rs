@@ -4,9 +4,9 @@
 //! smooth thin sheets do is in [`super::sheets`].
 
 use super::Integrator;
+use super::hit_point::HitPoint;
 use super::kinds::OF_LIGHT_SAMPLES;
 use super::lanes::{get_rgb, set_rgb};
-use super::surface::HitPoint;
 use super::wave::{Vertices, Wave};
 use super::workspace::Workspace;
 use crate::compile::CompiledMaterial;

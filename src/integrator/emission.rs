@@ -1,10 +1,10 @@
 //! Light that paths find by themselves: emitting surfaces and the environment, weighted against light sampling.
 
 use super::Integrator;
+use super::hit_point::HitPoint;
 use super::lanes::{LENGTH, WAVE, get, get_rgb};
 use super::layers::{Origin, Way, way_of_path};
 use super::linking::class;
-use super::surface::HitPoint;
 use super::wave::{Paths, Scratch};
 use super::workspace::Workspace;
 use crate::color::Rgb;

@@ -43,12 +43,50 @@ impl Integrator<'_> {
         if self.is_spectral() {
             self.start_waves(w);
         }
+        let is_clipped = camera.is_clipped();
+        if is_clipped {
+            self.start_within(count, w);
+        }
         self.start_parts(count, w);
         let vertices = &w.wave.vertices;
         let start = |i| Ray::new(get(&vertices.next_origin, i), get(&vertices.next_direction, i));
         w.rays.extend((0..count).map(start));
+        if is_clipped {
+            self.end_within(count, w);
+        }
         if camera.is_panorama() {
             end_blank_rays(&w.arriving.carried, &mut w.rays);
+        }
+    }
+
+    /// What a path's camera sees along its ray: from where to where.
+    fn range(&self, w: &Workspace, i: usize) -> [f32; 2] {
+        let direction = get(&w.wave.vertices.next_direction, i);
+        match &self.view.moving {
+            Some(moving) => moving.at(w.times.of(w.arriving.carried.sample[i])).range(direction),
+            None => self.view.camera.range(direction),
+        }
+    }
+
+    /// Paths start where the camera sees something.
+    fn start_within(&self, count: usize, w: &mut Workspace) {
+        for i in 0..count {
+            let [near, _] = self.range(w, i);
+            let vertices = &mut w.wave.vertices;
+            let start = get(&vertices.next_origin, i) + get(&vertices.next_direction, i) * near;
+            set(&mut vertices.next_origin, i, start);
+        }
+    }
+
+    /// Their rays end where it sees nothing any more, and stand for as much as they would from the camera.
+    fn end_within(&self, count: usize, w: &mut Workspace) {
+        for i in 0..count {
+            let [near, far] = self.range(w, i);
+            w.rays[i].t_max = far - near;
+            if self.parts.footprints {
+                let footprints = &mut w.arriving.footprints;
+                footprints.width[i] += footprints.spread[i] * near;
+            }
         }
     }
 

@@ -1,7 +1,7 @@
 //! Which loops shade a vertex, and the order that sorts vertices by it.
 
 use crate::bsdf::{Bsdf, BsdfClass};
-use crate::compile::CompiledMaterial;
+use crate::compile::{CompiledMaterial, CompiledScene};
 use std::ops::Range;
 
 /// Which loops shade a vertex. The order is that of the sorted vertices.
@@ -147,8 +147,24 @@ impl Sorted {
     }
 }
 
+/// The groups of all materials of a scene.
+pub fn groups_of(scene: &CompiledScene) -> Vec<Group> {
+    let own = scene.materials.iter().map(|m| group_of(m, scene.shading.spectral));
+    let mut groups: Vec<Group> = own.collect();
+    let is_rough = |(group, m): (&Group, &CompiledMaterial)| *group == Group::Rough && m.medium_index != 0;
+    if scene.features.touching && groups.iter().zip(&scene.materials).any(is_rough) {
+        // Where a smooth solid touches a rough one, the surface that counts may be the other's.
+        for (group, material) in groups.iter_mut().zip(&scene.materials) {
+            if *group == Group::Specular && material.medium_index != 0 {
+                *group = Group::Rough;
+            }
+        }
+    }
+    groups
+}
+
 /// The group of a material's vertices, on shapes that don't demand another.
-pub fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> Group {
+fn group_of(material: &CompiledMaterial, by_wavelength: bool) -> Group {
     let is_plain = material.constant.is_some() && !material.uses_uv && material.emission.is_none();
     match material.class {
         BsdfClass::Black => Group::None,

@@ -1,7 +1,7 @@
 //! The solids that a path is inside of.
 
-use crate::compile::{CompiledScene, Medium, View};
-use crate::math::{Ray, Vec3};
+use crate::compile::{CompiledScene, Medium, ObjectId, View};
+use crate::math::{OriginPrimitive, Ray, Vec3};
 use bytemuck::Zeroable;
 
 /// The solids that a path is inside of, by the numbers of their media: up to four, those entered last. Sixteen bits
@@ -97,6 +97,9 @@ impl AroundCamera {
         if !scene.features.media {
             return AroundCamera::Same(Interior::AIR);
         }
+        if view.camera.is_clipped() {
+            return AroundCamera::Differs;
+        }
         let is_moving = scene.is_moving() || view.moving.is_some();
         let times = if is_moving { 0..=CELLS } else { 0..=0 };
         let cells = if view.camera.is_perspective() { 0..=0 } else { 0..=CELLS };
@@ -120,23 +123,31 @@ impl AroundCamera {
 fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> Vec<u16> {
     const MOST_SURFACES: u32 = 256;
     let mut ray = Ray::new(p, direction);
-    let (mut entered, mut left): (Vec<u16>, Vec<u16>) = (Vec::new(), Vec::new());
+    let (mut entered, mut left): (Vec<(u16, Option<ObjectId>)>, Vec<u16>) = (Vec::new(), Vec::new());
     for _ in 0..MOST_SURFACES {
         let hit = scene.accel.closest_one_in_time(&ray, time);
         if !hit.is_hit() {
             break;
         }
-        ray.t_min = hit.t;
+        // What touches the surface is met next.
+        let is_first_there = scene.features.touching && hit.t > ray.t_min.next_up();
+        ray.t_min = if is_first_there { hit.t.next_down() } else { hit.t };
+        ray.origin_primitive = if is_first_there { (&hit).into() } else { OriginPrimitive::NONE };
         let medium = scene.materials[scene.geometries.material(&hit) as usize].medium_index;
         let is_front = scene.geometries.surface(&ray, &hit, time).ng.dot(direction) < 0.0;
         if medium == 0 {
             continue;
         }
+        let mesh = scene.geometries.placed_mesh(&hit);
+        // A body may have several materials, one where it is entered and another where it is left. That is one mesh, or many
+        // quads.
+        let is_same = |&(_, other): &(u16, Option<ObjectId>)| other.is_none() || other == mesh;
+        let same_medium = || entered.iter().rposition(|&(m, _)| m == medium);
         if is_front {
-            entered.push(medium);
-        } else if let Some(at) = entered.iter().rposition(|&m| m == medium) {
+            entered.push((medium, mesh));
+        } else if let Some(at) = same_medium().or_else(|| entered.iter().rposition(is_same)) {
             entered.remove(at);
-        } else if entered.pop().is_none() {
+        } else {
             left.push(medium);
         }
     }

@@ -32,7 +32,7 @@ pub(super) struct Boundary {
 }
 
 /// A surface that isn't there, but for the colour that it gives to light.
-fn hidden(tint: Rgb) -> Bsdf {
+pub(super) fn hidden(tint: Rgb) -> Bsdf {
     Bsdf::Dielectric(Dielectric { ior: 1.0, tint, fresnel: FresnelModel::Exact })
 }
 
@@ -148,26 +148,42 @@ impl Integrator<'_> {
             let tint = if is_edge { bsdf.crossing_tint() } else { Rgb::ONE };
             return Boundary { bsdf: hidden(tint), is_inverted: false, beyond };
         }
+        let is_alone = outer == Interior::AIR && medium == own;
+        let (bsdf, is_inverted) =
+            self.interface(bsdf, ([medium, outer.medium()], is_alone), (bounce, i), paths, waves);
+        Boundary { bsdf, is_inverted, beyond }
+    }
+
+    /// What a surface between two media scatters, the inner one first, and whether that is for the surface turned around. Where
+    /// nothing but air is outside of a solid, its own BSDF knows the index already.
+    pub(super) fn interface(
+        &self,
+        bsdf: Bsdf,
+        ([inner, outer], is_alone): ([u16; 2], bool),
+        (bounce, i): (u32, usize),
+        paths: &mut Paths,
+        waves: Option<&Wavelengths>,
+    ) -> (Bsdf, bool) {
         let media = &self.scene.media;
-        let (inside, outside) = (&media[usize::from(medium)], &media[usize::from(outer.medium())]);
+        let (inside, outside) = (&media[usize::from(inner)], &media[usize::from(outer)]);
         let (Some(inner_iors), Some(outer_iors)) = (inside.iors_at(waves), outside.iors_at(waves)) else {
-            return Boundary { bsdf, is_inverted: false, beyond };
+            return (bsdf, false);
         };
         if inside.is_dispersive() || outside.is_dispersive() {
             choose_channel(bounce, i, &mut paths.carried);
-        } else if outer == Interior::AIR && medium == own {
-            return Boundary { bsdf, is_inverted: false, beyond };
+        } else if is_alone {
+            return (bsdf, false);
         }
         let channel = channel_of(get_rgb(&paths.carried.throughput, i));
         let ior = inner_iors[channel] / outer_iors[channel];
         if ior >= 1.0 {
-            return Boundary { bsdf: bsdf.with_ior(ior), is_inverted: false, beyond };
+            return (bsdf.with_ior(ior), false);
         }
         if bsdf.turns_over() {
-            return Boundary { bsdf: bsdf.with_ior(1.0 / ior), is_inverted: true, beyond };
+            return (bsdf.with_ior(1.0 / ior), true);
         }
         // Its glass takes the nearest index that it can have.
-        Boundary { bsdf: bsdf.with_ior(1.0), is_inverted: false, beyond }
+        (bsdf.with_ior(1.0), false)
     }
 }
 

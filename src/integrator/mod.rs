@@ -27,6 +27,7 @@ mod flight;
 mod generate;
 mod group;
 mod guiding;
+mod hit_point;
 mod interior;
 mod kinds;
 mod lanes;
@@ -54,6 +55,7 @@ mod surface;
 mod tests;
 mod textured;
 mod times;
+mod touching;
 mod volume;
 mod wave;
 mod workspace;
@@ -69,7 +71,7 @@ pub use workspace::Workspace;
 use crate::compile::{CompiledScene, View};
 use crate::film::{AovSet, AovSpace, FilterSampler, MatteIds, Source};
 use crate::sampling::sampler::Dimensions;
-use group::{Group, Sorted, group_of};
+use group::{Group, Sorted, groups_of};
 use interior::AroundCamera;
 use layers::Layers;
 use light_samplers::has_vector_sampler;
@@ -196,7 +198,7 @@ impl<'a> Integrator<'a> {
     /// Prepares to trace a view of a scene.
     pub fn new(scene: &'a CompiledScene, view: &'a View, options: PathOptions<'a>) -> Integrator<'a> {
         let sets = 1 + 2 * PREPARED_BOUNCES.min(options.max_depth);
-        let groups = scene.materials.iter().map(|m| group_of(m, scene.shading.spectral)).collect();
+        let groups = groups_of(scene);
         let dimensions = (0..sets).map(Dimensions::new).collect();
         let layers = Layers::new(options.aovs, options.light_groups, options.catchers);
         let left_out = scene.materials.iter().map(|m| m.is_of_caught_object()).collect();

@@ -7,8 +7,8 @@
 //! what arrived.
 
 use super::group::Sorted;
+use super::hit_point::HitPoint;
 use super::lanes::{get_rgb, set_rgb};
-use super::surface::HitPoint;
 use super::workspace::Workspace;
 use super::{Integrator, Purpose};
 use crate::bsdf::{Bsdf, Slots};

@@ -6,29 +6,20 @@ use super::closure_metal_rough::{self, store_material};
 use super::first_hit::{FirstHit, Shown};
 use super::flat::store;
 use super::group::{Group, GroupCounts, Sorted};
+use super::hit_point::HitPoint;
 use super::interior::Interior;
 use super::lanes::{set, set_rgb};
 use super::normals::scattering_normal;
+use super::touching::Met;
 use super::wave::Vertices;
 use super::workspace::Workspace;
 use crate::bsdf::{Bsdf, BsdfClass, LocalFrame, MetalRough};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
-use crate::compile::{CompiledMaterial, SurfaceCoordinates};
+use crate::compile::SurfaceCoordinates;
 use crate::math::{Frame, Hit, Ray, Vec3};
 use crate::shape::Surface;
 use crate::texture::{PointReader, TexturePoint};
-
-/// Where a ray hit a surface.
-pub(super) struct HitPoint<'a> {
-    pub surface: Surface,
-    pub hit: Hit,
-    pub material: &'a CompiledMaterial,
-    /// The ray came from behind.
-    pub is_back: bool,
-    /// When, where something moves.
-    pub time: f32,
-}
 
 /// A surface with its BSDF.
 struct Vertex {
@@ -256,7 +247,16 @@ impl Integrator<'_> {
         }
         if is_solid {
             let waves = w.times.waves(w.arriving.carried.sample[i]);
-            let boundary = self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves);
+            let boundary = match self.touching(&w.rays[i], &at) {
+                None => self.boundary(bsdf, material, is_back, (bounce, i), &mut w.arriving, waves),
+                Some(touching) => {
+                    let met = Met { at, bsdf, ns, width: w.arriving.footprints.width[i] };
+                    let (met, boundary) =
+                        self.boundary_of_touching(met, touching, wo, (bounce, i), &mut w.arriving, waves);
+                    vertex.surface = Surface { ns: met.ns, ..met.at.surface };
+                    boundary
+                }
+            };
             (vertex.bsdf, vertex.beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 vertex.surface.ng = -vertex.surface.ng;

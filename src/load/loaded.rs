@@ -106,6 +106,8 @@ pub struct BlenderExport {
     pub lamps: Vec<String>,
     /// Materials that are pure white and without a texture, as those become whose colour comes from other nodes.
     pub white: Vec<String>,
+    /// Metals of roughness 1 without a texture, as those become whose roughness or metalness comes from other nodes.
+    pub rough_metal: Vec<String>,
     /// Materials without any parameters, as those become that are made of other nodes than Principled BSDF.
     pub lost: Vec<String>,
     /// Opaque materials whose base colour has an image with alpha.

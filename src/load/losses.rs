@@ -13,15 +13,18 @@ pub(super) fn say(path: &Path, loaded: &mut Loaded) {
     let Some(lost) = &loaded.blender else { return };
     let about = |message: String| Warning::new(path, "", message);
     loaded.notes.push(about(format!(
-        "Blender's glTF files never hold the world, area lights, sizes of lamps, depth of field, shift, the picture's \
-         size, volumes, subsurface scattering and nodes beside Principled BSDF; {} makes up for them",
+        "Blender's glTF files never hold the world, area lights, portals, sizes of lamps, angles of suns, nodes of lamps, \
+         links of lights and lamps without shadows; depth of field, shift, panoramas, motion blur, the picture's size, \
+         transparency of the film, exposure and view; volumes, subsurface scattering, displacement, bumps and other nodes \
+         beside Principled BSDF; visibility by kinds of rays, holdouts and shadow catchers, instances of particles and \
+         geometry nodes. The file of Blender itself keeps them ('oscura render scene.blend'); {} makes up for some",
         Choice::Beside
     )));
     loaded.warnings.extend(warnings(lost).into_iter().map(about));
 }
 
 fn warnings(lost: &BlenderExport) -> Vec<String> {
-    let BlenderExport { lamps, white, unused_alpha, enclosing, .. } = lost;
+    let BlenderExport { lamps, white, rough_metal, unused_alpha, enclosing, .. } = lost;
     let mut said = Vec::new();
     if let Some(names) = list("node", lamps) {
         said.push(format!(
@@ -32,6 +35,12 @@ fn warnings(lost: &BlenderExport) -> Vec<String> {
         said.push(format!(
             "{names}: pure white without a texture; Blender writes that, too, where nodes that it can't export give the \
              colour"
+        ));
+    }
+    if let Some(names) = list("material", rough_metal) {
+        said.push(format!(
+            "{names}: metal of roughness 1 without a texture; Blender writes that, too, where nodes that it can't export \
+             give the roughness or the metalness"
         ));
     }
     if let Some(names) = list("material", unused_alpha) {

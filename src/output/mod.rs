@@ -1,7 +1,6 @@
 //! Writing pictures: EXR for compositing, PNG and the like for looking at. Everything is encoded in memory first, then written to a
 //! temporary file beside the target and renamed, so that a half-written picture never has the target's name.
 
-mod agx;
 mod animation;
 mod atomic;
 mod encoded;
@@ -16,9 +15,9 @@ mod matte;
 pub mod part;
 pub mod place_folder;
 mod png;
-mod tone;
 mod video;
 
+pub use crate::color::{ViewTable, ViewTransform};
 pub use animation::{Animation, AnimationFormat};
 pub use atomic::{check_target, is_same_target, remove_file, remove_leftovers, write_atomically};
 pub use encoded::Encoded;
@@ -28,12 +27,20 @@ pub use exr_options::{ExrCompression, ExrLayout, ExrOptions, ExrWindow};
 pub use format::Format;
 pub use matte::Matte;
 pub use png::{Linear, PngOptions, encode_png, encode_png_rgb8, encode_rgb8, encode_shown, rgba8, shown8};
-pub use tone::ViewTransform;
 pub use video::{Video, VideoFormat};
 
 use crate::error::{Error, Result};
 use crate::film::Film;
 use std::path::Path;
+
+/// Reads the file of a view (cinespace, `.csp`).
+///
+/// # Errors
+/// Where it can't be read, and where it holds no such table, with the line.
+pub fn read_view(path: &Path) -> std::result::Result<ViewTransform, String> {
+    let bytes = std::fs::read(path).map_err(|error| format!("can't be read: {error}"))?;
+    ViewTransform::from_table(&bytes, path)
+}
 
 /// How to write pictures.
 #[derive(Clone, Debug, Default)]

@@ -3,8 +3,7 @@
 
 use super::encoded::Encoded;
 use super::format::Format;
-use super::tone::ViewTransform;
-use crate::color::white_balance;
+use crate::color::{ViewTransform, white_balance};
 use crate::film::Film;
 use image::codecs::hdr::HdrEncoder;
 use image::codecs::jpeg::JpegEncoder;
@@ -15,7 +14,7 @@ use image::{ExtendedColorType, ImageEncoder, Rgb};
 const QUALITY: u8 = 92;
 
 /// How a picture looks.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct PngOptions {
     /// The view transform.
     pub view: ViewTransform,

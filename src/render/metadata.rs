@@ -48,7 +48,9 @@ impl Rendering {
         };
         OutputOptions {
             png: PngOptions {
-                exposure: self.exposure,
+                exposure: self.look.exposure,
+                view: self.look.view.clone(),
+                white_balance: self.look.white_balance,
                 opaque: !shows_alpha(&self.scene, &self.options),
                 ..PngOptions::default()
             },

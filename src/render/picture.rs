@@ -37,7 +37,7 @@ impl Picture {
         save(&self.film, path.as_ref(), options)
     }
 
-    /// How [`Picture::save`] writes: 16-bit colour in EXRs, the scene's exposure in PNGs, and in the header how the
+    /// How [`Picture::save`] writes: 16-bit colour in EXRs, the scene's exposure, view and white balance in PNGs, and in the header how the
     /// picture was made.
     pub fn output_options(&self) -> &OutputOptions {
         &self.output

@@ -244,7 +244,7 @@ impl Renderer {
         let labels = Labels::of(scene, &settled.options);
         let rendering = Rendering::labelled(compiled, labels, camera, settled.options)?;
         let rendering = rendering.placed(scene.backdrop.clone(), *offset);
-        Ok(rendering.with(warnings, settled.exposure, self.cancel, self.listener))
+        Ok(rendering.with(warnings, settled.look, self.cancel, self.listener))
     }
 
     /// Renders all samples.

@@ -13,6 +13,7 @@ use super::picture::{self, Picture};
 use super::pilot;
 use super::progress::{Event, Listener, Progress};
 use super::schedule::{Pass, Schedule};
+use super::settle::Look;
 use super::statistics::{PassOutcome, Statistics};
 use super::technique::{Choice, Technique};
 use super::warnings::of_film;
@@ -63,7 +64,7 @@ pub struct Rendering {
     listener: Option<Box<Listener>>,
     /// What came up before the first pass.
     earlier: Vec<Warning>,
-    pub(super) exposure: f32,
+    pub(super) look: Look,
     /// What lies behind the picture.
     backdrop: Option<Backdrop>,
     /// How far from the world's origin the scene's coordinates have theirs.
@@ -135,7 +136,7 @@ impl Rendering {
             cancel: CancelHandle::new(),
             listener: None,
             earlier: Vec::new(),
-            exposure: 0.0,
+            look: Look::default(),
             backdrop: None,
             world_offset: DVec3::ZERO,
             denoised: None,
@@ -149,11 +150,11 @@ impl Rendering {
     pub(super) fn with(
         self,
         earlier: Vec<Warning>,
-        exposure: f32,
+        look: Look,
         cancel: CancelHandle,
         listener: Option<Box<Listener>>,
     ) -> Rendering {
-        Rendering { earlier, exposure, cancel, listener, ..self }
+        Rendering { earlier, look, cancel, listener, ..self }
     }
 
     /// Lays a backdrop behind its pictures where they are transparent, and says in headers how far from the world's origin

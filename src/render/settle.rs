@@ -1,6 +1,7 @@
 //! From what a user chooses, what the scene says and the defaults to settled options.
 
 use super::options::{Adaptive, Caustics, Guiding, PathReuse, RenderOptions, Splitting, TreeChoice};
+use crate::color::ViewTransform;
 use crate::compile::{Tree, choose_camera};
 use crate::error::{Error, Result};
 use crate::film::{Aov, AovSet, AovSpace};
@@ -74,8 +75,20 @@ pub struct Settled {
     pub tree: TreeChoice,
     /// Which of the scene's cameras.
     pub camera: Option<usize>,
-    /// Exposure of PNGs, stops.
+    /// How pictures to look at are made of it.
+    pub look: Look,
+}
+
+/// What the settings of a scene say about pictures to look at.
+#[doc(hidden)]
+#[derive(Clone, Debug, Default)]
+pub struct Look {
+    /// Stops.
     pub exposure: f32,
+    /// How they are encoded.
+    pub view: ViewTransform,
+    /// Temperature of the light that looks white, kelvin.
+    pub white_balance: Option<f32>,
 }
 
 impl Default for Choices {
@@ -148,7 +161,11 @@ impl Choices {
             shading: settings.shading(),
             tree: self.tree,
             camera,
-            exposure: settings.exposure.unwrap_or(0.0),
+            look: Look {
+                exposure: settings.exposure.unwrap_or(0.0),
+                view: settings.view.unwrap_or_default(),
+                white_balance: settings.white_balance,
+            },
         })
     }
 

@@ -69,6 +69,9 @@ pub struct Camera {
     /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of
     /// that side, and upright lines stay parallel.
     pub shift: [f64; 2],
+    /// Distances from its plane (of panoramas from itself), metres, between which it sees things; all of them without. What lies
+    /// outside still casts shadows and is seen in mirrors.
+    pub clip: Option<[f64; 2]>,
     /// Its placement at other times, if it moves while the picture is taken.
     pub motion: Option<Moving<DAffine3>>,
 }

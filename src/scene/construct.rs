@@ -160,6 +160,7 @@ impl Camera {
             aspect_ratio: None,
             lens: None,
             shift: [0.0; 2],
+            clip: None,
             motion: None,
         }
     }

@@ -55,6 +55,20 @@ impl LightProfile {
         }
     }
 
+    /// The same with its horizontal angles the other way round.
+    #[must_use]
+    pub fn mirrored(mut self) -> LightProfile {
+        // The others are symmetric.
+        let (first, last) = (self.horizontal_deg[0], self.horizontal_deg[self.horizontal_deg.len() - 1]);
+        if first >= 90.0 || last > 180.0 {
+            self.horizontal_deg.iter_mut().for_each(|angle| *angle = 360.0 - *angle);
+            self.horizontal_deg.reverse();
+            let columns = self.values.chunks_exact(self.vertical_deg.len()).rev();
+            self.values = columns.flatten().copied().collect();
+        }
+        self
+    }
+
     /// The largest intensity.
     pub fn peak(&self) -> f32 {
         self.values.iter().fold(0.0, |most, value| most.max(*value))
@@ -136,6 +150,22 @@ mod tests {
         assert_eq!([0.0, 60.0, 180.0, 240.0, 350.0].map(half), [0.0, 6.0, 18.0, 12.0, 1.0]);
         let side = |h| at(&[90.0, 270.0], &[0.0, 18.0], h);
         assert_eq!([90.0, 180.0, 270.0, 0.0, 60.0, 300.0].map(side), [0.0, 9.0, 18.0, 9.0, 3.0, 15.0]);
+        let lists: [(&[f32], &[f32]); 4] = [
+            (&[0.0, 100.0, 270.0, 360.0], &[1.0, 2.0, 5.0, 1.0]),
+            (&[90.0, 120.0, 270.0], &[0.0, 9.0, 18.0]),
+            (&[0.0, 50.0, 180.0], &[0.0, 9.0, 18.0]),
+            (&[0.0], &[3.0]),
+        ];
+        for (horizontal, values) in lists {
+            let rows: Vec<f32> = values.iter().flat_map(|v| [*v, 2.0 * *v]).collect();
+            let own = profile(&[0.0, 180.0], horizontal, &rows);
+            let mirrored = own.clone().mirrored();
+            assert!(mirrored.is_sound());
+            for degrees in [0.0, 30.0, 90.0, 100.0, 181.0, 300.0] {
+                let (found, expected) = (mirrored.at(45.0, degrees), own.at(45.0, 360.0 - degrees));
+                assert!((found - expected).abs() < 1e-5, "{horizontal:?} {degrees}: {found} {expected}");
+            }
+        }
         let all = |h| at(&[0.0, 270.0, 360.0], &[0.0, 27.0, 0.0], h);
         assert_eq!([0.0, 90.0, 315.0, 360.0].map(all), [0.0, 9.0, 13.5, 0.0]);
     }

@@ -1,6 +1,7 @@
 //! What a scene may say about rendering; `None` leaves it to the defaults.
 
 use super::model::FresnelModel;
+use crate::color::ViewTransform;
 
 /// Reconstruction filter.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -37,9 +38,6 @@ pub struct ShadingModel {
     pub spectral: bool,
 }
 
-/// Names of the ways in which pictures to look at are encoded (`output::ViewTransform`).
-pub const VIEWS: [&str; 7] = ["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"];
-
 /// Rendering settings that a scene file may carry.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Settings {
@@ -63,8 +61,8 @@ pub struct Settings {
     pub spectral: Option<bool>,
     /// Exposure of the PNG, stops.
     pub exposure: Option<f32>,
-    /// How pictures to look at are encoded: one of [`VIEWS`].
-    pub view: Option<String>,
+    /// How pictures to look at are encoded.
+    pub view: Option<ViewTransform>,
     /// Temperature of the light that looks white in them, kelvin.
     pub white_balance: Option<f32>,
     /// Relative error at which the picture is done, percent; `samples` are the most of a pixel then.

@@ -5,7 +5,7 @@ use crate::color::spectral::Curve;
 use crate::math::Vec2;
 use std::sync::Arc;
 
-/// How many textures may lie one in the other: checkers, and what is in the cells of the innermost.
+/// How many textures may lie one in the other: checkers and mixes, and what is in the cells of the innermost.
 pub const MOST_NESTED_TEXTURES: u32 = 64;
 
 /// What happens outside 0..1.
@@ -120,6 +120,16 @@ pub enum Texture {
         cell_size: f32,
         /// Coordinates.
         mapping: Mapping,
+    },
+    /// Two textures, mixed by a third: `a + factor (b - a)`, each channel by its own; alpha by the mean of the factor's colours. By a
+    /// [table over the angle of view](Texture::Facing), that is what differs with the direction and from place to place.
+    Mix {
+        /// Where the factor is 0.
+        a: TextureId,
+        /// Where it is 1.
+        b: TextureId,
+        /// Which share of the second.
+        factor: TextureId,
     },
     /// The surface's unit geometric normal n in world space as a colour, (n + 1) / 2: its front's, whichever side is seen.
     Normal,

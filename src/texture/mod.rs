@@ -1,6 +1,8 @@
 //! Textures ready for lookup: transforms folded, constants known, 8-bit images left as they are and decoded by table.
 
+mod compiled;
 mod coordinates;
+mod fold;
 mod image;
 mod noise;
 mod pyramid;
@@ -15,40 +17,12 @@ pub use reader::PointReader;
 use crate::color::spectral::Spectrum;
 use crate::image::Image;
 use crate::math::Vec3;
-use crate::scene::{ImageId, Interpolation, MOST_NESTED_TEXTURES, NoiseKind, Texture, TextureId};
+use crate::scene::{ImageId, Interpolation, NoiseKind, Texture, TextureId};
+use compiled::Compiled;
 use coordinates::TextureCoordinates;
+use fold::{cut_endless_mixes, fold_constants};
 use rayon::prelude::*;
 use std::collections::{BTreeMap, HashMap};
-use std::sync::Arc;
-
-#[derive(Clone, Debug)]
-enum Compiled {
-    Constant([f32; 4]),
-    /// Images that share a grid find the same texels at the same coordinates.
-    Image {
-        lookup: ImageLookup,
-        coordinates: TextureCoordinates,
-        grid: u32,
-    },
-    Checker {
-        even: u32,
-        odd: u32,
-        inverse_size: f32,
-        coordinates: TextureCoordinates,
-    },
-    Normal,
-    /// By the cosine, from 0 to 1; two colours or more.
-    Facing(Arc<[[f32; 3]]>),
-    Spectrum(Spectrum),
-    Noise {
-        kind: NoiseKind,
-        frequency: f32,
-        octaves: u32,
-        low: [f32; 3],
-        high: [f32; 3],
-        seed: u32,
-    },
-}
 
 /// All textures of a scene, by [`TextureId`].
 #[derive(Clone, Debug, Default)]
@@ -64,7 +38,8 @@ impl CompiledTextures {
     pub fn new(textures: &[Texture], images: &[Image], world_offset: Vec3) -> CompiledTextures {
         let pyramids = pyramids(textures, images);
         let mut compiled: Vec<Compiled> = textures.iter().map(|t| compile(t, images, &pyramids)).collect();
-        fold_constant_checkers(&mut compiled);
+        fold_constants(&mut compiled);
+        cut_endless_mixes(&mut compiled);
         number_grids(&mut compiled);
         CompiledTextures { textures: compiled, world_offset }
     }
@@ -125,6 +100,10 @@ impl CompiledTextures {
                     known[at] = true;
                     pending.extend([*even as usize, *odd as usize]);
                 }
+                Some(Compiled::Mix(parts)) if !known[at] => {
+                    known[at] = true;
+                    pending.extend(parts.map(|part| part as usize));
+                }
                 _ => {}
             }
         }
@@ -180,6 +159,7 @@ fn compile(texture: &Texture, images: &[Image], pyramids: &BTreeMap<ImageId, Ima
             inverse_size: 1.0 / cell_size,
             coordinates: TextureCoordinates::new(mapping),
         },
+        Texture::Mix { a, b, factor } => Compiled::Mix([a.0, b.0, factor.0]),
         Texture::Normal => Compiled::Normal,
         Texture::Facing(colors) => match colors.first() {
             None => Compiled::Constant([0.0, 0.0, 0.0, 1.0]),
@@ -216,24 +196,6 @@ fn number_grids(textures: &mut [Compiled]) {
     for (i, texture) in textures.iter_mut().enumerate() {
         if let Compiled::Image { lookup, coordinates: TextureCoordinates::Uv(map), grid } = texture {
             *grid = *known.entry((map.bits(), lookup.grid())).or_insert(i as u32);
-        }
-    }
-}
-
-/// A checker of two equal constants is a constant.
-fn fold_constant_checkers(textures: &mut [Compiled]) {
-    for _ in 0..MOST_NESTED_TEXTURES {
-        for i in 0..textures.len() {
-            let Compiled::Checker { even, odd, .. } = textures[i] else { continue };
-            let value = |at: u32| match textures.get(at as usize) {
-                Some(Compiled::Constant(c)) => Some(*c),
-                _ => None,
-            };
-            if let (Some(a), Some(b)) = (value(even), value(odd))
-                && a == b
-            {
-                textures[i] = Compiled::Constant(a);
-            }
         }
     }
 }
@@ -278,114 +240,4 @@ fn noise_value(kind: NoiseKind, p: Vec3, octaves: u32, seed: u32) -> f32 {
 }
 
 #[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::math::Vec2;
-    use crate::scene::Mapping;
-
-    fn checker(mapping: Mapping, odd: [f32; 3]) -> CompiledTextures {
-        let textures = [
-            Texture::Checker { even: TextureId(1), odd: TextureId(2), cell_size: 0.5, mapping },
-            Texture::Solid([1.0; 3]),
-            Texture::Solid(odd),
-        ];
-        CompiledTextures::new(&textures, &[], Vec3::ZERO)
-    }
-
-    #[test]
-    fn checkers_alternate_across_zero() {
-        let uv = checker(Mapping::default(), [0.0; 3]);
-        let world = checker(Mapping::World, [0.0; 3]);
-        let at = |x: f32, y: f32| uv.eval(TextureId(0), Vec2::new(x, y), Vec3::ZERO)[0];
-        assert_eq!([at(0.1, 0.1), at(0.6, 0.1), at(-0.1, 0.1), at(-0.1, -0.1)], [1.0, 0.0, 0.0, 1.0]);
-        let at = |x, y, z| world.eval(TextureId(0), Vec2::ZERO, Vec3::new(x, y, z))[0];
-        assert_eq!([at(0.1, 0.1, 0.1), at(0.6, 0.1, 0.1), at(0.6, -0.1, 0.1)], [1.0, 0.0, 1.0]);
-    }
-
-    #[test]
-    fn constants_fold_and_circles_are_black() {
-        assert_eq!(checker(Mapping::World, [1.0; 3]).constant(TextureId(0)), Some([1.0; 4]));
-        assert_eq!(checker(Mapping::World, [0.5; 3]).constant(TextureId(0)), None);
-        let circle = Texture::Checker {
-            even: TextureId(0),
-            odd: TextureId(9),
-            cell_size: 1.0,
-            mapping: Mapping::World,
-        };
-        let t = CompiledTextures::new(&[circle], &[], Vec3::ZERO);
-        assert_eq!(t.eval(TextureId(0), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
-        assert_eq!(t.eval(TextureId(7), Vec2::ZERO, Vec3::ZERO), [0.0, 0.0, 0.0, 1.0]);
-    }
-
-    #[test]
-    fn tables_by_the_cosine_are_linear() {
-        let table = |colors: &[[f32; 3]]| Texture::Facing(colors.into());
-        let textures = [
-            table(&[[0.0; 3], [1.0, 0.5, 0.25], [0.0, 1.0, 0.0]]),
-            table(&[[0.5; 3], [0.5; 3]]),
-            table(&[]),
-            Texture::Checker {
-                even: TextureId(0),
-                odd: TextureId(1),
-                cell_size: 1.0,
-                mapping: Mapping::World,
-            },
-        ];
-        let t = CompiledTextures::new(&textures, &[], Vec3::ZERO);
-        let at = |cosine| t.eval_at(TextureId(0), &TexturePoint { cosine, ..TexturePoint::default() });
-        assert_eq!(at(0.0), [0.0, 0.0, 0.0, 1.0]);
-        assert_eq!(at(0.25), [0.5, 0.25, 0.125, 1.0]);
-        assert_eq!(at(0.75), [0.5, 0.75, 0.125, 1.0]);
-        // Rounding may lead a little beyond.
-        assert_eq!([at(1.0), at(1.000_001)], [[0.0, 1.0, 0.0, 1.0]; 2]);
-        assert_eq!(t.constant(TextureId(1)), Some([0.5, 0.5, 0.5, 1.0]));
-        assert_eq!(t.constant(TextureId(2)), Some([0.0, 0.0, 0.0, 1.0]));
-        assert_eq!(
-            [0, 1, 2, 3, 9].map(|i| t.depends_on_viewer(TextureId(i))),
-            [true, false, false, true, false]
-        );
-    }
-
-    #[test]
-    fn world_offset_moves_patterns_back() {
-        let noise = Texture::Noise {
-            kind: NoiseKind::Marble,
-            frequency: 2.0,
-            octaves: 4,
-            low: [0.0; 3],
-            high: [1.0, 2.0, 3.0],
-            seed: 5,
-        };
-        let here = CompiledTextures::new(std::slice::from_ref(&noise), &[], Vec3::ZERO);
-        let moved = CompiledTextures::new(&[noise], &[], Vec3::splat(8.0));
-        let p = Vec3::new(0.25, 0.5, 0.125);
-        let value = moved.eval(TextureId(0), Vec2::ZERO, p);
-        assert_eq!(value, here.eval(TextureId(0), Vec2::ZERO, p + 8.0));
-        assert!((value[1] - 2.0 * value[0]).abs() < 1e-6);
-    }
-
-    #[test]
-    fn normals_become_colours() {
-        let t = CompiledTextures::new(&[Texture::Normal], &[], Vec3::ZERO);
-        assert_eq!(t.constant(TextureId(0)), None);
-        let point = TexturePoint { normal: Vec3::new(0.6, 0.0, -0.8), ..TexturePoint::default() };
-        let value = t.eval_at(TextureId(0), &point);
-        for (found, expected) in value.into_iter().zip([0.8, 0.5, 0.1, 1.0]) {
-            assert!((found - expected).abs() < 1e-6, "{value:?}");
-        }
-    }
-
-    #[test]
-    fn one_pixel_images_are_constants() {
-        let image = Image::from_linear_rgb("dot", 1, 1, vec![0.1, 0.2, 0.3]);
-        let texture = Texture::Image {
-            image: ImageId(0),
-            wrap_u: Default::default(),
-            wrap_v: Default::default(),
-            interpolation: Default::default(),
-            mapping: Mapping::default(),
-        };
-        let t = CompiledTextures::new(&[texture], &[image], Vec3::ZERO);
-        assert_eq!(t.constant(TextureId(0)), Some([0.1, 0.2, 0.3, 1.0]));
-    }
-}
+mod tests;

@@ -1,8 +1,10 @@
 //! All textures at one point: what several of them share is computed once.
 
+use super::compiled::Compiled;
 use super::coordinates::{TextureCoordinates, UvMap, triplanar};
+use super::fold::mixed;
 use super::image::{ImageLookup, Taps};
-use super::{Compiled, CompiledTextures, TexturePoint, checker_is_odd, color_by_cosine, noise_value, rgba};
+use super::{CompiledTextures, TexturePoint, checker_is_odd, color_by_cosine, noise_value, rgba};
 use crate::color::Rgb;
 use crate::color::spectral::{Wavelengths, uplifted_share};
 use crate::math::{Vec2, Vec3};
@@ -80,6 +82,7 @@ impl<'a> PointReader<'a> {
                     let [r, g, b] = (0.5 + 0.5 * self.point.normal).to_array();
                     return [r, g, b, 1.0];
                 }
+                Some(Compiled::Mix(parts)) => return self.mix(*parts),
                 Some(Compiled::Facing(colors)) => return color_by_cosine(colors, self.point.cosine),
                 Some(Compiled::Noise { kind, frequency, octaves, low, high, seed }) => {
                     let value = noise_value(*kind, self.moved().world * *frequency, *octaves, *seed);
@@ -90,6 +93,12 @@ impl<'a> PointReader<'a> {
             }
         }
         [0.0, 0.0, 0.0, 1.0]
+    }
+
+    #[inline(never)]
+    fn mix(&self, parts: [u32; 3]) -> [f32; 4] {
+        let [a, b, factor] = parts.map(|part| self.look_up(TextureId(part)));
+        mixed(a, b, factor)
     }
 
     /// The point in the world as it was before `compile` moved it.

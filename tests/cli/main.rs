@@ -30,3 +30,4 @@ mod tev;
 mod video;
 #[cfg(target_os = "linux")]
 mod view;
+mod views;

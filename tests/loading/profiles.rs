@@ -6,6 +6,7 @@ use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::{DQuat, DVec3};
 use oscura::scene::{Light, LightKind};
 use serde_json::{Value, json};
+use std::sync::Arc;
 
 /// 1366 candela in the lower half, which is 2 W/sr; nothing above.
 const HALF: &str = "IESNA:LM-63-1995\nTILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n1366 1366\n";
@@ -54,6 +55,8 @@ fn scene_files_give_points_and_spots_a_profile() {
     // Seen from above, x turns towards -z.
     let (_, _, zero, _) = placed(&by("turn = 90"));
     assert!((zero - DVec3::NEG_Z).length() < 1e-9, "{zero}");
+    assert!((by("strength = 3").intensity[0] - 6.0).abs() < 1e-5);
+    assert_eq!(by("clockwise = true").profile, Some(Arc::new((**profile).clone().mirrored())));
     let (_, way, _, _) = placed(&by("target = [4, 4, 0]"));
     assert!((way - DVec3::X).length() < 1e-12);
     let spot = light(
@@ -73,6 +76,11 @@ fn damaged_profiles_are_named_with_their_light() {
         (point, &HALF.replace("1 2 0", "2 2 0"), "type 2"),
         ("point = { position = [0, 4, 0], ies = \"other.ies\" }", HALF, "other.ies: can't be read"),
         ("point = { position = [0, 4, 0], ies = \"lamp.ies\", radius = 1 }", HALF, "no radius"),
+        (
+            "point = { position = [0, 4, 0], ies = \"lamp.ies\", strength = 2, power = 1 }",
+            HALF,
+            "'strength' is a factor on what the 'ies' file says",
+        ),
         ("point = { position = [0, 4, 0], ies = \"lamp.ies\", power = 1, intensity = 1 }", HALF, "either"),
         ("point = { position = [0, 4, 0], ies = \"lamp.ies\", direction = [0, 0, 0] }", HALF, "no direction"),
         ("spot = { position = [0, 4, 0], ies = \"lamp.ies\" }", HALF, "'target' or 'direction'"),

@@ -3,7 +3,9 @@
 use oscura::error::Error;
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
-use oscura::scene::{Environment, Filter, LightKind, Model, ObjectTraits, RayKinds};
+use oscura::scene::{
+    Environment, Filter, LightKind, Mapping, Model, ObjectTraits, RayKinds, Texture, TextureId,
+};
 use std::f64::consts::PI;
 
 /// A triangle with a material whose image is missing, and two cameras; the second stands at z = 5 and looks at the origin.
@@ -379,5 +381,94 @@ fn links_leave_the_other_traits_of_a_model_as_they_are() {
         let traits = loaded.scene.instances[0].traits;
         assert_eq!(traits.visible_to, RayKinds::ALL.without(RayKinds::CAMERA), "{files:?}");
         assert!(!traits.links.receivers.holds(traits.sets), "{files:?}");
+    }
+}
+
+/// The model's material, with a picture and factors of its own.
+const PAINTED: &str = r#""materials": [{"name": "cloth", "pbrMetallicRoughness": {"baseColorFactor": [0.5, 0.25, 1, 1],
+    "baseColorTexture": {"index": 0, "extensions": {"KHR_texture_transform": {"scale": [3, 2]}}}, "metallicFactor": 0.5,
+    "metallicRoughnessTexture": {"index": 0}}}]"#;
+
+fn with_painted(toml: &str) -> Result<Loaded, Error> {
+    let plain = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]"#;
+    let model = MODEL.replace(plain, PAINTED).replace("IMAGE", PIXEL);
+    assert!(model.contains("cloth"));
+    load_first(&[("model.gltf", &model), ("model.oscura.toml", toml)], &LoadOptions::default())
+}
+
+#[test]
+fn the_angle_of_view_mixes_a_models_own_texture_with_another() {
+    let toml = r#"
+[materials.cloth]
+base_color = "rim"
+metallic = "rim"
+roughness = "plain"
+[textures.rim]
+type = "mix"
+a = "mine"
+b = [0.1, 0.2, 0.3]
+factor = "table"
+[textures.mine]
+type = "own"
+[textures.table]
+type = "facing"
+colors = [1, 0]
+[textures.plain]
+type = "mix"
+a = 0.25
+b = "table"
+factor = 0.5
+"#;
+    let scene = with_painted(toml).unwrap_or_else(|e| panic!("{e}")).scene;
+    let Model::Pbr(model) = &scene.materials[0].model else { panic!("no glTF material") };
+    let of = |id: TextureId| &scene.textures[id.index()];
+    let mix = |id: TextureId| match *of(id) {
+        Texture::Mix { a, b, factor } => [a, b, factor],
+        ref other => panic!("{other:?}"),
+    };
+    // Factors and channels of the model stay.
+    let color = model.base_color.texture.expect("a texture");
+    assert_eq!(model.base_color.factor, [0.5, 0.25, 1.0]);
+    let [own, other, table] = mix(color);
+    let Texture::Image { mapping: Mapping::Uv { transform, .. }, .. } = of(own) else { panic!("no picture") };
+    assert_eq!(transform.scale.to_array(), [3.0, 2.0]);
+    assert_eq!(*of(other), Texture::Solid([0.1, 0.2, 0.3]));
+    assert_eq!(*of(table), Texture::Facing([[1.0; 3], [0.0; 3]].into()));
+    let (metal, channel) = model.metallic.texture.expect("a texture");
+    assert_eq!((model.metallic.factor, channel), (0.5, 2));
+    let [own, _, same] = mix(metal);
+    let Texture::Image { mapping: Mapping::Uv { transform, .. }, .. } = of(own) else { panic!("no picture") };
+    assert_eq!((transform.scale.to_array(), same), ([1.0, 1.0], table));
+    // What has nothing of the model replaces it.
+    let (rough, channel) = model.roughness.texture.expect("a texture");
+    assert_eq!((model.roughness.factor, channel), (1.0, 0));
+    assert_eq!(*of(mix(rough)[0]), Texture::Solid([0.25; 3]));
+}
+
+#[test]
+fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() {
+    let mine = "[textures.mine]\ntype = \"own\"\n";
+    let scene = with_painted(&format!("[materials.cloth]\nspecular_color = \"mine\"\n{mine}"));
+    let scene = scene.unwrap_or_else(|e| panic!("{e}")).scene;
+    let Model::Pbr(model) = &scene.materials[0].model else { panic!("no glTF material") };
+    let own = model.specular_color.texture.expect("a texture");
+    assert_eq!(scene.textures[own.index()], Texture::Solid([1.0; 3]));
+    for (toml, part) in [
+        ("[materials.cloth]\ntype = \"lambert\"\ncolor = \"mine\"\n", "there is no texture of a model"),
+        (
+            "[materials.cloth]\nspecular_color = \"lies\"\n[textures.lies]\ntype = \"image\"\nfile = \"a.png\"\nmapping = \"own\"\n",
+            "can't be read",
+        ),
+        (
+            "[materials.cloth]\nbase_color = \"loop\"\n[textures.loop]\ntype = \"mix\"\na = \"mine\"\nb = \"loop\"\nfactor = 1\n",
+            "contains itself",
+        ),
+        (
+            "[materials.cloth]\nbase_color = \"half\"\n[textures.half]\ntype = \"mix\"\na = \"mine\"\n",
+            "needs 'b'",
+        ),
+    ] {
+        let shown = with_painted(&format!("{toml}{mine}")).expect_err("it is wrong").to_string();
+        assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
     }
 }

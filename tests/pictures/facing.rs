@@ -5,8 +5,8 @@ use crate::support::{assert_radiance, camera, material, options, pbr, picture, q
 use oscura::math::DVec3;
 use oscura::render::{Caustics, Guiding, PathReuse, RenderOptions, Splitting};
 use oscura::scene::{
-    AlphaMode, ColorSlot, Emission, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial,
-    Scene, Texture, TextureId,
+    AlphaMode, ColorSlot, Emission, Environment, FloatSlot, Light, LightKind, Mapping, Material, Model,
+    PbrMaterial, Scene, Texture, TextureId,
 };
 
 /// Values at the cosines 0, 0.5 and 1.
@@ -71,6 +71,30 @@ fn tables_are_linear_in_the_cosine() {
                 1.0 - truth,
                 1e-2,
             );
+        }
+    }
+}
+
+/// Two textures that a table mixes: the sheet's even cells become the other colour, the odd ones have it.
+#[test]
+fn mixes_are_by_the_angle_from_place_to_place() {
+    for (cosine, share) in [(0.25, 0.5), (0.75, 0.6)] {
+        for (place, truth) in [(2.0, 0.2 + share * (0.6 - 0.2)), (7.0, 0.6)] {
+            for (of, name) in [(painted as fn(TextureId) -> Material, "reflected"), (shining, "emitted")] {
+                let mut scene = sheet(cosine, false, |table| of(TextureId(table.0 + 4)));
+                let solid = |value: f32| Texture::Solid([value; 3]);
+                let cells =
+                    |even, odd| Texture::Checker { even, odd, cell_size: 5.0, mapping: Mapping::World };
+                let (a, b) = (scene.add_texture(solid(0.2)), scene.add_texture(solid(0.6)));
+                let first = scene.add_texture(cells(a, b));
+                let mix = scene.add_texture(Texture::Mix { a: first, b, factor: TextureId(0) });
+                assert_eq!(mix, TextureId(4));
+                let shift = DVec3::new(place, 0.0, 2.0);
+                let sine = (1.0 - cosine * cosine).sqrt();
+                scene.cameras = vec![camera(shift + DVec3::new(sine, cosine, 0.0), shift, DVec3::Z, 0.01)];
+                let name = format!("{name}, {cosine}, at {place}");
+                assert_radiance(&name, &scene, &options(8, 256, 4), truth, 1e-3);
+            }
         }
     }
 }

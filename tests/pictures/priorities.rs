@@ -11,7 +11,7 @@ use oscura::scene::{
 use std::f64::consts::PI;
 
 /// Smooth clear glass that leaves a share of light after a metre.
-fn glass(scene: &mut Scene, ior: f32, left: f32, priority: i32) -> MaterialId {
+pub fn glass(scene: &mut Scene, ior: f32, left: f32, priority: i32) -> MaterialId {
     let pbr = PbrMaterial {
         metallic: FloatSlot::constant(0.0),
         roughness: FloatSlot::constant(0.0),
@@ -92,7 +92,7 @@ fn glass_over_water(depth: f64, priority: i32) -> Scene {
 }
 
 /// Unpolarised reflectance between two indices for a ray whose sine in air is given.
-fn reflectance(from: f64, to: f64, sine: f64) -> f64 {
+pub fn reflectance(from: f64, to: f64, sine: f64) -> f64 {
     let cosine = |ior: f64| (1.0 - (sine / ior).powi(2)).sqrt();
     let (a, b) = (cosine(from), cosine(to));
     let parallel = (to * a - from * b) / (to * a + from * b);
@@ -152,7 +152,7 @@ fn with_floor(mut scene: Scene) -> Scene {
     scene
 }
 
-fn assert_same(what: &str, one: (f64, f64), other: (f64, f64), precision: f64) {
+pub fn assert_same(what: &str, one: (f64, f64), other: (f64, f64), precision: f64) {
     println!("{what}: {one:?} {other:?}");
     let error = one.1.hypot(other.1);
     assert!(error < precision * one.0, "{what}: {error} is too large an error of {}", one.0);

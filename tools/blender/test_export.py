@@ -143,6 +143,25 @@ class SceneTest(unittest.TestCase):
         model, settings, answer = self.export(*more)
         return Glb(str(self.folder / "scene.glb")), settings, answer
 
+    def picture(self, model, material):
+        """The file of a material's base colour."""
+        glb = Glb(str(self.folder / "scene.glb"))
+        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
+        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
+        path = self.folder / "paint.png"
+        start = view.get("byteOffset", 0)
+        path.write_bytes(glb.binary[start : start + view["byteLength"]])
+        return str(path)
+
+    def pixels(self, path):
+        """The numbers of a picture as they are stored."""
+        image = bpy.data.images.load(path)
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.array(image.pixels[:]).reshape(height, width, -1)
+        bpy.data.images.remove(image)
+        return pixels
+
 
 class TreesTest(SceneTest):
     def add_plane(self, material, name="Plane", location=(0, 0, 0), data=None):
@@ -225,10 +244,11 @@ class TreesTest(SceneTest):
         self.assertEqual(answer["warnings"][0][0], "three")
 
     def test_what_differs_with_the_direction_is_said_by_name(self):
-        material, tree, shader, weight, noise, mix = shader_tree("velvet", "LayerWeight", "TexNoise", "MixRGB")
-        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
-        tree.links.new(noise.outputs["Color"], mix.inputs["Color1"])
-        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        material, tree, shader, weight, noise, step = shader_tree("velvet", "LayerWeight", "TexNoise", "Math")
+        noise.inputs["Scale"].default_value, step.operation = 20, "GREATER_THAN"
+        tree.links.new(weight.outputs["Facing"], step.inputs[0])
+        tree.links.new(noise.outputs[0], step.inputs[1])
+        tree.links.new(step.outputs[0], shader.inputs["Base Color"])
         self.add_plane(material)
         _, _, answer = self.export("--bake", "64")
         ((place, message),) = answer["warnings"]
@@ -257,6 +277,117 @@ class TreesTest(SceneTest):
         color = np.stack([1 - facing, 0 * facing + 0.5, facing], 1)
         np.testing.assert_allclose(tables["base_color"]["colors"], color, atol=2e-5)
         np.testing.assert_allclose(tables["emission"]["colors"], 6 * facing[:, None] * [1, 0.5, 0.25], atol=1e-4)
+
+    def test_what_the_angle_of_view_mixes_from_place_to_place_becomes_two_pictures_and_a_table(self):
+        material, tree, shader, weight, checker, mix, times, gain = shader_tree(
+            "cloth", "LayerWeight", "TexChecker", "MixRGB", "MixRGB", "Math"
+        )
+        weight.inputs["Blend"].default_value = 0.25
+        checker.inputs["Scale"].default_value = 1.5
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.25, 0, 1), (0.5, 0.5, 0, 1)
+        mix.inputs["Color2"].default_value = (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        tree.links.new(checker.outputs["Color"], shader.inputs["Emission Color"])
+        self.add_plane(material)
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        facing = 1 - np.linspace(0, 1, 64) ** 0.5
+        (told,), textures = settings["materials"].values(), settings["textures"]
+        for key in ("base_color", "emission"):
+            mixed = textures[told[key]]
+            self.assertEqual((mixed["type"], textures[mixed["a"]]["type"]), ("mix", "own"))
+            table = np.array(textures[mixed["factor"]]["colors"])
+            # Where the first colour has nothing to become, no share is told.
+            known = np.ptp(table, axis=0) > 0
+            self.assertTrue(known.any())
+            np.testing.assert_allclose(table[:, known], np.repeat(facing[:, None], known.sum(), 1), atol=2e-3)
+        second = textures[textures[told["base_color"]]["b"]]
+        self.assertEqual((second["mapping"], second["encoding"]), ("own", "srgb"))
+        pixels = self.pixels(str(self.folder / second["file"]))
+        quarter, half = 0.5371, 0.7354  # as sRGB has them
+        self.assertLess(np.abs(pixels[8:-8, 8:-8, :3] - [0, half, 1]).max(), 0.01)
+        first = self.pixels(self.picture(model, model["materials"][0]))
+        for color in ((1, quarter, 0), (half, half, 0)):
+            share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
+            self.assertGreater(share, 0.2, color)
+
+    def test_materials_beside_one_that_is_mixed_keep_their_pictures(self):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2)
+        shown = bpy.context.object
+        for name in ("mixed", "plain"):
+            made, tree, shader, weight, checker, mix = shader_tree(name, "LayerWeight", "TexChecker", "MixRGB")
+            checker.inputs["Scale"].default_value = 3.0
+            checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+            mix.inputs["Fac"].default_value, mix.inputs["Color2"].default_value = 0.0, (0, 1, 0, 1)
+            if name == "mixed":
+                tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+            tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+            tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+            shown.data.materials.append(made)
+        shown.data.polygons.foreach_set("material_index", [0, 0, 1, 1])
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        ((name, told),) = settings["materials"].items()
+        self.assertTrue(name.startswith("mixed"), name)
+        second = settings["textures"][settings["textures"][told["base_color"]]["b"]]
+        pictures = [self.pixels(path) for path in (self.picture(model, model["materials"][0]), str(self.folder / second["file"]))]
+        share = lambda pixels, color: (np.abs(pixels[..., :3] - color).max(-1) < 0.02).mean()
+        # Half of the mesh becomes green.
+        self.assertEqual(share(pictures[0], (0, 1, 0)), 0)
+        self.assertTrue(0.25 < share(pictures[1], (0, 1, 0)) < 0.6)
+        self.assertGreater(share(pictures[0], (1, 0, 0)), 1.5 * share(pictures[1], (1, 0, 0)))
+        self.assertGreater(share(pictures[1], (1, 0, 0)), 0.1)
+
+    def test_the_cosine_of_view_and_normal_is_a_weight(self):
+        material, tree, shader, geometry, dot = shader_tree("dotted", "NewGeometry", "VectorMath")
+        dot.operation = "DOT_PRODUCT"
+        tree.links.new(geometry.outputs["Normal"], dot.inputs[0])
+        tree.links.new(geometry.outputs["Incoming"], dot.inputs[1])
+        tree.links.new(dot.outputs["Value"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        table = settings["textures"][settings["materials"]["dotted"]["base_color"]]["colors"]
+        np.testing.assert_allclose(table, np.linspace(0, 1, len(table)), atol=2e-5)
+
+    def test_weights_with_normals_of_their_own_are_told(self):
+        material, tree, shader, weight, bump = shader_tree("bumped", "LayerWeight", "Bump")
+        tree.links.new(bump.outputs[0], weight.inputs["Normal"])
+        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual((place, "normal of its own" in message), ("bumped", True))
+        self.assertIn("base_color", settings["materials"]["bumped"])
+
+    def test_transparency_of_trees_has_its_picture(self):
+        material, tree, shader, checker = shader_tree("lace", "TexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        tree.links.new(checker.outputs["Fac"], shader.inputs["Alpha"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        alpha = self.pixels(self.picture(model, model["materials"][0]))[..., 3]
+        for value in (0, 1):
+            self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
+
+    def test_pictures_of_files_may_be_links(self):
+        material, tree, shader, node = shader_tree("label", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "a picture.png"), "PNG"
+        picture.save()
+        node.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        (copied,) = self.export()[0]["images"]
+        self.assertNotIn("uri", copied)
+        (linked,) = self.export("--links")[0]["images"]
+        self.assertEqual(linked, {"name": copied["name"], "uri": "picture.1.png"})
+        self.assertEqual((self.folder / "picture.1.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
 
     def test_light_of_trees_keeps_its_strength(self):
         material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
@@ -339,13 +470,127 @@ class TreesTest(SceneTest):
         self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
         _, settings, answer = self.export()
         found = settings["render"]
-        self.assertEqual(found["view"], "agx")
+        # What Blender shows of middle grey by AgX.
+        self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
         self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
         self.assertAlmostEqual(found["noise"], 4.0, places=4)
         self.assertEqual(found["crop"], [50, 40, 100, 90])
         self.assertEqual(found["aovs"], ["depth", "crypto_object"])
         self.assertEqual(settings["lights"][0]["point"]["power"], 20.0)
         self.assertIn("Mist", answer["warnings"][0][1])
+
+
+    def shown(self, table, grey):
+        """What a table shows of a grey."""
+        lines = (self.folder / table).read_text().split("\n")
+        knots, values = ([float(word) for word in line.split()] for line in lines[8:10])
+        nodes = int(lines[17].split()[0])
+        place = np.interp(grey, knots, values) * (nodes - 1)
+        greys = [float(lines[18 + k * (1 + nodes + nodes * nodes)].split()[1]) for k in range(nodes)]
+        return np.interp(place, range(nodes), greys)
+
+    def test_views_with_looks_and_curves_are_tables(self):
+        view = self.scene.view_settings
+        view.view_transform, view.look, view.exposure = "AgX", "AgX - Punchy", 1.0
+        _, settings, answer = self.export()
+        self.assertEqual(settings["render"]["exposure"], 1.0)
+        self.assertAlmostEqual(self.shown(settings["render"]["view"], 0.18), 0.3463, places=3)
+        self.assertFalse([message for _, message in answer["warnings"] + answer["notes"] if "view" in message])
+        # Curves come before the exposure, so that both are part of the table: twice the half of white.
+        view.view_transform, view.look, view.use_curve_mapping = "Standard", "None", True
+        curve = view.curve_mapping.curves[3]
+        curve.points[1].location = (1.0, 0.5)
+        view.curve_mapping.update()
+        found = self.export()[1]["render"]
+        self.assertNotIn("exposure", found)
+        self.assertAlmostEqual(self.shown(found["view"], 1.0), 1.0, places=2)
+        self.assertAlmostEqual(self.shown(found["view"], 0.25), 0.5371, places=2)
+        view.use_curve_mapping = False
+        self.assertEqual(self.export()[1]["render"]["view"], "srgb")
+
+
+    def strands(self, entry):
+        """Points of a file of strands, how many each has, and their radii."""
+        data = (self.folder / entry["file"]).read_bytes()
+        count, points, arrays = np.frombuffer(data, "<u4", 3, 4)
+        self.assertEqual((data[:4], arrays), (b"HAIR", 7))
+        counts = np.frombuffer(data, "<u2", count, 128) + 1
+        start = 128 + 2 * count
+        placed = np.frombuffer(data, "<f4", 3 * points, start).reshape(-1, 3)
+        radii = np.frombuffer(data, "<f4", points, start + 12 * points) / 2
+        self.assertEqual((counts.sum(), len(data)), (points, start + 16 * points))
+        return placed, counts, radii
+
+    def test_hair_becomes_strands(self):
+        made = bpy.data.hair_curves.new("Curves")
+        made.add_curves([3, 2])
+        points = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 0, 0), (1, 0, 2)]
+        made.position_data.foreach_set("vector", np.array(points, np.float32).ravel())
+        (made.attributes.get("radius") or made.attributes.new("radius", "FLOAT", "POINT")).data.foreach_set("value", [0.5, 0.25, 0, 1, 2])
+        fibre, _, node, *_ = shader_tree("fibre", "BsdfHairPrincipled")
+        node = fibre.node_tree.nodes["Principled Hair BSDF"]
+        fibre.node_tree.links.new(node.outputs[0], fibre.node_tree.nodes["Material Output"].inputs["Surface"])
+        node.parametrization = "MELANIN"
+        node.inputs["Melanin"].default_value = 0.25
+        made.materials.append(fibre)
+        placed = bpy.data.objects.new("Reed", made)
+        placed.location, placed.scale = (10, 0, 0), (2, 2, 2)
+        placed.visible_shadow = False
+        self.scene.collection.objects.link(placed)
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=1)
+        body = bpy.context.object
+        body.data.materials.append(bpy.data.materials.new("skin"))
+        body.data.materials.append(fibre)
+        system = body.modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system
+        system.settings.type, system.settings.count, system.settings.hair_length = "HAIR", 20, 0.5
+        system.settings.render_step, system.settings.material = 2, 2
+        system.settings.root_radius, system.settings.tip_radius, system.settings.radius_scale = 1, 0.5, 0.1
+        model, settings, answer = self.export()
+        by_name = {entry["name"]: entry for entry in settings["curves"]}
+        reed, fur = by_name["Reed"], by_name["Sphere/Fur"]
+        self.assertEqual(settings["materials"][reed["material"]]["melanin"], 0.25)
+        self.assertEqual(fur["material"], reed["material"])
+        self.assertNotIn("shadow", reed["visible_to"])
+        points, counts, radii = self.strands(reed)
+        np.testing.assert_allclose(points, [(10, 0, 0), (10, 2, 0), (10, 2, -2), (12, 0, 0), (12, 4, 0)], atol=1e-6)
+        self.assertEqual((counts.tolist(), radii.tolist()), ([3, 2], [1, 0.5, 0, 2, 4]))
+        points, counts, radii = self.strands(fur)
+        self.assertEqual(counts.tolist(), [5] * 20)
+        roots, tips = points[::5], points[4::5]
+        np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
+        np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
+        np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=1e-5)
+        self.assertEqual([material["name"] for material in model["materials"]], ["skin"])
+        self.assertFalse(answer["warnings"])
+
+    def test_profiles_of_lamps_and_the_reach_of_cameras(self):
+        profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0 1 1 10\n0 90\n0\n100 0\n"
+        (self.folder / "lamp.ies").write_text(profile)
+        lamp = bpy.data.lights.new("lamp", "POINT")
+        lamp.energy, lamp.shadow_soft_size, lamp.use_nodes = 2.0, 0.1, True
+        tree = lamp.node_tree
+        node, factor = tree.nodes.new("ShaderNodeTexIES"), tree.nodes.new("ShaderNodeMath")
+        node.mode, node.filepath = "EXTERNAL", "//lamp.ies"
+        factor.operation, factor.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(node.outputs[0], factor.inputs[0])
+        tree.links.new(factor.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+        self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        eye = self.scene.camera
+        eye.location, eye.rotation_euler = (0, 0, 5), (0, 0, 0)
+        eye.data.clip_start, eye.data.clip_end = 0.1, 100
+        _, settings, answer = self.export()
+        (light,) = settings["lights"]
+        self.assertEqual((self.folder / light["point"]["ies"]).read_text(), profile)
+        # Cycles has 177.83 lumens to a watt.
+        self.assertAlmostEqual(light["point"]["strength"], 2 * 3 * 683 / 177.83, places=4)
+        self.assertEqual((light["point"]["clockwise"], light["point"]["turn"]), (True, 90))
+        self.assertTrue(any("shadows are sharp" in message for _, message in answer["notes"]))
+        self.assertNotIn("clip", settings["camera"][0])
+        for start, end in ((4.0, 100.0), (0.1, 5.2)):
+            eye.data.clip_start, eye.data.clip_end = start, end
+            found = self.export()[1]["camera"][0]["clip"]
+            np.testing.assert_allclose(found, [start, end], rtol=1e-5)
 
 
 class SurfacesTest(SceneTest):
@@ -395,7 +640,8 @@ class SurfacesTest(SceneTest):
         self.assertEqual(len(factors), 2)
         self.assertAlmostEqual(factors.pop(name), 0.5, places=5)
         self.assertAlmostEqual(*factors.values(), 0.25, places=5)
-        self.assertIn("thin panes", "".join(message for _, message in answer["notes"]))
+        self.assertIn("thin panes", said := "".join(message for _, message in answer["notes"]))
+        self.assertIn("Solidify", said)
 
     def test_brushed_metals_are_brushed_around_their_axis(self):
         brushed, _, shader = shader_tree("brushed")
@@ -449,16 +695,6 @@ class SurfacesTest(SceneTest):
         code = lambda c: 1.055 * c ** (1 / 2.4) - 0.055
         for value in (1.0, code(0.5)):
             self.assertGreater((np.abs(red - value) < 0.02).mean(), 0.15, value)
-
-    def picture(self, model, material):
-        """The file of a material's base colour."""
-        glb = Glb(str(self.folder / "scene.glb"))
-        texture = model["textures"][material["pbrMetallicRoughness"]["baseColorTexture"]["index"]]
-        view = glb.json["bufferViews"][model["images"][texture["source"]]["bufferView"]]
-        path = self.folder / "paint.png"
-        start = view.get("byteOffset", 0)
-        path.write_bytes(glb.binary[start : start + view["byteLength"]])
-        return str(path)
 
     def test_of_what_varies_and_no_picture_holds_the_mean_is_taken_by_name(self):
         cloth, tree, shader, checker = shader_tree("cloth", "TexChecker")
@@ -539,6 +775,24 @@ class KeptTest(unittest.TestCase):
         self.assertEqual(self.kept(), first, "nothing was made again")
         # The picture reaches the model as it is.
         self.assertIn((self.folder / "scene.png").read_bytes(), expected[1])
+
+    def test_meshes_whose_stand_ins_are_alike_keep_their_own_values(self):
+        bpy.ops.wm.read_factory_settings(use_empty=True)
+        material = bpy.data.materials.new("grey")
+        for edges in (60, 70):
+            bpy.ops.mesh.primitive_grid_add(x_subdivisions=edges, y_subdivisions=edges)
+            bpy.context.object.data.materials.append(material)
+        bpy.ops.wm.save_as_mainfile(filepath=str(self.folder / "scene.blend"))
+
+        def values(found):
+            model, data = found
+            slots = [primitive for mesh in model["meshes"] for primitive in mesh["primitives"]]
+            numbers = [sorted({**of["attributes"], "indices": of["indices"]}.items()) for of in slots]
+            return [[(slot, data[model["accessors"][number]["bufferView"]]) for slot, number in of] for of in numbers]
+
+        expected = values(self.export())
+        for _ in range(2):
+            self.assertEqual(values(self.cached()), expected)
 
     def test_what_changes_is_made_again(self):
         for change in ({}, {"grey": 0.25}, {"height": 0.5}):

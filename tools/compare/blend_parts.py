@@ -99,6 +99,7 @@ def picture(name, pixels):
     full = np.ones((height, width, 4), np.float32)
     full[..., :3] = pixels
     image.pixels[:] = full.ravel()
+    image.pack()
     return image
 
 

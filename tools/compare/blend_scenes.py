@@ -46,7 +46,9 @@ from blend_panoramas import (
     panorama_out_of_focus,
 )
 from blend_rooms import bottle, bust, kitchen, meadow, street, titles
+from blend_sheets import pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
+from blend_places import places_color, places_forms, places_light, places_shaders
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
 from blend_trees import (
     bright_bakes,
@@ -65,8 +67,9 @@ SCENES = [
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
-    object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, facing_color, facing_mix, facing_light, facing_ramp, bright_bakes, nooks,
+    object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
+    window_sheet, window_sheet_node, window_pane, pool_sky, pool_sun,
     light_links, shadow_links, linked_instances, shadowless,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

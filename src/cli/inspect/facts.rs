@@ -64,6 +64,11 @@ pub fn material_images(scene: &Scene, material: &Material) -> Vec<usize> {
                 textures[even.index()] = true;
                 textures[odd.index()] = true;
             }
+            Texture::Mix { a, b, factor } if textures[i] => {
+                for part in [a, b, factor] {
+                    textures[part.index()] = true;
+                }
+            }
             _ => {}
         }
     }

@@ -127,7 +127,7 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown.extend(s.fresnel.map(|f| format!("fresnel {}", fresnel(f))));
     shown.extend(s.spectral.map(|spectral| format!("spectral {spectral}")));
     shown.extend(s.exposure.map(|e| format!("exposure {e}")));
-    shown.extend(s.view.as_ref().map(|view| format!("view {view}")));
+    shown.extend(s.view.as_ref().map(|view| format!("view {}", view.name())));
     shown.extend(s.white_balance.map(|kelvin| format!("white balance {kelvin} K")));
     shown.extend(s.noise.map(|percent| format!("noise {percent} %")));
     shown.extend(s.denoise.map(|denoise| format!("denoise {denoise}")));

@@ -5,7 +5,7 @@ use super::pose::Move;
 use super::state::{Shared, State};
 use super::told;
 use oscura::film::Aov;
-use oscura::output::{Format, OutputOptions, ViewTransform, encode};
+use oscura::output::{Format, OutputOptions, encode};
 use serde::Deserialize;
 use serde_json::{Value, json};
 use std::sync::Arc;
@@ -85,9 +85,9 @@ fn frame(version: u64, shared: &Shared) -> Answer {
     let (Some(frame), true) = (state.frame.clone(), state.version > version) else {
         return Answer { status: 204, ..Answer::bytes(Vec::new()) };
     };
-    let (look, text) = (state.look, told::state(&state, &frame).to_string());
+    let (look, text) = (state.look.clone(), told::state(&state, &frame).to_string());
     drop(state);
-    let pixels = frame.pixels(look);
+    let pixels = frame.pixels(&look);
     let mut body = Vec::with_capacity(4 + text.len() + pixels.len());
     body.extend((text.len() as u32).to_le_bytes());
     body.extend(text.into_bytes());
@@ -99,7 +99,7 @@ fn frame(version: u64, shared: &Shared) -> Answer {
 fn picture(format: Format, name: &'static str, shared: &Shared) -> Answer {
     let (frame, look) = {
         let state = shared.lock();
-        (state.frame.clone(), state.look)
+        (state.frame.clone(), state.look.clone())
     };
     let Some(frame) = frame else { return Answer::text(404, "there is no picture yet") };
     let options = OutputOptions { png: look.png, ..frame.output.clone() };
@@ -183,8 +183,8 @@ fn set(settings: Settings, shared: &Shared) -> Result<(), String> {
         None | Some("") => None,
         Some(name) => Some(Aov::from_option(name).ok_or("there is no such pass")?),
     };
-    let view =
-        settings.view.as_deref().map(|name| ViewTransform::from_name(name).ok_or("there is no such view"));
+    let look = shared.lock().look.clone();
+    let view = settings.view.as_deref().map(|name| look.view(name).ok_or("there is no such view"));
     let view = view.transpose()?;
     let fits = |exposure: f32| (-100.0..=100.0).contains(&exposure);
     if !settings.exposure.is_none_or(fits) || !settings.rotation.is_none_or(f64::is_finite) {
@@ -200,7 +200,7 @@ fn set(settings: Settings, shared: &Shared) -> Result<(), String> {
     }
     shared.show(|state| {
         state.look.png.exposure = settings.exposure.unwrap_or(state.look.png.exposure);
-        state.look.png.view = view.unwrap_or(state.look.png.view);
+        state.look.png.view = view.unwrap_or(look.png.view);
         if settings.pass.is_some() {
             state.look.aov = aov;
         }

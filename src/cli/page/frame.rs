@@ -1,16 +1,38 @@
 //! A picture on its way, as pages show it.
 
 use oscura::film::{Aov, Film, Values};
-use oscura::output::{OutputOptions, PngOptions, rgba8};
+use oscura::output::{OutputOptions, PngOptions, ViewTransform, rgba8};
 use oscura::render::Rendering;
 use serde_json::{Map, Value, json};
 
 /// How pictures are shown.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Look {
     pub png: PngOptions,
     /// The pass to show in place of colour.
     pub aov: Option<Aov>,
+    /// A view besides those with names, to go back to.
+    pub own_view: Option<ViewTransform>,
+}
+
+impl Look {
+    /// Colour as said.
+    pub fn new(png: PngOptions) -> Look {
+        let own_view = Some(png.view.clone()).filter(|view| matches!(view, ViewTransform::Table(_)));
+        Look { png, aov: None, own_view }
+    }
+
+    /// The names of all views.
+    pub fn views(&self) -> Vec<String> {
+        let named = ViewTransform::NAMED.iter().map(|named| named.1.to_string());
+        named.chain(self.own_view.iter().map(|view| view.name().into_owned())).collect()
+    }
+
+    /// The view of a name.
+    pub fn view(&self, name: &str) -> Option<ViewTransform> {
+        let own = self.own_view.as_ref().filter(|view| view.name() == name);
+        own.cloned().or_else(|| ViewTransform::from_name(name))
+    }
 }
 
 /// A picture so far.
@@ -46,10 +68,10 @@ impl Frame {
     }
 
     /// RGBA, 8 bits, row by row from the top.
-    pub fn pixels(&self, look: Look) -> Vec<u8> {
+    pub fn pixels(&self, look: &Look) -> Vec<u8> {
         match look.aov.and_then(|aov| Some((aov, self.film.aov(aov)?))) {
             None => rgba8(&self.film, &look.png),
-            Some((aov, planes)) => show(aov, planes, look.png),
+            Some((aov, planes)) => show(aov, planes, &look.png),
         }
     }
 
@@ -86,7 +108,7 @@ impl Frame {
 
 /// A pass as colours: colours by the look, directions as normal maps have them, ids by hue, other numbers from black for the
 /// least to white for the largest (depths the other way round, in logarithms).
-fn show(aov: Aov, planes: Vec<Values>, png: PngOptions) -> Vec<u8> {
+fn show(aov: Aov, planes: Vec<Values>, png: &PngOptions) -> Vec<u8> {
     let names = aov.info().names;
     let planes: Vec<Vec<f32>> = planes.into_iter().map(Values::into_floats).collect();
     let is = |ending: &str| names.first().is_some_and(|name| name.ends_with(ending));

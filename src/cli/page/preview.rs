@@ -38,13 +38,13 @@ impl PagePreview {
             command: std::iter::once("oscura".to_string()).chain(told::arguments()).collect(),
             ..Facts::default()
         };
-        let look = Look { png: PngOptions::default(), aov: None };
+        let look = Look::new(PngOptions::default());
         let shared = Shared::new(wish, look, facts, Vec::new());
         Ok(PagePreview { page: Page::open(server, shared, opens, args.quiet), shown: None })
     }
 
     /// A picture begins.
-    pub fn begin(&mut self, rendering: &Rendering, png: PngOptions, camera: &Camera, triangles: u64) {
+    pub fn begin(&mut self, rendering: &Rendering, png: &PngOptions, camera: &Camera, triangles: u64) {
         let film = rendering.film();
         let has = |aov: &&Aov| film.aov(**aov).is_some();
         let size = (film.width(), film.height());
@@ -52,7 +52,7 @@ impl PagePreview {
         self.page.shared.wish(|state| {
             state.wish.pose = Pose::new(camera.clone(), 1.0);
             state.wish.size = size;
-            state.look = Look { png, ..state.look };
+            state.look = Look { aov: state.look.aov, ..Look::new(png.clone()) };
             state.facts.sizes = vec![size];
             state.facts.cameras = vec![camera.name.clone()];
             state.facts.triangles = triangles;

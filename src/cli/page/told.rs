@@ -3,12 +3,11 @@
 use super::frame::Frame;
 use super::state::State;
 use crate::cli::command_line;
-use oscura::output::ViewTransform;
 use serde_json::{Value, json};
 
 /// Everything but the pixels.
 pub(super) fn state(state: &State, frame: &Frame) -> Value {
-    let png = state.look.png;
+    let png = &state.look.png;
     let pass = state.look.aov.filter(|&aov| frame.film.aov(aov).is_some());
     json!({
         "version": state.version,
@@ -27,7 +26,7 @@ pub(super) fn state(state: &State, frame: &Frame) -> Value {
         "defocus": state.wish.pose.defocus(),
         "exposure": png.exposure,
         "view": png.view.name(),
-        "views": ViewTransform::ALL.map(ViewTransform::name),
+        "views": state.look.views(),
         "pass": pass.map_or("", |aov| aov.info().option),
         "command": command(state),
     })

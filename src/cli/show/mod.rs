@@ -53,7 +53,7 @@ pub(super) fn draw(args: &RenderArgs, film: &Film, png: &PngOptions) {
     let picture = || Pixels { size: (film.width(), film.height()), rgba: rgba8(film, png) };
     let text = match chosen(how) {
         // Only for terminals that are known to have it; what an encoder refuses is drawn otherwise.
-        ShowArg::Kitty => match encode_png(film, &PngOptions { deep: false, ..*png }) {
+        ShowArg::Kitty => match encode_png(film, &PngOptions { deep: false, ..png.clone() }) {
             Ok(encoded) => kitty::text(&encoded.bytes, cells((film.width(), film.height()), room)),
             Err(_) => blocks::text(&fitting(&picture(), (room.0, room.1 * 2)), has_all_colors()),
         },

@@ -98,7 +98,7 @@ impl Model {
     }
 
     pub fn look(&self) -> Look {
-        Look { png: self.png, aov: None }
+        Look::new(self.png.clone())
     }
 
     /// What pages tell about it.

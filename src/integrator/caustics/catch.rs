@@ -2,10 +2,10 @@
 
 use super::super::Integrator;
 use super::super::group::Group;
+use super::super::hit_point::HitPoint;
 use super::super::interior::{AroundCamera, Interior};
 use super::super::layers::{FirstBounce, Way};
 use super::super::normals::{scattering_normal, terminator};
-use super::super::surface::HitPoint;
 use super::super::workspace::Workspace;
 use super::passage::STILL;
 use super::path::{CausticTally, LampPath};

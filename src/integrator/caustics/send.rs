@@ -1,9 +1,11 @@
 //! Light goes on: it is sent by smooth glass, mirrors and polished metal, and spread by other surfaces.
 
 use super::super::Integrator;
+use super::super::hit_point::HitPoint;
+use super::super::interior::Interior;
 use super::super::lanes::{get_rgb, set_rgb};
 use super::super::normals::{bent_normal, scattering_normal, terminator};
-use super::super::surface::HitPoint;
+use super::super::touching::Met;
 use super::super::workspace::Workspace;
 use super::follow::is_stretched;
 use super::path::LampPath;
@@ -13,6 +15,7 @@ use crate::compile::Role;
 use crate::math::{Frame, Ray, Vec3, offset_along};
 use crate::sampling::sampler::Dimensions;
 use crate::sampling::warp;
+use crate::shape::Surface;
 
 /// From so many surfaces on, paths may end.
 const FIRST_ROULETTE: u32 = 8;
@@ -29,6 +32,13 @@ struct Sender {
     wo: Vec3,
     /// Nothing else finds this light: nothing that is sent perfectly smoothly, or nothing at all.
     is_only_way: [bool; 2],
+}
+
+/// A sender, its surface, and the solids on the other side.
+struct Crossing {
+    sender: Sender,
+    surface: Surface,
+    beyond: Interior,
 }
 
 /// How light goes on.
@@ -52,6 +62,41 @@ impl Integrator<'_> {
         material_index: u32,
         w: &mut Workspace,
     ) -> Option<LampPath> {
+        let Crossing { sender, surface, beyond } = self.meet_sender(path, at, w);
+        let (material, arriving) = (at.material, &mut *w.arriving);
+        let radiance = get_rgb(&arriving.carried.throughput, 0);
+        let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
+        let sent = match role {
+            Role::Sends => self.scatter_light(&sender, [a, b, lobe])?,
+            _ => self.spread_light(&sender, material_index, [a, b, lobe])?,
+        };
+        let survival = match role {
+            Role::Sends if path.bounces < FIRST_ROULETTE => 1.0,
+            Role::Sends => SURVIVAL,
+            // So that those which go on bring as much as before.
+            _ => (sent.weight.max_element() * sent.scale).min(1.0),
+        };
+        let ng = surface.ng;
+        let is_lost = material.is_absent_from_behind && sent.direction.dot(ng) <= 0.0;
+        if roulette >= survival || is_lost {
+            return None;
+        }
+        let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
+        let origin = offset_along(surface.p, ng * side, ng.abs().dot(surface.p_error));
+        Some(LampPath {
+            ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, sent.direction) },
+            radiance: radiance * sent.weight,
+            scale: path.scale * sent.scale / survival,
+            interior: if sent.is_transmission { beyond } else { arriving.interior[0] },
+            bounces: path.bounces + 1,
+            has_roles: path.has_roles && role != Role::Neither,
+            is_only_way: path.is_only_way && (path.bounces > 0 || sent.is_specular),
+            ..*path
+        })
+    }
+
+    /// What light meets where it arrives at a surface; the lane of paths from lamps holds its state then.
+    fn meet_sender(&self, path: &LampPath, at: &HitPoint<'_>, w: &mut Workspace) -> Crossing {
         let waves = path.waves();
         let waves = waves.as_ref();
         let (wo, material, arriving) = (-path.ray.direction, at.material, &mut *w.arriving);
@@ -65,43 +110,25 @@ impl Integrator<'_> {
         let (bsdf, ns) = self.read_material(at, 0.0, wo, waves);
         let is_only_way = [path.is_only_way, path.is_only_way && path.bounces > 0];
         let mut sender = Sender { bsdf, ng: at.surface.ng, ns, wo, is_only_way };
-        let mut beyond = arriving.interior[0];
+        let (mut beyond, mut surface) = (arriving.interior[0], at.surface);
         if is_solid {
-            let boundary = self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves);
+            let boundary = match self.touching(&path.ray, at) {
+                None => self.boundary(bsdf, material, at.is_back, (path.bounces, 0), arriving, waves),
+                Some(touching) => {
+                    let met = Met { at: *at, bsdf, ns, width: 0.0 };
+                    let (met, boundary) =
+                        self.boundary_of_touching(met, touching, wo, (path.bounces, 0), arriving, waves);
+                    surface = met.at.surface;
+                    (sender.ng, sender.ns) = (surface.ng, met.ns);
+                    boundary
+                }
+            };
             (sender.bsdf, beyond) = (boundary.bsdf, boundary.beyond);
             if boundary.is_inverted {
                 (sender.ng, sender.ns) = (-sender.ng, -sender.ns);
             }
         }
-        let radiance = get_rgb(&arriving.carried.throughput, 0);
-        let [a, b, lobe, roulette] = path.point.sample_4d(&Dimensions::new(2 + path.bounces));
-        let sent = match role {
-            Role::Sends => self.scatter_light(&sender, [a, b, lobe])?,
-            _ => self.spread_light(&sender, material_index, [a, b, lobe])?,
-        };
-        let survival = match role {
-            Role::Sends if path.bounces < FIRST_ROULETTE => 1.0,
-            Role::Sends => SURVIVAL,
-            // So that those which go on bring as much as before.
-            _ => (sent.weight.max_element() * sent.scale).min(1.0),
-        };
-        let ng = at.surface.ng;
-        let is_lost = material.is_absent_from_behind && sent.direction.dot(ng) <= 0.0;
-        if roulette >= survival || is_lost {
-            return None;
-        }
-        let side = if sent.direction.dot(ng) < 0.0 { -1.0 } else { 1.0 };
-        let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
-        Some(LampPath {
-            ray: Ray { origin_primitive: (&at.hit).into(), ..Ray::new(origin, sent.direction) },
-            radiance: radiance * sent.weight,
-            scale: path.scale * sent.scale / survival,
-            interior: if sent.is_transmission { beyond } else { arriving.interior[0] },
-            bounces: path.bounces + 1,
-            has_roles: path.has_roles && role != Role::Neither,
-            is_only_way: path.is_only_way && (path.bounces > 0 || sent.is_specular),
-            ..*path
-        })
+        Crossing { sender, surface, beyond }
     }
 
     fn scatter_light(&self, at: &Sender, u: [f32; 3]) -> Option<Sent> {

@@ -41,6 +41,11 @@ pub struct Exported {
 /// # Errors
 /// An input error if there is no Blender, or with what Blender says.
 pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Exported> {
+    exported(path, options, parent, false)
+}
+
+/// The same, with links to pictures in the place of copies.
+fn exported(path: &Path, options: &LoadOptions, parent: &Path, links: bool) -> Result<Exported> {
     // Blender's own folder of work is another.
     let path = fs::canonicalize(path).map_err(|e| Error::input(path, format!("can't be read: {e}")))?;
     let host = host::find(&path, options.blender.program.as_deref())?;
@@ -50,7 +55,7 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
     });
     let (work, folder) =
         made.map_err(|e| Error::output(parent, format!("can't hold a temporary folder: {e}")))?;
-    let said = process::run(&host, &path, options, work.path(), &folder)?;
+    let said = process::run(&host, &path, options, work.path(), &folder, links)?;
     let of_file = |(place, message): (String, String)| Warning::new(&path, place, message);
     Ok(Exported {
         model: folder.join(process::MODEL).with_extension("glb"),
@@ -66,7 +71,7 @@ pub fn export(path: &Path, options: &LoadOptions, parent: &Path) -> Result<Expor
 /// Exports a file of Blender and reads the result.
 pub(super) fn load(path: &Path, options: &LoadOptions) -> Result<Loaded> {
     options.files.note(path);
-    let exported = export(path, options, &std::env::temp_dir())?;
+    let exported = exported(path, options, &std::env::temp_dir(), true)?;
     // What Blender has chosen is no choice about the model.
     let chosen = gltf::GltfOptions { time_s: exported.moment, scene: None, ..options.gltf.clone() };
     // What Blender writes goes again.

@@ -28,12 +28,14 @@ const PACKAGE: &[(&str, &str)] = &[
     ("geometry.py", include_str!("../../../tools/blender/oscura_blender/geometry.py")),
     ("glb.py", include_str!("../../../tools/blender/oscura_blender/glb.py")),
     ("glow.py", include_str!("../../../tools/blender/oscura_blender/glow.py")),
+    ("hair.py", include_str!("../../../tools/blender/oscura_blender/hair.py")),
     ("kept_meshes.py", include_str!("../../../tools/blender/oscura_blender/kept_meshes.py")),
     ("lights.py", include_str!("../../../tools/blender/oscura_blender/lights.py")),
     ("links.py", include_str!("../../../tools/blender/oscura_blender/links.py")),
     ("materials.py", include_str!("../../../tools/blender/oscura_blender/materials.py")),
     ("means.py", include_str!("../../../tools/blender/oscura_blender/means.py")),
     ("media.py", include_str!("../../../tools/blender/oscura_blender/media.py")),
+    ("mixes.py", include_str!("../../../tools/blender/oscura_blender/mixes.py")),
     ("motion.py", include_str!("../../../tools/blender/oscura_blender/motion.py")),
     ("objectwise.py", include_str!("../../../tools/blender/oscura_blender/objectwise.py")),
     ("originals.py", include_str!("../../../tools/blender/oscura_blender/originals.py")),
@@ -49,6 +51,7 @@ const PACKAGE: &[(&str, &str)] = &[
     ("trees.py", include_str!("../../../tools/blender/oscura_blender/trees.py")),
     ("uniform.py", include_str!("../../../tools/blender/oscura_blender/uniform.py")),
     ("variants.py", include_str!("../../../tools/blender/oscura_blender/variants.py")),
+    ("view_table.py", include_str!("../../../tools/blender/oscura_blender/view_table.py")),
     ("views.py", include_str!("../../../tools/blender/oscura_blender/views.py")),
     ("world.py", include_str!("../../../tools/blender/oscura_blender/world.py")),
 ];
@@ -59,13 +62,14 @@ const SCRIPT: &str = include_str!("../../../tools/blender/export.py");
 /// Lines of what a failed child printed that an error shows.
 const SHOWN: usize = 12;
 
-/// Exports a file into `folder`; what else it takes goes to `work`.
+/// Exports a file into `folder`, where pictures may be `links`; what else it takes goes to `work`.
 pub(super) fn run(
     host: &Host,
     file: &Path,
     options: &LoadOptions,
     work: &Path,
     folder: &Path,
+    links: bool,
 ) -> Result<Report> {
     let unwritable = |e: std::io::Error| Error::output(work, format!("can't be written: {e}"));
     let script = unpack(work).map_err(unwritable)?;
@@ -75,6 +79,9 @@ pub(super) fn run(
     command.arg("--").arg(file).arg(folder).arg(MODEL).arg(&answer);
     for (option, value) in choices(options) {
         command.arg(option).arg(value);
+    }
+    if links {
+        command.arg("--links");
     }
     command.stdin(Stdio::null()).stdout(output.0).stderr(output.1).current_dir(work);
     let program = host.program().display();

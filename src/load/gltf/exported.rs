@@ -29,6 +29,7 @@ pub(super) fn signs_of_loss(
     };
     Some(BlenderExport {
         white: named(&|s| s.is_white),
+        rough_metal: named(&|s| s.is_rough_metal),
         lost: named(&|s| s.is_lost),
         unused_alpha: named(&|s| s.ignores_alpha_of.is_some_and(|texture| has_alpha(scene, texture))),
         enclosing: enclosing(scene, signs, &lamps),

@@ -21,6 +21,47 @@ struct Source<'d> {
 
 /// Decodes what is needed, in the order of the needs. Problems are noted; the list is complete only without any.
 pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> Vec<Image> {
+    let (images, unreadable) = read_what_can_be(doc, needs, report);
+    unreadable.into_iter().for_each(|(_, problem)| {
+        report.add(problem);
+    });
+    images.into_iter().flatten().collect()
+}
+
+/// Decodes the images of textures, in the order of the needs. A white pixel stands for those whose bytes are no image, which
+/// come with what is said of them. Other problems are noted.
+pub(super) fn read_textures(
+    doc: &Document,
+    needs: &[ImageNeed],
+    report: &mut Report,
+) -> (Vec<Image>, Vec<(usize, String)>) {
+    let (images, unreadable) = read_what_can_be(doc, needs, report);
+    let blank = || Image {
+        name: String::new(),
+        width: 1,
+        height: 1,
+        channels: 1,
+        encoding: Encoding::Linear,
+        pixels: Arc::new(Pixels::U8(vec![255])),
+    };
+    let images = images.into_iter().map(|image| image.unwrap_or_else(blank)).collect();
+    let mut lost = Vec::new();
+    for (index, problem) in unreadable {
+        // What this build or a setting is to blame for has a remedy.
+        match problem.help {
+            Some(_) => drop(report.add(problem)),
+            None => lost.push((index, problem.message)),
+        }
+    }
+    (images, lost)
+}
+
+/// Decodes what is needed, in the order of the needs, and gives the problems of what can't be decoded by its index.
+fn read_what_can_be(
+    doc: &Document,
+    needs: &[ImageNeed],
+    report: &mut Report,
+) -> (Vec<Option<Image>>, Vec<(usize, Problem)>) {
     let mut sources: Vec<Source> = Vec::new();
     for &need in needs {
         if !sources.iter().any(|s| s.need.index == need.index) {
@@ -29,29 +70,28 @@ pub(super) fn read(doc: &Document, needs: &[ImageNeed], report: &mut Report) -> 
     }
     let path = doc.path;
     let decoded: Vec<_> = sources.par_iter().map(|source| decode_source(path, source)).collect();
-    let mut images = Vec::with_capacity(needs.len());
-    for Decoded { image, warnings, notes } in &decoded {
+    let mut unreadable = Vec::new();
+    for (source, Decoded { image, warnings, notes }) in sources.iter().zip(&decoded) {
         report.extend(warnings);
         report.extend_notes(notes);
         if let Err(problem) = image {
-            report.add(problem.clone());
+            unreadable.push((source.need.index, problem.clone()));
         }
     }
-    for need in needs {
-        let found = sources.iter().position(|s| s.need.index == need.index);
-        if let Some(Ok(image)) = found.and_then(|at| decoded.get(at)).map(|decoded| &decoded.image) {
-            let encoding = match *image.pixels {
-                Pixels::F32(_) => Encoding::Linear,
-                Pixels::U8(_) | Pixels::U16(_) => need.encoding,
-            };
-            let image = Image { encoding, ..image.clone() };
-            images.push(match need.gloss {
-                Some(gloss) => roughness(&image, gloss.factor()),
-                None => image,
-            });
-        }
-    }
-    images
+    let image = |need: &ImageNeed| {
+        let at = sources.iter().position(|s| s.need.index == need.index)?;
+        let image = decoded.get(at)?.image.as_ref().ok()?;
+        let encoding = match *image.pixels {
+            Pixels::F32(_) => Encoding::Linear,
+            Pixels::U8(_) | Pixels::U16(_) => need.encoding,
+        };
+        let image = Image { encoding, ..image.clone() };
+        Some(match need.gloss {
+            Some(gloss) => roughness(&image, gloss.factor()),
+            None => image,
+        })
+    };
+    (needs.iter().map(image).collect(), unreadable)
 }
 
 /// The roughness 1 - factor * alpha of an image of glossiness, as an image of one channel.

@@ -23,6 +23,8 @@ pub(super) struct Kept {
     pub surroundings: Option<Sound<Image>>,
     /// What the meshes left out.
     pub skipped: Skipped,
+    /// Images turned out to be none: materials that have been read refer to them.
+    loses_textures: bool,
 }
 
 /// Where a scene has what became of a mesh of the file that nothing deforms.
@@ -34,6 +36,21 @@ pub(super) struct StillMesh {
 }
 
 impl Kept {
+    /// These images, with what is said of them, can't be read.
+    pub fn lose_textures(&mut self, unreadable: Vec<(usize, String)>) {
+        self.loses_textures |= !unreadable.is_empty();
+        self.materials.textures.unreadable.extend(unreadable);
+    }
+
+    /// Forgets the materials if some refer to images that can't be read; then they are to be read again, without them.
+    pub fn forget_lost_textures(&mut self) -> bool {
+        let loses = std::mem::take(&mut self.loses_textures);
+        if loses {
+            self.forget_materials();
+        }
+        loses
+    }
+
     /// Forgets the materials and the meshes, which refer to them by number. Images stay decoded.
     pub fn forget_materials(&mut self) {
         self.materials.forget();

@@ -98,11 +98,18 @@ pub(super) fn load_moments(
     kept.materials.geometry_only = options.geometry_only;
     let mut played = Played::default();
     for time_s in moments {
-        report.begin_moment();
-        doc.begin_moment();
-        played.play(&mut doc, time_s, &mut kept, &mut report);
-        let moments = Moments::read(&doc, time_s, options, &mut kept, &mut report);
-        let (mut loaded, still) = at(&doc, time_s, moments.as_ref(), &mut kept, &mut report)?;
+        let mut read = |kept: &mut Kept| {
+            report.begin_moment();
+            doc.begin_moment();
+            played.play(&mut doc, time_s, kept, &mut report);
+            let moments = Moments::read(&doc, time_s, options, kept, &mut report);
+            at(&doc, time_s, moments.as_ref(), kept, &mut report)
+        };
+        let mut moment = read(&mut kept)?;
+        if kept.forget_lost_textures() {
+            moment = read(&mut kept)?;
+        }
+        let (mut loaded, still) = moment;
         if each(&mut loaded)?.is_break() {
             break;
         }

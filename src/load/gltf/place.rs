@@ -260,8 +260,10 @@ impl<'b, 'a> Builder<'b, 'a> {
     pub fn finish(self, report: &mut Report) -> (Scene, Vec<StillMesh>) {
         let Builder { mut scene, kept, doc, shapes, area_lights, .. } = self;
         let needs = &kept.materials.textures.images;
-        let further = report.lasting(|report| images::read(doc, &needs[kept.images.len()..], report));
+        let further = &needs[kept.images.len()..];
+        let (further, unreadable) = report.lasting(|report| images::read_textures(doc, further, report));
         kept.images.extend(further);
+        kept.lose_textures(unreadable);
         scene.images = kept.images.clone();
         kept.materials.settle_glass(&mut scene, doc.options.glass, report);
         scene.materials = kept.materials.list.clone();

@@ -10,7 +10,7 @@ use gltf::json::extensions::texture::TextureTransform as TransformJson;
 use gltf::json::texture::{MagFilter, MinFilter, Sampler, WrappingMode};
 use gltf::json::validation::Checked;
 use serde_json::Value;
-use std::collections::HashMap;
+use std::collections::{BTreeMap, HashMap};
 
 /// How a material refers to a texture.
 pub(super) struct Reference {
@@ -75,6 +75,8 @@ pub(super) struct Textures {
     pub list: Vec<Texture>,
     /// The images that they need; their ids count along.
     pub images: Vec<ImageNeed>,
+    /// What is said of images whose bytes are none, by index in the file.
+    pub unreadable: BTreeMap<usize, String>,
     known: HashMap<Key, Sound<TextureId>>,
 }
 
@@ -89,7 +91,7 @@ struct Key {
 }
 
 impl Textures {
-    /// Forgets all but the images that were needed.
+    /// Forgets all but the images that were needed, and those that can't be read.
     pub fn forget(&mut self) {
         self.list.clear();
         self.known.clear();
@@ -138,6 +140,10 @@ impl Textures {
             );
         };
         let image = doc.raw("images", index, &format!("{at}/source"), report)?;
+        if let Some(why) = self.unreadable.get(&index) {
+            let message = format!("{why}; the material's constants are used alone");
+            return Err(report.warn(pointer("images", index), message));
+        }
         let uri = image.get("uri").and_then(Value::as_str);
         if let Some(file) = uri.and_then(|uri| doc.missing_file(uri)) {
             let message =

@@ -4,11 +4,11 @@ use super::build::Build;
 use super::displaced;
 use super::fields::{Fields, nearest};
 use super::media;
-use super::pbr;
+use super::pbr::{self, Slots};
 use super::textures::Textures;
 use super::visibility::visible_to;
 use crate::error::Warning;
-use crate::scene::{AlphaMode, FloatSlot, Lamp, Material, Model};
+use crate::scene::{AlphaMode, Lamp, Material, Model};
 use std::ops::Range;
 
 /// The material of a model, with what the keys say; `None` if it has no parameters to change.
@@ -25,8 +25,8 @@ pub(super) fn adjusted<'a>(
         return None;
     };
     let medium = media::table(build, fields, "medium");
-    let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
-    pbr::adjust(fields, (&mut material, &mut model), medium, slot);
+    let slots = &mut Slots { build, textures, fields, of_model: true };
+    pbr::adjust((&mut material, &mut model), medium, slots);
     let modes = [
         ("opaque", AlphaMode::Opaque),
         ("mask", AlphaMode::Mask { cutoff: 0.5 }),
@@ -34,8 +34,7 @@ pub(super) fn adjusted<'a>(
     ];
     if let Some(mode) = fields.choice("alpha", &modes) {
         if material.alpha_mode == AlphaMode::Opaque {
-            let texture = model.base_color.texture.map(|texture| (texture, 3));
-            material.alpha = FloatSlot { factor: 1.0, texture };
+            material.alpha = pbr::alpha_of(&material, &model);
         }
         material.alpha_mode = mode;
     }

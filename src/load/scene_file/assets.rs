@@ -226,6 +226,11 @@ impl Shift {
                 even.0 += self.texture;
                 odd.0 += self.texture;
             }
+            Texture::Mix { a, b, factor } => {
+                for part in [a, b, factor] {
+                    part.0 += self.texture;
+                }
+            }
             Texture::Solid(_)
             | Texture::Normal
             | Texture::Facing(_)

@@ -14,12 +14,13 @@
 //! | `blades`, `blade_rotation` | instead of a round lens a polygon of 3 to 256 sides; how far it is turned counter-clockwise, degrees | round, 0 |
 //! | `aperture_ratio` | height over width of the lens: 2 for the tall discs of wide screens | 1 |
 //! | `shift` | `[x, y]`: the frame moves right and up by so many heights of the picture, what is in it left and down, as in Blender; upright lines stay parallel | `[0, 0]` |
+//! | `clip` | `[near, far]`: the camera sees only what lies between these distances from its plane (of panoramas from itself), metres, as in Blender; the rest still casts shadows and stands in mirrors | all |
 //! | `shutter` | how long the shutter is open, frames, 0 to 1000: what moves in that time is blurred; `--shutter` has precedence | 0 |
 //! | `shutter_position` | `"centre"`: around the picture's moment; `"start"`: from it on; `"end"`: up to it | `"centre"` |
 //! | `motion` | how the camera moves on, see `motion` | none |
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
-//! `shift` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
+//! `shift`, `clip` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
 
 use super::assets::Assets;
 use super::build::Build;
@@ -46,7 +47,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     let name = fields.string("name");
     let cameras = &mut build.loaded.scene.cameras;
     let mut found = false;
-    let (shift, projection) = (shift(fields), projection::read(fields));
+    let (shift, clip, projection) = (shift(fields), clip(fields), projection::read(fields));
     if fields.flag("default", false)
         && let Some(at) = cameras.iter().position(|c| name.as_ref().is_none_or(|n| n.value == c.name))
     {
@@ -58,6 +59,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
         camera.shift = shift.unwrap_or(camera.shift);
+        camera.clip = clip.or(camera.clip);
         projection::change(camera, projection);
     }
     if !found {
@@ -140,9 +142,23 @@ fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Cam
         None => return placed(fields),
     }?;
     camera.shift = shift(fields).unwrap_or(camera.shift);
+    camera.clip = clip(fields).or(camera.clip);
     projection::change(&mut camera, projection::read(fields));
     camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
     Some(camera)
+}
+
+/// What the camera sees, by distances from its plane.
+fn clip(fields: &Fields) -> Option<[f64; 2]> {
+    let clip = fields.numbers::<2>("clip")?;
+    let [near, far] = clip.value;
+    if !(near >= 0.0 && far > near && far <= 1e18) {
+        fields
+            .problems
+            .push(clip.span, "'clip' must be two distances, the first from 0 and the second beyond it");
+        return None;
+    }
+    Some(clip.value)
 }
 
 /// How far the picture is moved, in its heights.
@@ -240,7 +256,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
         false => Some(projection::perspective(fields)),
     };
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
-    let shift = shift(fields);
+    let (shift, clip) = (shift(fields), clip(fields));
     let (eye, target, projection) = (eye?, target?.value, projection?);
     // A camera that looks straight up or down has y along the view: the picture's top is where -z is then.
     let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
@@ -260,6 +276,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
         aspect_ratio: aspect_ratio.or(projection::aspect_ratio(&projection)),
         lens,
         shift: shift.unwrap_or_default(),
+        clip,
         motion: None,
     })
 }

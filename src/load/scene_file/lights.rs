@@ -11,8 +11,9 @@
 //!
 //! `ies = "lamp.ies"` gives points and spots without a radius the profile of a luminaire (IES LM-63, photometry of type C; the
 //! path is relative to this file). It shines along `direction` or to `target`, points without either down, and `turn`
-//! turns it about that way by so many degrees; a spot's cone cuts it. Without `power` and `intensity` it is as bright as the file says
-//! (candela times its factors, by 683 lm/W); `intensity` is that of its brightest direction, `power` that of all
+//! turns it about that way by so many degrees; a spot's cone cuts it. Horizontal angles turn counter-clockwise as seen from behind
+//! the lamp, with `clockwise = true` the other way, as Cycles has them. Without `power` and `intensity` it is as bright as the file says
+//! (candela times its factors, by 683 lm/W), times `strength`; `intensity` is that of its brightest direction, `power` that of all
 //! directions together, before a cone cuts it.
 //!
 //! Beside a model, `node = "NAME"` stands for position, centre and direction: the light takes the place of an empty node of

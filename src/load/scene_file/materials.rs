@@ -28,6 +28,7 @@
 use super::build::Build;
 use super::fields::{Fields, named, nearest};
 use super::light_traits::group;
+use super::pbr::Slots;
 use super::textures::Textures;
 use super::{adjusted, displaced, hair, media, metals, pbr};
 use crate::error::Warning;
@@ -220,8 +221,7 @@ fn read<'a>(
         Kind::Hair => Material::new(name, hair::read(fields, slot)),
         Kind::Pbr => {
             let medium = media::table(build, fields, "medium");
-            let slot = |key, otherwise| textures.slot(build, fields, key).unwrap_or(otherwise);
-            pbr::material(fields, name, medium, slot)
+            pbr::material(name, medium, &mut Slots { build, textures, fields, of_model: false })
         }
     };
     material.light_group = light_group;

@@ -36,7 +36,7 @@ pub(super) fn read_parts<'a>(
     camera: impl FnOnce(&mut Build, &mut Assets),
 ) {
     if let Some(fields) = root.table("render") {
-        build.loaded.scene.settings = settings::read(&fields);
+        build.loaded.scene.settings = settings::read(build, &fields);
     }
     let mut textures = Textures::new(root.table("textures"));
     let mut materials = Materials::new(root.table("materials"));

@@ -24,49 +24,85 @@
 //! | `emission` | none | radiance |
 //! | `two_sided` | true | the back scatters (and shines) as the front does; false: seen from behind the surface is not there |
 
+use super::build::Build;
 use super::fields::Fields;
 use super::media;
+use super::textures::Textures;
 use crate::scene::{
     AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
     Material, Medium, Model, PbrMaterial, Sheen,
 };
 
-/// Reads the material; `slot` reads a colour or the name of a texture, with a default.
-pub(super) fn material(
-    fields: &Fields,
-    name: &str,
-    medium: Option<Medium>,
-    slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
-) -> Material {
+/// Reads colours, numbers and names of textures in place of others.
+pub(super) struct Slots<'s, 'a, 'b> {
+    pub build: &'s mut Build<'b>,
+    pub textures: &'s mut Textures<'a>,
+    pub fields: &'s Fields<'a>,
+    /// The others are those of a model, which textures may refer to.
+    pub of_model: bool,
+}
+
+impl Slots<'_, '_, '_> {
+    fn color(&mut self, key: &'static str, otherwise: ColorSlot) -> ColorSlot {
+        match self.of_model {
+            true => self.textures.color_in_place(self.build, self.fields, key, otherwise),
+            false => self.textures.slot(self.build, self.fields, key).unwrap_or(otherwise),
+        }
+    }
+
+    /// A number from 0 to 1, or the name of a texture, whose red counts.
+    fn number(&mut self, key: &'static str, otherwise: FloatSlot) -> FloatSlot {
+        self.number_beside(key, otherwise, otherwise)
+    }
+
+    /// The same where a model has another one than what is taken without the key.
+    fn number_beside(&mut self, key: &'static str, otherwise: FloatSlot, own: FloatSlot) -> FloatSlot {
+        if self.fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
+            return share(self.fields, key, otherwise);
+        }
+        let found = match self.of_model {
+            true => self.textures.number_in_place(self.build, self.fields, key, own),
+            false => {
+                let texture = self.textures.slot(self.build, self.fields, key).and_then(|slot| slot.texture);
+                texture.map(|id| FloatSlot::texture(id, 0))
+            }
+        };
+        found.unwrap_or(otherwise)
+    }
+}
+
+/// Reads the material.
+pub(super) fn material(name: &str, medium: Option<Medium>, slots: &mut Slots) -> Material {
     let metallic = FloatSlot::constant(0.0);
     let model = PbrMaterial { metallic, ..PbrMaterial::default() };
-    check_layers(fields);
+    check_layers(slots.fields);
     let (mut model, mut material) = (model, Material::new(name, Model::Black));
-    adjust(fields, (&mut material, &mut model), medium, slot);
+    adjust((&mut material, &mut model), medium, slots);
     Material { model: Model::Pbr(Box::new(model)), ..material }
 }
 
 /// Changes a glTF material and its model in what the keys say; all else stays.
 pub(super) fn adjust(
-    fields: &Fields,
     (material, model): (&mut Material, &mut PbrMaterial),
     medium: Option<Medium>,
-    mut slot: impl FnMut(&'static str, ColorSlot) -> ColorSlot,
+    slots: &mut Slots,
 ) {
-    model.base_color = slot("base_color", model.base_color);
-    model.metallic = number(fields, "metallic", model.metallic, &mut slot);
-    model.roughness = number(fields, "roughness", model.roughness, &mut slot);
+    let fields = slots.fields;
+    let alpha = alpha_of(material, model);
+    model.base_color = slots.color("base_color", model.base_color);
+    model.metallic = slots.number("metallic", model.metallic);
+    model.roughness = slots.number("roughness", model.roughness);
     model.diffuse_roughness = share(fields, "diffuse_roughness", model.diffuse_roughness);
     model.ior = fields.number_in("ior", 1.0..10.0, model.ior.into()) as f32;
-    model.specular = number(fields, "specular", model.specular, &mut slot);
-    model.specular_color = slot("specular_color", model.specular_color);
-    model.transmission = number(fields, "transmission", model.transmission, &mut slot);
+    model.specular = slots.number("specular", model.specular);
+    model.specular_color = slots.color("specular_color", model.specular_color);
+    model.transmission = slots.number("transmission", model.transmission);
     if fields.has("opacity") {
-        material.alpha = number(fields, "opacity", FloatSlot::constant(1.0), &mut slot);
+        material.alpha = slots.number_beside("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;
     }
     volume(fields, model);
-    layers(fields, model, &mut slot);
+    layers(model, slots);
     filling(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
     let two_sided = material.double_sided;
@@ -74,7 +110,8 @@ pub(super) fn adjust(
         emission.two_sided = two_sided;
     }
     if fields.has("emission") {
-        let radiance = slot("emission", ColorSlot::constant([0.0; 3]));
+        let own = material.emission.as_ref().map_or(ColorSlot::constant([0.0; 3]), |e| e.radiance);
+        let radiance = slots.color("emission", own);
         material.emission = Some(Emission { radiance, two_sided });
     }
 }
@@ -86,18 +123,15 @@ fn share(fields: &Fields, key: &'static str, otherwise: FloatSlot) -> FloatSlot 
     }
 }
 
-/// A number from 0 to 1, or the name of a texture, whose red counts.
-fn number(
-    fields: &Fields,
-    key: &'static str,
-    otherwise: FloatSlot,
-    slot: &mut impl FnMut(&'static str, ColorSlot) -> ColorSlot,
-) -> FloatSlot {
-    if fields.raw(key).is_none_or(|value| value.get_ref().as_str().is_none()) {
-        return share(fields, key, otherwise);
+/// The alpha of a material, also of one that doesn't use it yet.
+pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
+    match material.alpha_mode {
+        AlphaMode::Opaque => {
+            let texture = model.base_color.texture.map(|texture| (texture, 3));
+            FloatSlot { factor: 1.0, texture }
+        }
+        _ => material.alpha,
     }
-    let texture = slot(key, ColorSlot::constant([1.0; 3])).texture;
-    texture.map_or(otherwise, |id| FloatSlot::texture(id, 0))
 }
 
 fn volume(fields: &Fields, model: &mut PbrMaterial) {
@@ -164,18 +198,15 @@ fn check_layers(fields: &Fields) {
     }
 }
 
-fn layers(
-    fields: &Fields,
-    model: &mut PbrMaterial,
-    slot: &mut impl FnMut(&'static str, ColorSlot) -> ColorSlot,
-) {
+fn layers(model: &mut PbrMaterial, slots: &mut Slots) {
+    let fields = slots.fields;
     const NONE: FloatSlot = FloatSlot::constant(0.0);
     let coat = model.clearcoat.unwrap_or(Clearcoat { factor: NONE, roughness: NONE, normal_map: None });
     let factor = share(fields, "clearcoat", coat.factor);
     let coat = Clearcoat { factor, roughness: share(fields, "clearcoat_roughness", coat.roughness), ..coat };
     model.clearcoat = (coat.factor.factor > 0.0).then_some(coat);
     let sheen = model.sheen.unwrap_or(Sheen { color: ColorSlot::constant([0.0; 3]), roughness: NONE });
-    let color = slot("sheen_color", sheen.color);
+    let color = slots.color("sheen_color", sheen.color);
     let sheen = Sheen { color, roughness: share(fields, "sheen_roughness", sheen.roughness) };
     model.sheen = (sheen.color.factor != [0.0; 3]).then_some(sheen);
     let anisotropy =
@@ -191,7 +222,8 @@ fn layers(
     let white = ColorSlot::constant([1.0; 3]);
     let through = model.diffuse_transmission.unwrap_or(DiffuseTransmission { factor: NONE, color: white });
     let factor = share(fields, "diffuse_transmission", through.factor);
-    let through = DiffuseTransmission { factor, color: slot("diffuse_transmission_color", through.color) };
+    let through =
+        DiffuseTransmission { factor, color: slots.color("diffuse_transmission_color", through.color) };
     model.diffuse_transmission = (through.factor.factor > 0.0).then_some(through);
 }
 

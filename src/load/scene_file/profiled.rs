@@ -28,9 +28,17 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Option<(Arc<LightProfile>,
     };
     // Read in any case: what is asked for is known.
     let told = (positive(fields, "power"), positive(fields, "intensity"));
+    let strength = positive(fields, "strength");
+    if strength.is_some() && told != (None, None) {
+        let message =
+            "'strength' is a factor on what the 'ies' file says, which 'power' and 'intensity' replace";
+        fields.problems.push(fields.span(), message);
+    }
+    let is_clockwise = fields.flag("clockwise", false);
+    let profile = if is_clockwise { profile.map(LightProfile::mirrored) } else { profile };
     let (profile, peak) = ies::relative(profile?);
     let intensity = match told {
-        (None, None) => peak / ies::LUMENS_PER_WATT,
+        (None, None) => strength.unwrap_or(1.0) * peak / ies::LUMENS_PER_WATT,
         (Some(power), None) => power / (4.0 * PI * f64::from(profile.mean(STEPS)).max(1e-9)),
         (None, Some(intensity)) => intensity,
         (Some(_), Some(_)) => {

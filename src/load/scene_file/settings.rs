@@ -12,14 +12,16 @@
 //! | `spectral` | `true` renders by wavelength, as `--spectral` | |
 //! | `aovs` | list of further channels of the EXR, as `--aov` takes them, beside those that it names | |
 //! | `exposure` | exposure of PNGs and the like in stops | -100 to 100 |
-//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma` | |
+//! | `view` | how they look: `srgb`, `filmic`, `agx`, `agx-punchy`, `pbr-neutral`, `false-color`, `gamma`, or the file of a table (cinespace, `.csp`, from linear Rec. 709 to sRGB; `ociobakelut` writes such, and the export of Blender's scenes) | |
 //! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
 //! | `noise` | relative error in percent at which the picture is done; `samples` are the most of a pixel then | above 0 to 1000 |
 //! | `denoise` | `true` takes the noise out of the finished picture | |
 //! | `crop` | `[x0, y0, x1, y1]`: only the pixels from column x0 and row y0 to before column x1 and row y1 | within the picture |
 
+use super::build::Build;
 use super::fields::Fields;
-use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings, VIEWS};
+use crate::color::ViewTransform;
+use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
 use std::ops::Range;
 
 /// A list of names.
@@ -52,7 +54,7 @@ fn crop(fields: &Fields) -> Option<[u32; 4]> {
     Some(found.value.map(|v| v as u32))
 }
 
-pub(super) fn read(fields: &Fields) -> Settings {
+pub(super) fn read(build: &Build, fields: &Fields) -> Settings {
     let filters =
         [("box", Filter::Box), ("gaussian", Filter::Gaussian), ("blackman-harris", Filter::BlackmanHarris)];
     let settings = Settings {
@@ -68,7 +70,7 @@ pub(super) fn read(fields: &Fields) -> Settings {
             .choice("fresnel", &[("exact", FresnelModel::Exact), ("schlick", FresnelModel::Schlick)]),
         spectral: fields.has("spectral").then(|| fields.flag("spectral", false)),
         aovs: names(fields, "aovs"),
-        view: fields.choice("view", &VIEWS.map(|view| (view, view))).map(str::to_string),
+        view: view(build, fields),
         white_balance: number(fields, "white_balance", 1667.0..25_000.0),
         noise: number(fields, "noise", 1e-3..1000.0),
         denoise: fields.has("denoise").then(|| fields.flag("denoise", false)),
@@ -77,4 +79,19 @@ pub(super) fn read(fields: &Fields) -> Settings {
     };
     fields.finish();
     settings
+}
+
+fn view(build: &Build, fields: &Fields) -> Option<ViewTransform> {
+    let given = fields.string("view")?;
+    if !ViewTransform::is_file(given.value) {
+        let names = ViewTransform::NAMED.map(|(_, name, _)| (name, name));
+        return fields.choice("view", &names).and_then(ViewTransform::from_name);
+    }
+    let path = build.file.parent().unwrap_or(build.file).join(given.value);
+    build.options.files.note(&path);
+    let bytes = std::fs::read(&path).map_err(|error| format!("can't be read: {error}"));
+    bytes
+        .and_then(|bytes| ViewTransform::from_table(&bytes, &path))
+        .map_err(|message| fields.problems.push(given.span, format!("{}: {message}", path.display())))
+        .ok()
 }

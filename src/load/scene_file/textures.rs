@@ -3,8 +3,10 @@
 //! | `type` | Keys |
 //! |---|---|
 //! | `"solid"` | `color` |
-//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `mapping` = `uv`, or `triplanar` with the `size` that the image covers (1 m) |
+//! | `"image"` | `file`; `wrap` = `repeat`, `mirror` or `clamp`; `interpolation` = `trilinear`, `bilinear` or `nearest`; `encoding` = `srgb` or `linear` of integers; `mapping` = `uv`, `triplanar` with the `size` that the image covers (1 m), or `own`: as the texture `"own"` lies, with its `wrap` and `interpolation` |
 //! | `"checker"` | `even`, `odd` (colours or names of textures); `size` of a cell; `mapping` = `world` (cubes) or `uv` |
+//! | `"mix"` | `a`, `b`, `factor` (colours, numbers or names of textures): `a + factor (b - a)`, each channel by its own, alpha by the mean of the factor's |
+//! | `"own"` | none: the texture that a material of a model has where the file beside the model names this one, or what this is a part of; white where it has none. The model's factor and channel stay |
 //! | `"normal"` | none: the surface's normal n in world space as a colour, (n + 1) / 2 |
 //! | `"facing"` | `colors`, a list of colours or numbers by the cosine of the angle between the view and the normal, evenly spaced from 0 (seen at grazing angles) to 1 (head on), linear between; at least two |
 //! | `"spectrum"` | a measured spectrum, see `spectra` |
@@ -15,8 +17,10 @@ use super::fields::{Fields, color, named};
 use super::spectra;
 use crate::image::{Encoding, Image, Pixels};
 use crate::load::image::{self, Use};
-use crate::scene::{ColorSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap};
-use std::collections::HashMap;
+use crate::scene::{
+    ColorSlot, FloatSlot, ImageId, Interpolation, Mapping, NoiseKind, Texture, TextureId, Wrap,
+};
+use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 use std::sync::Arc;
 use toml::Spanned;
@@ -27,16 +31,20 @@ enum Kind {
     Solid,
     Image,
     Checker,
+    Mix,
+    Own,
     Normal,
     Facing,
     Spectrum,
     Noise(NoiseKind),
 }
 
-const KINDS: [(&str, Kind); 9] = [
+const KINDS: [(&str, Kind); 11] = [
     ("solid", Kind::Solid),
     ("image", Kind::Image),
     ("checker", Kind::Checker),
+    ("mix", Kind::Mix),
+    ("own", Kind::Own),
     ("normal", Kind::Normal),
     ("facing", Kind::Facing),
     ("spectrum", Kind::Spectrum),
@@ -50,13 +58,24 @@ pub(super) struct Textures<'a> {
     fields: Option<Fields<'a>>,
     /// `None` while a texture is being read, and for one that has problems.
     done: HashMap<String, Option<TextureId>>,
+    /// Those that are read anew for each place in a model's materials.
+    of_models: HashSet<String>,
     /// Only the keys are checked: nothing is opened and nothing added to the scene.
     checking: bool,
+    /// What `"own"` means now; `None` where nothing is.
+    own: Option<Own>,
+}
+
+/// What a model's material has where a texture is named in its place.
+struct Own {
+    texture: Option<TextureId>,
+    /// Was it asked for?
+    is_met: bool,
 }
 
 impl<'a> Textures<'a> {
     pub fn new(fields: Option<Fields<'a>>) -> Textures<'a> {
-        Textures { fields, done: HashMap::new(), checking: false }
+        Textures { fields, done: HashMap::new(), of_models: HashSet::new(), checking: false, own: None }
     }
 
     /// Are only keys checked?
@@ -73,6 +92,50 @@ impl<'a> Textures<'a> {
         }
     }
 
+    /// The same in the place of a colour of a model's material.
+    pub fn color_in_place(
+        &mut self,
+        build: &mut Build,
+        fields: &Fields<'a>,
+        key: &'static str,
+        own: ColorSlot,
+    ) -> ColorSlot {
+        let (found, is_own) = self.in_place(build, fields, key, own.texture);
+        let found = found.unwrap_or(own);
+        if is_own { ColorSlot { texture: found.texture, ..own } } else { found }
+    }
+
+    /// A texture in the place of a number of a model's material; `None` without one.
+    pub fn number_in_place(
+        &mut self,
+        build: &mut Build,
+        fields: &Fields<'a>,
+        key: &'static str,
+        own: FloatSlot,
+    ) -> Option<FloatSlot> {
+        fields.raw(key)?.get_ref().as_str()?;
+        let (found, is_own) = self.in_place(build, fields, key, own.texture.map(|(id, _)| id));
+        let texture = found?.texture?;
+        let channel = own.texture.map_or(0, |(_, channel)| channel);
+        Some(match is_own {
+            true => FloatSlot { texture: Some((texture, channel)), ..own },
+            false => FloatSlot::texture(texture, 0),
+        })
+    }
+
+    /// A slot where a model's material has a texture of its own; is that one a part of it?
+    fn in_place(
+        &mut self,
+        build: &mut Build,
+        fields: &Fields<'a>,
+        key: &'static str,
+        texture: Option<TextureId>,
+    ) -> (Option<ColorSlot>, bool) {
+        self.own = Some(Own { texture, is_met: false });
+        let found = self.slot(build, fields, key);
+        (found, self.own.take().is_some_and(|own| own.is_met))
+    }
+
     /// The texture of a name, read now if it hasn't been.
     pub fn get(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<TextureId> {
         if let Some(done) = self.done.get(name) {
@@ -84,9 +147,18 @@ impl<'a> Textures<'a> {
             return Some(TextureId(0));
         }
         self.done.insert(name.to_string(), None);
+        let was_met = self.own.as_mut().is_some_and(|own| std::mem::take(&mut own.is_met));
         let texture = self.read(build, name, value);
         let id = texture.map(|t| push(build, t));
         self.done.insert(name.to_string(), id);
+        if let Some(own) = &mut self.own {
+            if own.is_met {
+                // Elsewhere it is another one.
+                self.done.remove(name);
+                self.of_models.insert(name.to_string());
+            }
+            own.is_met |= was_met;
+        }
         id
     }
 
@@ -100,8 +172,10 @@ impl<'a> Textures<'a> {
         fields.require("type", fields.string("type"));
         let texture = match fields.choice("type", &KINDS)? {
             Kind::Solid => fields.require("color", fields.color("color")).map(|c| Texture::Solid(c.value)),
-            Kind::Image => image_texture(build, &fields, self.checking),
+            Kind::Image => self.image(build, &fields),
             Kind::Checker => self.checker(build, &fields, name),
+            Kind::Mix => self.mix(build, &fields, name),
+            Kind::Own => self.own(build, &fields),
             Kind::Normal => Some(Texture::Normal),
             Kind::Facing => facing(&fields),
             Kind::Spectrum => spectra::read(&fields).map(|curve| Texture::Spectrum(Arc::new(curve))),
@@ -112,15 +186,61 @@ impl<'a> Textures<'a> {
     }
 
     fn checker(&mut self, build: &mut Build, fields: &Fields<'a>, name: &str) -> Option<Texture> {
-        let even = self.cell(build, fields, "even", name);
-        let odd = self.cell(build, fields, "odd", name);
+        let even = self.part(build, fields, "even", name);
+        let odd = self.part(build, fields, "odd", name);
         let cell_size = fields.number_in("size", 1e-9..1e9, 1.0) as f32;
         let mappings = [("world", Mapping::World), ("uv", Mapping::default())];
         let mapping = fields.choice("mapping", &mappings).unwrap_or(Mapping::World);
         Some(Texture::Checker { even: even?, odd: odd?, cell_size, mapping })
     }
 
-    fn cell(
+    fn mix(&mut self, build: &mut Build, fields: &Fields<'a>, name: &str) -> Option<Texture> {
+        let [a, b, factor] = ["a", "b", "factor"].map(|key| self.part(build, fields, key, name));
+        Some(Texture::Mix { a: a?, b: b?, factor: factor? })
+    }
+
+    /// The model's own texture, marked as asked for.
+    fn own(&mut self, build: &mut Build, fields: &Fields<'a>) -> Option<Texture> {
+        if self.checking {
+            return Some(Texture::Solid([1.0; 3]));
+        }
+        let Some(own) = &mut self.own else {
+            let message = "there is no texture of a model where this one is named";
+            let help = "\"own\" works in [materials.NAME] of a file beside a model, of a material of the model, without a 'type'";
+            fields.problems.push_help(fields.span(), message, help);
+            return None;
+        };
+        own.is_met = true;
+        let texture = own.texture.map(|id| build.loaded.scene.textures[id.index()].clone());
+        Some(texture.unwrap_or(Texture::Solid([1.0; 3])))
+    }
+
+    fn image(&mut self, build: &mut Build, fields: &Fields<'a>) -> Option<Texture> {
+        let (texture, lies) = image_texture(build, fields, self.checking)?;
+        if lies != Lies::Own {
+            return Some(texture);
+        }
+        for key in ["wrap", "interpolation"] {
+            if fields.has(key) {
+                let message = format!("'{key}' is that of the model's own texture: leave it out");
+                fields.problems.push(fields.span(), message);
+            }
+        }
+        let (own, Texture::Image { image, .. }) = (self.own(build, fields)?, &texture) else { return None };
+        match own {
+            Texture::Image { wrap_u, wrap_v, interpolation, mapping, .. } => {
+                Some(Texture::Image { image: *image, wrap_u, wrap_v, interpolation, mapping })
+            }
+            _ if self.checking => Some(texture),
+            _ => {
+                let message = "the model's material has no picture here that this one could lie as";
+                fields.problems.push_help(fields.span(), message, "leave 'mapping' out");
+                None
+            }
+        }
+    }
+
+    fn part(
         &mut self,
         build: &mut Build,
         fields: &Fields<'a>,
@@ -152,7 +272,7 @@ impl<'a> Textures<'a> {
     pub fn check_unused(&mut self, build: &mut Build) {
         self.checking = true;
         let mut unused: Vec<_> = self.fields.iter().flat_map(|f| f.entries()).collect();
-        unused.retain(|(name, _)| !self.done.contains_key(*name));
+        unused.retain(|(name, _)| !self.done.contains_key(*name) && !self.of_models.contains(*name));
         for (name, value) in unused {
             self.read(build, name, value);
             build.loaded.left_out.push(format!("texture '{name}': nothing refers to it"));
@@ -166,7 +286,17 @@ fn push(build: &mut Build, texture: Texture) -> TextureId {
     TextureId(textures.len() as u32 - 1)
 }
 
-fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<Texture> {
+/// How an image lies on surfaces.
+#[derive(Clone, Copy, PartialEq)]
+enum Lies {
+    Uv,
+    Triplanar,
+    Own,
+}
+
+const MAPPINGS: [(&str, Lies); 3] = [("uv", Lies::Uv), ("triplanar", Lies::Triplanar), ("own", Lies::Own)];
+
+fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<(Texture, Lies)> {
     let wraps = [("repeat", Wrap::Repeat), ("mirror", Wrap::Mirror), ("clamp", Wrap::Clamp)];
     let wrap = fields.choice("wrap", &wraps).unwrap_or_default();
     let interpolations = [
@@ -176,12 +306,14 @@ fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<T
     ];
     let interpolation = fields.choice("interpolation", &interpolations).unwrap_or_default();
     let file = fields.require("file", fields.string("file"))?;
+    let encodings = [("srgb", Use::Color), ("linear", Use::Data)];
+    let purpose = fields.choice("encoding", &encodings).unwrap_or(Use::Color);
     let image = match checking {
         true => ImageId(0),
-        false => read_image(build, file.value, file.span, Use::Color)?,
+        false => read_image(build, file.value, file.span, purpose)?,
     };
-    let mappings = [("uv", 0), ("triplanar", 1)];
-    let is_triplanar = fields.choice("mapping", &mappings) == Some(1);
+    let lies = fields.choice("mapping", &MAPPINGS).unwrap_or(Lies::Uv);
+    let is_triplanar = lies == Lies::Triplanar;
     if !is_triplanar && fields.has("size") {
         fields.problems.push(fields.span(), "'size' of an image needs mapping = \"triplanar\"");
     }
@@ -189,7 +321,7 @@ fn image_texture(build: &mut Build, fields: &Fields, checking: bool) -> Option<T
         true => Mapping::Triplanar { size: fields.number_in("size", 1e-9..1e9, 1.0) as f32 },
         false => Mapping::default(),
     };
-    Some(Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping })
+    Some((Texture::Image { image, wrap_u: wrap, wrap_v: wrap, interpolation, mapping }, lies))
 }
 
 /// Largest number of colours.

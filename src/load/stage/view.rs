@@ -47,6 +47,7 @@ pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settin
         aspect_ratio: None,
         lens: None,
         shift: [0.0; 2],
+        clip: None,
         motion: None,
     };
     Framed { camera, target: on_grid(center, size) }

@@ -40,6 +40,16 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
     let [x, y] = camera.shift;
     let is_met = x.abs() <= FARTHEST_SHIFT && y.abs() <= FARTHEST_SHIFT;
     findings.require(is_met, place, "shift", camera.shift, "at most 1000 heights of the picture");
+    if let Some([near, far]) = camera.clip {
+        let is_met = near >= 0.0 && far > near && far <= FARTHEST_FOCUS;
+        findings.require(
+            is_met,
+            place,
+            "clip",
+            [near, far],
+            "two distances from 0 to 1e18, the second beyond the first",
+        );
+    }
     if let Some(lens) = camera.lens {
         let angle = lens.defocus_angle_rad;
         let is_met = (0.0..PI).contains(&angle);

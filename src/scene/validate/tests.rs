@@ -86,8 +86,8 @@ fn textures_and_images() {
     assert_eq!(
         told(&scene),
         [
-            "textures[0], even: is TextureId(0), but must be a texture that comes before the checker",
-            "textures[0], odd: is TextureId(5), but must be a texture that comes before the checker",
+            "textures[0], even: is TextureId(0), but must be a texture that comes before this one",
+            "textures[0], odd: is TextureId(5), but must be a texture that comes before this one",
         ]
     );
     // Each holds the one before.
@@ -97,6 +97,17 @@ fn textures_and_images() {
     assert_eq!(
         told(&scene),
         ["textures[64], nesting: is 65, but must be at most 64 textures, one in the other"]
+    );
+    let mix = |a, b, factor| Texture::Mix { a: TextureId(a), b: TextureId(b), factor: TextureId(factor) };
+    scene.textures[64] = mix(0, 62, 63);
+    assert_eq!(told(&scene).len(), 1);
+    scene.textures = vec![Texture::Normal, mix(0, 1, 2), mix(0, 0, 1)];
+    assert_eq!(
+        told(&scene),
+        [
+            "textures[1], b: is TextureId(1), but must be a texture that comes before this one",
+            "textures[1], factor: is TextureId(2), but must be a texture that comes before this one",
+        ]
     );
     let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
     (image.width, image.channels) = (3, 5);
@@ -157,6 +168,7 @@ fn lights_cameras_shapes_and_settings() {
         aspect_ratio: None,
         lens: None,
         shift: [0.0; 2],
+        clip: None,
         motion: None,
     });
     scene.settings = Settings { width: Some(0), ..Settings::default() };

@@ -20,10 +20,16 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 findings.require_length(f64::from(*cell_size), place, "cell_size", cell_size);
                 check_mapping(mapping, place, findings);
                 for (field, cell) in [("even", *even), ("odd", *odd)] {
-                    depth = depth.max(1 + check_cell(cell, field, &depths, place, findings));
+                    depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
                 }
                 let is_met = depth <= MOST_NESTED_TEXTURES;
-                findings.require(is_met, place, "nesting", depth, "at most 64 textures, one in the other");
+                findings.require(is_met, place, "nesting", depth, NESTING);
+            }
+            Texture::Mix { a, b, factor } => {
+                for (field, part) in [("a", *a), ("b", *b), ("factor", *factor)] {
+                    depth = depth.max(1 + check_part(part, field, &depths, place, findings));
+                }
+                findings.require(depth <= MOST_NESTED_TEXTURES, place, "nesting", depth, NESTING);
             }
             Texture::Normal | Texture::Spectrum(_) => {}
             Texture::Facing(colors) => {
@@ -41,17 +47,19 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     }
 }
 
-/// The depth of a checker's cell; 0 where there is none.
-fn check_cell(
-    cell: TextureId,
+const NESTING: &str = "at most 64 textures, one in the other";
+
+/// The depth of a part of a texture; 0 where there is none.
+fn check_part(
+    part: TextureId,
     field: &'static str,
     depths: &[u32],
     place: Place,
     findings: &mut Findings,
 ) -> u32 {
-    let depth = depths.get(cell.index()).copied();
+    let depth = depths.get(part.index()).copied();
     // This also rules out circles.
-    findings.require(depth.is_some(), place, field, cell, "a texture that comes before the checker");
+    findings.require(depth.is_some(), place, field, part, "a texture that comes before this one");
     depth.unwrap_or(0)
 }
 

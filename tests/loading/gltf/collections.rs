@@ -161,9 +161,9 @@ fn damaged_basis_universal_files_never_panic() {
             let mut bytes = whole.clone();
             bytes[at] ^= 0xff;
             let loaded = load_with(&asset, &[("a.bin", &triangle_bytes()), ("a.ktx2", &bytes)]);
-            refused += usize::from(loaded.is_err());
+            refused += usize::from(loaded.is_ok_and(|loaded| loaded.scene.textures.is_empty()));
         }
-        println!("{}: {refused} of {} changes are refused", path.display(), whole.len());
+        println!("{}: {refused} of {} changes lose it", path.display(), whole.len());
         assert!(refused > 20);
     }
 }

@@ -26,7 +26,9 @@ fn room(generator: &str, alpha: u8) -> Value {
             {"name": "Leaf", "pbrMetallicRoughness": {"baseColorTexture": {"index": 0}, "metallicFactor": 0}},
             {"name": "Plain", "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1], "metallicFactor": 0}},
             {"name": "Pane", "pbrMetallicRoughness": {"metallicFactor": 0},
-             "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}}
+             "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}},
+            {"name": "Polish", "pbrMetallicRoughness": {"baseColorFactor": [0.8, 0.8, 0.8, 1]}},
+            {"name": "Neon", "pbrMetallicRoughness": {"baseColorFactor": [0, 0, 0, 1]}, "emissiveFactor": [1, 0, 0]}
         ]);
         a["textures"] = json!([{"source": 0}]);
         a["images"] = json!([{"uri": picture(alpha)}]);
@@ -36,7 +38,7 @@ fn room(generator: &str, alpha: u8) -> Value {
             primitive["material"] = json!(material);
             json!({"primitives": [primitive]})
         };
-        a["meshes"] = json!((0..5).map(with).collect::<Vec<_>>());
+        a["meshes"] = json!((0..7).map(with).collect::<Vec<_>>());
         a["cameras"] = json!([{"type": "perspective", "perspective": {"yfov": 0.7, "znear": 0.1}}]);
         // The fog's triangle is turned and scaled so that the box around it holds the camera.
         a["nodes"] = json!([
@@ -47,9 +49,10 @@ fn room(generator: &str, alpha: u8) -> Value {
             {"name": "Area.001", "translation": [0, 3, 0]},
             {"name": "Key", "translation": [1, 2, 0]},
             {"name": "Lamp rig", "children": [8]}, {"name": "Target"},
-            {"name": "Camera", "camera": 0, "translation": [0, 0, 1]}
+            {"name": "Camera", "camera": 0, "translation": [0, 0, 1]},
+            {"name": "Door", "mesh": 5}, {"name": "Sign", "mesh": 6}
         ]);
-        a["scenes"] = json!([{"nodes": [0, 1, 2, 3, 4, 5, 6, 7, 9]}]);
+        a["scenes"] = json!([{"nodes": [0, 1, 2, 3, 4, 5, 6, 7, 9, 10, 11]}]);
     })
 }
 
@@ -63,13 +66,16 @@ fn load(asset: &Value, sidecar: Option<&str>) -> Loaded {
 #[test]
 fn losses_are_said_by_name() {
     let loaded = load(&room(BLENDER, 128), None);
-    let BlenderExport { lamps, white, lost, unused_alpha, .. } = loaded.blender.clone().expect("by Blender");
+    let BlenderExport { lamps, white, rough_metal, lost, unused_alpha, .. } =
+        loaded.blender.clone().expect("by Blender");
     assert_eq!((lamps, white), (vec!["Area.001".into(), "Key".into()], vec!["Wood".to_string()]));
+    assert_eq!(rough_metal, ["Polish"]);
     assert_eq!((lost, unused_alpha), (vec!["Fog.001".into()], vec!["Leaf".to_string()]));
     let warned: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
     for words in [
         "nodes 'Area.001', 'Key' without contents may have been area lights",
         "material 'Wood': pure white without a texture",
+        "material 'Polish': metal of roughness 1 without a texture",
         "material 'Leaf': the image of the base colour has alpha",
         "material 'Fog.001': has no pbrMetallicRoughness",
         "object 'Fog' with a lost material encloses the camera 'Camera'",

@@ -29,7 +29,8 @@ fn scene(text: &str) -> String {
             .expect("curves");
     }
     for (name, last) in [("one.ies", 1), ("two.ies", 2)] {
-        let profile = format!("TILT=NONE\n1 1 1 2 1 1 2 0 0 0 1 1 1\n0 90\n0\n4 {last}\n");
+        let profile =
+            format!("TILT=NONE\n1 1 1 2 3 1 2 0 0 0 1 1 1\n0 90\n0 90 360\n4 {last}\n5 1\n4 {last}\n");
         std::fs::write(folder.path().join(name), profile).expect("a profile");
     }
     let scene = load(&path, &Default::default()).unwrap_or_else(|e| panic!("{e}\n{text}")).scene;

@@ -107,6 +107,7 @@ pub const TABLES: &[Table] = &[
             ("blade_rotation", "10", "20"),
             ("aperture_ratio", "1.5", "2"),
             ("shift", "[0.1, 0]", "[0.1, 0.2]"),
+            ("clip", "[1, 20]", "[1, 30]"),
         ],
     ),
     lines(
@@ -459,6 +460,7 @@ pub const TABLES: &[Table] = &[
             ("file", "\"one.png\"", "\"two.png\""),
             ("wrap", "\"clamp\"", "\"mirror\""),
             ("interpolation", "\"nearest\"", "\"bilinear\""),
+            ("encoding", "\"srgb\"", "\"linear\""),
         ],
     ),
     lines(
@@ -480,6 +482,11 @@ pub const TABLES: &[Table] = &[
             ("size", "0.5", "0.25"),
             ("mapping", "\"uv\"", "\"world\""),
         ],
+    ),
+    lines(
+        "mix",
+        before!(texture "mix"),
+        &[("a", "0.1", "0.2"), ("b", "[0.8, 0.1, 0.1]", "0.7"), ("factor", "0.5", "[0.1, 0.2, 0.3]")],
     ),
     lines("facing", before!(texture "facing"), &[("colors", "[0.1, 0.2]", "[0.1, [0.3, 0.2, 0.1], 1]")]),
     lines("perlin", before!(texture "perlin"), NOISE),
@@ -548,6 +555,7 @@ pub const TABLES: &[Table] = &[
             ("ies", "\"one.ies\"", "\"two.ies\""),
             ("target", "[0, 0, 1]", "[0, 0, 2]"),
             ("turn", "30", "40"),
+            ("strength", "2", "3"),
         ],
     ),
     light(
@@ -557,6 +565,7 @@ pub const TABLES: &[Table] = &[
             ("position", "[0, 3, 0]", "[0, 4, 0]"),
             ("ies", "\"one.ies\"", "\"two.ies\""),
             ("direction", "[0, -1, 1]", "[0, -1, 2]"),
+            ("clockwise", "false", "true"),
         ],
     ),
     light(
@@ -568,6 +577,17 @@ pub const TABLES: &[Table] = &[
             ("ies", "\"one.ies\"", "\"two.ies\""),
             ("turn", "30", "40"),
             ("power", "10", "20"),
+        ],
+    ),
+    light(
+        "spot",
+        before!(light "spot"),
+        &[
+            ("position", "[0, 3, 0]", "[0, 4, 0]"),
+            ("direction", "[0, -1, 0.5]", "[0, -1, 1]"),
+            ("ies", "\"one.ies\"", "\"two.ies\""),
+            ("clockwise", "false", "true"),
+            ("strength", "2", "3"),
         ],
     ),
     light(

@@ -26,6 +26,7 @@ pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
         aspect_ratio: None,
         lens: None,
         shift: [0.0; 2],
+        clip: None,
         motion: None,
     }
 }

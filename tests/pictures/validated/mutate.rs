@@ -3,6 +3,7 @@
 use super::dice::Dice;
 use oscura::color::spectral::{Curve, Metal};
 use oscura::math::{DAffine3, DMat3, DQuat, DVec3, Vec2};
+use oscura::output::ViewTransform;
 use std::sync::Arc;
 
 /// Something in a scene that can be changed.
@@ -77,6 +78,17 @@ impl Mutate for Metal {
     fn mutate(&mut self, dice: &mut Dice) {
         let named = ["silver", "copper", "titanium-nitride"].map(Metal::named);
         *self = dice.pick(&named).expect("they are known");
+        dice.note(format!("= {self:?}"));
+    }
+}
+
+impl Mutate for ViewTransform {
+    fn fresh(_: &mut Dice) -> ViewTransform {
+        ViewTransform::Agx
+    }
+
+    fn mutate(&mut self, dice: &mut Dice) {
+        *self = dice.pick(&ViewTransform::NAMED.map(|named| named.0));
         dice.note(format!("= {self:?}"));
     }
 }

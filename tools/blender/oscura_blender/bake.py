@@ -3,16 +3,14 @@
 import bpy
 import numpy as np
 
-from . import cache, fingerprint, flat, glow, pictures, shaders, skins, trees
+from . import cache, fingerprint, flat, glow, mixes, pictures, shaders, skins, trees
 from .context import opened
 from .report import listed
+from .sizes import MOST_FACES
 
 UV = "oscura bake"
 
 AMBIENT = "ShaderNodeAmbientOcclusion"
-
-# Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.
-MOST_FACES = 400_000
 
 
 def bake_all(holders, found, store, report):
@@ -121,6 +119,7 @@ class Baking:
         self.holder, self.kitchen, self.uv, self.size, self.store = holder, kitchen, uv, size, store
         self.around = around  # what else the trees see
         self.peak = 1.0  # what white means in the picture of the emission
+        self.seconds = {}  # the pictures that the angle of view mixes in
         self.materials = [m for m in dict.fromkeys(holder.data.materials) if shaders.principled(m) is not None]
 
     def run(self, needs, lays_out):
@@ -135,6 +134,7 @@ class Baking:
         """The hash of all that the results depend on."""
         digest = cache.digest()
         digest.update(repr((inputs, self.uv, self.size, [tuple(row) for row in self.holder.matrix_world])).encode())
+        digest.update(repr([[(name, of["rows"]) for name, of in mixes.wanted(m).items()] for m in self.materials]).encode())
         fingerprint.add_mesh(digest, self.holder.data)
         for obj in self.around:
             digest.update(repr([tuple(row) for row in obj.matrix_world]).encode())
@@ -151,11 +151,16 @@ class Baking:
         baked = {}
         self.peak = float(kept["peak"])
         for name in inputs:
-            baked[name] = image = self._new(name)
-            data = kept[name].tobytes()
-            image.pack(data=data, data_len=len(data))
-            image.source = "FILE"
+            baked[name] = self._packed(name, kept[name])
+            if f"{name} second" in kept:
+                self.seconds[name] = self._packed(name, kept[f"{name} second"])
         return baked
+
+    def _packed(self, name, kept):
+        image, data = self._new(name), kept.tobytes()
+        image.pack(data=data, data_len=len(data))
+        image.source = "FILE"
+        return image
 
     def _bake_all(self, inputs, lays_out, key):
         self.kitchen.collection.objects.link(self.holder)
@@ -171,7 +176,7 @@ class Baking:
         if lays_out:
             kept["uv"] = np.empty(2 * len(self.holder.data.loops), np.float32)
             self.holder.data.uv_layers[self.uv].uv.foreach_get("vector", kept["uv"])
-        for name, image in baked.items():
+        for name, image in [*baked.items(), *((f"{name} second", image) for name, image in self.seconds.items())]:
             image.pack()
             kept[name] = np.frombuffer(image.packed_file.data, np.uint8)
         self.store.put(key, kept)
@@ -212,7 +217,42 @@ class Baking:
         return image
 
     def _bake(self, name):
-        """Bakes an input of all materials to one picture."""
+        """Bakes an input of all materials to one picture, and to a second one where the angle of view mixes two."""
+        is_mixed = any(name in mixes.wanted(material) for material in self.materials)
+        images = self._bake_mixed(name) if is_mixed else [self._bake_seen(name)]
+        if name == "Emission Color":
+            images = self._coded(images)
+        if is_mixed:
+            self.seconds[name] = images[1]
+        return images[0]
+
+    def _bake_mixed(self, name):
+        """The two pictures, each channel as it is seen at its angle."""
+        seen, images = {}, []
+        for which in (0, 1):
+            channels = [mixes.rows_of(self.materials, name, which, channel) for channel in range(3)]
+            for rows in channels:
+                if rows not in seen:
+                    mixes.see(self.materials, rows)
+                    seen[rows] = self._pixels(self._bake_seen(name))
+            pixels = seen[channels[0]].copy()
+            for channel in (1, 2):
+                pixels[:, channel] = seen[channels[channel]][:, channel]
+            images.append(self._new(name, is_light=name == "Emission Color"))
+            images[-1].pixels.foreach_set(pixels.ravel())
+            images[-1].update()
+        mixes.see(self.materials, [mixes.MEAN] * len(self.materials))
+        return images
+
+    @staticmethod
+    def _pixels(image):
+        """The pixels of a picture, which is not needed any more."""
+        pixels = np.empty(len(image.pixels), np.float32)
+        image.pixels.foreach_get(pixels)
+        bpy.data.images.remove(image)
+        return pixels.reshape(-1, 4)
+
+    def _bake_seen(self, name):
         kind, image = pictures.INPUTS[name], self._new(name, is_light=name == "Emission Color")
         undo = [self._aim(material, name, kind, image) for material in self.materials]
         is_normal = kind == pictures.NORMAL
@@ -226,16 +266,19 @@ class Baking:
         )
         for restore in undo:
             restore()
-        return self._coded(image) if name == "Emission Color" else image
+        return image
 
-    def _coded(self, light):
-        """A picture of light as one of eight bits, in which white means the peak."""
-        pixels = np.empty(self.size * self.size * 4, np.float32)
-        light.pixels.foreach_get(pixels)
-        bpy.data.images.remove(light)
-        pixels = pixels.reshape(-1, 4)
-        pixels[:, :3] = np.nan_to_num(np.maximum(pixels[:, :3], 0), posinf=0)
-        self.peak = max(float(pixels[:, :3].max()), 1.0)
+    def _coded(self, lights):
+        """Pictures of light as ones of eight bits, in which white means the peak of all."""
+        linear = []
+        for light in lights:
+            pixels = self._pixels(light)
+            pixels[:, :3] = np.nan_to_num(np.maximum(pixels[:, :3], 0), posinf=0)
+            linear.append(pixels)
+        self.peak = max(*(float(pixels[:, :3].max()) for pixels in linear), 1.0)
+        return [self._coded_by_peak(pixels) for pixels in linear]
+
+    def _coded_by_peak(self, pixels):
         linear = pixels[:, :3] / self.peak
         pixels[:, :3] = np.where(linear <= 0.0031308, 12.92 * linear, 1.055 * linear ** (1 / 2.4) - 0.055)
         image = self._new("Emission Color")
@@ -262,6 +305,8 @@ class Baking:
     def _use(self, material, baked):
         """Feeds the inputs from the pictures."""
         tree, node = material.node_tree, shaders.principled(material)
+        for name in baked.keys() & mixes.wanted(material).keys():
+            mixes.settle(material, name, self.seconds[name])
         if skins.is_wanted(material, "Base Color"):
             baked = {**baked, "Base Color": skins.paint(material, baked["Base Color"])}
         for name in ("Base Color", "Alpha"):
@@ -269,7 +314,7 @@ class Baking:
             if "Alpha" in baked and name not in baked and node.inputs[name].is_linked is False:
                 baked = {name: self._even(node.inputs[name].default_value), **baked}
         if "Alpha" in baked:
-            _join_alpha(baked["Base Color"], baked.pop("Alpha"))
+            baked["Base Color"] = _with_alpha(baked["Base Color"], baked.pop("Alpha"))
             texture = self._texture(tree, baked.pop("Base Color"))
             tree.links.new(texture.outputs["Color"], node.inputs["Base Color"])
             tree.links.new(texture.outputs["Alpha"], node.inputs["Alpha"])
@@ -313,13 +358,16 @@ def _sees_nooks(materials):
     return any(trees.has(material.node_tree, (AMBIENT,)) for material in materials)
 
 
-def _join_alpha(image, alpha):
-    """Puts a grey picture into another's alpha."""
+def _with_alpha(image, alpha):
+    """A picture like another with a grey one as its alpha: one that was made without alpha loses it when it is packed."""
+    made = bpy.data.images.new(f"{image.name} with alpha", *image.size, alpha=True)
+    made.colorspace_settings.name = image.colorspace_settings.name
     both = [np.empty(image.size[0] * image.size[1] * 4, np.float32) for _ in range(2)]
     image.pixels.foreach_get(both[0])
     alpha.pixels.foreach_get(both[1])
     both[0][3::4] = both[1][0::4]
-    image.alpha_mode = "CHANNEL_PACKED"
-    image.pixels.foreach_set(both[0])
-    image.update()
-    image.pack()
+    made.alpha_mode = "CHANNEL_PACKED"
+    made.pixels.foreach_set(both[0])
+    made.update()
+    made.pack()
+    return made

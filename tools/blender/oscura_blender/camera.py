@@ -2,6 +2,9 @@
 
 import math
 
+import bpy
+from mathutils import Vector
+
 from .settings import resolution
 
 
@@ -33,6 +36,26 @@ def _range(camera):
     return {"znear": near, "zfar": max(camera.clip_end, near * 2)}
 
 
+def _is_clipping(obj, camera):
+    """Can there be things at distances that the camera doesn't see?"""
+    eye = obj.matrix_world.translation
+    # Its corners see four times as far as its axis at most.
+    near, far = 4 * camera.clip_start, camera.clip_end
+    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
+        of = instance.object
+        if of.type in ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE", "SPEAKER", "LATTICE"):
+            continue
+        box = [Vector(corner) for corner in of.bound_box]
+        local = instance.matrix_world.inverted_safe() @ eye
+        least, most = (Vector(map(of_all, zip(*box))) for of_all in (min, max))
+        nearest = Vector(min(max(x, low), high) for x, low, high in zip(local, least, most))
+        if (instance.matrix_world @ nearest - eye).length < near:
+            return True
+        if max((instance.matrix_world @ corner - eye).length for corner in box) > far:
+            return True
+    return False
+
+
 def entries(obj, camera, scene, is_active, report):
     """The entries of [[camera]] for a camera of the model."""
     width, height = resolution(scene)
@@ -48,6 +71,8 @@ def entries(obj, camera, scene, is_active, report):
         found["default"] = True
     if any(shift):
         found["shift"] = shift
+    if _is_clipping(obj, camera):
+        found["clip"] = [camera.clip_start, max(camera.clip_end, camera.clip_start * 1.001 + 1e-6)]
     if camera.dof.use_dof:
         lens = _lens(obj, camera)
         if panorama and lens.keys() & SHAPE:

@@ -167,6 +167,12 @@ class Reader:
         color = self._value(node, "Color")
         return {**diffuse(color, self._normal(node)), "Translucent Weight": 1.0, "Translucent Color": color}
 
+    def _BsdfSheen(self, node):
+        found = {"Sheen Tint": self._value(node, "Color"), "Sheen Roughness": self._value(node, "Roughness")}
+        if node.distribution != "MICROFIBER":
+            self.report.warn(self.name, f"sheen of the distribution {node.distribution} is that of microfibres here")
+        return {**diffuse(BLACK, self._normal(node)), "Sheen Weight": 1.0, **found}
+
     def _SubsurfaceScattering(self, node):
         found = {f"Subsurface {name}": self._value(node, name) for name in ("Radius", "Scale", "Anisotropy")}
         return {**diffuse(self._value(node, "Color"), self._normal(node)), "Subsurface Weight": 1.0, **found}
@@ -240,7 +246,7 @@ class Reader:
             return {**under, **found}
         if source is None or source.node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight"):
             return None
-        if over.get("Metallic") != 1.0 or (ior := self._index(source)) is None:
+        if over.get("Metallic") != 1.0 or source.name == "Facing" and _has_gloss(under) or (ior := self._index(source)) is None:
             return None
         if under.get("Alpha") == 0.0 and not _shines(under):
             # A pane: one sheet of glass.
@@ -356,6 +362,11 @@ def _with_ground(inputs, other):
     if inputs.get("Translucent Weight") != 1.0 or "Translucent Weight" in other:
         return inputs
     return {**other, **{name: inputs[name] for name in ("Translucent Weight", "Translucent Color")}}
+
+
+def _has_gloss(inputs):
+    """Is it there, opaque and glossy itself? Gloss that facing mixes in is then rather a metal's than a coat's."""
+    return inputs.get("Specular IOR Level") != 0.0 and inputs.get("Transmission Weight") != 1.0 and inputs.get("Alpha") != 0.0
 
 
 def _shines(inputs):

@@ -9,7 +9,7 @@ import bpy
 
 import addon_utils  # isort: skip (bpy puts it on the path)
 
-from . import cache, camera, facing, geometry, glb, kept_meshes, lights, materials, motion, originals, settings, sidecar, sizes, trees, world
+from . import cache, camera, geometry, glb, hair, kept_meshes, lights, materials, mixes, motion, originals, settings, sidecar, sizes, trees, world
 from .report import Report, Stop
 
 OLDEST = (4, 2, 0)
@@ -31,6 +31,7 @@ def main(arguments):
     parser.add_argument("--shutter", type=float)
     parser.add_argument("--shutter-position")
     parser.add_argument("--vectors")
+    parser.add_argument("--links", action="store_true")
     options = parser.parse_args(arguments)
     report = Report()
     try:
@@ -80,7 +81,7 @@ def export(options, report):
     _open_alone(holders)
     _write_model(model)
     written = glb.Glb(model)
-    if not images.exchange(written):
+    if not images.exchange(written, options.folder if options.links else None):
         images.restore()
         _write_model(model)
         written = glb.Glb(model)
@@ -95,10 +96,27 @@ def export(options, report):
     known = sorted((name, entries) for name, entries in trees.SETTINGS.items() if name in names and entries)
     tables += [(f"[materials.{sidecar.value(name)}]", entries) for name, entries in known]
     tables += [(f"[objects.{sidecar.value(name)}]", entries) for name, entries in shining]
-    used = {entry for _, entries in known for entry in entries.values() if isinstance(entry, str)}
-    by_facing = ((name, colors) for name, colors in facing.TABLES.items() if name in used)
-    tables += [(f"[textures.{sidecar.value(name)}]", {"type": "facing", "colors": colors}) for name, colors in by_facing]
+    tables += _textures(known, options)
     sidecar.write(os.path.join(options.folder, f"{options.name}.oscura.toml"), comment, tables)
+
+
+def _textures(materials, options):
+    """The tables of the textures that materials ask for; those that are files are written."""
+    names = lambda entries: {entry for entry in entries.values() if isinstance(entry, str) and entry in trees.TEXTURES}
+    pending, used = set().union(*(names(entries) for _, entries in materials)), set()
+    while pending:
+        used |= pending
+        pending = set().union(*(names(trees.TEXTURES[name]) for name in pending)) - used
+    tables, number = [], 0
+    for name, entries in trees.TEXTURES.items():
+        if name in used and name in mixes.PICTURES:
+            number += 1
+            entries["file"] = f"{options.name}.mixed.{number}.png"
+            with open(os.path.join(options.folder, entries["file"]), "wb") as file:
+                file.write(mixes.PICTURES[name])
+        if name in used:
+            tables.append((f"[textures.{sidecar.value(name)}]", entries))
+    return tables
 
 
 class OurEngine(bpy.types.RenderEngine):
@@ -160,7 +178,7 @@ def _go_to_moment(scene, options):
 
 def _settings(scene, found, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
-    tables = [("[render]", settings.read(scene, found.questions.layer, report))]
+    tables = [("[render]", settings.read(scene, found.questions.layer, options.folder, options.name, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
@@ -180,11 +198,12 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, report)
+        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, options.folder, report)
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))
-    return tables + named + shining, cameras, empties
+    strands = hair.entries(found, options.folder, options.name, report)
+    return tables + named + shining + strands, cameras, empties
 
 
 def _open_alone(holders):

@@ -16,12 +16,6 @@ INPUTS = {
 }
 LIGHT = ("Emission Color", "Emission Strength")
 
-# The tables, by the names of their textures.
-TABLES = {}
-
-# Rows of a table: evenly spaced cosines from 0 to 1.
-ROWS = 64
-
 
 def is_by_facing(socket):
     """Does what feeds an input differ with the angle of view, and with nothing else?"""
@@ -37,7 +31,7 @@ def _kind(socket):
     if node.mute:
         return None
     if node.bl_idname in views.DIRECTED:
-        return "facing" if _is_known(node) and source.name in views.DIRECTED[node.bl_idname] else None
+        return "facing" if views.is_known(node) and source.name in views.DIRECTED[node.bl_idname] else None
     kinds = {_kind(entry) for entry in node.inputs if entry.enabled}
     if getattr(node, "node_tree", None):
         kinds |= {_kind_within(inner) for inner in node.node_tree.nodes}
@@ -50,14 +44,7 @@ def _kind_within(node):
     """The same of a node of a group."""
     if node.bl_idname in flat.IN_GROUPS:
         return "even"
-    return "facing" if node.bl_idname in views.DIRECTED and _is_known(node) else None
-
-
-def _is_known(node):
-    """Is it a weight by the surface's own normal and a constant?"""
-    if node.bl_idname not in ("ShaderNodeFresnel", "ShaderNodeLayerWeight") or node.inputs["Normal"].is_linked:
-        return False
-    return shaders.constant(node.inputs["IOR" if node.bl_idname == "ShaderNodeFresnel" else "Blend"]) is not None
+    return "facing" if node.bl_idname in views.DIRECTED and views.is_known(node) else None
 
 
 def take(material, shader, exposure):
@@ -82,8 +69,13 @@ def take(material, shader, exposure):
             table = np.minimum(table, 1.0)
         texture = f"{material.name} {key} by facing"
         grey = np.ptp(table, axis=1).max() < 1e-6 or key not in ("base_color", "emission")
-        TABLES[texture] = [float(row.mean()) if grey else [float(c) for c in row] for row in table]
+        trees.TEXTURES[texture] = {"type": "facing", "colors": [entry(row, grey) for row in table]}
         trees.settle(material, **{key: texture})
+
+
+def entry(row, is_grey):
+    """A row of a table for the file of settings."""
+    return float(row.mean()) if is_grey else [float(c) for c in row]
 
 
 def _wanted(material, shader):
@@ -104,8 +96,8 @@ def _table(material, names):
     images = []
     for tree, node in list(trees.nodes_with_trees(own.node_tree, views.DIRECTED)):
         for out in node.outputs:
-            if out.is_linked and _is_known(node) and out.name in views.DIRECTED[node.bl_idname]:
-                images.append(_put(tree, out, [views.weight(node, out.name, i / (ROWS - 1)) for i in range(ROWS)]))
+            if out.is_linked and views.is_known(node) and out.name in views.DIRECTED[node.bl_idname]:
+                images.append(put(tree, out, views.rows(node, out.name)))
     try:
         with glow.board([own]):
             return _shone(own, names)
@@ -115,14 +107,16 @@ def _table(material, names):
             bpy.data.images.remove(image)
 
 
-def _put(tree, out, values):
-    """A picture of values along u in the place of an output."""
-    image = glow.picture(ROWS, 1)
+def put(tree, out, values, place=None):
+    """A picture of values along u in the place of an output; u is that of the texture coordinates, or of a place."""
+    image = glow.picture(views.ROWS, 1)
     image.pixels.foreach_set(np.repeat(np.array(values, np.float32), 4))
     image.update()
     image.pack()
     node = tree.nodes.new("ShaderNodeTexImage")
     node.image, node.interpolation, node.extension = image, "Closest", "EXTEND"
+    if place is not None:
+        tree.links.new(place, node.inputs["Vector"])
     for link in list(out.links):
         tree.links.new(node.outputs["Color"], link.to_socket)
     return image
@@ -137,5 +131,5 @@ def _shone(material, names):
         for name, target in zip(names, ("Color", "Strength")):
             shaders.feed(tree, shader.inputs[name], inputs[target])
 
-    pixels = glow.baked(ROWS, 1, [lambda image: glow.shine(tree, shaders.end(tree), shader, image, feed)])
+    pixels = glow.baked(views.ROWS, 1, [lambda image: glow.shine(tree, shaders.end(tree), shader, image, feed)])
     return np.maximum(np.nan_to_num(pixels[0, :, :3]), 0.0)

@@ -6,7 +6,7 @@ import re
 import bpy
 import numpy as np
 
-from . import objectwise
+from . import hair, objectwise
 from .links import Links
 from .report import listed
 
@@ -21,7 +21,6 @@ VISIBILITY = {
 }
 # What is seen in Blender and has no counterpart here.
 LOST = {
-    "CURVES": "hair",
     "POINTCLOUD": "point clouds",
     "VOLUME": "volumes",
     "GPENCIL": "Grease Pencil",
@@ -46,6 +45,8 @@ class Collected:
         self.cameras = []  # objects
         self.sight = None  # how large things appear
         self.exposure = 1.0  # the film's factor on all light
+        self.hair = []  # of strands: name, strands, matrix, material, what differs from objects that all rays see
+        self.strands = {}  # of particles, by object and system
         self.brushed = {}  # by the name of the mesh object: see there
         self.links = None  # what lights are linked to
         self.questions = None  # that materials ask about objects
@@ -75,6 +76,8 @@ def prepare(scene, layer):
                 modifier.levels = modifier.render_levels
             if hasattr(modifier, "use_render_settings"):
                 modifier.use_render_settings = True
+            if modifier.type == "PARTICLE_SYSTEM":
+                hair.shown_in_full(modifier.particle_system.settings)
         data = obj.data
         if obj.type in ("CURVE", "SURFACE", "FONT") and data.render_resolution_u:
             data.resolution_u = data.render_resolution_u
@@ -115,11 +118,15 @@ def collect(scene, layer, graph, report):
     for instance in graph.object_instances:
         obj = instance.object
         original = obj.original
+        if instance.show_particles and (instance.is_instance or not original.hide_render):
+            hair.add_particles(found, obj, instance, _extras(obj, instance.parent))
         if not instance.show_self or (not instance.is_instance and original.hide_render):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
             found.light_marks.append(mark(instance))
+        elif obj.type == "CURVES":
+            hair.add_curves(found, obj, instance, _extras(obj, instance.parent))
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type == "MESH":
@@ -216,10 +223,20 @@ def _holder(found, obj):
         mesh.materials.clear()
         mesh.materials.append(found.questions.layer.material_override)
         mesh.polygons.foreach_set("material_index", [0] * len(mesh.polygons))
+    _leave_out_unused(mesh)
     _round_beside_flat(mesh)
     holder = bpy.data.objects.new(f"oscura {len(found.objects)}", mesh)
     found.placements[holder.name], found.marks[holder.name] = [], []
     return holder
+
+
+def _leave_out_unused(mesh):
+    """Materials of slots without faces are those of strands, or of nothing."""
+    used = np.empty(len(mesh.polygons), np.int32)
+    mesh.polygons.foreach_get("material_index", used)
+    last = len(mesh.materials) - 1
+    for unused in set(range(last + 1)) - set(np.unique(np.clip(used, 0, max(last, 0))).tolist()):
+        mesh.materials[unused] = None
 
 
 def _round_beside_flat(mesh):
@@ -249,8 +266,5 @@ def _values(mesh, name, size):
 def _tell_of_the_rest(obj, report):
     if obj.type in ("LIGHT", "CAMERA"):
         return
-    for system in getattr(obj, "particle_systems", []):
-        if system.settings.type == "HAIR" and system.settings.render_type == "PATH":
-            report.warn(obj.name, f"the hair '{system.name}' is not supported: it is left out")
     if any(m.type == "FLUID" and m.fluid_type == "DOMAIN" and m.domain_settings.domain_type == "GAS" for m in obj.modifiers):
         report.warn(obj.name, "smoke is not supported")

@@ -2,6 +2,7 @@
 renderer of Blender sees them: every instance, of whatever origin, at its own place."""
 
 import json
+import os
 import struct
 
 from mathutils import Matrix
@@ -24,10 +25,11 @@ class Glb:
 
     def __init__(self, path):
         with open(path, "rb") as file:
-            data = file.read()
-        length = struct.unpack_from("<I", data, 12)[0]
-        self.json = json.loads(data[20 : 20 + length])
-        self.binary = bytearray(data[20 + length + 8 :])
+            length = struct.unpack_from("<I", file.read(20), 12)[0]
+            self.json = json.loads(file.read(length))
+            file.read(8)
+            self.binary = bytearray(max(os.path.getsize(path) - file.tell(), 0))
+            file.readinto(self.binary)
 
     def write(self, path):
         buffers = [{"byteLength": len(self.binary)}] if self.binary else []
@@ -37,9 +39,12 @@ class Glb:
         text = json.dumps(self.json, ensure_ascii=False, separators=(",", ":")).encode()
         text += b" " * (-len(text) % 4)
         self.binary += bytes(-len(self.binary) % 4)
-        chunks = _chunk(b"JSON", text) + (_chunk(b"BIN\0", bytes(self.binary)) if buffers else b"")
+        chunks = [(b"JSON", text), (b"BIN\0", self.binary)][: 1 + len(buffers)]
         with open(path, "wb") as file:
-            file.write(b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks)
+            file.write(b"glTF" + struct.pack("<II", 2, 12 + sum(8 + len(body) for _, body in chunks)))
+            for kind, body in chunks:
+                file.write(struct.pack("<I", len(body)) + kind)
+                file.write(body)
 
     def add(self, data):
         """Adds bytes; gives where they begin, and their number."""
@@ -63,10 +68,6 @@ class Glb:
         accessors = self.json.setdefault("accessors", [])
         accessors.append(accessor)
         return len(accessors) - 1
-
-
-def _chunk(kind, body):
-    return struct.pack("<I", len(body)) + kind + body
 
 
 def _matrix(of):

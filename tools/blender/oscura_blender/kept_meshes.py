@@ -41,10 +41,11 @@ class KeptMeshes:
     def exchange(self, glb, by_name):
         """Keeps what Blender's exporter wrote of meshes, and puts in what it wrote the last time; `by_name` has the numbers
         of meshes by the names of their objects."""
+        taken = set()
         for name, mesh in by_name.items():
             primitives = glb.json["meshes"][mesh]["primitives"]
             if name in self.known:
-                _put_in(glb, primitives, self.known[name])
+                _put_in(glb, primitives, self.known[name], taken)
             elif name in self.keys:
                 kept = _taken_out(glb, primitives)
                 if kept is not None:
@@ -94,6 +95,11 @@ def _slots(primitive):
     return {**primitive["attributes"], "indices": primitive["indices"]}
 
 
+def _set(primitive, slot, number):
+    """Gives a primitive another accessor."""
+    (primitive if slot == "indices" else primitive["attributes"])[slot] = number
+
+
 def _taken_out(glb, primitives):
     """The accessors of primitives as arrays; None for what Blender's exporter doesn't write of such meshes."""
     kept, rows = {}, []
@@ -113,14 +119,22 @@ def _taken_out(glb, primitives):
     return {"rows": np.array(json.dumps(rows)), **kept}
 
 
-def _put_in(glb, primitives, kept):
-    """Gives the accessors of primitives the values that were kept."""
+def _put_in(glb, primitives, kept, taken):
+    """Gives the accessors of primitives the values that were kept; those that are taken, as stand-ins of equal numbers share theirs,
+    are copied."""
     rows = json.loads(str(kept["rows"]))
     if [set(row) for row in rows] != [set(_slots(primitive)) for primitive in primitives]:
         raise ValueError("a mesh that was kept does not fit its materials: run once with --no-cache and report this")
     for k, (row, primitive) in enumerate(zip(rows, primitives)):
         for slot, number in _slots(primitive).items():
             accessor = glb.json["accessors"][number]
+            if accessor["bufferView"] in taken:
+                accessor, view = dict(accessor), dict(glb.json["bufferViews"][accessor["bufferView"]])
+                accessor["bufferView"] = len(glb.json["bufferViews"])
+                glb.json["bufferViews"].append(view)
+                _set(primitive, slot, len(glb.json["accessors"]))
+                glb.json["accessors"].append(accessor)
+            taken.add(accessor["bufferView"])
             view = glb.json["bufferViews"][accessor["bufferView"]]
             accessor.update(row[slot])
             view["byteOffset"], view["byteLength"] = glb.add(kept[f"{k} {slot}"].tobytes())

@@ -1,16 +1,25 @@
 """Lights: everything about them is in the file of settings; the model only has empty nodes where they stand."""
 
 import math
+import os
+import shutil
+
+import bpy
 
 from . import shaders
 from .geometry import VISIBILITY, light_group
 
 
-def entries(obj, name, light, exposure, links, report):
-    """The entries of [[lights]] for a light at the node `name`, times the film's exposure; None for what shines not."""
+# Watts of Cycles that a lumen of a profile is, and ours.
+LUMENS_PER_WATT, OUR_LUMENS_PER_WATT = 177.83, 683.0
+
+
+def entries(obj, name, light, exposure, links, folder, report):
+    """The entries of [[lights]] for a light at the node `name`, times the film's exposure; None for what shines not. Profiles
+    go to the folder."""
     if light.type == "AREA" and light.cycles.is_portal:
         return None
-    strength, color = _strength(light, obj.name, report)
+    strength, color, profile = _strength(light, obj.name, report)
     energy = light.energy * strength * exposure
     if energy == 0 or not any(color):
         return None
@@ -28,6 +37,12 @@ def entries(obj, name, light, exposure, links, report):
     scale = obj.matrix_world.to_scale()
     shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
     kind, values = shape(light, energy, scale)
+    if profile is not None and (file := _profile(profile, name, light, folder, obj.name, report)):
+        del values["power"]
+        if values.pop("radius") > 0:
+            report.note(obj.name, "a light with a profile (IES) has no size here: its shadows are sharp")
+        strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
+        values.update({"ies": file, "strength": strength, "clockwise": True, "turn": 90})
     found.update(links.entries(obj))
     if not light.use_shadow:
         found["shadow_link"] = {"include": []}
@@ -70,6 +85,28 @@ def _area(light, energy, scale):
     return "area", {**values, "power": energy * _area_factor(light, area)}
 
 
+def _profile(node, name, light, folder, place, report):
+    """The file of a light's profile beside the model; None where there is none, or where it can't be used."""
+    if light.type not in ("POINT", "SPOT"):
+        report.warn(place, "profiles (IES) are carried over of points and spots only: this light shines evenly")
+        return None
+    file = f"{bpy.path.clean_name(name)}.ies"
+    target = os.path.join(folder, file)
+    if node.mode == "INTERNAL":
+        if node.ies is None:
+            return None
+        with open(target, "w", encoding="utf-8", newline="\n") as stream:
+            stream.write(node.ies.as_string())
+        return file
+    origin = bpy.path.abspath(node.filepath, library=node.id_data.library)
+    try:
+        shutil.copyfile(origin, target)
+    except OSError as error:
+        report.warn(place, f"the profile (IES) of this light can't be read: {origin}: {error.strerror}")
+        return None
+    return file
+
+
 def _ball(light):
     return 4 * math.pi * light.shadow_soft_size**2
 
@@ -80,7 +117,8 @@ def _area_factor(light, area):
 
 
 def _strength(light, name, report):
-    """Factor on the light's energy, and its colour."""
+    """Factor on the light's energy, its colour, and the node of its profile, if it has one."""
+    profile = None
     factor = 2.0 ** getattr(light, "exposure", 0.0)
     color = list(light.color)
     if getattr(light, "use_temperature", False):
@@ -90,9 +128,9 @@ def _strength(light, name, report):
         if emission is None:
             report.warn(name, "the node tree of this light is not carried over")
         else:
-            strength, tint = emission
+            strength, tint, profile = emission
             factor *= strength
             color = [c * t for c, t in zip(color, tint)]
     # The colour carries no strength.
     peak = max(max(color), 1e-30)
-    return factor * peak, [c / peak for c in color]
+    return factor * peak, [c / peak for c in color], profile

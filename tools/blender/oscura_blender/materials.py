@@ -5,7 +5,7 @@ import math
 
 import bpy
 
-from . import bake, brushed, closures, facing, means, media, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
+from . import bake, brushed, closures, facing, means, media, mixes, panes, pictures, relief, shaders, skins, trees, uniform, variants, views
 
 WHITE = closures.WHITE
 
@@ -22,13 +22,16 @@ def prepare(found, store, report):
     relief.displace(holders, found, report)
     variants.split(holders, report)
     materials = trees.of_materials(holders)
+    users = {m: [holder for holder in holders if m in list(holder.data.materials)] for m in materials}
     for material in materials:
+        views.simplify(material, report)
         _normalize(material, report)
         relief.bumps(material, shaders.principled(material), report)
         views.rewrite_cameras(material, found.cameras[0] if found.cameras else None)
         if shaders.principled(material) is not None:
             facing.take(material, shaders.principled(material), found.exposure)
-            views.take_means(material, shaders.principled(material), report)
+            mixed = mixes.fit(material, users[material])
+            views.take_means(material, shaders.principled(material), report, mixed)
         _expose(material, found.exposure)
     uniform.fold(materials)
     means.take(holders, report)
@@ -162,6 +165,7 @@ def _tint_by_coat(tree, node, material, report):
 
 def patch(material, report):
     """The extensions of a material that Blender's exporter leaves out or has wrong, and a roughness to go with them."""
+    mixes.forget(material)
     node = shaders.principled(material)
     if node is None:
         return {}

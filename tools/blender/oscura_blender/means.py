@@ -7,6 +7,7 @@ import numpy as np
 
 from . import bake, glow, pictures, shaders
 from .context import opened
+from .sizes import MOST_FACES
 
 # Inputs whose means are taken, and those that Blender's exporter writes as pictures where they are plain ones.
 INPUTS = (
@@ -54,7 +55,7 @@ def _take(holder, material, names):
     tree, node = material.node_tree, shaders.principled(material)
     try:
         with opened(kitchen):
-            values = _evaluate(kitchen, shown, material, names) if len(mesh.polygons) <= bake.MOST_FACES else {}
+            values = _evaluate(kitchen, shown, material, names) if len(mesh.polygons) <= MOST_FACES else {}
     finally:
         bpy.data.scenes.remove(kitchen)
         bpy.data.meshes.remove(mesh)

@@ -1,6 +1,7 @@
 """Pictures that reach the model as their files are: Blender's exporter would decode each of them only to count its channels,
 which takes longer than all else. It gets a picture of one pixel in the place of each, and the model what the file holds."""
 
+import os
 import struct
 import zlib
 
@@ -55,8 +56,9 @@ class Originals:
             node.image = image
         self.replaced, self._nodes = {}, []
 
-    def exchange(self, glb):
-        """Puts in what the files hold; false if the exporter made something else of a stand-in."""
+    def exchange(self, glb, folder=None):
+        """Puts in what the files hold, or with a folder links to them there; false if the exporter made something else of a
+        stand-in."""
         found = set()
         for entry in glb.json.get("images", []):
             view = glb.json["bufferViews"][entry["bufferView"]]
@@ -65,8 +67,28 @@ class Originals:
             if data in self.replaced:
                 found.add(data)
                 image, entry["mimeType"] = self.replaced[data]
+                if folder is not None and (name := _linked(image, folder, len(found))):
+                    del entry["bufferView"], entry["mimeType"]
+                    entry["uri"] = name
+                    continue
                 view["byteOffset"], view["byteLength"] = glb.add(pictures.content(image))
         return len(found) == len(self.replaced)
+
+
+def _linked(image, folder, number):
+    """The name of a link to a picture's file; None for one that is packed, or where there are no links."""
+    if image.packed_file:
+        return None
+    name = f"picture.{number}{IMAGES[pictures.kind(image)]}"
+    try:
+        os.symlink(os.path.abspath(bpy.path.abspath(image.filepath_raw, library=image.library)), os.path.join(folder, name))
+    except (OSError, NotImplementedError):
+        return None
+    return name
+
+
+# Endings of the kinds of pictures.
+IMAGES = {"image/jpeg": ".jpg", "image/png": ".png"}
 
 
 def _pictures(tree):

@@ -56,4 +56,5 @@ def _make_pane(holder, slot, material, report):
         for link in list(socket.links):
             own.node_tree.links.remove(link)
         socket.default_value = (*(max(c, 0.0) ** 0.5 for c in color), 1.0)
-    report.note(material.name, "single upright sheets of glass are thin panes: they don't bend light, as they do in Cycles")
+    message = "single upright sheets of glass are thin panes: they don't bend light, as they do in Cycles"
+    report.note(material.name, f"{message}; with a thickness (a Solidify modifier) both show them alike")

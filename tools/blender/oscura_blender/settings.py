@@ -2,6 +2,8 @@
 
 import bpy
 
+from . import view_table
+
 # The working space of oscura, and of Blender's scenes unless they say otherwise.
 REC709 = "Linear Rec.709"
 
@@ -9,15 +11,8 @@ REC709 = "Linear Rec.709"
 ENGINE = "OSCURA"
 
 
-# Views by Blender's names.
-VIEWS = {
-    "Standard": "srgb",
-    "Raw": "srgb",
-    "AgX": "agx",
-    "Filmic": "filmic",
-    "Khronos PBR Neutral": "pbr-neutral",
-    "False Color": "false-color",
-}
+# The view that is the same here, by Blender's name, and the one whose steps no table can hold. The others become tables.
+VIEWS = {"Standard": "srgb", "False Color": "false-color"}
 
 # Passes of view layers, with the channels that they stand for here.
 PASSES = {
@@ -55,8 +50,8 @@ def resolution(scene):
     return tuple(max(1, int(n * share)) for n in (render.resolution_x, render.resolution_y))
 
 
-def read(scene, layer, report):
-    """The entries of [render]."""
+def read(scene, layer, folder, name, report):
+    """The entries of [render]; a view that is a table goes to the folder."""
     width, height = resolution(scene)
     entries = {"width": width, "height": height}
     cycles = getattr(scene, "cycles", None)
@@ -68,33 +63,35 @@ def read(scene, layer, report):
         entries["aovs"] = _passes_for_us(layer) or None
     else:
         report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
-    entries.update(_view(scene.view_settings, report))
+    entries.update(_view(scene, folder, name, report))
     entries["crop"] = _crop(scene.render, width, height)
     _tell_of_the_rest(scene, report)
     return entries
 
 
-def _view(view, report):
+def _view(scene, folder, name, report):
     """How pictures to look at are encoded."""
-    found = {"view": None}
+    view = scene.view_settings
+    found = {"view": VIEWS.get(view.view_transform)}
+    look = "" if view.look in ("None", "") else view.look
+    if found["view"] == "false-color":
+        report.note("", "is viewed by False Color; its steps here are others than Blender's")
+        return {**found, **_light_of(view)}
+    # Curves come before exposure; tints are Blender's own.
+    is_balanced = getattr(view, "use_white_balance", False)
+    with_light = view.use_curve_mapping or (is_balanced and abs(view.white_balance_tint - 10.0) > 1e-3)
+    if found["view"] is None or look or with_light or abs(view.gamma - 1) > 1e-6:
+        found["view"] = view_table.write(scene, folder, name, with_light)
+    return found if with_light else {**found, **_light_of(view)}
+
+
+def _light_of(view):
+    """Exposure and white balance."""
+    found = {}
     if view.exposure:
         found["exposure"] = max(-100.0, min(100.0, view.exposure))
     if getattr(view, "use_white_balance", False):
         found["white_balance"] = min(max(view.white_balance_temperature, 1667.0), 25000.0)
-        if abs(view.white_balance_tint - 10.0) > 1e-3:
-            report.note("", "the tint of the white balance is not carried over, its temperature is")
-    look = "" if view.look in ("None", "") else view.look
-    name = VIEWS.get(view.view_transform)
-    if name == "agx" and look == "AgX - Punchy":
-        name, look = "agx-punchy", ""
-    found["view"] = name or "srgb"
-    if name is None or look:
-        with_look = f" with the look {look}" if look else ""
-        report.note("", f"is viewed by {view.view_transform}{with_look} in Blender; pictures to look at are by {found['view']}")
-    if name == "filmic":
-        report.note("", "Blender's Filmic is another curve than the view filmic here")
-    if abs(view.gamma - 1) > 1e-6 or view.use_curve_mapping:
-        report.note("", "gamma and curves of the colour management are not carried over")
     return found
 
 

@@ -17,6 +17,10 @@ _MATH = {
 }
 
 
+# What nodes carry that stand for a weight by the angle of view: its values by the cosine, and their mean, which it has.
+BY_COSINE = "oscura by cosine"
+
+
 def source(socket):
     """The socket that feeds an input, past reroutes; None without a link."""
     while socket.is_linked:
@@ -35,7 +39,7 @@ def constant(socket):
     if feeding is None:
         return None if socket.is_linked else _plain(socket.default_value)
     node = feeding.node
-    if node.mute:
+    if node.mute or BY_COSINE in node:
         return None
     if node.bl_idname in ("ShaderNodeRGB", "ShaderNodeValue"):
         return as_type(_plain(feeding.default_value), socket.type in ("RGBA", "VECTOR"))
@@ -127,11 +131,32 @@ def feed(tree, socket, target):
 
 
 def emission_of_light(tree):
-    """Strength and colour of a light's node tree if it is one plain Emission; else None."""
+    """Strength and colour of a light's node tree if it is one plain Emission, and the node of the profile (IES) that its
+    strength is multiplied by, if there is one; else None."""
     node = output(tree)
     if node is None:
-        return 0.0, (1.0,) * 3
+        return 0.0, (1.0,) * 3, None
     if node.bl_idname != "ShaderNodeEmission" or node.mute:
         return None
-    color, strength = constant(node.inputs["Color"]), constant(node.inputs["Strength"])
-    return None if color is None or strength is None else (strength, color)
+    color, strength, profile = constant(node.inputs["Color"]), constant(node.inputs["Strength"]), None
+    if strength is None:
+        strength, profile = _profiled(node.inputs["Strength"])
+    return None if color is None or strength is None else (strength, color, profile)
+
+
+def _profiled(socket):
+    """A factor and the node of a profile, where a socket's value is their product; else twice None."""
+    feeding = source(socket)
+    node = feeding.node if feeding is not None else None
+    if node is None or node.mute:
+        return None, None
+    if node.bl_idname == "ShaderNodeTexIES":
+        return (constant(node.inputs["Strength"]), node) if source(node.inputs["Vector"]) is None else (None, None)
+    if node.bl_idname == "ShaderNodeMath" and node.operation in ("MULTIPLY", "DIVIDE") and not node.use_clamp:
+        first, second = node.inputs[0], node.inputs[1]
+        for varying, other in ((first, second), (second, first)):
+            factor, (strength, profile) = constant(other), _profiled(varying)
+            if factor is None or strength is None or (node.operation == "DIVIDE" and (varying != first or factor == 0)):
+                continue
+            return strength * factor if node.operation == "MULTIPLY" else strength / factor, profile
+    return None, None

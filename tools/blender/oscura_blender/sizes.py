@@ -10,6 +10,9 @@ from .settings import resolution
 
 LEAST, MOST = 256, 4096
 
+# Meshes of more faces keep their trees unbaked: laying out coordinates takes minutes for them.
+MOST_FACES = 400_000
+
 # Share of a picture that the faces of a mesh fill, and how much finer than pixels texels are.
 FILLED, FINENESS = 0.6, 1.5
 

@@ -5,8 +5,9 @@ import bpy
 from . import report, shaders
 
 
-# What the file of settings says about materials, by name.
+# What the file of settings says about materials, by name, and its textures; those that are files are written with the model.
 SETTINGS = {}
+TEXTURES = {}
 
 
 def settle(material, **entries):
@@ -49,13 +50,14 @@ def copied(material):
 
 
 def replace(tree, socket, value):
-    """Puts a number, or three or four, in the place of an output."""
+    """Puts a number, or three or four, in the place of an output; gives the new one."""
     targets = [link.to_socket for link in socket.links]
     if not targets:
-        return
+        return None
     made = constant_node(tree, value, socket.type == "RGBA")
     for target in targets:
         tree.links.new(made, target)
+    return made
 
 
 def constant_node(tree, value, is_color=False):

@@ -31,10 +31,10 @@ def _is_even(socket):
     if source is None:
         return not socket.is_linked
     node = source.node
-    if node.mute:
+    if node.mute or shaders.BY_COSINE in node:
         return False
     if getattr(node, "node_tree", None):
-        within = all(n.bl_idname in flat.IN_GROUPS for n in node.node_tree.nodes)
+        within = all(n.bl_idname in flat.IN_GROUPS and shaders.BY_COSINE not in n for n in node.node_tree.nodes)
         return within and all(_is_even(entry) for entry in node.inputs)
     return node.bl_idname in flat.PURE and all(_is_even(entry) for entry in node.inputs if entry.enabled)
 

@@ -12,9 +12,13 @@ DIRECTED = {
     "ShaderNodeNewGeometry": ("Incoming",),
     "ShaderNodeTexCoord": ("Reflection",),
 }
+WEIGHTS = ("ShaderNodeFresnel", "ShaderNodeLayerWeight")
 OF_CAMERA = ("ShaderNodeCameraData", "ShaderNodeTexCoord")
 
 STEPS = 64
+
+# Rows of a table: evenly spaced cosines from 0 to 1.
+ROWS = 64
 
 
 def rewrite_cameras(material, eye):
@@ -31,6 +35,37 @@ def rewrite_cameras(material, eye):
             made = _BY_EYE[out.name](tree, turned)
             for link in list(out.links):
                 tree.links.new(made, link.to_socket)
+
+
+def simplify(material, report):
+    """Makes Layer Weights of the cosine between view and normal, and lets weights go by the surface's own normal."""
+    if material.node_tree is None:
+        return
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, ("ShaderNodeVectorMath",))):
+        if node.operation == "DOT_PRODUCT" and _are_view_and_normal(node):
+            _put_cosine(tree, node.outputs["Value"])
+    for tree, node in list(trees.nodes_with_trees(material.node_tree, WEIGHTS)):
+        links = list(node.inputs["Normal"].links)
+        for link in links:
+            tree.links.remove(link)
+        if links and any(out.is_linked for out in node.outputs):
+            report.warn(material.name, f"{node.bl_label} has a normal of its own: it goes by that of the surface")
+
+
+def _are_view_and_normal(node):
+    sources = [shaders.source(entry) for entry in node.inputs[:2]]
+    names = {source.name for source in sources if source is not None and source.node.bl_idname == "ShaderNodeNewGeometry"}
+    return names == {"Incoming", "Normal"}
+
+
+def _put_cosine(tree, output):
+    """The cosine by a Layer Weight in the place of an output."""
+    weight, rest = tree.nodes.new("ShaderNodeLayerWeight"), tree.nodes.new("ShaderNodeMath")
+    weight.inputs["Blend"].default_value = 0.5
+    rest.operation, rest.inputs[0].default_value = "SUBTRACT", 1.0
+    for link in list(output.links):
+        tree.links.new(rest.outputs[0], link.to_socket)
+    tree.links.new(weight.outputs["Facing"], rest.inputs[1])
 
 
 def _vector(tree, operation, first, second=None):
@@ -56,11 +91,14 @@ _BY_EYE = {
 }
 
 
-def take_means(material, shader, report):
-    """Puts means in the place of what differs with the direction, where it reaches the shader."""
-    reached = set()
+def take_means(material, shader, report, mixed=()):
+    """Puts means in the place of what differs with the direction, where it reaches the shader; inputs that are mixed by the angle of
+    view get what can be told by it later."""
+    reached, meant = set(), set()
     for socket in shader.inputs:
         trees.upstream(socket, reached)
+        if socket.name not in mixed:
+            trees.upstream(socket, meant)
     groups = {node.node_tree for node in reached if getattr(node, "node_tree", None)}
     names = set()
     for tree, node in list(trees.nodes_with_trees(material.node_tree, DIRECTED)):
@@ -68,19 +106,24 @@ def take_means(material, shader, report):
             continue
         for out in node.outputs:
             if out.is_linked and out.name in DIRECTED[node.bl_idname]:
-                _take_mean(tree, node, out)
-                names.add(node.bl_label)
+                _take_mean(tree, node, out, bool(mixed))
+                # Of groups it is not known which inputs see what.
+                if node in meant if tree == material.node_tree else any(getattr(n, "node_tree", None) for n in meant):
+                    names.add(node.bl_label)
     if names:
         report.warn(material.name, f"{' and '.join(sorted(names))} differ with the direction of view: their means are taken")
 
 
-def _take_mean(tree, node, out):
+def _take_mean(tree, node, out, is_mixed):
     if out.name in ("Incoming", "Reflection"):
         # As it is seen head on.
         for link in list(out.links):
             tree.links.new(node.outputs["Normal"], link.to_socket)
         return
-    trees.replace(tree, out, mean(node, out.name))
+    middle = mean(node, out.name)
+    made = trees.replace(tree, out, middle)
+    if is_mixed and is_known(node):
+        made.node[shaders.BY_COSINE] = [*rows(node, out.name), middle]
 
 
 def mean(node, output):
@@ -98,6 +141,18 @@ def weight(node, output, cosine):
     if output == "Fresnel":
         return fresnel(cosine, 1 / max(1 - blend, 1e-5))
     return 1 - cosine ** (2 * blend if blend < 0.5 else 0.5 / (1 - blend))
+
+
+def rows(node, output):
+    """What a node gives by the cosine."""
+    return [weight(node, output, i / (ROWS - 1)) for i in range(ROWS)]
+
+
+def is_known(node):
+    """Is it a weight by the surface's own normal and a constant?"""
+    if node.bl_idname not in WEIGHTS or node.inputs["Normal"].is_linked:
+        return False
+    return shaders.constant(node.inputs["IOR" if node.bl_idname == "ShaderNodeFresnel" else "Blend"]) is not None
 
 
 def fresnel(cosine, ior):

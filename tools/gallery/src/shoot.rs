@@ -53,7 +53,7 @@ impl Shot {
         let loaded = oscura::load(path)?;
         let ([width, height], samples) = size_and_samples(&loaded.scene, quality, path)?;
         let exposure = loaded.scene.settings.exposure.unwrap_or(0.0);
-        let view = loaded.scene.settings.view.as_deref().and_then(ViewTransform::from_name);
+        let view = loaded.scene.settings.view.clone();
         let mut rendering = Renderer::new(loaded).size(width, height).samples(samples).start()?;
         if let Some(warning) = rendering.warnings().first() {
             return Err(Error::input(path, format!("renders with a warning: {warning}")));

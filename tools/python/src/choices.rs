@@ -5,8 +5,9 @@ use oscura::load::Up;
 use oscura::load::gltf::{Glass, LightUnits};
 use oscura::load::stage::{Ground, StageLight, ViewFrom};
 use oscura::load::subdivide::{MOST_LEVELS, Subdivision};
-use oscura::output::ViewTransform;
+use oscura::output::{ViewTransform, read_view};
 use pyo3::PyResult;
+use std::path::Path;
 use std::str::FromStr;
 
 /// As many as the program takes.
@@ -86,7 +87,10 @@ pub fn view_from(word: &str) -> PyResult<ViewFrom> {
 
 /// How pictures to look at come about.
 pub fn view(word: &str) -> PyResult<ViewTransform> {
-    let choices = ViewTransform::ALL.map(|view| (view.name(), view));
+    if ViewTransform::is_file(word) {
+        return read_view(Path::new(word)).map_err(|message| usage(format!("{word}: {message}")));
+    }
+    let choices = ViewTransform::NAMED.map(|(view, name, _)| (name, view));
     choose("view", word, &choices)
 }
 

@@ -65,8 +65,8 @@ impl Picture {
         exposure: Option<f32>,
         white_balance: Option<f32>,
     ) -> PyResult<PngOptions> {
-        let usual = self.picture.output_options().png;
-        let of_scene = if self.is_filmic { ViewTransform::Filmic } else { usual.view };
+        let usual = &self.picture.output_options().png;
+        let of_scene = if self.is_filmic { ViewTransform::Filmic } else { usual.view.clone() };
         let view = view.map(choices::view).transpose()?.unwrap_or(of_scene);
         let exposure = exposure.unwrap_or(usual.exposure);
         if !(-100.0..=100.0).contains(&exposure) {
@@ -75,7 +75,7 @@ impl Picture {
         if white_balance.is_some_and(|kelvin| !(1667.0..=25_000.0).contains(&kelvin)) {
             return Err(usage("white_balance must be 1667 to 25000 kelvin"));
         }
-        Ok(PngOptions { view, exposure, white_balance, ..usual })
+        Ok(PngOptions { view, exposure, white_balance: white_balance.or(usual.white_balance), ..usual.clone() })
     }
 }
 

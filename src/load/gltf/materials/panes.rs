@@ -38,11 +38,17 @@ impl Materials {
         if !is_solid && let Model::Pbr(model) = &mut material.model {
             (model.has_volume, model.tints_once) = (false, false);
         }
-        let how = if is_solid { "solid" } else { "a thin sheet, since its meshes enclose nothing" };
+        let how = match is_solid {
+            true => format!("solid ({})", Choice::Glass),
+            false => format!(
+                "a thin sheet, since its meshes enclose nothing ('solid' of {} bends light there, as Cycles does, and as \
+                 the surface of water would)",
+                Choice::Glass
+            ),
+        };
         let message = format!(
-            "material '{}' is transparent without a volume, as Blender exports glass; taken as {how} ({})",
-            material.name,
-            Choice::Glass
+            "material '{}' is transparent without a volume, as Blender exports glass; taken as {how}",
+            material.name
         );
         report.lasting(|report| report.note("", message));
     }

@@ -11,6 +11,8 @@ pub(in crate::load::gltf) struct Signs {
     pub is_lost: bool,
     /// It is opaque, pure white and without a texture.
     pub is_white: bool,
+    /// It is a metal of roughness 1 without a texture, and not black.
+    pub is_rough_metal: bool,
     /// The texture of its base colour, where its alpha, if it has one, does nothing.
     pub ignores_alpha_of: Option<TextureId>,
 }
@@ -30,6 +32,9 @@ impl Signs {
                 && !has("baseColorFactor")
                 && !has("baseColorTexture")
                 && !extension("KHR_materials_transmission"),
+            is_rough_metal: pbr.is_some()
+                && base.factor != [0.0; 3]
+                && !["metallicFactor", "roughnessFactor", "metallicRoughnessTexture"].into_iter().any(has),
             ignores_alpha_of: base.texture.filter(|_| alpha == AlphaMode::Opaque),
         }
     }

@@ -33,7 +33,8 @@ _Choice = Literal["on", "off"]
 _Choice3 = Literal["auto", "on", "off"]
 _Stage = Literal["studio", "sky", "sunset", "white", "soft", "none"]
 _Ground = Literal["none", "shadow", "floor"]
-_View = Literal["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"]
+# A name, or the path of a table (.csp).
+_View = str | Literal["srgb", "filmic", "agx", "agx-punchy", "pbr-neutral", "false-color", "gamma"]
 
 class Error(Exception):
     """Something that the renderer refuses or that failed; its text names file, place and remedy."""

@@ -1,10 +1,17 @@
 //! From scene-referred light to what a display shows.
 
-use super::agx;
-use crate::color::{luminance, srgb_from_linear};
+mod agx;
+mod table;
+
+use super::{luminance, srgb_from_linear};
+use std::borrow::Cow;
+use std::path::Path;
+use std::sync::Arc;
+
+pub use table::ViewTable;
 
 /// How linear colours become those of a display.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 #[non_exhaustive]
 pub enum ViewTransform {
     /// The sRGB transfer function; what is above 1 is clipped.
@@ -24,49 +31,52 @@ pub enum ViewTransform {
     FalseColor,
     /// A power of 1 / 2.2; what is above 1 is clipped.
     Gamma,
+    /// A table of a file.
+    Table(Arc<ViewTable>),
 }
 
 impl ViewTransform {
-    /// All there are.
-    pub const ALL: [ViewTransform; 7] = [
-        ViewTransform::Srgb,
-        ViewTransform::Filmic,
-        ViewTransform::Agx,
-        ViewTransform::AgxPunchy,
-        ViewTransform::PbrNeutral,
-        ViewTransform::FalseColor,
-        ViewTransform::Gamma,
+    /// All that have names, with these and what they do.
+    pub const NAMED: [(ViewTransform, &'static str, &'static str); 7] = [
+        (ViewTransform::Srgb, "srgb", "As they are; what is above 1 is clipped"),
+        (ViewTransform::Filmic, "filmic", "A filmic curve (Narkowicz 2016)"),
+        (ViewTransform::Agx, "agx", "Blender's AgX"),
+        (ViewTransform::AgxPunchy, "agx-punchy", "Blender's AgX with its look Punchy"),
+        (ViewTransform::PbrNeutral, "pbr-neutral", "Khronos PBR Neutral: base colours stay"),
+        (ViewTransform::FalseColor, "false-color", "Stops from middle grey as colours"),
+        (ViewTransform::Gamma, "gamma", "A power of 1 / 2.2"),
     ];
 
     /// The one of a name.
     pub fn from_name(name: &str) -> Option<ViewTransform> {
-        ViewTransform::ALL.into_iter().find(|view| view.name() == name)
+        ViewTransform::NAMED.into_iter().find(|named| named.1 == name).map(|named| named.0)
     }
 
-    /// What users call it.
-    pub fn name(self) -> &'static str {
-        self.words().0
+    /// Is this the name of a file with a table, rather than that of a view?
+    pub fn is_file(name: &str) -> bool {
+        Path::new(name).extension().is_some_and(|ending| ending.eq_ignore_ascii_case("csp"))
     }
 
-    /// What it does, for lists of them.
-    pub fn about(self) -> &'static str {
-        self.words().1
+    /// The one of the bytes of a file with a table (cinespace, `.csp`).
+    ///
+    /// # Errors
+    /// Where they aren't such a table, with the line.
+    pub fn from_table(bytes: &[u8], path: &Path) -> Result<ViewTransform, String> {
+        let text = std::str::from_utf8(bytes).map_err(|_| "is no text".to_string())?;
+        Ok(ViewTransform::Table(Arc::new(ViewTable::parse(text, path)?)))
     }
 
-    fn words(self) -> (&'static str, &'static str) {
+    /// What users call it: a name, or the path of a file.
+    pub fn name(&self) -> Cow<'static, str> {
+        let named = ViewTransform::NAMED.into_iter().find(|named| named.0 == *self).map(|named| named.1);
         match self {
-            ViewTransform::Srgb => ("srgb", "As they are; what is above 1 is clipped"),
-            ViewTransform::Filmic => ("filmic", "A filmic curve (Narkowicz 2016)"),
-            ViewTransform::Agx => ("agx", "Blender's AgX"),
-            ViewTransform::AgxPunchy => ("agx-punchy", "Blender's AgX with its look Punchy"),
-            ViewTransform::PbrNeutral => ("pbr-neutral", "Khronos PBR Neutral: base colours stay"),
-            ViewTransform::FalseColor => ("false-color", "Stops from middle grey as colours"),
-            ViewTransform::Gamma => ("gamma", "A power of 1 / 2.2"),
+            ViewTransform::Table(table) => table.path().display().to_string().into(),
+            _ => named.unwrap_or_default().into(),
         }
     }
 
     /// The display values in 0..1 of a linear colour.
-    pub fn encode(self, rgb: [f32; 3]) -> [f32; 3] {
+    pub fn encode(&self, rgb: [f32; 3]) -> [f32; 3] {
         match self {
             ViewTransform::Srgb => rgb.map(srgb_from_linear),
             ViewTransform::Filmic => rgb.map(|v| srgb_from_linear(filmic(v))),
@@ -75,6 +85,7 @@ impl ViewTransform {
             ViewTransform::PbrNeutral => pbr_neutral(rgb).map(srgb_from_linear),
             ViewTransform::FalseColor => false_color(luminance(rgb)),
             ViewTransform::Gamma => rgb.map(|v| v.clamp(0.0, 1.0).powf(1.0 / 2.2)),
+            ViewTransform::Table(table) => table.encode(rgb),
         }
     }
 }
@@ -134,11 +145,6 @@ mod tests {
     }
 
     /// Figures of Blender 5.0.1 (16-bit PNG by `Image.save_render`).
-    #[test]
-    fn scene_files_know_the_same_views() {
-        assert_eq!(ViewTransform::ALL.map(ViewTransform::name), crate::scene::VIEWS);
-    }
-
     #[test]
     fn agx_is_blenders() {
         let base = [

@@ -1,0 +1,257 @@
+//! Views as tables, from files of the format cinespace (`.csp`): a curve a channel, then a lattice of colours. OpenColorIO
+//! writes it (`ociobakelut --format cinespace`), and so does the exporter of Blender's scenes.
+
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+/// Most nodes along an edge of the lattice, and of a table a channel.
+const MOST_NODES: usize = 129;
+const MOST_KNOTS: usize = 65_536;
+
+/// What a display shows of linear colours: curves bring each channel to 0..1 (what lies outside them is held), a lattice of
+/// display values follows, between whose nodes tetrahedra interpolate.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ViewTable {
+    /// The file it is from.
+    path: PathBuf,
+    curves: [Curve; 3],
+    values: Values,
+}
+
+/// A polyline over ascending knots.
+#[derive(Clone, Debug, PartialEq)]
+struct Curve {
+    knots: Vec<f32>,
+    values: Vec<f32>,
+}
+
+#[derive(Clone, Debug, PartialEq)]
+enum Values {
+    /// Each channel by itself.
+    Line(Vec<[f32; 3]>),
+    /// Nodes along red, green and blue; red is fastest.
+    Lattice([usize; 3], Vec<[f32; 3]>),
+}
+
+impl ViewTable {
+    /// The table of a file's text.
+    ///
+    /// # Errors
+    /// What is wrong with it, with the line.
+    pub fn parse(text: &str, path: &Path) -> Result<ViewTable, String> {
+        let mut words = Words::new(text);
+        let (head, kind) = (words.next().map_or("", |w| w.1), words.next().map_or("", |w| w.1));
+        if head != "CSPLUTV100" || !matches!(kind, "1D" | "3D") {
+            return Err(
+                "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D".to_string()
+            );
+        }
+        words.skip_metadata();
+        let curves = [curve(&mut words)?, curve(&mut words)?, curve(&mut words)?];
+        let values = match kind {
+            "1D" => Values::Line(colors(&mut words, |w| w.count("nodes", MOST_KNOTS))?),
+            _ => lattice(&mut words)?,
+        };
+        match words.next() {
+            Some((line, word)) => Err(format!("line {line}: '{word}' is more than the table needs")),
+            None => Ok(ViewTable { path: path.to_path_buf(), curves, values }),
+        }
+    }
+
+    /// The file it is from.
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
+    /// The display values in 0..1 of a linear colour.
+    pub fn encode(&self, rgb: [f32; 3]) -> [f32; 3] {
+        let at = [0, 1, 2].map(|c| self.curves[c].at(rgb[c]).clamp(0.0, 1.0));
+        let shown = match &self.values {
+            Values::Line(line) => [0, 1, 2].map(|c| {
+                let (low, part) = place(at[c], line.len());
+                line[low][c] + part * (line[low + 1][c] - line[low][c])
+            }),
+            Values::Lattice(size, nodes) => tetrahedral(*size, nodes, at),
+        };
+        shown.map(|v| v.clamp(0.0, 1.0))
+    }
+}
+
+impl Curve {
+    fn at(&self, x: f32) -> f32 {
+        let x = if x.is_nan() { 0.0 } else { x };
+        let above = self.knots.partition_point(|knot| *knot <= x).clamp(1, self.knots.len() - 1);
+        let (x0, x1) = (self.knots[above - 1], self.knots[above]);
+        let (y0, y1) = (self.values[above - 1], self.values[above]);
+        y0 + (y1 - y0) * ((x - x0) / (x1 - x0)).clamp(0.0, 1.0)
+    }
+}
+
+/// The node below a place in 0..1, and how far it is from there to the next.
+fn place(at: f32, nodes: usize) -> (usize, f32) {
+    let scaled = at * (nodes - 1) as f32;
+    let low = (scaled as usize).min(nodes - 2);
+    (low, scaled - low as f32)
+}
+
+/// Linear within the tetrahedron of six of a cell (Kasson et al. 1993, "Tetrahedral interpolation"): from the cell's least
+/// node along the channels in the order of their fractions to its largest.
+fn tetrahedral(size: [usize; 3], nodes: &[[f32; 3]], at: [f32; 3]) -> [f32; 3] {
+    let places = [0, 1, 2].map(|c| place(at[c], size[c]));
+    let strides = [1, size[0], size[0] * size[1]];
+    let mut order = [0, 1, 2];
+    order.sort_by(|&a, &b| places[b].1.total_cmp(&places[a].1));
+    let mut node = (0..3).map(|c| places[c].0 * strides[c]).sum::<usize>();
+    let mut sum = nodes[node].map(|v| v * (1.0 - places[order[0]].1));
+    for (step, &channel) in order.iter().enumerate() {
+        node += strides[channel];
+        let weight = places[channel].1 - order.get(step + 1).map_or(0.0, |&next| places[next].1);
+        (0..3).for_each(|c| sum[c] += weight * nodes[node][c]);
+    }
+    sum
+}
+
+fn curve(words: &mut Words) -> Result<Curve, String> {
+    let count = words.count("knots of a curve", MOST_KNOTS)?;
+    let line = words.line();
+    let knots = words.numbers(count)?;
+    let values = words.numbers(count)?;
+    match knots.is_sorted_by(|a, b| a < b) {
+        true => Ok(Curve { knots, values }),
+        false => Err(format!("line {line}: knots of a curve must ascend")),
+    }
+}
+
+fn lattice(words: &mut Words) -> Result<Values, String> {
+    let mut size = [0; 3];
+    for edge in &mut size {
+        *edge = words.count("nodes along an edge", MOST_NODES)?;
+    }
+    Ok(Values::Lattice(size, colors(words, |_| Ok(size.iter().product()))?))
+}
+
+fn colors(
+    words: &mut Words,
+    count: impl FnOnce(&mut Words) -> Result<usize, String>,
+) -> Result<Vec<[f32; 3]>, String> {
+    let count = count(words)?;
+    Ok(words.numbers(3 * count)?.as_chunks().0.to_vec())
+}
+
+/// The words of a text with their lines, from 1.
+struct Words<'a> {
+    words: std::iter::Peekable<Box<dyn Iterator<Item = (usize, &'a str)> + 'a>>,
+}
+
+impl<'a> Words<'a> {
+    fn new(text: &'a str) -> Words<'a> {
+        let lines = text.lines().enumerate();
+        let words: Box<dyn Iterator<Item = _>> =
+            Box::new(lines.flat_map(|(i, line)| line.split_whitespace().map(move |word| (i + 1, word))));
+        Words { words: words.peekable() }
+    }
+
+    fn next(&mut self) -> Option<(usize, &'a str)> {
+        self.words.next()
+    }
+
+    /// The line of the next word.
+    fn line(&mut self) -> usize {
+        self.words.peek().map_or(0, |w| w.0)
+    }
+
+    fn skip_metadata(&mut self) {
+        if self.words.next_if(|w| w.1 == "BEGIN").is_some() {
+            while self.words.next().is_some_and(|w| w.1 != "END") {}
+            self.words.next_if(|w| w.1 == "METADATA");
+        }
+    }
+
+    fn number<T: FromStr>(&mut self, what: &str) -> Result<T, String> {
+        let (line, word) = self.next().ok_or_else(|| format!("ends where {what} should be"))?;
+        word.parse().map_err(|_| format!("line {line}: '{word}' where {what} should be"))
+    }
+
+    fn count(&mut self, what: &str, most: usize) -> Result<usize, String> {
+        let line = self.line();
+        let count = self.number(&format!("the number of {what}"))?;
+        match (2..=most).contains(&count) {
+            true => Ok(count),
+            false => Err(format!("line {line}: {count} {what}, where 2 to {most} can be")),
+        }
+    }
+
+    fn numbers(&mut self, count: usize) -> Result<Vec<f32>, String> {
+        (0..count)
+            .map(|_| {
+                let line = self.line();
+                let number: f32 = self.number("a number")?;
+                number.is_finite().then_some(number).ok_or(format!("line {line}: a number isn't finite"))
+            })
+            .collect()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Curves that are square roots up to 4, a lattice of 3 x 2 x 2 nodes.
+    fn text() -> String {
+        let curve = "3\n0 1 4\n0 0.5 1\n";
+        let mut text = format!(
+            "CSPLUTV100\n3D\n\nBEGIN METADATA\nby hand 3 2\nEND METADATA\n\n{0}{0}{0}\n3 2 2\n",
+            curve
+        );
+        for (b, g, r) in (0..12).map(|i| (i / 6, i / 3 % 2, i % 3)) {
+            text += &format!("{} {} {}\n", 0.5 * r as f32, 0.25 * (g + b) as f32, if r == 2 { b } else { 0 });
+        }
+        text
+    }
+
+    fn assert_near(found: [f32; 3], expected: [f32; 3]) {
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() < 1e-6), "{found:?} for {expected:?}");
+    }
+
+    #[test]
+    fn tables_hold_at_nodes_and_are_linear_between() {
+        let table = ViewTable::parse(&text(), Path::new("a.csp")).unwrap();
+        assert_near(table.encode([0.0; 3]), [0.0; 3]);
+        assert_near(table.encode([4.0; 3]), [1.0, 0.5, 1.0]);
+        // Beyond the curves, and no number at all.
+        assert_near(table.encode([f32::INFINITY, 1e30, 9.0]), [1.0, 0.5, 1.0]);
+        assert_near(table.encode([f32::NAN, -1.0, -0.0]), [0.0; 3]);
+        // Between knots: 2.5 is in the middle of 1 and 4, so three quarters up.
+        assert_near(table.encode([2.5, 0.5, 0.0]), [0.75, 0.0625, 0.0]);
+        // Between nodes: blue only where red has its last: of (0.75, 0, 0.5) half a cell, whose diagonal plane is met.
+        assert_near(table.encode([2.5, 0.0, 1.0]), [0.75, 0.125, 0.5]);
+        assert_eq!(table.path(), Path::new("a.csp"));
+    }
+
+    #[test]
+    fn channels_may_have_tables_of_their_own() {
+        let line = "CSPLUTV100\n1D\n2\n0 1\n0 1\n2\n0 1\n0 1\n2\n0 2\n0 1\n3\n0 0 0\n0.2 0.5 0.9\n1 1 1\n";
+        let table = ViewTable::parse(line, Path::new("a.csp")).unwrap();
+        assert_near(table.encode([0.25, 0.5, 1.0]), [0.1, 0.5, 0.9]);
+    }
+
+    #[test]
+    fn what_is_wrong_is_told_with_its_line() {
+        let said = |from: &str, to: &str| {
+            ViewTable::parse(&text().replacen(from, to, 1), Path::new("")).unwrap_err()
+        };
+        assert_eq!(
+            said("CSPLUTV100", "LUT_3D_SIZE"),
+            "is no table of the format cinespace: it begins with CSPLUTV100 and 1D or 3D"
+        );
+        assert_eq!(said("0 1 4", "0 4 1"), "line 9: knots of a curve must ascend");
+        assert_eq!(said("0 1 4", "0 x 4"), "line 9: 'x' where a number should be");
+        assert_eq!(said("0.5 1\n", "0.5 inf\n"), "line 10: a number isn't finite");
+        assert_eq!(said("\n3 2 2", "\n3 1 2"), "line 18: 1 nodes along an edge, where 2 to 129 can be");
+        assert_eq!(said("\n3 2 2", "\n2 2 2"), "line 27: '1' is more than the table needs");
+        assert_eq!(said("\n3 2 2", "\n3 2 3"), "ends where a number should be");
+        for cut in 0..text().len() - 2 {
+            assert!(ViewTable::parse(&text()[..cut], Path::new("")).is_err(), "{cut} bytes");
+        }
+    }
+}

@@ -1,0 +1,94 @@
+//! Views that are tables of files.
+
+use crate::program::*;
+use std::path::Path;
+
+/// A table that shows colours as their complements.
+const NEGATIVE: &str = "CSPLUTV100\n3D\n2\n0 1\n0 1\n2\n0 1\n0 1\n2\n0 1\n0 1\n2 2 2\n1 1 1\n0 1 1\n1 0 1\n0 0 1\n1 1 0\n0 1 0\n1 0 0\n0 0 0\n";
+
+/// A sheet that shines evenly, which the camera sees everywhere.
+const SCENE: &str = r#"
+camera = { look_from = [0, 0, 2], look_at = [0, 0, 0], vfov = 20 }
+environment = { background = 0 }
+materials.lamp = { type = "emissive", radiance = [0.25, 0.5, 0.75] }
+
+[[objects]]
+quad = { corner = [-4, -4, 0], u = [8, 0, 0], v = [0, 8, 0] }
+material = "lamp"
+
+[render]
+width = 8
+height = 8
+samples = 1
+view = "negative.csp"
+"#;
+
+fn folder() -> tempfile::TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    std::fs::create_dir(folder.path().join("scenes")).unwrap();
+    std::fs::write(folder.path().join("scenes/negative.csp"), NEGATIVE).unwrap();
+    std::fs::write(folder.path().join("scenes/sheet.toml"), SCENE).unwrap();
+    folder
+}
+
+fn run(folder: &Path, arguments: &[&str]) {
+    let output = oscura(folder, arguments);
+    assert_eq!(code(&output), 0, "{}", stderr(&output));
+}
+
+fn middle(folder: &Path, name: &str) -> [u8; 3] {
+    let picture = image::open(folder.join(name)).unwrap_or_else(|e| panic!("{name}: {e}")).to_rgb8();
+    picture.get_pixel(4, 4).0
+}
+
+#[test]
+fn tables_show_pictures_of_scenes_and_parts_and_of_the_command_line() {
+    let folder = folder();
+    let folder = folder.path();
+    let scene = "scenes/sheet.toml";
+    run(folder, &["render", scene, "-o", "a.png", "-o", "a.exr", "-o", "a.part", "--quiet"]);
+    assert_eq!(middle(folder, "a.png"), [191, 128, 64]);
+    run(folder, &["render", scene, "-o", "b.png", "--view", "srgb", "--quiet"]);
+    assert_eq!(middle(folder, "b.png"), [137, 188, 225]);
+    run(folder, &["convert", "a.exr", "-o", "c.png", "--view", "scenes/negative.csp"]);
+    assert_eq!(middle(folder, "c.png"), [191, 128, 64]);
+    run(folder, &["merge", "a.part", "-o", "d.png", "--quiet"]);
+    assert_eq!(middle(folder, "d.png"), [191, 128, 64]);
+    let told = oscura(folder, &["inspect", scene]);
+    assert!(stdout(&told).contains("negative.csp"), "{}", stdout(&told));
+
+    // Without the file, parts still make pictures of light.
+    std::fs::remove_file(folder.join("scenes/negative.csp")).unwrap();
+    run(folder, &["merge", "a.part", "-o", "e.exr", "--quiet"]);
+    run(folder, &["merge", "a.part", "-o", "e.png", "--view", "srgb", "--quiet"]);
+    let output = oscura(folder, &["merge", "a.part", "-o", "f.png", "--quiet"]);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 3, "{said}");
+    assert!(said.contains("negative.csp") && said.contains("--view chooses another"), "{said}");
+    assert!(!folder.join("f.png").exists());
+}
+
+#[test]
+fn tables_that_are_none_are_told_with_their_lines() {
+    let folder = folder();
+    let folder = folder.path();
+    std::fs::write(folder.join("scenes/negative.csp"), NEGATIVE.replace("1 0 0\n0 0 0", "1 0 0\n0 zero 0"))
+        .unwrap();
+    let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
+    let said = stderr(&output);
+    assert_eq!(code(&output), 3, "{said}");
+    assert!(
+        said.contains("sheet.toml:14") && said.contains("line 20: 'zero' where a number should be"),
+        "{said}"
+    );
+
+    std::fs::write(folder.join("scenes/sheet.toml"), SCENE.replace("negative.csp", "agxx")).unwrap();
+    let output = oscura(folder, &["render", "scenes/sheet.toml", "-o", "a.png"]);
+    assert!(stderr(&output).contains("one of: srgb, filmic, agx"), "{}", stderr(&output));
+
+    for (view, expected) in [("gone.csp", "gone.csp"), ("agxx", "a similar value exists: 'agx'")] {
+        let output = oscura(folder, &["convert", "a.exr", "-o", "a.png", "--view", view]);
+        assert_eq!(code(&output), 2, "{}", stderr(&output));
+        assert!(stderr(&output).contains(expected), "{}", stderr(&output));
+    }
+}

@@ -1,0 +1,252 @@
+//! Solids whose surfaces lie on each other, and solids whose normals point inwards, against closed forms.
+
+use crate::priorities::{assert_same, glass, reflectance};
+use crate::support::{assert_radiance, camera, material, measure, options, quad};
+use oscura::math::{DAffine3, DQuat, DVec3};
+use oscura::render::Caustics;
+use oscura::scene::{
+    ColorSlot, Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model,
+    PbrMaterial, Projection, Scene,
+};
+use std::f64::consts::PI;
+
+/// Indices, and what is left after a metre.
+const GLASS: (f64, f64) = (1.52, 0.8);
+const LIQUID: (f64, f64) = (1.33, 0.3);
+
+/// Heights of the faces of a vessel and of the liquid in it.
+const FACES: [f64; 4] = [0.0, 0.5, 1.3, 1.5];
+/// Half the width of the liquid, and of the vessel.
+const HALF: [f64; 2] = [4.0, 4.2];
+
+/// The box with half a width between two heights, turned inside out or not.
+fn block(mesh: &mut Mesh, [low, high]: [f64; 2], half: f64, turned: bool) {
+    let first = mesh.positions.len() as u32;
+    mesh.positions.extend((0..8).map(|i: u32| {
+        let y = if i & 2 == 0 { low } else { high };
+        let sign = |bit: u32| if i & bit == 0 { -half } else { half };
+        [sign(1) as f32, y as f32, sign(4) as f32]
+    }));
+    // Counter-clockwise seen from outside.
+    let faces = [[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]];
+    let triangles = faces.into_iter().flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]);
+    let placed = triangles.map(|[a, b, c]: [u32; 3]| if turned { [a, c, b] } else { [a, b, c] });
+    mesh.triangles.extend(placed.map(|t| t.map(|i| i + first)));
+}
+
+fn add(scene: &mut Scene, blocks: &[([f64; 2], f64, bool)], of: MaterialId, placed: DAffine3) {
+    let mut mesh = Mesh::new("solid", Vec::new(), Vec::new(), of);
+    let inverse = placed.inverse();
+    blocks.iter().for_each(|&(heights, half, turned)| block(&mut mesh, heights, half, turned));
+    for p in &mut mesh.positions {
+        *p = inverse.transform_point3(p.map(f64::from).into()).as_vec3().to_array();
+    }
+    mesh.parts[0].triangle_count = mesh.triangles.len() as u32;
+    let mesh = scene.add_mesh(mesh);
+    scene.instances.push(Instance::new(mesh, placed));
+}
+
+/// How the two are in the file.
+#[derive(Clone, Copy, Debug)]
+struct Order {
+    liquid_first: bool,
+    /// The liquid's vertices are rounded in a space of their own.
+    placed: bool,
+    priorities: [i32; 2],
+}
+
+/// A closed vessel of glass filled to its walls.
+fn vessel(scene: &mut Scene, order: Order, overlap: f64) {
+    let [of_glass, of_liquid] = order.priorities;
+    let wall = glass(scene, GLASS.0 as f32, GLASS.1 as f32, of_glass);
+    let liquid = glass(scene, LIQUID.0 as f32, LIQUID.1 as f32, of_liquid);
+    let turn = DQuat::from_rotation_y(0.7) * DQuat::from_rotation_x(0.4);
+    let elsewhere =
+        DAffine3::from_scale_rotation_translation(DVec3::splat(0.7), turn, DVec3::new(9.0, -3.0, 5.0));
+    let placed = if order.placed { elsewhere } else { DAffine3::IDENTITY };
+    let inside = [FACES[1], FACES[2]];
+    let filling = [FACES[1] - overlap, FACES[2] + overlap];
+    for is_liquid in [order.liquid_first, !order.liquid_first] {
+        match is_liquid {
+            true => add(scene, &[(filling, HALF[0] + overlap, false)], liquid, placed),
+            false => {
+                let shell = [([FACES[0], FACES[3]], HALF[1], false), (inside, HALF[0], true)];
+                add(scene, &shell, wall, DAffine3::IDENTITY);
+            }
+        }
+    }
+}
+
+/// What plane layers let through and send back of light of 1 from all around, by all reflections within: between each face and
+/// the next lies one of a thickness.
+fn closed_form(sine: f64, layers: &[((f64, f64), f64)]) -> f64 {
+    let air = (1.0, 1.0);
+    let ior = |k: usize| layers.get(k).map_or(air, |l| l.0).0;
+    let above = |k: usize| if k == 0 { 1.0 } else { ior(k - 1) };
+    let last = layers.len();
+    let (mut back, mut through) =
+        (reflectance(above(last), 1.0, sine), 1.0 - reflectance(above(last), 1.0, sine));
+    for k in (0..last).rev() {
+        let ((ior, left), thickness) = layers[k];
+        let left = left.powf(thickness / (1.0 - (sine / ior).powi(2)).sqrt());
+        let face = reflectance(above(k), ior, sine);
+        let between = 1.0 / (1.0 - face * left * left * back);
+        through *= (1.0 - face) * left * between;
+        back = face + (1.0 - face) * (1.0 - face) * left * left * back * between;
+    }
+    back + through
+}
+
+fn filled(sine: f64) -> f64 {
+    let thick = |k: usize| FACES[k + 1] - FACES[k];
+    closed_form(sine, &[(GLASS, thick(2)), (LIQUID, thick(1)), (GLASS, thick(0))])
+}
+
+fn orders() -> impl Iterator<Item = Order> {
+    let both = [false, true];
+    let of = move |liquid_first| both.map(move |placed| (liquid_first, placed));
+    both.into_iter().flat_map(of).flat_map(|(liquid_first, placed)| {
+        [[0, 0], [1, 0], [0, 1]].map(|priorities| Order { liquid_first, placed, priorities })
+    })
+}
+
+/// Absorbed by Beer's law, reflected by Fresnel's equations, from whichever side and in whichever order.
+#[test]
+fn liquid_that_touches_its_glass_is_one_boundary_with_it() {
+    for order in orders() {
+        for (sine, from_above) in [(0.0, true), (0.0, false), (0.8, true)] {
+            let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+            vessel(&mut scene, order, 0.0);
+            let side = if from_above { 1.0 } else { -1.0 };
+            let at = DVec3::new(0.013, if from_above { FACES[3] } else { 0.0 }, 0.007);
+            let eye = DVec3::new(sine, side * (1.0f64 - sine * sine).sqrt(), 0.0) * 9.0;
+            scene.cameras.push(camera(at + eye, at, DVec3::Z, 1e-3));
+            // The order of layers from below, but for what they reflect, gives the same sum.
+            let truth = if from_above {
+                filled(sine)
+            } else {
+                let thick = |k: usize| FACES[k + 1] - FACES[k];
+                closed_form(sine, &[(GLASS, thick(0)), (LIQUID, thick(1)), (GLASS, thick(2))])
+            };
+            let what = format!("{order:?}, sine {sine}, from above: {from_above}");
+            assert_radiance(&what, &scene, &options(8, 128, 40), truth, 5e-3);
+        }
+    }
+}
+
+/// What the surfaces of solids take of light that passes, once a body, counts for both.
+#[test]
+fn touching_solids_both_give_their_colour() {
+    for liquid_first in [false, true] {
+        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut solid = |share: f32| {
+            let pbr = PbrMaterial {
+                base_color: ColorSlot::constant([share; 3]),
+                metallic: FloatSlot::constant(0.0),
+                roughness: FloatSlot::constant(0.0),
+                transmission: FloatSlot::constant(1.0),
+                has_volume: true,
+                tints_once: true,
+                ior: 1.0,
+                ..PbrMaterial::default()
+            };
+            material(&mut scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
+        };
+        let (wall, liquid) = (solid(0.8), solid(0.05));
+        for is_liquid in [liquid_first, !liquid_first] {
+            let shell = [([FACES[0], FACES[3]], HALF[1], false), ([FACES[1], FACES[2]], HALF[0], true)];
+            let filling = [([FACES[1], FACES[2]], HALF[0], false)];
+            let (blocks, of) = if is_liquid { (&filling[..], liquid) } else { (&shell[..], wall) };
+            add(&mut scene, blocks, of, DAffine3::IDENTITY);
+        }
+        let at = DVec3::new(0.013, FACES[3], 0.007);
+        scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
+        let what = format!("liquid first: {liquid_first}");
+        assert_radiance(&what, &scene, &options(16, 256, 16), 0.05 * 0.8 * 0.8, 1e-2);
+    }
+}
+
+/// A camera in the liquid knows what is around it.
+#[test]
+fn cameras_in_a_touching_liquid_are_in_it() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let order = Order { liquid_first: true, placed: true, priorities: [0, 0] };
+    vessel(&mut scene, order, 0.0);
+    let at = DVec3::new(0.013, 1.0, 0.007);
+    scene.cameras.push(camera(at, at + DVec3::Y, DVec3::Z, 1e-3));
+    let (touching, _) = measure(&scene, &options(16, 128, 40));
+    scene.instances.clear();
+    scene.meshes.clear();
+    let order = Order { placed: false, priorities: [1, 0], ..order };
+    vessel(&mut scene, order, 0.001);
+    let (overlapping, error) = measure(&scene, &options(16, 128, 40));
+    assert!((touching - overlapping).abs() < 0.01 * overlapping + 4.0 * error, "{touching} {overlapping}");
+}
+
+/// Two blocks of one material that touch are one.
+#[test]
+fn blocks_of_the_same_glass_that_touch_are_one() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let of = glass(&mut scene, 1.5, 0.5, 0);
+    add(&mut scene, &[([0.0, 0.5], 4.0, false)], of, DAffine3::IDENTITY);
+    add(&mut scene, &[([0.5, 1.0], 4.0, false)], of, DAffine3::IDENTITY);
+    let at = DVec3::new(0.013, 0.5, 0.007);
+    scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
+    let truth = closed_form(0.0, &[((1.5, 0.5), 1.0)]);
+    assert_radiance("two blocks", &scene, &options(16, 256, 40), truth, 5e-3);
+}
+
+/// Light from a point without a size reaches the floor below a vessel by paths from the lamp only.
+#[test]
+#[ignore = "means of many pictures, which take long"]
+fn light_from_lamps_agrees_with_a_thin_overlap() {
+    let lit = |order: Order, overlap: f64| {
+        let mut scene = Scene::default();
+        vessel(&mut scene, order, overlap);
+        let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+        quad(&mut scene, [-4.0, -0.3, 4.0], [8.0, 0.0, 0.0], [0.0, 0.0, -8.0], grey);
+        let mut view = camera(DVec3::new(0.0, -0.1, 0.0), DVec3::new(0.0, -0.3, 0.0), DVec3::X, 1.0);
+        view.projection = Projection::Orthographic { half_height: 2.0 };
+        scene.cameras.push(view);
+        let kind = LightKind::Point { position: DVec3::new(0.4, 3.0, 0.0) };
+        scene.lights.push(Light::new(kind, [20.0 * PI as f32; 3]));
+        measure(&scene, &options(32, 64, 12).caustics(Caustics::On))
+    };
+    let overlapping = lit(Order { liquid_first: true, placed: false, priorities: [1, 0] }, 1e-3);
+    for order in orders() {
+        assert_same(&format!("{order:?}"), lit(order, 0.0), overlapping, 2e-2);
+    }
+}
+
+/// Solids within solids, whichever of them have their normals inwards.
+#[test]
+fn solids_inside_out_reflect_as_others_do() {
+    for (outer, inner) in [(1.5, 2.4), (2.4, 1.5), (1.5, 1.33)] {
+        for (outer_turned, inner_turned) in [(false, true), (true, false), (true, true), (false, false)] {
+            let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+            let around = glass(&mut scene, outer as f32, 0.7, 0);
+            let within = glass(&mut scene, inner as f32, 0.4, 0);
+            add(&mut scene, &[([0.0, 1.5], 4.2, outer_turned)], around, DAffine3::IDENTITY);
+            add(&mut scene, &[([0.5, 1.2], 4.0, inner_turned)], within, DAffine3::IDENTITY);
+            let at = DVec3::new(0.013, 1.5, 0.007);
+            scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
+            let truth = closed_form(0.0, &[((outer, 0.7), 0.3), ((inner, 0.4), 0.7), ((outer, 0.7), 0.5)]);
+            let what = format!("{outer} around {inner}, turned: {outer_turned} {inner_turned}");
+            assert_radiance(&what, &scene, &options(16, 256, 40), truth, 5e-3);
+        }
+    }
+}
+
+/// A mesh with its normals inwards within a body of its own material is a hole in that.
+#[test]
+fn holes_stay_holes() {
+    let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    let of = glass(&mut scene, 1.5, 0.5, 0);
+    add(&mut scene, &[([0.0, 1.5], 4.2, false)], of, DAffine3::IDENTITY);
+    add(&mut scene, &[([0.5, 1.2], 4.0, true)], of, DAffine3::IDENTITY);
+    let at = DVec3::new(0.013, 1.5, 0.007);
+    scene.cameras.push(camera(at + DVec3::Y * 9.0, at, DVec3::Z, 1e-3));
+    let (clear, air) = ((1.5, 0.5), (1.0, 1.0));
+    let truth = closed_form(0.0, &[(clear, 0.3), (air, 0.7), (clear, 0.5)]);
+    assert_radiance("hole", &scene, &options(16, 256, 40), truth, 5e-3);
+}
