@@ -143,7 +143,7 @@ fn a_file_of_blender_is_rendered_and_what_was_lost_is_said() {
     let output = place.run(None, &[&frames[..], &options].concat());
     assert_eq!(code(&output), 0, "{}", stderr(&output));
     assert!(place.path("f.0003.exr").exists() && place.path("f.0005.exr").exists());
-    assert_eq!(place.text("options"), "--frame 3 --scene Night\n--frame 5 --scene Night\n");
+    assert_eq!(place.text("options"), "--frame 3 --scene Night --links\n--frame 5 --scene Night --links\n");
 }
 
 #[test]
@@ -305,11 +305,11 @@ fn choices_about_the_export_reach_it() {
     let default = run(&["--view-layer", "Front"]);
     let expected = place.path(".cache/oscura/blender");
     if cfg!(target_os = "linux") && std::env::var_os("XDG_CACHE_HOME").is_none() {
-        assert_eq!(default, format!("--view-layer Front --cache {}\n", expected.display()));
+        assert_eq!(default, format!("--view-layer Front --cache {} --links\n", expected.display()));
     }
     let kept = place.folder.path().canonicalize().expect("a folder").join("kept");
-    assert_eq!(run(&["--cache", "kept"]), format!("--cache {}\n", kept.display()));
-    assert_eq!(run(&["--no-cache"]), "\n");
+    assert_eq!(run(&["--cache", "kept"]), format!("--cache {} --links\n", kept.display()));
+    assert_eq!(run(&["--no-cache"]), "--links\n");
 }
 
 #[test]

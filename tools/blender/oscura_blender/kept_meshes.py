@@ -41,7 +41,7 @@ class KeptMeshes:
     def exchange(self, glb, by_name):
         """Keeps what Blender's exporter wrote of meshes, and puts in what it wrote the last time; `by_name` has the numbers
         of meshes by the names of their objects."""
-        taken = set()
+        taken = {}
         for name, mesh in by_name.items():
             primitives = glb.json["meshes"][mesh]["primitives"]
             if name in self.known:
@@ -120,21 +120,23 @@ def _taken_out(glb, primitives):
 
 
 def _put_in(glb, primitives, kept, taken):
-    """Gives the accessors of primitives the values that were kept; those that are taken, as stand-ins of equal numbers share theirs,
-    are copied."""
+    """Gives the accessors of primitives the values that were kept; those that other values have taken, as
+    stand-ins of equal numbers share theirs, are copied."""
     rows = json.loads(str(kept["rows"]))
     if [set(row) for row in rows] != [set(_slots(primitive)) for primitive in primitives]:
         raise ValueError("a mesh that was kept does not fit its materials: run once with --no-cache and report this")
     for k, (row, primitive) in enumerate(zip(rows, primitives)):
         for slot, number in _slots(primitive).items():
-            accessor = glb.json["accessors"][number]
+            accessor, values = glb.json["accessors"][number], kept[f"{k} {slot}"].tobytes()
+            if taken.get(accessor["bufferView"]) == (row[slot], values):
+                continue
             if accessor["bufferView"] in taken:
                 accessor, view = dict(accessor), dict(glb.json["bufferViews"][accessor["bufferView"]])
                 accessor["bufferView"] = len(glb.json["bufferViews"])
                 glb.json["bufferViews"].append(view)
                 _set(primitive, slot, len(glb.json["accessors"]))
                 glb.json["accessors"].append(accessor)
-            taken.add(accessor["bufferView"])
+            taken[accessor["bufferView"]] = row[slot], values
             view = glb.json["bufferViews"][accessor["bufferView"]]
             accessor.update(row[slot])
-            view["byteOffset"], view["byteLength"] = glb.add(kept[f"{k} {slot}"].tobytes())
+            view["byteOffset"], view["byteLength"] = glb.add(values)
