@@ -286,7 +286,7 @@ impl Space {
                 attributes.materials.resize(shapes.triangles.len(), class.material(id));
             }
         }
-        attributes.append(mesh, placed, needs, first as usize);
+        attributes.append(mesh, (placed, is_inside_out), needs, first as usize);
     }
 
     /// Appends quads and analytic shapes to the world's own geometry.
@@ -328,7 +328,13 @@ impl Space {
 impl Attributes {
     /// Appends what is needed of a mesh's attributes; `before` vertices precede it. A list starts, filled with zeros
     /// (white for colours), at the first mesh that needs it.
-    fn append(&mut self, mesh: &Mesh, placed: &DAffine3, needs: Needs, before: usize) {
+    fn append(
+        &mut self,
+        mesh: &Mesh,
+        (placed, is_inside_out): (&DAffine3, bool),
+        needs: Needs,
+        before: usize,
+    ) {
         let total = before + mesh.positions.len();
         let of_normals = normal_matrix(&placed.matrix3).as_mat3();
         let linear = placed.matrix3.as_mat3();
@@ -338,7 +344,9 @@ impl Attributes {
             let source = mesh.uv_sets.get(set).map_or(&[][..], Vec::as_slice);
             extend(&mut self.uv[set], needs.uv[set], [0.0; 2], before, total, source.iter().copied());
         }
-        let handedness = if placed.matrix3.determinant() < 0.0 { -1.0 } else { 1.0 };
+        // Normals that are turned around turn the third axis of tangents.
+        let is_turned = is_inside_out && has_normals_of_faces(mesh);
+        let handedness = if (placed.matrix3.determinant() < 0.0) != is_turned { -1.0 } else { 1.0 };
         let tangents = mesh.tangents.iter().map(|&[x, y, z, w]| {
             let [x, y, z] = (linear * glam([x, y, z])).normalize_or_zero().to_array();
             [x, y, z, w * handedness]
@@ -346,6 +354,15 @@ impl Attributes {
         extend(&mut self.tangents, needs.tangents, [0.0; 4], before, total, tangents);
         extend(&mut self.colors, needs.colors, [1.0; 4], before, total, mesh.colors.iter().copied());
     }
+}
+
+/// Do the normals of a mesh's vertices point where those of its faces do?
+fn has_normals_of_faces(mesh: &Mesh) -> bool {
+    let agreement = |&[a, b, c]: &[u32; 3]| {
+        let [p, q, r] = [a, b, c].map(|i| glam(mesh.positions[i as usize]));
+        mesh.normals.get(a as usize).map_or(0.0, |&normal| (q - p).cross(r - p).dot(glam(normal)))
+    };
+    mesh.triangles.iter().map(agreement).sum::<f32>() > 0.0
 }
 
 fn glam(v: [f32; 3]) -> Vec3 {

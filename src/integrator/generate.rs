@@ -68,6 +68,12 @@ impl Integrator<'_> {
         }
     }
 
+    /// How far the ray of a path at the camera sees surfaces.
+    pub(super) fn reach(&self, w: &Workspace, i: usize) -> f32 {
+        let [near, far] = self.range(w, i);
+        far - near
+    }
+
     /// Paths start where the camera sees something.
     fn start_within(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
@@ -81,9 +87,9 @@ impl Integrator<'_> {
     /// Their rays end where it sees nothing any more, and stand for as much as they would from the camera.
     fn end_within(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
-            let [near, far] = self.range(w, i);
-            w.rays[i].t_max = far - near;
+            w.rays[i].t_max = self.reach(w, i);
             if self.parts.footprints {
+                let [near, _] = self.range(w, i);
                 let footprints = &mut w.arriving.footprints;
                 footprints.width[i] += footprints.spread[i] * near;
             }

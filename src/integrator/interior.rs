@@ -141,7 +141,7 @@ fn solids_around(scene: &CompiledScene, p: Vec3, direction: Vec3, time: f32) -> 
         let mesh = scene.geometries.placed_mesh(&hit);
         // A body may have several materials, one where it is entered and another where it is left. That is one mesh, or many
         // quads.
-        let is_same = |&(_, other): &(u16, Option<ObjectId>)| other.is_none() || other == mesh;
+        let is_same = |&(_, other): &(u16, Option<ObjectId>)| other == mesh;
         let same_medium = || entered.iter().rposition(|&(m, _)| m == medium);
         if is_front {
             entered.push((medium, mesh));

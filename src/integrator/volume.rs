@@ -45,7 +45,8 @@ impl Integrator<'_> {
             let throughput = get_rgb(&path.throughput, i);
             let waves = times.waves(path.sample[i]);
             let flight = self.fly((medium, waves), ray, 0.0, throughput, lamp, [distance, kind]);
-            ray.t_max = flight.until;
+            // Where cameras see surfaces up to a distance only, rays end there; what scatters beyond is seen.
+            ray.t_max = flight.until.min(ray.t_max);
             flights.push(flight);
         }
     }
@@ -220,6 +221,7 @@ impl Integrator<'_> {
 
     /// Takes the pending paths that hit boundaries without a surface to the media behind.
     pub(super) fn cross_boundaries(&self, bounce: u32, pass: u32, w: &mut Workspace) {
+        let is_clipped = bounce == 0 && self.view.camera.is_clipped();
         for at in 0..w.pending.len() {
             let i = w.pending[at] as usize;
             let (hit, time) = (w.hits[i], w.times.of(w.arriving.carried.sample[i]));
@@ -239,7 +241,8 @@ impl Integrator<'_> {
             let u = [unit(salt), unit(hash32(salt))];
             let waves = w.times.waves(w.arriving.carried.sample[i]);
             let flight = self.fly((beyond.medium(), waves), &w.rays[i], hit.t, throughput, None, u);
-            w.rays[i].t_max = flight.until;
+            let far = if is_clipped { self.reach(w, i) } else { f32::INFINITY };
+            w.rays[i].t_max = flight.until.min(far);
             w.flights[i] = flight;
             w.flights[i].crossed = Some(Crossed { at: hit.t, before: here });
         }

@@ -91,30 +91,39 @@ fn what_is_cut_away_stays_there_for_light() {
     assert!(mean(&picture(&lit_floor(true), &options(8, 16, 1))) == 0.0);
 }
 
-/// Rays may start within a solid: at its middle they have half of the way to go.
+/// Rays may start within a medium, where they have less of the way to go; and surfaces beyond the far end aren't seen through
+/// it either.
 #[test]
 fn rays_that_start_within_a_medium_are_in_it() {
-    let medium = Medium {
-        extinction: [0.7; 3],
-        albedo: [0.0; 3],
-        anisotropy: 0.0,
-        emission: [0.0; 3],
-        grid: None,
-        glow: None,
-    };
     let around = camera(DVec3::new(0.0, 0.0, 5.0), DVec3::ZERO, DVec3::Y, 0.1);
-    for (near, way) in [(1.0, 2.0), (5.0, 1.0), (5.5, 0.5), (6.5, 0.0)] {
-        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+    // Media that don't scatter have another way through the code.
+    let cases = [(1.0, 2.0), (5.0, 1.0), (5.5, 0.5), (6.5, 0.0)];
+    for (albedo, (near, way)) in [0.0, 1e-6].into_iter().flat_map(|albedo| cases.map(|case| (albedo, case))) {
+        let medium = Medium {
+            extinction: [0.7; 3],
+            albedo: [albedo; 3],
+            anisotropy: 0.0,
+            emission: [0.0; 3],
+            grid: None,
+            glow: None,
+        };
+        let before_wall = |mut scene: Scene, far: f64| {
+            let wall = material(&mut scene, Material::emitter("wall", [5.0; 3], true));
+            quad(&mut scene, [-50.0, -50.0, -3.0], [100.0, 0.0, 0.0], [0.0, 100.0, 0.0], wall);
+            scene.cameras.push(Camera { clip: Some([near, far]), ..around.clone() });
+            scene
+        };
+        let open = || Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
+        let mut body = open();
         let filled = Material { medium: Some(medium), ..Material::new("body", Model::Boundary {}) };
-        let filled = material(&mut scene, filled);
-        sphere(&mut scene, [0.0; 3], 1.0, filled);
-        scene.cameras.push(Camera { clip: Some([near, 1e3]), ..around.clone() });
-        assert_radiance(&format!("from {near}"), &scene, &options(8, 64, 4), (-0.7f64 * way).exp(), 3e-3);
-        // Fog begins where rays do.
-        let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-        scene.fog = Some(Fog { medium, center: DVec3::ZERO, radius: 2.0 });
-        scene.cameras.push(Camera { clip: Some([near, 1e3]), ..around.clone() });
-        let way = (7.0 - near).min(4.0);
-        assert_radiance(&format!("fog from {near}"), &scene, &options(8, 64, 4), (-0.7f64 * way).exp(), 5e-3);
+        let filled = material(&mut body, filled);
+        sphere(&mut body, [0.0; 3], 1.0, filled);
+        let fog = Scene { fog: Some(Fog { medium, center: DVec3::ZERO, radius: 2.0 }), ..open() };
+        for (name, scene, way) in [("body", body, way), ("fog", fog, (7.0 - near).min(4.0))] {
+            let left = (-0.7f64 * way).exp();
+            let name = format!("{name} of albedo {albedo} from {near}");
+            assert_radiance(&name, &before_wall(scene.clone(), 7.5), &options(8, 256, 4), left, 3e-3);
+            assert_radiance(&name, &before_wall(scene, 8.5), &options(8, 256, 4), 5.0 * left, 3e-3);
+        }
     }
 }

@@ -162,8 +162,12 @@ impl<'a> Words<'a> {
 
     fn skip_metadata(&mut self) {
         if self.words.next_if(|w| w.1 == "BEGIN").is_some() {
-            while self.words.next().is_some_and(|w| w.1 != "END") {}
-            self.words.next_if(|w| w.1 == "METADATA");
+            let mut last = "";
+            while let Some((_, word)) = self.words.next()
+                && (last, word) != ("END", "METADATA")
+            {
+                last = word;
+            }
         }
     }
 
@@ -200,7 +204,7 @@ mod tests {
     fn text() -> String {
         let curve = "3\n0 1 4\n0 0.5 1\n";
         let mut text = format!(
-            "CSPLUTV100\n3D\n\nBEGIN METADATA\nby hand 3 2\nEND METADATA\n\n{0}{0}{0}\n3 2 2\n",
+            "CSPLUTV100\n3D\n\nBEGIN METADATA\nby hand, END 3 2\nEND METADATA\n\n{0}{0}{0}\n3 2 2\n",
             curve
         );
         for (b, g, r) in (0..12).map(|i| (i / 6, i / 3 % 2, i % 3)) {

@@ -90,14 +90,16 @@ impl Integrator<'_> {
         let Catcher { ng, wo, wi, .. } = catcher;
         let area = sight.pixels_per_area * (wo.dot(ng) / wi.dot(ng)).abs();
         let plan = self.options.caustics?;
-        // The way to the camera is in what surrounds that.
+        // The way to where the camera begins to see, which is in what surrounds that place.
+        let [near, _] = self.view.camera.range(-sight.direction);
+        let start = if near > 0.0 { sight.lens - sight.direction * near } else { sight.lens };
         let around = match self.camera_interior {
             AroundCamera::Same(interior) => interior,
-            AroundCamera::Differs => Interior::around(self.scene, sight.lens, STILL),
+            AroundCamera::Differs => Interior::around(self.scene, start, STILL),
         };
         let medium = &self.scene.media[usize::from(around.medium())];
         let left = if self.scene.features.absorption {
-            medium.transmittance_at(sight.distance, waves.as_ref())
+            medium.transmittance_at(sight.distance - near, waves.as_ref())
         } else {
             Rgb::ONE
         };
@@ -105,7 +107,7 @@ impl Integrator<'_> {
         let found = (path.radiance * f_cos).luminance() / pdf_solid_angle;
         let side = if wo.dot(ng) < 0.0 { -1.0 } else { 1.0 };
         let origin = offset_along(at.surface.p, ng * side, ng.abs().dot(at.surface.p_error));
-        let segment = Ray::segment(origin, sight.lens - origin);
+        let segment = Ray::segment(origin, start - origin);
         let (seed, index) = path.point.to_parts();
         (value.max_element() > 0.0).then(|| Caught {
             segment: Ray { origin_primitive: (&at.hit).into(), ..segment },

@@ -6,9 +6,12 @@ use crate::scene::{MOST_NESTED_TEXTURES, Mapping, Scene, Texture, TextureId};
 pub(super) fn check(scene: &Scene, findings: &mut Findings) {
     // How many textures lie one in the other, up to each one.
     let mut depths: Vec<u32> = Vec::with_capacity(scene.textures.len());
+    // How many are looked up for each one.
+    let mut lookups: Vec<u64> = Vec::with_capacity(scene.textures.len());
+    let of = |lookups: &[u64], part: TextureId| lookups.get(part.index()).copied().unwrap_or(1);
     for (index, texture) in scene.textures.iter().enumerate() {
         let place = Place { list: "textures", index, name: "" };
-        let mut depth = 1;
+        let (mut depth, mut looked_up) = (1, 1);
         match texture {
             Texture::Solid(rgb) => findings.require_color(rgb, place, "Solid"),
             Texture::Image { image, mapping, .. } => {
@@ -22,6 +25,7 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 for (field, cell) in [("even", *even), ("odd", *odd)] {
                     depth = depth.max(1 + check_part(cell, field, &depths, place, findings));
                 }
+                looked_up = of(&lookups, *even).max(of(&lookups, *odd));
                 let is_met = depth <= MOST_NESTED_TEXTURES;
                 findings.require(is_met, place, "nesting", depth, NESTING);
             }
@@ -29,7 +33,17 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
                 for (field, part) in [("a", *a), ("b", *b), ("factor", *factor)] {
                     depth = depth.max(1 + check_part(part, field, &depths, place, findings));
                 }
+                looked_up =
+                    [*a, *b, *factor].map(|part| of(&lookups, part)).into_iter().fold(0, u64::saturating_add);
                 findings.require(depth <= MOST_NESTED_TEXTURES, place, "nesting", depth, NESTING);
+                let is_met = looked_up <= MOST_LOOKUPS;
+                findings.require(
+                    is_met,
+                    place,
+                    "mixes",
+                    looked_up,
+                    "made of at most 4096 textures that are no mixes",
+                );
             }
             Texture::Normal | Texture::Spectrum(_) => {}
             Texture::Facing(colors) => {
@@ -44,8 +58,12 @@ pub(super) fn check(scene: &Scene, findings: &mut Findings) {
             }
         }
         depths.push(depth);
+        lookups.push(looked_up);
     }
 }
+
+/// Of one texture at one place.
+const MOST_LOOKUPS: u64 = 4096;
 
 const NESTING: &str = "at most 64 textures, one in the other";
 

@@ -12,6 +12,9 @@ from . import shaders, sidecar
 # Radius of curves without one, metres.
 USUAL_RADIUS = 0.005
 
+# Of a strand in a file.
+MOST_POINTS = 65_536
+
 # Blender's z points up, that of models towards the viewer.
 UPRIGHT = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
 
@@ -21,6 +24,13 @@ class Strands:
 
     def __init__(self, points, counts, radii):
         self.points, self.counts, self.radii = points, counts, radii
+
+    def without_long(self):
+        """Leaves out strands of more points than files can have; gives their number."""
+        kept = self.counts <= MOST_POINTS
+        of_kept = np.repeat(kept, self.counts)
+        self.points, self.radii, self.counts = self.points[of_kept], self.radii[of_kept], self.counts[kept]
+        return int((~kept).sum())
 
     def write(self, path, matrix):
         """Writes a file of Cem Yuksel's HAIR models, moved by a matrix."""
@@ -87,6 +97,8 @@ def entries(found, folder, name, report):
     """The tables of all strands and of their materials; the strands go to the folder."""
     tables, materials = [], {}
     for number, (place, strands, matrix, material, extras) in enumerate(found.hair):
+        if (long := strands.without_long()) > 0:
+            report.warn(place, f"{long} strands of more than {MOST_POINTS} points are left out")
         if not len(strands.counts):
             continue
         file = f"{name}.{number}.hair"

@@ -45,6 +45,11 @@ impl Builder<'_, '_> {
             return None;
         }
         let radiance = self.color(factor, json.emissive_texture.as_ref(), "/emissiveTexture");
+        if json.emissive_texture.is_some() && radiance.texture.is_none() {
+            let place = format!("{}/emissiveTexture", self.at);
+            self.report.warn(place, "is lost: the material does not shine, rather than everywhere alike");
+            return None;
+        }
         Some(Emission { radiance, two_sided: json.double_sided })
     }
 
