@@ -109,6 +109,13 @@ fn textures_and_images() {
             "textures[1], factor: is TextureId(2), but must be a texture that comes before this one",
         ]
     );
+    // Of three of the one before each: 3 to the power of 7 and of 8.
+    scene.textures =
+        (0..9).map(|i| if i == 0 { Texture::Normal } else { mix(i - 1, i - 1, i - 1) }).collect();
+    assert_eq!(
+        told(&scene),
+        ["textures[8], mixes: is 6561, but must be made of at most 4096 textures that are no mixes"]
+    );
     let mut image = Image::from_linear_rgb("sky", 2, 1, vec![0.0, 1.0, f32::NAN, 3.0, 4.0, 5.0]);
     (image.width, image.channels) = (3, 5);
     let texture = Texture::Image {

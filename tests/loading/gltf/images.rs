@@ -288,6 +288,21 @@ fn levels_of_plain_pixels_under_supercompression() {
     }
 }
 
+/// A screen whose picture is lost is no lamp.
+#[test]
+fn without_its_texture_a_material_does_not_shine() {
+    let mut asset = textured("a.png", json!({"source": 0}));
+    asset["materials"][0]["emissiveTexture"] = json!({"index": 0});
+    asset["materials"][0]["emissiveFactor"] = json!([1, 1, 1]);
+    let loaded = load(&asset, "a.png", b"\x89PNG\r\n\x1a\nand no more").unwrap_or_else(|e| panic!("{e}"));
+    assert!(loaded.scene.materials[0].emission.is_none());
+    let said: Vec<String> = loaded.warnings.iter().map(ToString::to_string).collect();
+    assert!(
+        said.iter().any(|s| s.contains("/materials/0/emissiveTexture: is lost: the material does not shine")),
+        "{said:?}"
+    );
+}
+
 /// Of two textures the damaged one is lost, wherever the damage is noticed, and the other stays.
 #[cfg(feature = "ktx2")]
 #[test]
