@@ -14,6 +14,9 @@ use crate::scene::{Instance, MaterialId, Mesh, Scene, is_closed};
 /// By mesh: is it inside out? Empty where none is.
 pub(super) fn find(scene: &Scene, materials: &[CompiledMaterial], warnings: &mut Vec<Warning>) -> Vec<bool> {
     let is_solid = |id: MaterialId| materials[id.index()].medium_index != 0;
+    if !materials.iter().any(|m| m.medium_index != 0) {
+        return Vec::new();
+    }
     let is_whole = |i: &&Instance| part_materials(&scene.meshes[i.mesh.index()], i).all(is_solid);
     let mut uses = vec![(0, 0); scene.meshes.len()];
     for instance in &scene.instances {

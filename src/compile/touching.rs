@@ -35,12 +35,19 @@ pub(super) fn exists(
     materials: &[CompiledMaterial],
     (geometries, accel, anchor): (&Geometries, &Accel, DVec3),
 ) -> bool {
-    let solids = solids(scene, materials);
+    let mut solids = solids(scene, materials);
+    // By where they begin along x: those that can meet one are next to each other.
+    solids.sort_by(|a, b| a.bounds[0].x.total_cmp(&b.bounds[0].x));
+    let widest = solids.iter().map(|s| s.bounds[1].x - s.bounds[0].x).fold(0.0, f64::max);
+    let reach = solids.iter().map(Solid::rounding).fold(0.0, f64::max);
     let at = Places { materials, geometries, accel, anchor };
     solids.iter().enumerate().any(|(i, solid)| {
-        let others = solids.iter().enumerate();
-        let others = others.filter(|&(k, other)| if k == i { solid.has_several } else { solid.meets(other) });
-        let others: Vec<&Solid> = others.map(|(_, other)| other).collect();
+        let [low, high] = solid.bounds.map(|corner| corner.x);
+        let first = solids.partition_point(|s| s.bounds[0].x < low - widest - 2.0 * reach);
+        let last = solids.partition_point(|s| s.bounds[0].x <= high + 2.0 * reach);
+        let others =
+            (first..last).filter(|&k| if k == i { solid.has_several } else { solid.meets(&solids[k]) });
+        let others: Vec<&Solid> = others.map(|k| &solids[k]).collect();
         !others.is_empty() && (accel.is_moving() || solid.is_touched(&others, scene, &at))
     })
 }

@@ -87,9 +87,9 @@ impl Integrator<'_> {
     /// Their rays end where it sees nothing any more, and stand for as much as they would from the camera.
     fn end_within(&self, count: usize, w: &mut Workspace) {
         for i in 0..count {
-            w.rays[i].t_max = self.reach(w, i);
+            let [near, far] = self.range(w, i);
+            w.rays[i].t_max = far - near;
             if self.parts.footprints {
-                let [near, _] = self.range(w, i);
                 let footprints = &mut w.arriving.footprints;
                 footprints.width[i] += footprints.spread[i] * near;
             }

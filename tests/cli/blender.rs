@@ -293,6 +293,11 @@ fn what_is_kept_of_exports_is_what_is_exported() {
 }
 
 #[test]
+fn what_is_exported_of_trees_and_surfaces_and_beside_the_model() {
+    ["test_trees.py", "test_surfaces.py", "test_beside.py"].into_iter().for_each(python_test);
+}
+
+#[test]
 fn choices_about_the_export_reach_it() {
     let place = Place::new();
     let blender = place.blender("tool");

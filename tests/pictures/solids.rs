@@ -1,6 +1,6 @@
 //! Light inside of solids that absorb, and solids within solids, against closed forms.
 
-use crate::support::{assert_radiance, camera, material, options, quad, sphere};
+use crate::support::{assert_radiance, camera, material, options, quad, sphere, tinted_solid};
 use oscura::math::DVec3;
 use oscura::scene::{
     Environment, FloatSlot, Light, LightKind, Material, MaterialId, Model, PbrMaterial, Scene,
@@ -183,20 +183,7 @@ fn a_sheet_of_glass_is_a_window() {
 fn liquid_that_overlaps_its_glass_keeps_its_colour() {
     for (what, top, bottom) in [("gap", 0.9, 0.1), ("overlap", 1.03, -0.03)] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-        let mut solid = |share: f32| {
-            let pbr = PbrMaterial {
-                base_color: oscura::scene::ColorSlot::constant([share; 3]),
-                metallic: FloatSlot::constant(0.0),
-                roughness: FloatSlot::constant(0.0),
-                transmission: FloatSlot::constant(1.0),
-                has_volume: true,
-                tints_once: true,
-                ior: 1.0,
-                ..PbrMaterial::default()
-            };
-            material(&mut scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
-        };
-        let (wall, liquid) = (solid(0.8), solid(0.05));
+        let (wall, liquid) = (tinted_solid(&mut scene, 0.8), tinted_solid(&mut scene, 0.05));
         // The vessel's lid and floor are 0.1 m thick.
         for (top, bottom, of) in [(1.1, 1.0, wall), (0.0, -0.1, wall), (top, bottom, liquid)] {
             quad(&mut scene, [-50.0, top, 50.0], [100.0, 0.0, 0.0], [0.0, 0.0, -100.0], of);

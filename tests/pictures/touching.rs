@@ -1,13 +1,10 @@
 //! Solids whose surfaces lie on each other, and solids whose normals point inwards, against closed forms.
 
 use crate::priorities::{assert_same, glass, reflectance};
-use crate::support::{assert_radiance, camera, material, measure, options, quad};
+use crate::support::{assert_radiance, camera, material, measure, options, quad, tinted_solid};
 use oscura::math::{DAffine3, DQuat, DVec3};
 use oscura::render::Caustics;
-use oscura::scene::{
-    ColorSlot, Environment, FloatSlot, Instance, Light, LightKind, Material, MaterialId, Mesh, Model,
-    PbrMaterial, Projection, Scene,
-};
+use oscura::scene::{Environment, Instance, Light, LightKind, Material, MaterialId, Mesh, Projection, Scene};
 use std::f64::consts::PI;
 
 /// Indices, and what is left after a metre.
@@ -139,20 +136,7 @@ fn liquid_that_touches_its_glass_is_one_boundary_with_it() {
 fn touching_solids_both_give_their_colour() {
     for liquid_first in [false, true] {
         let mut scene = Scene { environment: Environment::Constant([1.0; 3]), ..Scene::default() };
-        let mut solid = |share: f32| {
-            let pbr = PbrMaterial {
-                base_color: ColorSlot::constant([share; 3]),
-                metallic: FloatSlot::constant(0.0),
-                roughness: FloatSlot::constant(0.0),
-                transmission: FloatSlot::constant(1.0),
-                has_volume: true,
-                tints_once: true,
-                ior: 1.0,
-                ..PbrMaterial::default()
-            };
-            material(&mut scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
-        };
-        let (wall, liquid) = (solid(0.8), solid(0.05));
+        let (wall, liquid) = (tinted_solid(&mut scene, 0.8), tinted_solid(&mut scene, 0.05));
         for is_liquid in [liquid_first, !liquid_first] {
             let shell = [([FACES[0], FACES[3]], HALF[1], false), ([FACES[1], FACES[2]], HALF[0], true)];
             let filling = [([FACES[1], FACES[2]], HALF[0], false)];

@@ -277,7 +277,7 @@ class EngineTest(unittest.TestCase):
     def test_the_menu_exports_a_folder(self):
         folder = self.folder / "exported"
         bpy.ops.export_scene.oscura(directory=str(folder))
-        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.glb", "scene.oscura.toml"})
+        self.assertEqual({path.name for path in folder.iterdir()}, {"scene.glb", "scene.oscura.toml", "scene.view.csp"})
         with self.assertRaisesRegex(RuntimeError, "not empty"):
             bpy.ops.export_scene.oscura(directory=str(folder))
         bpy.ops.export_scene.oscura(directory=str(folder), use_replace=True)
@@ -323,8 +323,6 @@ class EngineTest(unittest.TestCase):
 
 
 if __name__ == "__main__":
-    done = unittest.main(exit=False, verbosity=2)
-    sys.stdout.flush()
-    sys.stderr.flush()
-    # The module `bpy` may hang while it tidies up.
-    os._exit(0 if done.result.wasSuccessful() else 1)
+    from testing import main
+
+    main()

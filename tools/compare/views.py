@@ -89,13 +89,13 @@ def main(out):
         if scene is None:
             print(f"| {view} | {look} | | not in this Blender | | | |")
             continue
-        entries = settings._view(scene, out, f"{number}", report.Report())
+        entries = settings.view(scene, out, f"{number}", report.Report())
         chosen = entries["view"] if entries["view"] in settings.VIEWS.values() else os.path.join(out, entries["view"])
         options = ["--view", chosen, "--exposure", str(entries.get("exposure", 0.0))]
         ours = os.path.join(out, f"{number}.oscura.png")
         subprocess.run([OSCURA, "convert", picture, "-o", ours, "--deep", *options], check=True, stdout=subprocess.DEVNULL)
-        with view_table._viewed(scene, True) as copy:
-            shown = view_table._shown(copy, given[::-1].reshape(-1, 3), os.path.join(out, f"{number}.blender.png"))
+        with view_table.viewed(scene, True) as copy:
+            shown = view_table.encoded(copy, given[::-1].reshape(-1, 3), os.path.join(out, f"{number}.blender.png"))
         theirs = shown.reshape(SIDE, SIDE, 3)[::-1]
         error = numpy.abs(read(ours) - theirs).max(axis=-1)
         name = "a table" if chosen.endswith(".csp") else chosen

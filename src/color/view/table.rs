@@ -49,7 +49,7 @@ impl ViewTable {
         words.skip_metadata();
         let curves = [curve(&mut words)?, curve(&mut words)?, curve(&mut words)?];
         let values = match kind {
-            "1D" => Values::Line(colors(&mut words, |w| w.count("nodes", MOST_KNOTS))?),
+            "1D" => line(&mut words)?,
             _ => lattice(&mut words)?,
         };
         match words.next() {
@@ -122,19 +122,20 @@ fn curve(words: &mut Words) -> Result<Curve, String> {
     }
 }
 
+fn line(words: &mut Words) -> Result<Values, String> {
+    let count = words.count("nodes", MOST_KNOTS)?;
+    Ok(Values::Line(colors(words, count)?))
+}
+
 fn lattice(words: &mut Words) -> Result<Values, String> {
     let mut size = [0; 3];
     for edge in &mut size {
         *edge = words.count("nodes along an edge", MOST_NODES)?;
     }
-    Ok(Values::Lattice(size, colors(words, |_| Ok(size.iter().product()))?))
+    Ok(Values::Lattice(size, colors(words, size.iter().product())?))
 }
 
-fn colors(
-    words: &mut Words,
-    count: impl FnOnce(&mut Words) -> Result<usize, String>,
-) -> Result<Vec<[f32; 3]>, String> {
-    let count = count(words)?;
+fn colors(words: &mut Words, count: usize) -> Result<Vec<[f32; 3]>, String> {
     Ok(words.numbers(3 * count)?.as_chunks().0.to_vec())
 }
 

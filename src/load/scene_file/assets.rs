@@ -38,12 +38,12 @@ pub(super) struct Assets {
 impl Assets {
     /// Says that a file will be placed with its own materials. To be called for all of them before the first is read.
     pub fn expect_materials(&mut self, build: &Build, name: &str) {
-        self.with_materials.insert(key(&beside(build, name)));
+        self.with_materials.insert(key(&build.beside(name)));
     }
 
     /// Says that a file will be subdivided. To be called for all of them before the first is read.
     pub fn expect_polygons(&mut self, build: &Build, name: &str) {
-        self.with_polygons.insert(key(&beside(build, name)));
+        self.with_polygons.insert(key(&build.beside(name)));
     }
 
     /// What a file brings, with smooth normals by an angle of creases in radians; `None` where it has problems, which have been
@@ -66,7 +66,7 @@ impl Assets {
     }
 
     fn get_once(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<&Asset> {
-        let path = beside(build, name);
+        let path = build.beside(name);
         let key = key(&path);
         if !self.files.contains_key(&key) {
             let geometry_only = !self.with_materials.contains(&key);
@@ -82,7 +82,7 @@ impl Assets {
 
     /// The cameras of a file.
     pub fn cameras(&mut self, build: &mut Build, name: &str, span: Range<usize>) -> Option<Vec<Camera>> {
-        let path = beside(build, name);
+        let path = build.beside(name);
         if let Some(known) = self.files.get(&key(&path)) {
             return known.as_ref().map(|a| a.cameras.clone());
         }
@@ -126,11 +126,6 @@ fn smoothed(scene: &mut Scene, id: MeshId, crease_rad: f64) -> MeshId {
     smooth::smooth(&mut mesh, crease_rad);
     scene.meshes.push(mesh);
     MeshId(scene.meshes.len() as u32 - 1)
-}
-
-/// The path of a file that the scene file names.
-fn beside(build: &Build, name: &str) -> PathBuf {
-    build.file.parent().unwrap_or(build.file).join(name)
 }
 
 /// The same for all names of a file.

@@ -3,7 +3,7 @@
 use super::fields::Problems;
 use super::linked_sets::Linking;
 use crate::load::{LoadOptions, Loaded, ShutterOptions};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 /// Everything that the parts of a scene file are built into.
 pub(super) struct Build<'a> {
@@ -24,6 +24,11 @@ pub(super) struct Build<'a> {
 }
 
 impl Build<'_> {
+    /// The path of a file that the scene file names.
+    pub fn beside(&self, name: &str) -> PathBuf {
+        self.file.parent().unwrap_or(self.file).join(name)
+    }
+
     /// The picture's moment, frames.
     pub fn frame(&self) -> f64 {
         self.options.gltf.time_s.map_or(0.0, |time_s| time_s * self.shutter.fps)

@@ -144,7 +144,7 @@ fn from_file(
     name: &str,
 ) -> Option<(CurveFile, Range<usize>, CurveBasis)> {
     let given = fields.string("file")?;
-    let path = build.file.parent().unwrap_or(build.file).join(given.value);
+    let path = build.beside(given.value);
     build.options.files.note(&path);
     match curves::read(&path) {
         Ok(file) => {

@@ -66,7 +66,7 @@ pub(super) fn filling(build: &mut Build, fields: &Fields) -> Medium {
         }
         return medium;
     };
-    let path = build.file.parent().unwrap_or(build.file).join(file.value);
+    let path = build.beside(file.value);
     let [min, max] = corners.map(|c| c.map(|c| c.value));
     build.options.files.note(&path);
     match grid::read(&path, grid::Choice { name, is_z_up }) {
@@ -133,7 +133,7 @@ impl<'a> GlowKeys<'a> {
         let is_vdb = path.extension().is_some_and(|e| e.eq_ignore_ascii_case("vdb"));
         let (file, choice) = match is_vdb {
             true => (path.to_path_buf(), grid::Choice { name: Some(name.value), is_z_up: place.is_z_up }),
-            false => (build.file.parent().unwrap_or(build.file).join(name.value), grid::Choice::default()),
+            false => (build.beside(name.value), grid::Choice::default()),
         };
         build.options.files.note(&file);
         match grid::read(&file, choice) {

@@ -16,7 +16,7 @@ const STEPS: u32 = 256;
 /// The profile of a light, with its largest value 1, and the intensity that this is, W/sr; `None` if it has problems.
 pub(super) fn read(build: &Build, fields: &Fields) -> Option<(Arc<LightProfile>, f64)> {
     let file = fields.string("ies")?;
-    let path = build.file.parent().unwrap_or(build.file).join(file.value);
+    let path = build.beside(file.value);
     build.options.files.note(&path);
     let bytes = std::fs::read(&path).map_err(|e| format!("can't be read: {e}"));
     let profile = match bytes.and_then(|bytes| ies::parse(&bytes)) {

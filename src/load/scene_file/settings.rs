@@ -87,7 +87,7 @@ fn view(build: &Build, fields: &Fields) -> Option<ViewTransform> {
         let names = ViewTransform::NAMED.map(|(_, name, _)| (name, name));
         return fields.choice("view", &names).and_then(ViewTransform::from_name);
     }
-    let path = build.file.parent().unwrap_or(build.file).join(given.value);
+    let path = build.beside(given.value);
     build.options.files.note(&path);
     let bytes = std::fs::read(&path).map_err(|error| format!("can't be read: {error}"));
     bytes

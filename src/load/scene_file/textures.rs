@@ -354,7 +354,7 @@ fn noise(fields: &Fields, kind: NoiseKind) -> Texture {
 
 /// Reads an image file, named relative to the scene file, into the scene.
 pub(super) fn read_image(build: &mut Build, name: &str, span: Range<usize>, purpose: Use) -> Option<ImageId> {
-    let path = build.file.parent().unwrap_or(build.file).join(name);
+    let path = build.beside(name);
     let images = &mut build.loaded.scene.images;
     // One file serves several textures, but colours are other numbers than heights.
     let known = path.display().to_string();

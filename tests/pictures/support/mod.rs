@@ -115,6 +115,21 @@ pub fn pbr(name: &str, color: [f32; 3], metallic: f32, roughness: f32) -> Materi
     Material::new(name, Model::Pbr(Box::new(pbr)))
 }
 
+/// The material of a solid of the index of air that tints light by a share, once on its whole way through.
+pub fn tinted_solid(scene: &mut Scene, share: f32) -> MaterialId {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant([share; 3]),
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(0.0),
+        transmission: FloatSlot::constant(1.0),
+        has_volume: true,
+        tints_once: true,
+        ior: 1.0,
+        ..PbrMaterial::default()
+    };
+    material(scene, Material::new("solid", Model::Pbr(Box::new(pbr))))
+}
+
 /// Adds a sphere.
 pub fn sphere(scene: &mut Scene, center: [f64; 3], radius: f64, material: MaterialId) {
     scene.shapes.push(Shape { name: "sphere".into(), ..Shape::sphere(center, radius, material) });

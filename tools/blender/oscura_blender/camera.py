@@ -2,10 +2,12 @@
 
 import math
 
-import bpy
-from mathutils import Vector
+import numpy as np
 
 from .settings import resolution
+
+# Kinds of objects that are nothing to see.
+UNSEEN = ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE", "SPEAKER", "LATTICE")
 
 
 def is_fitted_by_width(camera, width, height):
@@ -36,28 +38,27 @@ def _range(camera):
     return {"znear": near, "zfar": max(camera.clip_end, near * 2)}
 
 
-def _is_clipping(obj, camera):
+def boxes(graph):
+    """Corners of the boxes around all that is shown, in the world: eight each."""
+    corners = []
+    for instance in graph.object_instances:
+        if instance.object.type not in UNSEEN:
+            matrix = np.array(instance.matrix_world)
+            corners.append(np.array(instance.object.bound_box) @ matrix[:3, :3].T + matrix[:3, 3])
+    return np.array(corners).reshape(-1, 8, 3)
+
+
+def _is_clipping(obj, camera, corners):
     """Can there be things at distances that the camera doesn't see?"""
-    eye = obj.matrix_world.translation
-    # Its corners see four times as far as its axis at most.
-    near, far = 4 * camera.clip_start, camera.clip_end
-    for instance in bpy.context.evaluated_depsgraph_get().object_instances:
-        of = instance.object
-        if of.type in ("CAMERA", "LIGHT", "EMPTY", "ARMATURE", "LIGHT_PROBE", "SPEAKER", "LATTICE"):
-            continue
-        box = [Vector(corner) for corner in of.bound_box]
-        local = instance.matrix_world.inverted_safe() @ eye
-        least, most = (Vector(map(of_all, zip(*box))) for of_all in (min, max))
-        nearest = Vector(min(max(x, low), high) for x, low, high in zip(local, least, most))
-        if (instance.matrix_world @ nearest - eye).length < near:
-            return True
-        if max((instance.matrix_world @ corner - eye).length for corner in box) > far:
-            return True
-    return False
+    eye = np.array(obj.matrix_world.translation)
+    nearest = np.linalg.norm(np.clip(eye, corners.min(axis=1), corners.max(axis=1)) - eye, axis=1)
+    farthest = np.linalg.norm(corners - eye, axis=2).max(axis=1)
+    # The corners of its picture see four times as far as its axis at most.
+    return bool((nearest < 4 * camera.clip_start).any() or (farthest > camera.clip_end).any())
 
 
-def entries(obj, camera, scene, is_active, report):
-    """The entries of [[camera]] for a camera of the model."""
+def entries(obj, camera, scene, corners, report):
+    """The entries of [[camera]] for a camera of the model; the corners are those of `boxes`."""
     width, height = resolution(scene)
     by_width = is_fitted_by_width(camera, width, height)
     panorama = _panorama(obj, camera, (width, height), report) if camera.type == "PANO" else {}
@@ -67,11 +68,11 @@ def entries(obj, camera, scene, is_active, report):
     else:
         shift = [s * (width / height if by_width else 1) for s in (camera.shift_x, camera.shift_y)]
     found = {"name": obj.name, **panorama}
-    if is_active:
+    if obj == scene.camera:
         found["default"] = True
     if any(shift):
         found["shift"] = shift
-    if _is_clipping(obj, camera):
+    if _is_clipping(obj, camera, corners):
         found["clip"] = [camera.clip_start, max(camera.clip_end, camera.clip_start * 1.001 + 1e-6)]
     if camera.dof.use_dof:
         lens = _lens(obj, camera)

@@ -182,10 +182,11 @@ def _settings(scene, found, options, report):
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
+    boxes = camera.boxes(bpy.context.evaluated_depsgraph_get()) if found.cameras else None
     for obj in found.cameras:
         data = obj.data
         cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))
-        entries = camera.entries(obj, data, scene, obj == scene.camera, report)
+        entries = camera.entries(obj, data, scene, boxes, report)
         if opened is not None and opened.frames > 0:
             entries.update({"shutter": opened.frames, "shutter_position": opened.position})
         named.append(("[[camera]]", entries))
@@ -202,7 +203,7 @@ def _settings(scene, found, options, report):
         if entries is not None:
             empties.append((name, matrix))
             shining.append(("[[lights]]", entries))
-    strands = hair.entries(found, options.folder, options.name, report)
+    strands = hair.entries(found, glb.Y_UP, options.folder, options.name, report)
     return tables + named + shining + strands, cameras, empties
 
 

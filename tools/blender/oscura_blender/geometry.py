@@ -45,7 +45,7 @@ class Collected:
         self.cameras = []  # objects
         self.sight = None  # how large things appear
         self.exposure = 1.0  # the film's factor on all light
-        self.hair = []  # of strands: name, strands, matrix, material, what differs from objects that all rays see
+        self.hair = []  # of strands: name, strands, matrix, material, entries for rays and pictures
         self.strands = {}  # of particles, by object and system
         self.brushed = {}  # by the name of the mesh object: see there
         self.links = None  # what lights are linked to
@@ -119,14 +119,14 @@ def collect(scene, layer, graph, report):
         obj = instance.object
         original = obj.original
         if instance.show_particles and (instance.is_instance or not original.hide_render):
-            hair.add_particles(found, obj, instance, _extras(obj, instance.parent))
+            hair.add_particles(found, obj, instance, _traits(_extras(obj, instance.parent)))
         if not instance.show_self or (not instance.is_instance and original.hide_render):
             continue
         if obj.type == "LIGHT":
             found.lights.append((original, instance.matrix_world.copy()))
             found.light_marks.append(mark(instance))
         elif obj.type == "CURVES":
-            hair.add_curves(found, obj, instance, _extras(obj, instance.parent))
+            hair.add_curves(found, obj, instance, _traits(_extras(obj, instance.parent)))
         elif obj.type in LOST:
             lost.setdefault(LOST[obj.type], []).append(original.name)
         elif obj.type == "MESH":
@@ -196,6 +196,14 @@ def _extras(obj, parent):
     extras.update({key: True for key in ("is_holdout", "is_shadow_catcher") if any(getattr(of, key, False) for of in both)})
     group = next(filter(None, map(light_group, both)), None)
     return {**extras, "light_group": group} if group else extras
+
+
+def _traits(extras):
+    """The same as scene files have it."""
+    traits = {key: True for key in ("holdout", "shadow_catcher") if f"is_{key}" in extras}
+    if any(key in extras for key in VISIBILITY):
+        traits["visible_to"] = [kind for key, kind in VISIBILITY.items() if key not in extras]
+    return traits
 
 
 def light_group(of):

@@ -4,7 +4,6 @@ import math
 import os
 import struct
 
-import bpy
 import numpy as np
 
 from . import shaders, sidecar
@@ -15,9 +14,6 @@ USUAL_RADIUS = 0.005
 # Of a strand in a file.
 MOST_POINTS = 65_536
 
-# Blender's z points up, that of models towards the viewer.
-UPRIGHT = np.array([[1, 0, 0], [0, 0, 1], [0, -1, 0]], np.float32)
-
 
 class Strands:
     """Points of strands one after another, how many each has, and their radii."""
@@ -25,17 +21,15 @@ class Strands:
     def __init__(self, points, counts, radii):
         self.points, self.counts, self.radii = points, counts, radii
 
-    def without_long(self):
-        """Leaves out strands of more points than files can have; gives their number."""
-        kept = self.counts <= MOST_POINTS
+    def where(self, kept):
+        """Some of the strands."""
         of_kept = np.repeat(kept, self.counts)
-        self.points, self.radii, self.counts = self.points[of_kept], self.radii[of_kept], self.counts[kept]
-        return int((~kept).sum())
+        return Strands(self.points[of_kept], self.counts[kept], self.radii[of_kept])
 
     def write(self, path, matrix):
         """Writes a file of Cem Yuksel's HAIR models, moved by a matrix."""
         matrix = np.array(matrix, np.float32)
-        placed = (self.points @ matrix[:3, :3].T + matrix[:3, 3]) @ UPRIGHT.T
+        placed = self.points @ matrix[:3, :3].T + matrix[:3, 3]
         thickness = 2 * self.radii * abs(np.linalg.det(matrix[:3, :3])) ** (1 / 3)
         # Which arrays there are: segments, points, thicknesses.
         head = struct.pack("<4sIII", b"HAIR", len(self.counts), len(placed), 1 | 2 | 4)
@@ -52,9 +46,7 @@ def of_curves(data):
     radii = np.full(len(points), USUAL_RADIUS, np.float32)
     if (given := data.attributes.get("radius")) is not None and given.domain == "POINT":
         radii = _read(given.data, "value", 1, np.float32, len(points))
-    kept = counts > 1
-    of_kept = np.repeat(kept, counts)
-    return Strands(points[of_kept], counts[kept], radii[of_kept])
+    return Strands(points, counts, radii).where(counts > 1)
 
 
 def of_particles(obj, system):
@@ -68,12 +60,10 @@ def of_particles(obj, system):
     points = points.reshape(len(numbers), steps, 3)
     # What is cut off ends in the world's origin.
     kept = np.linalg.norm(np.diff(points, axis=1), axis=2).sum(1) > 0
-    points = points[kept].reshape(-1, 3)
     inverse = np.array(obj.matrix_world.inverted_safe(), np.float32)
-    points = points @ inverse[:3, :3].T + inverse[:3, 3]
-    strands = int(kept.sum())
-    radii = np.tile(_profile(settings, steps), strands)
-    return Strands(points, np.full(strands, steps, np.int32), radii)
+    points = points.reshape(-1, 3) @ inverse[:3, :3].T + inverse[:3, 3]
+    radii = np.tile(_profile(settings, steps), len(numbers))
+    return Strands(points, np.full(len(numbers), steps, np.int32), radii).where(kept)
 
 
 def _profile(settings, steps):
@@ -93,32 +83,24 @@ def _read(owner, name, size, kind, count):
     return values.reshape(count, size) if size > 1 else values
 
 
-def entries(found, folder, name, report):
-    """The tables of all strands and of their materials; the strands go to the folder."""
+def entries(found, turn, folder, name, report):
+    """The tables of all strands and of their materials; the strands go to the folder, turned to the axes of models."""
     tables, materials = [], {}
-    for number, (place, strands, matrix, material, extras) in enumerate(found.hair):
-        if (long := strands.without_long()) > 0:
-            report.warn(place, f"{long} strands of more than {MOST_POINTS} points are left out")
+    for number, (place, strands, matrix, material, traits) in enumerate(found.hair):
+        is_short = strands.counts <= MOST_POINTS
+        if not is_short.all():
+            report.warn(place, f"{(~is_short).sum()} strands of more than {MOST_POINTS} points are left out")
+            strands = strands.where(is_short)
         if not len(strands.counts):
             continue
         file = f"{name}.{number}.hair"
-        strands.write(os.path.join(folder, file), matrix)
+        strands.write(os.path.join(folder, file), turn @ matrix)
         key = material.name if material is not None else ""
         if key not in materials:
             materials[key] = _material(material, report)
-        tables.append(("[[curves]]", {"name": place, "file": file, "basis": "catmull-rom", "material": f"{key} (strands)", **_traits(extras)}))
+        tables.append(("[[curves]]", {"name": place, "file": file, "basis": "catmull-rom", "material": f"{key} (strands)", **traits}))
     named = [(f"[materials.{sidecar.value(f'{key} (strands)')}]", settings) for key, settings in materials.items()]
     return named + tables
-
-
-def _traits(extras):
-    """What differs from objects that all rays see, as scene files have it."""
-    hidden = [key for key, seen in extras.items() if seen is False]
-    traits = {key: True for key in ("holdout", "shadow_catcher") if extras.get(f"is_{key}")}
-    kinds = ("camera", "diffuse", "glossy", "transmission", "volume", "shadow")
-    if hidden:
-        traits["visible_to"] = [kind for kind in kinds if not any(key.startswith(f"visible_{kind}") for key in hidden)]
-    return traits
 
 
 def _material(material, report):
@@ -191,7 +173,7 @@ def shown_in_full(settings):
     settings.child_percent = settings.rendered_child_count
 
 
-def add_particles(found, obj, instance, extras):
+def add_particles(found, obj, instance, traits):
     """Adds the strands that an evaluated object has grown."""
     for modifier in obj.modifiers:
         system = modifier.particle_system if modifier.type == "PARTICLE_SYSTEM" else None
@@ -199,18 +181,19 @@ def add_particles(found, obj, instance, extras):
             continue
         slots, number = obj.material_slots, system.settings.material - 1
         material = slots[min(number, len(slots) - 1)].material if slots else None
-        of_system = found.strands.setdefault((obj.name, system.name), None) or of_particles(obj, system)
-        found.strands[obj.name, system.name] = of_system
+        key = (obj.name, system.name)
+        if key not in found.strands:
+            found.strands[key] = of_particles(obj, system)
         place = f"{obj.original.name}/{system.name}"
-        found.hair.append((place, of_system, instance.matrix_world.copy(), _original(material), extras))
+        found.hair.append((place, found.strands[key], instance.matrix_world.copy(), _original(material), traits))
 
 
-def add_curves(found, obj, instance, extras):
+def add_curves(found, obj, instance, traits):
     """Adds a Curves object."""
     slots = obj.material_slots
     material = slots[0].material if slots else None
-    found.hair.append((obj.original.name, of_curves(obj.data), instance.matrix_world.copy(), _original(material), extras))
+    found.hair.append((obj.original.name, of_curves(obj.data), instance.matrix_world.copy(), _original(material), traits))
 
 
 def _original(material):
-    return None if material is None else bpy.data.materials[material.original.name]
+    return None if material is None else material.original

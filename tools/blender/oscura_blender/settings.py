@@ -63,13 +63,13 @@ def read(scene, layer, folder, name, report):
         entries["aovs"] = _passes_for_us(layer) or None
     else:
         report.note("", f"is set up for {scene.render.engine}; the exporter reads it as Cycles would")
-    entries.update(_view(scene, folder, name, report))
+    entries.update(view(scene, folder, name, report))
     entries["crop"] = _crop(scene.render, width, height)
     _tell_of_the_rest(scene, report)
     return entries
 
 
-def _view(scene, folder, name, report):
+def view(scene, folder, name, report):
     """How pictures to look at are encoded."""
     view = scene.view_settings
     found = {"view": VIEWS.get(view.view_transform)}

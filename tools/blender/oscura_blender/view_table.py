@@ -21,12 +21,12 @@ ROW = 1024
 
 def write(scene, folder, name, with_light):
     """Writes the table beside the model and gives the file's name. With light: exposure and white balance are part of it."""
-    with _viewed(scene, with_light) as copy, tempfile.TemporaryDirectory() as scratch:
+    with viewed(scene, with_light) as copy, tempfile.TemporaryDirectory() as scratch:
         picture = os.path.join(scratch, "view.png")
         knots, values = _curve(copy, picture)
         node = numpy.interp(numpy.linspace(0.0, 1.0, NODES), values, knots)
         blue, green, red = numpy.meshgrid(node, node, node, indexing="ij")
-        shown = _shown(copy, numpy.stack([red, green, blue], axis=-1).reshape(-1, 3), picture)
+        shown = encoded(copy, numpy.stack([red, green, blue], axis=-1).reshape(-1, 3), picture)
     view = scene.view_settings
     about = f"{view.view_transform}, look {view.look}, from linear Rec. 709 to sRGB"
     lines = ["CSPLUTV100", "3D", "", "BEGIN METADATA", about.encode("ascii", "replace").decode(), "END METADATA", ""]
@@ -41,7 +41,7 @@ def write(scene, folder, name, with_light):
 
 
 @contextlib.contextmanager
-def _viewed(scene, with_light):
+def viewed(scene, with_light):
     """A copy of the scene that encodes 16-bit pictures for displays of sRGB."""
     copy = scene.copy()
     try:
@@ -53,11 +53,11 @@ def _viewed(scene, with_light):
         with contextlib.suppress(TypeError):
             copy.display_settings.display_device = "sRGB"
         copy.render.dither_intensity = 0.0
-        encoded = copy.render.image_settings
-        if hasattr(encoded, "media_type"):
-            encoded.media_type = "IMAGE"
-        encoded.file_format, encoded.color_mode, encoded.color_depth = "PNG", "RGB", "16"
-        encoded.color_management, encoded.compression = "FOLLOW_SCENE", 0
+        files = copy.render.image_settings
+        if hasattr(files, "media_type"):
+            files.media_type = "IMAGE"
+        files.file_format, files.color_mode, files.color_depth = "PNG", "RGB", "16"
+        files.color_management, files.compression = "FOLLOW_SCENE", 0
         yield copy
     finally:
         bpy.data.scenes.remove(copy)
@@ -68,7 +68,7 @@ def _curve(scene, picture):
     where the view changes much, and there are some where only one of the channels does."""
     stops = numpy.exp2(numpy.linspace(numpy.log2(DARKEST), numpy.log2(BRIGHTEST), KNOTS - 1))
     knots = numpy.concatenate([[0.0], stops])
-    grey = _shown(scene, numpy.repeat(knots[:, None], 3, axis=1), picture)[:, 1].astype(float)
+    grey = encoded(scene, numpy.repeat(knots[:, None], 3, axis=1), picture)[:, 1].astype(float)
     grey = numpy.maximum.accumulate(grey)
     evenly = numpy.linspace(0.0, 1.0, KNOTS)
     span = grey[-1] - grey[0]
@@ -76,7 +76,7 @@ def _curve(scene, picture):
     return knots, values
 
 
-def _shown(scene, colors, picture):
+def encoded(scene, colors, picture):
     """What displays show of linear colours, in 0 to 1."""
     rows = -(-len(colors) // ROW)
     pixels = numpy.ones((rows * ROW, 4), numpy.float32)

@@ -1,8 +1,6 @@
 """Node trees that ask from where they are seen. What depends on the camera's place alone is rewritten by places; what differs
 with the direction is taken as its mean, with a warning."""
 
-import bpy
-
 from . import shaders, trees
 
 # Nodes whose outputs differ with the direction, and the outputs that do.

@@ -1,0 +1,204 @@
+"""Tries what the exporter puts beside the model: settings, views, media, motion, strands, profiles of lamps.
+
+    python test_beside.py            with a Python that has bpy
+"""
+
+import bpy
+import numpy as np
+from testing import SceneTest, main, shader_tree
+
+
+class BesideTest(SceneTest):
+    def test_media_and_coats_reach_the_file_of_settings(self):
+        haze, tree, shader, scatter = shader_tree("haze", "VolumeScatter")
+        scatter.inputs["Color"].default_value, scatter.inputs["Density"].default_value = (0.5, 0.25, 1, 1), 2.0
+        tree.links.new(scatter.outputs[0], tree.nodes["Material Output"].inputs["Volume"])
+        tree.nodes.remove(shader)
+        wax, _, shader = shader_tree("wax")
+        shader.inputs["Subsurface Weight"].default_value, shader.inputs["Subsurface Scale"].default_value = 1.0, 4 * np.pi
+        shader.inputs["Subsurface Radius"].default_value = (0.5, 0.25, 0.125)
+        leaf, tree, shader, through = shader_tree("leaf", "BsdfTranslucent")
+        through.inputs["Color"].default_value = (0.25, 0.5, 0.125, 1)
+        tree.links.new(through.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        for k, material in enumerate((haze, wax, leaf)):
+            self.add_plane(material, location=(3 * k, 0, 0))
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        found = settings["materials"]
+        self.assertEqual(found["haze"], {"type": "medium", "density": [1.0, 0.5, 2.0], "color": [1.0, 1.0, 1.0]})
+        np.testing.assert_allclose(found["wax"]["subsurface"]["radius"], [0.5, 0.25, 0.125], rtol=1e-5)
+        (leaf,) = (made for made in model["materials"] if made["name"] == "leaf")
+        passing = leaf["extensions"]["KHR_materials_diffuse_transmission"]
+        self.assertEqual(passing["diffuseTransmissionColorFactor"], [0.25, 0.5, 0.125])
+
+    def test_displaced_vertices_stand_where_the_heights_say(self):
+        material, tree, _, relief = shader_tree("relief", "Displacement")
+        material.displacement_method = "DISPLACEMENT"
+        for name, value in (("Height", 0.75), ("Midlevel", 0.5), ("Scale", 2.0)):
+            relief.inputs[name].default_value = value
+        tree.links.new(relief.outputs[0], tree.nodes["Material Output"].inputs["Displacement"])
+        self.add_plane(material)
+        model, _, _ = self.export()
+        number = model["meshes"][0]["primitives"][0]["attributes"]["POSITION"]
+        self.assertAlmostEqual(model["accessors"][number]["max"][1], 0.5, places=6)
+
+    def test_motion_of_objects_and_cameras_is_an_animation(self):
+        moved = self.add_plane(None, "Moved")
+        for thing, path in ((moved, (2, 0, 0)), (self.scene.camera, (0, 1, 8))):
+            thing.keyframe_insert("location", frame=1)
+            thing.location = path
+            thing.keyframe_insert("location", frame=3)
+        self.add_plane(None, "Still", (0, 4, 0))
+        self.scene.frame_set(2)
+        model, settings, answer = self.export()
+        self.assertNotIn("animations", model)
+        self.scene.render.use_motion_blur, self.scene.render.motion_blur_shutter = True, 0.25
+        model, settings, answer = self.export()
+        (animation,) = model["animations"]
+        names = {model["nodes"][channel["target"]["node"]]["name"] for channel in animation["channels"]}
+        self.assertEqual(names, {"Moved", "Eye"})
+        self.assertEqual(settings["camera"][0]["shutter"], 0.25)
+        times = model["accessors"][animation["samplers"][0]["input"]]
+        self.assertEqual(times["count"], 3)
+        self.assertAlmostEqual(times["max"][0] - answer["moment"], 0.125 / answer["fps"], places=6)
+        self.assertNotIn("animations", self.export("--shutter", "0")[0])
+
+    def test_settings_of_the_scene(self):
+        view, render, cycles = self.scene.view_settings, self.scene.render, self.scene.cycles
+        view.view_transform, view.exposure = "AgX", 1.5
+        cycles.samples, cycles.use_adaptive_sampling, cycles.adaptive_threshold = 300, True, 0.02
+        cycles.use_denoising, cycles.film_exposure = True, 2.0
+        render.resolution_x, render.resolution_y, render.use_border = 200, 100, True
+        render.border_min_x, render.border_max_x, render.border_min_y, render.border_max_y = 0.25, 0.5, 0.1, 0.6
+        layer = self.scene.view_layers[0]
+        layer.use_pass_z = layer.use_pass_cryptomatte_object = layer.use_pass_mist = True
+        lamp = bpy.data.lights.new("lamp", "POINT")
+        lamp.energy = 10
+        self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
+        _, settings, answer = self.export()
+        found = settings["render"]
+        # What Blender shows of middle grey by AgX.
+        self.assertAlmostEqual(self.shown(found["view"], 0.18), 0.4613, places=3)
+        self.assertEqual((found["exposure"], found["samples"], found["denoise"]), (1.5, 300, True))
+        self.assertAlmostEqual(found["noise"], 4.0, places=4)
+        self.assertEqual(found["crop"], [50, 40, 100, 90])
+        self.assertEqual(found["aovs"], ["depth", "crypto_object"])
+        self.assertEqual(settings["lights"][0]["point"]["power"], 20.0)
+        self.assertIn("Mist", answer["warnings"][0][1])
+
+
+    def shown(self, table, grey):
+        """What a table shows of a grey."""
+        lines = (self.folder / table).read_text().split("\n")
+        knots, values = ([float(word) for word in line.split()] for line in lines[8:10])
+        nodes = int(lines[17].split()[0])
+        place = np.interp(grey, knots, values) * (nodes - 1)
+        greys = [float(lines[18 + k * (1 + nodes + nodes * nodes)].split()[1]) for k in range(nodes)]
+        return np.interp(place, range(nodes), greys)
+
+    def test_views_with_looks_and_curves_are_tables(self):
+        view = self.scene.view_settings
+        view.view_transform, view.look, view.exposure = "AgX", "AgX - Punchy", 1.0
+        _, settings, answer = self.export()
+        self.assertEqual(settings["render"]["exposure"], 1.0)
+        self.assertAlmostEqual(self.shown(settings["render"]["view"], 0.18), 0.3463, places=3)
+        self.assertFalse([message for _, message in answer["warnings"] + answer["notes"] if "view" in message])
+        # Curves come before the exposure, so that both are part of the table: twice the half of white.
+        view.view_transform, view.look, view.use_curve_mapping = "Standard", "None", True
+        curve = view.curve_mapping.curves[3]
+        curve.points[1].location = (1.0, 0.5)
+        view.curve_mapping.update()
+        found = self.export()[1]["render"]
+        self.assertNotIn("exposure", found)
+        self.assertAlmostEqual(self.shown(found["view"], 1.0), 1.0, places=2)
+        self.assertAlmostEqual(self.shown(found["view"], 0.25), 0.5371, places=2)
+        view.use_curve_mapping = False
+        self.assertEqual(self.export()[1]["render"]["view"], "srgb")
+
+
+    def strands(self, entry):
+        """Points of a file of strands, how many each has, and their radii."""
+        data = (self.folder / entry["file"]).read_bytes()
+        count, points, arrays = np.frombuffer(data, "<u4", 3, 4)
+        self.assertEqual((data[:4], arrays), (b"HAIR", 7))
+        counts = np.frombuffer(data, "<u2", count, 128) + 1
+        start = 128 + 2 * count
+        placed = np.frombuffer(data, "<f4", 3 * points, start).reshape(-1, 3)
+        radii = np.frombuffer(data, "<f4", points, start + 12 * points) / 2
+        self.assertEqual((counts.sum(), len(data)), (points, start + 16 * points))
+        return placed, counts, radii
+
+    def test_hair_becomes_strands(self):
+        made = bpy.data.hair_curves.new("Curves")
+        made.add_curves([3, 2])
+        points = [(0, 0, 0), (0, 0, 1), (0, 1, 1), (1, 0, 0), (1, 0, 2)]
+        made.position_data.foreach_set("vector", np.array(points, np.float32).ravel())
+        (made.attributes.get("radius") or made.attributes.new("radius", "FLOAT", "POINT")).data.foreach_set("value", [0.5, 0.25, 0, 1, 2])
+        fibre, _, node, *_ = shader_tree("fibre", "BsdfHairPrincipled")
+        node = fibre.node_tree.nodes["Principled Hair BSDF"]
+        fibre.node_tree.links.new(node.outputs[0], fibre.node_tree.nodes["Material Output"].inputs["Surface"])
+        node.parametrization = "MELANIN"
+        node.inputs["Melanin"].default_value = 0.25
+        made.materials.append(fibre)
+        placed = bpy.data.objects.new("Reed", made)
+        placed.location, placed.scale = (10, 0, 0), (2, 2, 2)
+        placed.visible_shadow = False
+        self.scene.collection.objects.link(placed)
+        bpy.ops.mesh.primitive_uv_sphere_add(radius=1)
+        body = bpy.context.object
+        body.data.materials.append(bpy.data.materials.new("skin"))
+        body.data.materials.append(fibre)
+        system = body.modifiers.new("Fur", "PARTICLE_SYSTEM").particle_system
+        system.settings.type, system.settings.count, system.settings.hair_length = "HAIR", 20, 0.5
+        system.settings.render_step, system.settings.material = 2, 2
+        system.settings.root_radius, system.settings.tip_radius, system.settings.radius_scale = 1, 0.5, 0.1
+        model, settings, answer = self.export()
+        by_name = {entry["name"]: entry for entry in settings["curves"]}
+        reed, fur = by_name["Reed"], by_name["Sphere/Fur"]
+        self.assertEqual(settings["materials"][reed["material"]]["melanin"], 0.25)
+        self.assertEqual(fur["material"], reed["material"])
+        self.assertNotIn("shadow", reed["visible_to"])
+        points, counts, radii = self.strands(reed)
+        np.testing.assert_allclose(points, [(10, 0, 0), (10, 2, 0), (10, 2, -2), (12, 0, 0), (12, 4, 0)], atol=1e-6)
+        self.assertEqual((counts.tolist(), radii.tolist()), ([3, 2], [1, 0.5, 0, 2, 4]))
+        points, counts, radii = self.strands(fur)
+        self.assertEqual(counts.tolist(), [5] * 20)
+        roots, tips = points[::5], points[4::5]
+        np.testing.assert_allclose(np.linalg.norm(roots, axis=1), 1, atol=0.03)
+        np.testing.assert_allclose(np.linalg.norm(tips - roots, axis=1), 0.5, rtol=0.05)
+        np.testing.assert_allclose(radii[:5], [0.05, 0.04375, 0.0375, 0.03125, 0], rtol=1e-5)
+        self.assertEqual([material["name"] for material in model["materials"]], ["skin"])
+        self.assertFalse(answer["warnings"])
+
+    def test_profiles_of_lamps_and_the_reach_of_cameras(self):
+        profile = "IESNA:LM-63-2002\nTILT=NONE\n1 1000 1 2 1 1 2 0 0 0 1 1 10\n0 90\n0\n100 0\n"
+        (self.folder / "lamp.ies").write_text(profile)
+        lamp = bpy.data.lights.new("lamp", "POINT")
+        lamp.energy, lamp.shadow_soft_size, lamp.use_nodes = 2.0, 0.1, True
+        tree = lamp.node_tree
+        node, factor = tree.nodes.new("ShaderNodeTexIES"), tree.nodes.new("ShaderNodeMath")
+        node.mode, node.filepath = "EXTERNAL", "//lamp.ies"
+        factor.operation, factor.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(node.outputs[0], factor.inputs[0])
+        tree.links.new(factor.outputs[0], tree.nodes["Emission"].inputs["Strength"])
+        self.scene.collection.objects.link(bpy.data.objects.new("lamp", lamp))
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        eye = self.scene.camera
+        eye.location, eye.rotation_euler = (0, 0, 5), (0, 0, 0)
+        eye.data.clip_start, eye.data.clip_end = 0.1, 100
+        _, settings, answer = self.export()
+        (light,) = settings["lights"]
+        self.assertEqual((self.folder / light["point"]["ies"]).read_text(), profile)
+        # Cycles has 177.83 lumens to a watt.
+        self.assertAlmostEqual(light["point"]["strength"], 2 * 3 * 683 / 177.83, places=4)
+        self.assertEqual((light["point"]["clockwise"], light["point"]["turn"]), (True, 90))
+        self.assertTrue(any("shadows are sharp" in message for _, message in answer["notes"]))
+        self.assertNotIn("clip", settings["camera"][0])
+        for start, end in ((4.0, 100.0), (0.1, 5.2)):
+            eye.data.clip_start, eye.data.clip_end = start, end
+            found = self.export()[1]["camera"][0]["clip"]
+            np.testing.assert_allclose(found, [start, end], rtol=1e-5)
+
+
+if __name__ == "__main__":
+    main()

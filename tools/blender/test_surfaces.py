@@ -1,0 +1,163 @@
+"""Tries what meshes and materials become where glTF has something else, and what lights are linked to.
+
+    python test_surfaces.py            with a Python that has bpy
+"""
+
+import bpy
+import numpy as np
+from testing import SceneTest, main, shader_tree
+
+import bmesh  # isort: skip (bpy puts it on the path)
+
+
+class SurfacesTest(SceneTest):
+    """What meshes and materials become where glTF has something else."""
+
+    def values(self, model, number):
+        """The rows of an accessor of floats."""
+        accessor = model.json["accessors"][number]
+        view = model.json["bufferViews"][accessor["bufferView"]]
+        width = {"VEC3": 3, "VEC4": 4}[accessor["type"]]
+        start = view.get("byteOffset", 0) + accessor.get("byteOffset", 0)
+        data = bytes(model.binary[start : start + 4 * width * accessor["count"]])
+        return np.frombuffer(data, "<f4").reshape(-1, width)
+
+    def add(self, kind, material, **settings):
+        getattr(bpy.ops.mesh, f"primitive_{kind}_add")(**settings)
+        made = bpy.context.object
+        made.data.materials.append(material)
+        return made
+
+    def test_curves_texts_and_metaballs_come_once(self):
+        text = bpy.data.curves.new("Text", "FONT")
+        text.body, text.extrude = "o", 0.1
+        ring = bpy.data.curves.new("Ring", "CURVE")
+        ring.dimensions, ring.bevel_depth = "3D", 0.1
+        ring.splines.new("POLY").points.add(2)
+        for k, point in enumerate(ring.splines[0].points):
+            point.co = (k, k * k, 0, 1)
+        balls = bpy.data.metaballs.new("Balls")
+        balls.elements.new()
+        for name, data in (("Text", text), ("Ring", ring), ("Balls", balls)):
+            self.scene.collection.objects.link(bpy.data.objects.new(name, data))
+        model, _, _ = self.export()
+        self.assertEqual(sorted(node["name"] for node in model["nodes"] if "mesh" in node), ["Balls", "Ring", "Text"])
+
+    def test_upright_sheets_of_glass_are_panes_and_level_ones_are_not(self):
+        glass, _, shader = shader_tree("glass")
+        shader.inputs["Transmission Weight"].default_value = 1.0
+        shader.inputs["Base Color"].default_value = (0.25, 0.25, 0.25, 1)
+        self.add("plane", glass, rotation=(np.pi / 2, 0, 0.4))
+        self.add("plane", glass, location=(0, 0, 3))
+        self.add("cube", glass, location=(4, 0, 0))
+        model, settings, answer = self.export()
+        ((name, entries),) = settings["materials"].items()
+        self.assertEqual(entries, {"volume": False})
+        factors = {made["name"]: made["pbrMetallicRoughness"]["baseColorFactor"][0] for made in model["materials"]}
+        self.assertEqual(len(factors), 2)
+        self.assertAlmostEqual(factors.pop(name), 0.5, places=5)
+        self.assertAlmostEqual(*factors.values(), 0.25, places=5)
+        self.assertIn("thin panes", said := "".join(message for _, message in answer["notes"]))
+        self.assertIn("Solidify", said)
+
+    def test_brushed_metals_are_brushed_around_their_axis(self):
+        brushed, _, shader = shader_tree("brushed")
+        for name, value in (("Metallic", 1.0), ("Anisotropic", 0.6), ("Anisotropic Rotation", 0.125)):
+            shader.inputs[name].default_value = value
+        self.add("cylinder", brushed, location=(3, 0, 0), vertices=16)
+        bpy.ops.object.shade_smooth()
+        model, _, answer = self.export_glb()
+        self.assertEqual(answer["warnings"], [])
+        ((primitive,),) = [mesh["primitives"] for mesh in model.json["meshes"]]
+        normals, places, tangents = (self.values(model, primitive["attributes"][key]) for key in ("NORMAL", "POSITION", "TANGENT"))
+        np.testing.assert_allclose((normals * tangents[:, :3]).sum(1), 0, atol=1e-5)
+        # Around the vertical axis, counter-clockwise seen from above; glTF's y is up and its z points to the viewer.
+        around = np.stack([places[:, 2], 0 * places[:, 0], -places[:, 0]], 1)
+        np.testing.assert_allclose(tangents[:, :3], around / np.linalg.norm(around, axis=1, keepdims=True), atol=1e-4)
+        (made,) = model.json["materials"]
+        self.assertAlmostEqual(made["extensions"]["KHR_materials_anisotropy"]["anisotropyRotation"], np.pi / 4, places=5)
+
+    def test_smooth_faces_beside_flat_ones_have_the_normals_of_their_vertices(self):
+        tin = self.add("cylinder", shader_tree("tin")[0])
+        tin.data.polygons.foreach_set("use_smooth", [len(face.vertices) == 4 for face in tin.data.polygons])
+        model, _, _ = self.export_glb()
+        ((primitive,),) = [mesh["primitives"] for mesh in model.json["meshes"]]
+        upward = np.abs(self.values(model, primitive["attributes"]["NORMAL"])[:, 1])
+        self.assertTrue(((upward > 0.1) & (upward < 0.9)).any(), "the sides lean towards the lids, as in Cycles")
+        self.assertTrue((upward > 0.999).any(), "the lids are flat")
+
+    def test_bodies_of_varying_colours_are_painted_and_their_holes_closed(self):
+        skin, tree, shader, checker = shader_tree("skin", "TexChecker")
+        shader.inputs["Subsurface Weight"].default_value = 1.0
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (0.8, 0.4, 0.2, 1), (0.2, 0.4, 0.2, 1)
+        tree.links.new(checker.outputs["Color"], shader.inputs["Base Color"])
+        ball = self.add("uv_sphere", skin)
+        work = bmesh.new()
+        work.from_mesh(ball.data)
+        work.faces.ensure_lookup_table()
+        bmesh.ops.delete(work, geom=[work.faces[0]], context="FACES_ONLY")
+        work.to_mesh(ball.data)
+        work.free()
+        model, settings, answer = self.export("--bake", "256")
+        self.assertEqual(answer["warnings"], [])
+        self.assertIn("1 holes, which are closed", "".join(message for _, message in answer["notes"]))
+        ((_, entries),) = settings["materials"].items()
+        np.testing.assert_allclose(entries["subsurface"]["color"], [0.8, 0.4, 0.2], atol=0.02)
+        (made,) = model["materials"]
+        through = made["extensions"]["KHR_materials_diffuse_transmission"]
+        self.assertIn("diffuseTransmissionColorTexture", through)
+        # Blender reads the paint: half as much red in half of the squares, for light that crosses it twice.
+        paint = bpy.data.images.load(self.picture(model, made))
+        red = np.array(paint.pixels[:]).reshape(-1, 4)[:, 0]
+        code = lambda c: 1.055 * c ** (1 / 2.4) - 0.055
+        for value in (1.0, code(0.5)):
+            self.assertGreater((np.abs(red - value) < 0.02).mean(), 0.15, value)
+
+    def test_of_what_varies_and_no_picture_holds_the_mean_is_taken_by_name(self):
+        cloth, tree, shader, checker = shader_tree("cloth", "TexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        tree.links.new(checker.outputs["Fac"], shader.inputs["Sheen Weight"])
+        self.add("plane", cloth)
+        model, _, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual(place, "cloth")
+        self.assertIn("Sheen Weight", message)
+        (made,) = model["materials"]
+        sheen = made["extensions"]["KHR_materials_sheen"]["sheenColorFactor"][0]
+        self.assertTrue(0.3 < sheen < 0.7, sheen)
+
+    def test_lights_and_objects_that_shine_are_linked_to_nodes(self):
+        first, second, third = (self.add("plane", None, location=(3 * k, 0, 0)) for k in range(3))
+        first.name, second.name, third.name = "First", "Second", "Third"
+        glow = bpy.data.materials.new("glow")
+        glow.use_nodes = True
+        glow.node_tree.nodes["Principled BSDF"].inputs["Emission Strength"].default_value = 2.0
+        third.data.materials.append(glow)
+        lamp, free = (bpy.data.objects.new(name, bpy.data.lights.new(name, "POINT")) for name in ("Rim", "Free"))
+        for obj in (lamp, free):
+            obj.data.energy = 10
+            self.scene.collection.objects.link(obj)
+        free.data.use_shadow = False
+        receivers, blockers, group = (bpy.data.collections.new(name) for name in ("Receivers", "Blockers", "Group"))
+        group.objects.link(second)
+        group.objects.link(third)
+        receivers.objects.link(first)
+        receivers.children.link(group)
+        receivers.objects.link(third)
+        receivers.collection_objects[-1].light_linking.link_state = "EXCLUDE"
+        blockers.objects.link(second)
+        blockers.collection_objects[0].light_linking.link_state = "EXCLUDE"
+        lamp.light_linking.receiver_collection = receivers
+        third.light_linking.blocker_collection = blockers
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        lights = {light["name"]: light for light in settings["lights"]}
+        self.assertEqual(lights["Rim"]["light_link"], {"include": ["/First", "/Second"]})
+        self.assertNotIn("shadow_link", lights["Rim"])
+        self.assertEqual(lights["Free"]["shadow_link"], {"include": []})
+        self.assertEqual(settings["objects"], {"/Third": {"shadow_link": {"exclude": ["/Second"]}}})
+        self.assertLessEqual({"First", "Second", "Third"}, {node["name"] for node in model["nodes"]})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,241 @@
+"""Tries what the exporter makes of trees that ask about objects, sides, rays and the angle of view.
+
+    python test_trees.py            with a Python that has bpy
+"""
+
+import bpy
+import numpy as np
+from testing import SceneTest, main, shader_tree
+
+
+class TreesTest(SceneTest):
+    def test_objects_of_one_mesh_have_their_own_colours_without_pictures(self):
+        material, tree, shader, info = shader_tree("own", "ObjectInfo")
+        tree.links.new(info.outputs["Color"], shader.inputs["Base Color"])
+        colors = [(0.25, 0.5, 0.75), (0.5, 0.125, 0.0)]
+        data = None
+        for k, color in enumerate(colors):
+            made = self.add_plane(material, f"Plane {k}", (3 * k, 0, 0), data)
+            data, made.color = made.data, (*color, 1)
+        model, _, answer = self.export()
+        self.assertNotIn("images", model)
+        found = {}
+        for node in model["nodes"]:
+            if "mesh" in node:
+                number = model["meshes"][node["mesh"]]["primitives"][0]["material"]
+                found[node["name"]] = model["materials"][number]["pbrMetallicRoughness"]["baseColorFactor"][:3]
+        np.testing.assert_allclose([found["Plane 0"], found["Plane 1"]], colors, atol=1e-6)
+        self.assertEqual(answer["warnings"], [])
+
+    def test_attributes_of_objects_are_read_by_name(self):
+        material, tree, shader, own = shader_tree("own", "Attribute")
+        own.attribute_type, own.attribute_name = "OBJECT", "polish"
+        tree.links.new(next(out for out in own.outputs if out.identifier == "Fac"), shader.inputs["Roughness"])
+        self.add_plane(material)["polish"] = 0.375
+        model, _, _ = self.export()
+        (made,) = model["materials"]
+        self.assertAlmostEqual(made["pbrMetallicRoughness"]["roughnessFactor"], 0.375, places=6)
+
+    def test_sides_become_faces_that_lie_back_to_back(self):
+        material, tree, shader, side, mix = shader_tree("sides", "NewGeometry", "Mix")
+        mix.data_type = "RGBA"
+        mix.inputs[6].default_value, mix.inputs[7].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+        tree.links.new(side.outputs["Backfacing"], mix.inputs[0])
+        tree.links.new(mix.outputs[2], shader.inputs["Base Color"])
+        self.add_plane(material)
+        model, _, _ = self.export()
+        (mesh,) = model["meshes"]
+        found = {}
+        for primitive in mesh["primitives"]:
+            made = model["materials"][primitive["material"]]
+            self.assertFalse(made.get("doubleSided", False))
+            found[tuple(made["pbrMetallicRoughness"]["baseColorFactor"][:3])] = primitive["attributes"]["NORMAL"]
+        self.assertEqual(set(found), {(1, 0, 0), (0, 0, 1)})
+
+    def test_kinds_of_rays_see_their_own_materials(self):
+        material, tree, shader, path, strength = shader_tree("lamp", "LightPath", "Math")
+        shader.inputs["Emission Color"].default_value = (1, 1, 1, 1)
+        strength.operation, strength.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(path.outputs["Is Camera Ray"], strength.inputs[0])
+        tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, settings, answer = self.export()
+        by_name = {made["name"]: made for made in model["materials"]}
+        rays = {tuple(entry["visible_to"]): by_name[name] for name, entry in settings["materials"].items()}
+        shines = {seen: "emissiveFactor" in made for seen, made in rays.items()}
+        self.assertEqual(shines, {("camera",): True, ("diffuse", "glossy", "transmission", "volume", "shadow"): False})
+        self.assertEqual(answer["warnings"], [])
+
+    def test_of_three_looks_by_rays_two_are_kept(self):
+        material, tree, shader, path, both = shader_tree("three", "LightPath", "CombineColor")
+        tree.links.new(path.outputs["Is Camera Ray"], both.inputs[0])
+        tree.links.new(path.outputs["Is Diffuse Ray"], both.inputs[1])
+        tree.links.new(both.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        seen = {tuple(entry["visible_to"]) for entry in settings["materials"].values()}
+        self.assertEqual(seen, {("camera",), ("diffuse", "glossy", "transmission", "volume", "shadow")})
+        self.assertEqual(answer["warnings"][0][0], "three")
+
+    def test_what_differs_with_the_direction_is_said_by_name(self):
+        material, tree, shader, weight, noise, step = shader_tree("velvet", "LayerWeight", "TexNoise", "Math")
+        noise.inputs["Scale"].default_value, step.operation = 20, "GREATER_THAN"
+        tree.links.new(weight.outputs["Facing"], step.inputs[0])
+        tree.links.new(noise.outputs[0], step.inputs[1])
+        tree.links.new(step.outputs[0], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, _, answer = self.export("--bake", "64")
+        ((place, message),) = answer["warnings"]
+        self.assertEqual(place, "velvet")
+        self.assertIn("Layer Weight", message)
+
+    def test_what_differs_with_the_angle_of_view_alone_becomes_a_table(self):
+        material, tree, shader, weight, gain, mix = shader_tree("velvet", "LayerWeight", "Math", "MixRGB")
+        weight.inputs["Blend"].default_value = 0.25
+        mix.inputs["Color1"].default_value, mix.inputs["Color2"].default_value = (1, 0.5, 0, 1), (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        self.assertNotIn("images", model)
+        told = settings["materials"]["velvet"]
+        tables = {key: settings["textures"][told[key]] for key in ("base_color", "emission")}
+        self.assertEqual({table["type"] for table in tables.values()}, {"facing"})
+        # By a blend of 0.25 facing is 1 - cos^0.5; rows are evenly spaced cosines.
+        facing = 1 - np.linspace(0, 1, len(tables["base_color"]["colors"])) ** 0.5
+        color = np.stack([1 - facing, 0 * facing + 0.5, facing], 1)
+        np.testing.assert_allclose(tables["base_color"]["colors"], color, atol=2e-5)
+        np.testing.assert_allclose(tables["emission"]["colors"], 6 * facing[:, None] * [1, 0.5, 0.25], atol=1e-4)
+
+    def test_what_the_angle_of_view_mixes_from_place_to_place_becomes_two_pictures_and_a_table(self):
+        material, tree, shader, weight, checker, mix, times, gain = shader_tree(
+            "cloth", "LayerWeight", "TexChecker", "MixRGB", "MixRGB", "Math"
+        )
+        weight.inputs["Blend"].default_value = 0.25
+        checker.inputs["Scale"].default_value = 1.5
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0.25, 0, 1), (0.5, 0.5, 0, 1)
+        mix.inputs["Color2"].default_value = (0, 0.5, 1, 1)
+        tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+        tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+        tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+        gain.operation, gain.inputs[1].default_value = "MULTIPLY", 6.0
+        tree.links.new(weight.outputs["Facing"], gain.inputs[0])
+        tree.links.new(gain.outputs[0], shader.inputs["Emission Strength"])
+        tree.links.new(checker.outputs["Color"], shader.inputs["Emission Color"])
+        self.add_plane(material)
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        facing = 1 - np.linspace(0, 1, 64) ** 0.5
+        (told,), textures = settings["materials"].values(), settings["textures"]
+        for key in ("base_color", "emission"):
+            mixed = textures[told[key]]
+            self.assertEqual((mixed["type"], textures[mixed["a"]]["type"]), ("mix", "own"))
+            table = np.array(textures[mixed["factor"]]["colors"])
+            # Where the first colour has nothing to become, no share is told.
+            known = np.ptp(table, axis=0) > 0
+            self.assertTrue(known.any())
+            np.testing.assert_allclose(table[:, known], np.repeat(facing[:, None], known.sum(), 1), atol=2e-3)
+        second = textures[textures[told["base_color"]]["b"]]
+        self.assertEqual((second["mapping"], second["encoding"]), ("own", "srgb"))
+        pixels = self.pixels(str(self.folder / second["file"]))
+        quarter, half = 0.5371, 0.7354  # as sRGB has them
+        self.assertLess(np.abs(pixels[8:-8, 8:-8, :3] - [0, half, 1]).max(), 0.01)
+        first = self.pixels(self.picture(model, model["materials"][0]))
+        for color in ((1, quarter, 0), (half, half, 0)):
+            share = (np.abs(first[..., :3] - color).max(-1) < 0.02).mean()
+            self.assertGreater(share, 0.2, color)
+
+    def test_materials_beside_one_that_is_mixed_keep_their_pictures(self):
+        bpy.ops.mesh.primitive_grid_add(x_subdivisions=2, y_subdivisions=2)
+        shown = bpy.context.object
+        for name in ("mixed", "plain"):
+            made, tree, shader, weight, checker, mix = shader_tree(name, "LayerWeight", "TexChecker", "MixRGB")
+            checker.inputs["Scale"].default_value = 3.0
+            checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 0, 0, 1), (0, 0, 1, 1)
+            mix.inputs["Fac"].default_value, mix.inputs["Color2"].default_value = 0.0, (0, 1, 0, 1)
+            if name == "mixed":
+                tree.links.new(weight.outputs["Facing"], mix.inputs["Fac"])
+            tree.links.new(checker.outputs["Color"], mix.inputs["Color1"])
+            tree.links.new(mix.outputs[0], shader.inputs["Base Color"])
+            shown.data.materials.append(made)
+        shown.data.polygons.foreach_set("material_index", [0, 0, 1, 1])
+        model, settings, answer = self.export("--bake", "64")
+        self.assertEqual(answer["warnings"], [])
+        ((name, told),) = settings["materials"].items()
+        self.assertTrue(name.startswith("mixed"), name)
+        second = settings["textures"][settings["textures"][told["base_color"]]["b"]]
+        pictures = [self.pixels(path) for path in (self.picture(model, model["materials"][0]), str(self.folder / second["file"]))]
+        share = lambda pixels, color: (np.abs(pixels[..., :3] - color).max(-1) < 0.02).mean()
+        # Half of the mesh becomes green.
+        self.assertEqual(share(pictures[0], (0, 1, 0)), 0)
+        self.assertTrue(0.25 < share(pictures[1], (0, 1, 0)) < 0.6)
+        self.assertGreater(share(pictures[0], (1, 0, 0)), 1.5 * share(pictures[1], (1, 0, 0)))
+        self.assertGreater(share(pictures[1], (1, 0, 0)), 0.1)
+
+    def test_the_cosine_of_view_and_normal_is_a_weight(self):
+        material, tree, shader, geometry, dot = shader_tree("dotted", "NewGeometry", "VectorMath")
+        dot.operation = "DOT_PRODUCT"
+        tree.links.new(geometry.outputs["Normal"], dot.inputs[0])
+        tree.links.new(geometry.outputs["Incoming"], dot.inputs[1])
+        tree.links.new(dot.outputs["Value"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        self.assertEqual(answer["warnings"], [])
+        table = settings["textures"][settings["materials"]["dotted"]["base_color"]]["colors"]
+        np.testing.assert_allclose(table, np.linspace(0, 1, len(table)), atol=2e-5)
+
+    def test_weights_with_normals_of_their_own_are_told(self):
+        material, tree, shader, weight, bump = shader_tree("bumped", "LayerWeight", "Bump")
+        tree.links.new(bump.outputs[0], weight.inputs["Normal"])
+        tree.links.new(weight.outputs["Facing"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        _, settings, answer = self.export()
+        ((place, message),) = answer["warnings"]
+        self.assertEqual((place, "normal of its own" in message), ("bumped", True))
+        self.assertIn("base_color", settings["materials"]["bumped"])
+
+    def test_transparency_of_trees_has_its_picture(self):
+        material, tree, shader, checker = shader_tree("lace", "TexChecker")
+        checker.inputs["Scale"].default_value = 2.0
+        tree.links.new(checker.outputs["Fac"], shader.inputs["Alpha"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        alpha = self.pixels(self.picture(model, model["materials"][0]))[..., 3]
+        for value in (0, 1):
+            self.assertGreater((np.abs(alpha - value) < 0.02).mean(), 0.2, value)
+
+    def test_pictures_of_files_may_be_links(self):
+        material, tree, shader, node = shader_tree("label", "TexImage")
+        picture = bpy.data.images.new("picture", 8, 8)
+        picture.filepath_raw, picture.file_format = str(self.folder / "a picture.png"), "PNG"
+        picture.save()
+        node.image = bpy.data.images.load(picture.filepath_raw)
+        tree.links.new(node.outputs["Color"], shader.inputs["Base Color"])
+        self.add_plane(material)
+        (copied,) = self.export()[0]["images"]
+        self.assertNotIn("uri", copied)
+        (linked,) = self.export("--links")[0]["images"]
+        self.assertEqual(linked, {"name": copied["name"], "uri": "picture.1.png"})
+        self.assertEqual((self.folder / "picture.1.png").read_bytes(), (self.folder / "a picture.png").read_bytes())
+
+    def test_light_of_trees_keeps_its_strength(self):
+        material, tree, shader, checker, strength = shader_tree("screen", "TexChecker", "Math")
+        checker.inputs["Color1"].default_value, checker.inputs["Color2"].default_value = (1, 1, 1, 1), (0, 0, 0, 1)
+        strength.operation, strength.inputs[1].default_value = "MULTIPLY", 40.0
+        shader.inputs["Emission Color"].default_value = (1, 0.5, 0.25, 1)
+        tree.links.new(checker.outputs["Fac"], strength.inputs[0])
+        tree.links.new(strength.outputs[0], shader.inputs["Emission Strength"])
+        self.add_plane(material)
+        model, _, _ = self.export("--bake", "64")
+        (made,) = model["materials"]
+        self.assertAlmostEqual(made["extensions"]["KHR_materials_emissive_strength"]["emissiveStrength"], 40, places=3)
+        self.assertIn("emissiveTexture", made)
+
+
+if __name__ == "__main__":
+    main()
