@@ -133,6 +133,7 @@ mod tests {
             world_from_camera: DAffine3::from_rotation_y(0.4) * DAffine3::from_rotation_x(0.3),
             projection,
             aspect_ratio: None,
+            pixel_aspect: 1.3,
             lens,
             shift: [0.1, -0.05],
             clip: None,

@@ -38,8 +38,7 @@ pub struct Camera {
 
 impl Camera {
     /// Prepares a camera for a film of `width` x `height` pixels; coordinates count from `anchor`, a point of
-    /// the world. The
-    /// vertical field of view is kept whatever the film's shape; pixels are square.
+    /// the world. The vertical field of view is kept whatever the film's and the pixels' shape.
     pub fn new(camera: &scene::Camera, width: u32, height: u32, anchor: DVec3) -> Camera {
         let m = camera.world_from_camera.matrix3;
         let (right, up, back) = (m.x_axis.normalize(), m.y_axis.normalize(), m.z_axis.normalize());
@@ -56,14 +55,15 @@ impl Camera {
             }
         };
         let pixel = 2.0 * half_height / f64::from(height);
+        let across = pixel * camera.pixel_aspect;
         let [shift_x, shift_y] = camera.shift.map(|s| s * 2.0 * half_height);
-        let to_corner = right * (shift_x - pixel * 0.5 * f64::from(width)) + up * (half_height + shift_y);
+        let to_corner = right * (shift_x - across * 0.5 * f64::from(width)) + up * (half_height + shift_y);
         let is_perspective = !matches!(camera.projection, scene::Projection::Orthographic { .. });
         let corner = if is_perspective { to_corner - back } else { to_corner };
         Camera {
             origin: (camera.world_from_camera.translation - anchor).as_vec3(),
             corner: corner.as_vec3(),
-            step_x: (right * pixel).as_vec3(),
+            step_x: (right * across).as_vec3(),
             step_y: (up * -pixel).as_vec3(),
             forward: (-back).as_vec3(),
             right: right.as_vec3(),
@@ -207,9 +207,9 @@ impl Camera {
     }
 
     /// Width of what a camera ray stands for at its start, and its growth over a metre: half a pixel's, so that the many
-    /// rays of a pixel see more than one of them would.
+    /// rays of a pixel see more than one of them would. Of pixels that aren't square, of their shorter side.
     pub fn pixel_cone(&self) -> (f32, f32) {
-        let half_pixel = 0.5 * self.step_x.length();
+        let half_pixel = 0.5 * self.step_x.length().min(self.step_y.length());
         if self.is_perspective { (0.0, half_pixel) } else { (half_pixel, 0.0) }
     }
 
@@ -234,6 +234,7 @@ mod tests {
             world_from_camera: DAffine3::from_translation(DVec3::new(10.0, 0.0, 0.0)),
             projection: scene::Projection::Perspective { vfov_rad: std::f64::consts::FRAC_PI_2 },
             aspect_ratio: None,
+            pixel_aspect: 1.0,
             lens: None,
             shift: [0.0; 2],
             clip: None,

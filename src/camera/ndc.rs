@@ -19,7 +19,7 @@ pub fn ndc_from_world(camera: &Camera, width: u32, height: u32) -> Option<DMat4>
         Projection::Orthographic { half_height } => (half_height, one),
         Projection::Panorama(_) => return None,
     };
-    let half_width = half_height * f64::from(width) / f64::from(height);
+    let half_width = half_height * camera.pixel_aspect * f64::from(width) / f64::from(height);
     let [shift_x, shift_y] = camera.shift.map(|shift| shift * 2.0 * half_height);
     let ndc_x = (x + weight * (half_width - shift_x)) / (2.0 * half_width);
     let ndc_y = (weight * (half_height + shift_y) - y) / (2.0 * half_height);
@@ -36,6 +36,7 @@ mod tests {
         let (width, height) = (40, 30);
         let mut camera = Camera::look_at([1.0, 2.0, 5.0], [0.2, 0.1, -0.3], 35.0);
         camera.shift = [0.1, -0.2];
+        camera.pixel_aspect = 1.4;
         let parallel = Projection::Orthographic { half_height: 1.5 };
         for camera in [camera.clone(), Camera { projection: parallel, ..camera }] {
             let shown = crate::camera::Camera::new(&camera, width, height, DVec3::ZERO);

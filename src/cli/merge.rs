@@ -153,7 +153,8 @@ fn sum(parts: &[(PathBuf, PartHeader)]) -> Result<(Film, Option<oscura::scene::B
 /// What the headers of pictures say, as those of a single run do.
 fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) -> Metadata {
     let first = &parts[0].1;
-    let Finish { seed, world_to_camera, world_to_ndc, aov_space, world_offset, mattes, .. } = &first.finish;
+    let Finish { seed, world_to_camera, world_to_ndc, pixel_aspect, aov_space, world_offset, mattes, .. } =
+        &first.finish;
     let aovs = first.channels.aovs().unwrap_or_default();
     let mattes = aovs.mattes().zip(mattes).map(|((_, kind), names)| Matte::new(kind, names.clone()));
     Metadata {
@@ -164,6 +165,7 @@ fn metadata(parts: &[(PathBuf, PartHeader)], samples: f64, is_complete: bool) ->
         captured: Some(SystemTime::now()),
         world_to_camera: Some(DMat4::from_cols_array(&world_to_camera.map(f64::from_bits))),
         world_to_ndc: world_to_ndc.map(|m| DMat4::from_cols_array(&m.map(f64::from_bits))),
+        pixel_aspect: pixel_aspect.map(f64::from_bits),
         aov_space: aov_space.parse().unwrap_or_default(),
         denoised: None,
         mattes: mattes.collect(),

@@ -19,6 +19,8 @@ pub struct View {
     pub width: u32,
     /// Picture height in pixels.
     pub height: u32,
+    /// Width over height of a pixel.
+    pub pixel_aspect: f64,
     /// From the scene's world to the camera's own space.
     pub camera_from_world: DMat4,
     /// From there to normalized device coordinates; panoramas have no such matrix.
@@ -41,6 +43,7 @@ impl View {
             camera: at(camera.world_from_camera),
             width,
             height,
+            pixel_aspect: camera.pixel_aspect,
             camera_from_world: DMat4::from(camera.world_from_camera.inverse()),
             ndc_from_world: ndc_from_world(camera, width, height),
         }

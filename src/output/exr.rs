@@ -40,6 +40,8 @@ pub struct Metadata {
     pub world_to_camera: Option<DMat4>,
     /// From world to normalized device coordinates of the frame: see [`ndc_from_world`](crate::camera::ndc_from_world).
     pub world_to_ndc: Option<DMat4>,
+    /// Width over height of a pixel; square without.
+    pub pixel_aspect: Option<f64>,
     /// Which space AOVs of places and directions are in.
     pub aov_space: AovSpace,
     /// What took the noise out of the picture, if something did.
@@ -94,6 +96,7 @@ pub fn encode_exr(
     let layers: Vec<_> = parts.into_iter().enumerate().map(layer).collect();
     let (width, height) = options.window.map_or((film.width(), film.height()), |window| window.frame);
     let mut shared = ImageAttributes::with_size(Vec2(width as usize, height as usize));
+    shared.pixel_aspect = metadata.pixel_aspect.unwrap_or(1.0) as f32;
     shared.chromaticities = Some(options.space.chromaticities());
     let image = Image::from_layers(shared, layers);
     let bytes = encode_image(&image)?;

@@ -39,6 +39,7 @@ impl Rendering {
             captured: Some(SystemTime::now()),
             world_to_camera: Some(self.view.camera_from_world),
             world_to_ndc: self.view.ndc_from_world,
+            pixel_aspect: Some(self.view.pixel_aspect),
             aov_space: self.options.aov_space,
             denoised: self.denoised.clone(),
             mattes: self.labels.mattes.clone(),

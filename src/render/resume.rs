@@ -56,6 +56,7 @@ impl Rendering {
             seed: self.options.seed,
             world_to_camera: self.view.camera_from_world.to_cols_array().map(f64::to_bits),
             world_to_ndc: self.view.ndc_from_world.map(|ndc| ndc.to_cols_array().map(f64::to_bits)),
+            pixel_aspect: Some(self.view.pixel_aspect.to_bits()),
             aov_space: self.options.aov_space.name().to_string(),
             mattes: self
                 .labels

@@ -182,10 +182,12 @@ impl Choices {
 
     fn picture_size(&self, scene: &Scene, camera: usize) -> Result<(u32, u32)> {
         let (chosen, from_scene) = (&self.settings, &scene.settings);
-        let of_camera = scene.cameras.get(camera).and_then(|c| c.aspect_ratio);
+        let seen_by = scene.cameras.get(camera);
+        let of_camera = seen_by.and_then(|c| c.aspect_ratio).filter(|a| *a > 0.0 && a.is_finite());
+        // In pixels.
         let aspect = match (from_scene.width, from_scene.height) {
             (Some(w), Some(h)) => f64::from(w) / f64::from(h),
-            _ => of_camera.filter(|a| *a > 0.0 && a.is_finite()).unwrap_or(DEFAULT_ASPECT),
+            _ => of_camera.unwrap_or(DEFAULT_ASPECT) / seen_by.map_or(1.0, |c| c.pixel_aspect),
         };
         // One dimension that is chosen makes the scene's other one meaningless: the aspect ratio stays.
         let size = match (chosen.width, chosen.height) {

@@ -64,6 +64,9 @@ pub struct Camera {
     pub projection: Projection,
     /// Width over height, if the file says so; used when the picture's size isn't given in full.
     pub aspect_ratio: Option<f64>,
+    /// Width over height of a pixel, from 0.001 to 1000: 1, or that of television and anamorphic pictures. The view's height is kept;
+    /// 1 of panoramas.
+    pub pixel_aspect: f64,
     /// Depth of field; `None` is a pinhole.
     pub lens: Option<ThinLens>,
     /// How far the picture is moved to the right and up in its plane, in heights of the picture: the camera sees more of

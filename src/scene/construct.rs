@@ -158,6 +158,7 @@ impl Camera {
             world_from_camera,
             projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
             aspect_ratio: None,
+            pixel_aspect: 1.0,
             lens: None,
             shift: [0.0; 2],
             clip: None,

@@ -274,3 +274,51 @@ fn headers_say_where_points_are_in_the_frame() {
         assert!(seen > 100, "{more:?}: {seen}");
     }
 }
+
+/// Pixels that are wider than high show more at the sides: the header says so, and so does that of merged parts.
+#[test]
+fn pixels_have_the_shape_that_the_camera_says() {
+    let folder = tempfile::tempdir().unwrap();
+    let scene =
+        LIGHTS.replace("vfov = 40", "vfov = 40\npixel_aspect = 1.5").replace("width = 24\nheight = 16\n", "");
+    fs::write(folder.path().join("wide.toml"), scene).unwrap();
+    let run = |args: &[&str]| {
+        let output = oscura(folder.path(), args);
+        assert_eq!(code(&output), 0, "{}", stderr(&output));
+        output
+    };
+    let shared = |name: &str| {
+        let meta = exr::meta::MetaData::read_from_file(folder.path().join(name), true).expect("an EXR");
+        meta.headers[0].shared_attributes.clone()
+    };
+    // Of 16:9, in pixels that are 1.5 times as wide.
+    let fixed = ["--quiet", "--height", "90", "--filter", "box", "--spp", "1", "--aov", "position,depth"];
+    run(&[&["render", "wide.toml", "-o", "wide.exr"], &fixed[..]].concat());
+    let window = shared("wide.exr").display_window.size;
+    assert_eq!((window.0, window.1, shared("wide.exr").pixel_aspect), (107, 90, 1.5));
+    // Depth and height tell where the camera at height 1, aimed at (0, 0.5, 0), has a point's row and column.
+    let planes = planes(&folder.path().join("wide.exr"));
+    let half = 20f32.to_radians().tan();
+    let (ahead, up) = (
+        [0.0, -0.5, -4.0].map(|v: f32| v / 16.25f32.sqrt()),
+        [0.0, 4.0, -0.5].map(|v: f32| v / 16.25f32.sqrt()),
+    );
+    let mut seen = 0;
+    for (i, depth) in planes["Z"].iter().enumerate().filter(|(_, depth)| **depth < 1e9) {
+        let from = [planes["P.X"][i], planes["P.Y"][i] - 1.0, planes["P.Z"][i] - 4.0];
+        let along = |axis: [f32; 3]| (0..3).map(|c| from[c] * axis[c]).sum::<f32>();
+        assert!((along(ahead) - depth).abs() < 1e-3);
+        let pixel = depth * half / 45.0;
+        let at = [from[0] / (1.5 * pixel) + 53.5, 45.0 - along(up) / pixel];
+        let off = (at[0] - (i % 107) as f32 - 0.5).abs().max((at[1] - (i / 107) as f32 - 0.5).abs());
+        assert!(off <= 0.51, "{at:?} in pixel {} {}", i % 107, i / 107);
+        seen += 1;
+    }
+    assert!(seen > 100, "{seen}");
+    run(&[&["render", "wide.toml", "-o", "wide.part"], &fixed[..]].concat());
+    run(&["merge", "wide.part", "-o", "merged.exr", "--quiet"]);
+    assert_eq!(shared("merged.exr").pixel_aspect, 1.5);
+    assert_eq!(shared("merged.exr").display_window.size, window);
+    let told = run(&["inspect", "wide.toml"]);
+    assert!(stdout(&told).contains("pixels 1.5 times as wide as high"), "{}", stdout(&told));
+}

@@ -34,6 +34,7 @@ fn metadata() -> Metadata {
         world_offset: None,
         world_to_camera: Some(DMat4::from_translation(DVec3::new(1.0, 2.0, 3.0))),
         world_to_ndc: Some(DMat4::from_translation(DVec3::new(4.0, 5.0, 6.0))),
+        pixel_aspect: Some(1.25),
         aov_space: AovSpace::Camera,
         denoised: Some("by hand".into()),
         mattes: vec![Matte::new("crypto_asset", vec!["hello".into()])],
@@ -89,6 +90,7 @@ fn an_exr_holds_colour_aovs_and_attributes() {
     assert_eq!(a.world_to_camera.unwrap()[12..15], [1.0, 2.0, 3.0]);
     assert_eq!(a.world_to_normalized_device.unwrap()[12..15], [4.0, 5.0, 6.0]);
     assert_eq!(shared.chromaticities.unwrap().red.0, 0.64);
+    assert_eq!(shared.pixel_aspect, 1.25);
     let other =
         |name: &str| a.other.get(&Text::from(name)).or_else(|| shared.other.get(&Text::from(name))).cloned();
     assert_eq!(other("samples"), Some(AttributeValue::I32(16)));

@@ -200,5 +200,121 @@ class BesideTest(SceneTest):
             np.testing.assert_allclose(found, [start, end], rtol=1e-5)
 
 
+    def lamp(self, kind, *kinds, **settings):
+        """The tree of a new lamp, its Emission, and new nodes."""
+        data = bpy.data.lights.new(kind.lower(), kind)
+        for key, value in {"energy": 10.0, "use_nodes": True, **settings}.items():
+            setattr(data, key, value)
+        self.scene.collection.objects.link(bpy.data.objects.new(kind.lower(), data))
+        tree = data.node_tree
+        return (tree, tree.nodes["Emission"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
+
+    def profile(self, file):
+        """Angles and values of a profile: rows by longitude."""
+        lines = (self.folder / file).read_text().splitlines()[2:]
+        rows, columns = (int(word) for word in lines[0].split()[3:5])
+        down, around, *values = ([float(word) for word in line.split()] for line in lines[2:])
+        self.assertEqual((len(down), len(around), len(values)), (rows, columns, columns))
+        return np.array(down), np.array(around), np.array(values)
+
+    def test_trees_of_lamps_are_pictures_and_profiles(self):
+        # A screen is red where x is above the middle, seen along the axes of the lamp.
+        tree, emission, place, parts, half = self.lamp("AREA", "NewGeometry", "SeparateXYZ", "Math", size=2.0)
+        half.operation, half.inputs[1].default_value = "GREATER_THAN", 0.5
+        tree.links.new(place.outputs["Parametric"], parts.inputs[0])
+        tree.links.new(parts.outputs[0], half.inputs[0])
+        tree.links.new(half.outputs[0], emission.inputs["Strength"])
+        # A point that shines towards its own +x alone, with 3 times the strength.
+        tree, emission, place, parts, half, strength = self.lamp("POINT", "TexCoord", "SeparateXYZ", "Math", "Math")
+        half.operation, half.inputs[1].default_value = "GREATER_THAN", 0.0
+        strength.operation, strength.inputs[1].default_value = "MULTIPLY", 3.0
+        tree.links.new(place.outputs["Normal"], parts.inputs[0])
+        tree.links.new(parts.outputs[0], half.inputs[0])
+        tree.links.new(half.outputs[0], strength.inputs[0])
+        tree.links.new(strength.outputs[0], emission.inputs["Strength"])
+        bpy.ops.mesh.primitive_cube_add(size=1)
+        _, settings, answer = self.export()
+        self.assertFalse(answer["warnings"])
+        screen, point = settings["lights"]
+        image = bpy.data.images.load(str(self.folder / screen["area"]["image"]))
+        image.colorspace_settings.name = "Non-Color"
+        width, height = image.size
+        pixels = np.array(image.pixels[:]).reshape(height, width, -1)[..., 0]
+        halves = sorted((pixels[:, : width // 2 - 1].mean(), pixels[:, width // 2 + 1 :].mean()))
+        np.testing.assert_allclose(halves, [0, 1], atol=1e-3)
+        self.assertEqual(screen["area"]["power"], 10.0)
+        self.assertAlmostEqual(point["point"]["intensity"], 3 * 10 / (4 * np.pi), places=2)
+        down, around, values = self.profile(point["point"]["ies"])
+        self.assertEqual((down[0], down[-1], around[0], around[-1]), (0, 180, 0, 360))
+        beside = values[:, len(down) // 2]
+        turned = np.minimum(around, 360 - around)
+        np.testing.assert_allclose(beside[turned < 89], 1, atol=0.01)
+        np.testing.assert_allclose(beside[turned > 91], 0, atol=0.01)
+
+    def test_light_that_falls_off_otherwise_is_right_where_things_are(self):
+        tree, emission, falloff = self.lamp("POINT", "LightFalloff")
+        falloff.inputs["Strength"].default_value = 2.0
+        tree.links.new(falloff.outputs["Constant"], emission.inputs["Strength"])
+        bpy.ops.mesh.primitive_cube_add(size=1, location=(0, 3, 4))
+        _, settings, answer = self.export()
+        (light,) = settings["lights"]
+        self.assertAlmostEqual(light["point"]["power"], 10 * 2 * 5**2, delta=2)
+        self.assertIn("as bright as in Blender 5 m away", answer["warnings"][0][1])
+
+    def composed(self):
+        """The scene's compositor with its Render Layers and what it ends in."""
+        if hasattr(self.scene, "compositing_node_group"):
+            tree = bpy.data.node_groups.new("composed", "CompositorNodeTree")
+            tree.interface.new_socket("Image", in_out="OUTPUT", socket_type="NodeSocketColor")
+            self.scene.compositing_node_group = tree
+            end = tree.nodes.new("NodeGroupOutput")
+        else:
+            self.scene.use_nodes = True
+            tree = self.scene.node_tree
+            tree.nodes.clear()
+            end = tree.nodes.new("CompositorNodeComposite")
+        return tree, tree.nodes.new("CompositorNodeRLayers"), end
+
+    def test_what_changes_the_picture_afterwards_is_named(self):
+        def told():
+            answer = self.export()[2]
+            return [" ".join(m for _, m in answer[kind]) for kind in ("warnings", "notes")]
+
+        tree, layers, end = self.composed()
+        tree.links.new(layers.outputs["Image"], end.inputs[0])
+        self.assertNotIn("compositor", told()[0])
+        glare = tree.nodes.new("CompositorNodeGlare")
+        tree.links.new(layers.outputs["Image"], glare.inputs["Image"])
+        tree.links.new(glare.outputs["Image"], end.inputs[0])
+        editor = self.scene.sequence_editor_create()
+        strips = editor.strips if hasattr(editor, "strips") else editor.sequences
+        last = {"length": 10} if bpy.app.version >= (5, 0, 0) else {"frame_end": 10}
+        strip = strips.new_effect(name="card", type="COLOR", channel=1, frame_start=1, **last)
+        self.scene.view_layers[0].aovs.add().name = "wear"
+        warnings = told()[0]
+        for lost in ("compositor", "sequencer", "'wear' of shaders"):
+            self.assertIn(lost, warnings)
+        glare.mute = strip.mute = True
+        for kept in ("compositor", "sequencer"):
+            self.assertNotIn(kept, told()[0])
+
+    def test_pixels_that_are_not_square(self):
+        render, eye = self.scene.render, self.scene.camera
+        render.resolution_x, render.resolution_y = 120, 160
+        eye.data.shift_x = 0.1
+        for aspect, heights in (((1, 1), 1), ((1.5, 1), 120 * 1.5 / 160), ((1, 2), 1)):
+            render.pixel_aspect_x, render.pixel_aspect_y = aspect
+            model, settings, answer = self.export()
+            found = settings["camera"][0]
+            self.assertEqual(found.get("pixel_aspect", 1), aspect[0] / aspect[1])
+            # Blender fits the sensor to the longer side of the picture as it is shown.
+            self.assertAlmostEqual(found["shift"][0], 0.1 * heights, places=6)
+            shown = model["cameras"][0]["perspective"]
+            self.assertAlmostEqual(shown["aspectRatio"], 120 * aspect[0] / (160 * aspect[1]), places=6)
+            longer = max(shown["aspectRatio"], 1)
+            self.assertAlmostEqual(np.tan(shown["yfov"] / 2) * longer, 36 / 2 / eye.data.lens, places=6)
+            self.assertFalse(answer["warnings"])
+
+
 if __name__ == "__main__":
     main()

@@ -36,6 +36,44 @@ class TreesTest(SceneTest):
         (made,) = model["materials"]
         self.assertAlmostEqual(made["pbrMetallicRoughness"]["roughnessFactor"], 0.375, places=6)
 
+    def glassy(self, *kinds):
+        """A sheet that mirrors by Fresnel and else lets light pass: its tree, the mix and new nodes."""
+        material, tree, shader, mix, fresnel, clear, mirror, *others = shader_tree(
+            "window", "MixShader", "Fresnel", "BsdfTransparent", "BsdfGlossy", *kinds
+        )
+        mirror.inputs["Roughness"].default_value, fresnel.inputs["IOR"].default_value = 0.0, 1.5
+        tree.links.new(fresnel.outputs[0], mix.inputs[0])
+        tree.links.new(clear.outputs[0], mix.inputs[1])
+        tree.links.new(mirror.outputs[0], mix.inputs[2])
+        tree.links.new(mix.outputs[0], tree.nodes["Material Output"].inputs["Surface"])
+        self.add_plane(material)
+        return (tree, mix, fresnel, *others)
+
+    def test_sheets_that_mirror_by_fresnel_mirror_wholly_from_behind(self):
+        self.glassy()
+        model, settings, answer = self.export()
+        self.assertFalse(answer["warnings"])
+        self.assertEqual(len(model["materials"]), 2)
+        tables = [np.array(settings["textures"][entry["opacity"]]["colors"]) for entry in settings["materials"].values()]
+        # Seen straight both mirror alike, at a cosine of 32 / 63 one does wholly.
+        np.testing.assert_allclose([table[-1] for table in tables], 0.04, atol=1e-3)
+        np.testing.assert_allclose(sorted(table[len(table) // 2] for table in tables), [0.0866, 1], atol=1e-3)
+
+    def test_factors_that_can_only_be_one_choose_a_shader(self):
+        tree, mix, fresnel, path, rest, most = self.glassy("LightPath", "Math", "Math")
+        rest.operation, rest.inputs[0].default_value, most.operation = "SUBTRACT", 1.0, "MAXIMUM"
+        clear, mirror = (link.from_socket for entry in mix.inputs[1:3] for link in entry.links)
+        tree.links.new(fresnel.outputs[0], rest.inputs[1])
+        tree.links.new(rest.outputs[0], most.inputs[0])
+        tree.links.new(path.outputs["Is Shadow Ray"], most.inputs[1])
+        tree.links.new(most.outputs[0], mix.inputs[0])
+        tree.links.new(mirror, mix.inputs[1])
+        tree.links.new(clear, mix.inputs[2])
+        _, settings, answer = self.export()
+        self.assertFalse(answer["warnings"])
+        for entry in settings["materials"].values():
+            self.assertNotIn("shadow", entry["visible_to"])
+
     def test_sides_become_faces_that_lie_back_to_back(self):
         material, tree, shader, side, mix = shader_tree("sides", "NewGeometry", "Mix")
         mix.data_type = "RGBA"

@@ -80,6 +80,58 @@ def lamp_settings():
     camera()
 
 
+def _lamp_tree(lamp, *kinds):
+    """The tree of a lamp, its Emission, and new nodes."""
+    lamp.data.use_nodes = True
+    tree = lamp.data.node_tree
+    return (tree, tree.nodes["Emission"], *(tree.nodes.new(f"ShaderNode{kind}") for kind in kinds))
+
+
+def gobo():
+    """A spot that projects a picture, as lanterns and slides do."""
+    world((0.02, 0.02, 0.02))
+    still_life()
+    lamp = light("SPOT", "Gobo", 600, (0, -3, 5), (0.5, 0, 0), shadow_soft_size=0.0, spot_size=1.0, spot_blend=0.2)
+    tree, emission, slide, coordinates, parts, depth, flat, mapping = _lamp_tree(
+        lamp, "TexImage", "TexCoord", "SeparateXYZ", "CombineXYZ", "VectorMath", "Mapping"
+    )
+    across, down = np.meshgrid(np.arange(64) // 8, np.arange(64) // 8)
+    cells = ((across + down) % 2)[..., None]
+    slide.image = picture("slide", np.where(cells, (0.1, 0.2, 0.8), (1.0, 0.6, 0.2)).astype(np.float32))
+    flat.operation, mapping.inputs["Location"].default_value = "DIVIDE", (0.5, 0.5, 0)
+    tree.links.new(coordinates.outputs["Normal"], parts.inputs[0])
+    for entry in depth.inputs:
+        tree.links.new(parts.outputs[2], entry)
+    tree.links.new(coordinates.outputs["Normal"], flat.inputs[0])
+    tree.links.new(depth.outputs[0], flat.inputs[1])
+    tree.links.new(flat.outputs[0], mapping.inputs[0])
+    tree.links.new(mapping.outputs[0], slide.inputs[0])
+    tree.links.new(slide.outputs[0], emission.inputs["Color"])
+    camera()
+
+
+def lamp_picture():
+    """An area light that is a screen, and a disk with a ring."""
+    world((0.02, 0.02, 0.02))
+    still_life()
+    lamp = light("AREA", "Screen", 400, (-2, -2, 3.5), (0.6, -0.5, 0), shape="RECTANGLE", size=2.5, size_y=1.5)
+    tree, emission, screen, place = _lamp_tree(lamp, "TexImage", "NewGeometry")
+    quarters = np.full((16, 16, 3), 0.1, np.float32)
+    quarters[:8, :8, 0] = quarters[8:, :8, 1] = quarters[:8, 8:, 2] = 1
+    quarters[8:, 8:] = 1
+    screen.image = picture("screen", quarters)
+    tree.links.new(place.outputs["Parametric"], screen.inputs[0])
+    tree.links.new(screen.outputs[0], emission.inputs["Color"])
+    ring = light("AREA", "Ring", 100, (3, 1, 3), (-0.3, 0.6, 0), shape="DISK", size=1.5)
+    tree, emission, place, distance, bright = _lamp_tree(ring, "NewGeometry", "VectorMath", "Math")
+    distance.operation, distance.inputs[1].default_value = "DISTANCE", (0.5, 0.5, 0)
+    bright.operation, bright.inputs[1].default_value = "GREATER_THAN", 0.3
+    tree.links.new(place.outputs["Parametric"], distance.inputs[0])
+    tree.links.new(distance.outputs["Value"], bright.inputs[0])
+    tree.links.new(bright.outputs[0], emission.inputs["Strength"])
+    camera()
+
+
 def sky_picture(turn=0.0, width=64):
     u, v = np.meshgrid((np.arange(width) + 0.5) / width, (np.arange(width // 2) + 0.5) / (width // 2))
     pixels = np.stack([0.2 + 0.8 * u, 0.3 + 0 * u, 0.2 + 0.8 * v], -1)

@@ -3,6 +3,8 @@
 from blend_light import (
     area_lights,
     area_spread,
+    gobo,
+    lamp_picture,
     lamp_settings,
     lamps_in_view,
     one_spread,
@@ -53,6 +55,7 @@ from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translu
 from blend_studio import libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, strands, udims
 from blend_trees import (
     bright_bakes,
+    fresnel_behind,
     instancer_attributes,
     nooks,
     object_info,
@@ -63,12 +66,12 @@ from blend_trees import (
 )
 
 SCENES = [
-    area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
+    area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
     world_sky, world_nodes, depth_of_field, blades, unseen, visibility, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
-    object_info, object_noise, instancer_attributes, two_sides, ray_tricks, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
+    object_info, object_noise, instancer_attributes, two_sides, ray_tricks, fresnel_behind, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
     window_sheet, window_sheet_node, window_pane, pool_sky, pool_sun,
     light_links, shadow_links, linked_instances, shadowless,

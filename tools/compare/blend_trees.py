@@ -133,6 +133,29 @@ def two_sides():
     camera()
 
 
+def fresnel_behind():
+    """Sheets that mirror by Fresnel and let light pass, in front and behind, where they mirror at flat angles wholly."""
+    floor()
+    tree, background = world()
+    gradient, place, height = (tree.nodes.new(f"ShaderNode{kind}") for kind in ("ValToRGB", "TexCoord", "SeparateXYZ"))
+    gradient.color_ramp.elements[0].color, gradient.color_ramp.elements[1].color = (0.5, 0.4, 0.3, 1), (0.4, 0.6, 1.2, 1)
+    tree.links.new(place.outputs["Generated"], height.inputs[0])
+    tree.links.new(height.outputs[2], gradient.inputs[0])
+    tree.links.new(gradient.outputs[0], background.inputs["Color"])
+    for i, kind in enumerate(("Fresnel", "LayerWeight")):
+        made, tree, mix = shader(kind, "MixShader")
+        weight, clear, mirror = (tree.nodes.new(f"ShaderNode{name}") for name in (kind, "BsdfTransparent", "BsdfGlossy"))
+        mirror.inputs["Roughness"].default_value = 0.0
+        tree.links.new(weight.outputs[0], mix.inputs[0])
+        tree.links.new(clear.outputs[0], mix.inputs[1])
+        tree.links.new(mirror.outputs[0], mix.inputs[2])
+        for k, turn in enumerate((1.3, 1.3 + 3.14159)):
+            card = add("plane", made, (-2 + 2.4 * i, 1.6 - 2.6 * k, 1), f"Card {i} {k}", size=2)
+            card.rotation_euler = (turn, 0, 0.5)
+    ball(material("red", Base_Color=(0.8, 0.1, 0.1, 1), Roughness=0.5), (0, 2.4, 0.8))
+    camera()
+
+
 def ray_tricks():
     """Glass that casts no shadow, a lamp that looks otherwise than it shines, a box that only mirrors see, one without."""
     floor()

@@ -134,6 +134,8 @@ struct CameraEntry<'a> {
     #[serde(skip_serializing_if = "Option::is_none")]
     panorama: Option<PanoramaEntry>,
     aspect_ratio: Option<f64>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pixel_aspect: Option<f64>,
     position: [f64; 3],
     direction: [f64; 3],
     up: [f64; 3],
@@ -189,6 +191,7 @@ fn camera(camera: &Camera) -> CameraEntry<'_> {
         height,
         panorama,
         aspect_ratio: camera.aspect_ratio,
+        pixel_aspect: Some(camera.pixel_aspect).filter(|a| *a != 1.0),
         position: placement.translation.to_array(),
         direction: (-placement.matrix3.z_axis).to_array(),
         up: placement.matrix3.y_axis.to_array(),

@@ -237,6 +237,9 @@ pub fn camera(camera: &Camera) -> String {
     if let Some(aspect) = camera.aspect_ratio {
         text += &format!(", {} times as wide", number(aspect));
     }
+    if camera.pixel_aspect != 1.0 {
+        text += &format!(", pixels {} times as wide as high", number(camera.pixel_aspect));
+    }
     if let Some(lens) = camera.lens {
         let radius = lens.focus_distance * (lens.defocus_angle_rad / 2.0).tan();
         text += &format!(

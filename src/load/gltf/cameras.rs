@@ -41,7 +41,17 @@ pub(super) fn camera(doc: &Document, node: &Node, index: usize, report: &mut Rep
         None => name_of(node_raw, "camera of node", node.index),
     };
     let (lens, shift, motion) = (None, [0.0; 2], None);
-    Ok(Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, clip: None, motion })
+    Ok(Camera {
+        name,
+        world_from_camera,
+        projection,
+        aspect_ratio,
+        pixel_aspect: 1.0,
+        lens,
+        shift,
+        clip: None,
+        motion,
+    })
 }
 
 fn perspective(camera: &Value, at: &str, report: &mut Report) -> Sound<(Projection, Option<f64>)> {

@@ -6,6 +6,7 @@
 //! | `view_up` | which way is up | `[0, 1, 0]` |
 //! | `vfov` | full vertical angle of view, degrees, above 0 and below 180 | 40 |
 //! | `aspect_ratio` | width over height | of the picture, or of all that a panorama shows |
+//! | `pixel_aspect` | width over height of a pixel, 0.001 to 1000, for television and anamorphic pictures; `vfov` is kept; 1 for panoramas | 1 |
 //! | `width`, `height` | picture in pixels; `[render]` has precedence | |
 //! | `defocus_angle` | full angle of the cone from a point in focus to the lens's edge, degrees; 0 is a pinhole | 0 |
 //! | `f_stop` | instead: focal length over the diameter of the lens, with `focal_length` in millimetres (50) | |
@@ -20,7 +21,7 @@
 //! | `motion` | how the camera moves on, see `motion` | none |
 //!
 //! or `camera = { from = "file.glb", name = "..." }`; without a name the file's first camera. The keys of the lens,
-//! `shift`, `clip` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
+//! `shift`, `clip`, `pixel_aspect` and `motion` may follow; `focus_distance` or `focus_at` is then required with `defocus_angle` and `f_stop`.
 
 use super::assets::Assets;
 use super::build::Build;
@@ -47,7 +48,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
     let name = fields.string("name");
     let cameras = &mut build.loaded.scene.cameras;
     let mut found = false;
-    let (shift, clip, projection) = (shift(fields), clip(fields), projection::read(fields));
+    let (frame, projection) = (Frame::read(fields), projection::read(fields));
     if fields.flag("default", false)
         && let Some(at) = cameras.iter().position(|c| name.as_ref().is_none_or(|n| n.value == c.name))
     {
@@ -58,8 +59,7 @@ pub(super) fn adjust(build: &mut Build, fields: &Fields, assets: &mut Assets) {
         // Its problems are the same for every camera: once is enough.
         let Some(lens) = lens(fields, &camera.world_from_camera, None) else { break };
         camera.lens = lens.or(camera.lens);
-        camera.shift = shift.unwrap_or(camera.shift);
-        camera.clip = clip.or(camera.clip);
+        frame.change(camera);
         projection::change(camera, projection);
     }
     if !found {
@@ -141,11 +141,34 @@ fn chosen(build: &mut Build, fields: &Fields, assets: &mut Assets) -> Option<Cam
         }
         None => return placed(fields),
     }?;
-    camera.shift = shift(fields).unwrap_or(camera.shift);
-    camera.clip = clip(fields).or(camera.clip);
+    Frame::read(fields).change(&mut camera);
     projection::change(&mut camera, projection::read(fields));
     camera.lens = lens(fields, &camera.world_from_camera, None)?.or(camera.lens);
     Some(camera)
+}
+
+/// Where and how far the camera sees; what the table doesn't say stays as it is.
+struct Frame {
+    pixel_aspect: Option<f64>,
+    shift: Option<[f64; 2]>,
+    clip: Option<[f64; 2]>,
+}
+
+impl Frame {
+    fn read(fields: &Fields) -> Frame {
+        let is_said = fields.has("pixel_aspect");
+        Frame {
+            pixel_aspect: is_said.then(|| fields.number_in("pixel_aspect", 1e-3..1e3, 1.0)),
+            shift: shift(fields),
+            clip: clip(fields),
+        }
+    }
+
+    fn change(&self, camera: &mut Camera) {
+        camera.pixel_aspect = self.pixel_aspect.unwrap_or(camera.pixel_aspect);
+        camera.shift = self.shift.unwrap_or(camera.shift);
+        camera.clip = self.clip.or(camera.clip);
+    }
 }
 
 /// What the camera sees, by distances from its plane.
@@ -256,7 +279,7 @@ fn placed(fields: &Fields) -> Option<Camera> {
         false => Some(projection::perspective(fields)),
     };
     let aspect_ratio = fields.has("aspect_ratio").then(|| fields.number_in("aspect_ratio", 1e-4..1e4, 1.0));
-    let (shift, clip) = (shift(fields), clip(fields));
+    let frame = Frame::read(fields);
     let (eye, target, projection) = (eye?, target?.value, projection?);
     // A camera that looks straight up or down has y along the view: the picture's top is where -z is then.
     let ups = up.map_or([DVec3::Y, DVec3::NEG_Z], |up| [up; 2]);
@@ -269,14 +292,17 @@ fn placed(fields: &Fields) -> Option<Camera> {
         return None;
     };
     let lens = lens(fields, &placement, Some(eye.value.distance(target)))?;
-    Some(Camera {
+    let mut camera = Camera {
         name: "camera".to_string(),
         world_from_camera: placement,
         projection,
         aspect_ratio: aspect_ratio.or(projection::aspect_ratio(&projection)),
+        pixel_aspect: 1.0,
         lens,
-        shift: shift.unwrap_or_default(),
-        clip,
+        shift: [0.0; 2],
+        clip: None,
         motion: None,
-    })
+    };
+    frame.change(&mut camera);
+    Some(camera)
 }

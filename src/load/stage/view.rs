@@ -45,6 +45,7 @@ pub(super) fn frame(outline: &Outline, options: &StageOptions, settings: &Settin
         world_from_camera,
         projection: Projection::Perspective { vfov_rad },
         aspect_ratio: None,
+        pixel_aspect: 1.0,
         lens: None,
         shift: [0.0; 2],
         clip: None,

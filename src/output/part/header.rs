@@ -137,6 +137,9 @@ pub struct Finish {
     /// From there to normalized device coordinates, if that is known.
     #[serde(default)]
     pub world_to_ndc: Option<[u64; 16]>,
+    /// Width over height of a pixel; square where there is none.
+    #[serde(default)]
+    pub pixel_aspect: Option<u64>,
     /// Which space AOVs of places and directions are in, by name; the world's where there is none.
     #[serde(default)]
     pub aov_space: String,

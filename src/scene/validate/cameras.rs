@@ -4,6 +4,7 @@ use super::findings::{Findings, Place};
 use crate::math::DAffine3;
 use crate::scene::{Aperture, Camera, Panorama, Projection};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
+use std::ops::RangeInclusive;
 
 /// May a camera stand so?
 fn is_placed(m: &DAffine3) -> bool {
@@ -37,6 +38,10 @@ pub(super) fn check(camera: &Camera, index: usize, findings: &mut Findings) {
     if let Some(aspect) = camera.aspect_ratio {
         findings.require_length(aspect, place, "aspect_ratio", aspect);
     }
+    let pixel = camera.pixel_aspect;
+    let is_square = pixel == 1.0 || !matches!(camera.projection, Projection::Panorama(_));
+    let is_met = PIXELS.contains(&pixel) && is_square;
+    findings.require(is_met, place, "pixel_aspect", pixel, "from 0.001 to 1000, and 1 for a panorama");
     let [x, y] = camera.shift;
     let is_met = x.abs() <= FARTHEST_SHIFT && y.abs() <= FARTHEST_SHIFT;
     findings.require(is_met, place, "shift", camera.shift, "at most 1000 heights of the picture");
@@ -106,6 +111,9 @@ const LEAST_ANGLE: f64 = 1e-5;
 
 /// Of more, an opening is round.
 const MOST_BLADES: u32 = 256;
+
+/// Width over height of pixels.
+const PIXELS: RangeInclusive<f64> = 1e-3..=1e3;
 
 /// Largest shift, in heights of the picture.
 const FARTHEST_SHIFT: f64 = 1e3;

@@ -173,6 +173,7 @@ fn lights_cameras_shapes_and_settings() {
         world_from_camera: DAffine3::IDENTITY,
         projection: Projection::Perspective { vfov_rad: 4.0 },
         aspect_ratio: None,
+        pixel_aspect: 1.0,
         lens: None,
         shift: [0.0; 2],
         clip: None,

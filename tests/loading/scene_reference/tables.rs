@@ -106,6 +106,7 @@ pub const TABLES: &[Table] = &[
             ("blades", "5", "6"),
             ("blade_rotation", "10", "20"),
             ("aperture_ratio", "1.5", "2"),
+            ("pixel_aspect", "1.5", "1.4"),
             ("shift", "[0.1, 0]", "[0.1, 0.2]"),
             ("clip", "[1, 20]", "[1, 30]"),
         ],

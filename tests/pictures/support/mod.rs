@@ -24,6 +24,7 @@ pub fn camera(from: DVec3, at: DVec3, up: DVec3, vfov_deg: f64) -> Camera {
         world_from_camera: DAffine3::from_mat3_translation(rotation, from),
         projection: Projection::Perspective { vfov_rad: vfov_deg.to_radians() },
         aspect_ratio: None,
+        pixel_aspect: 1.0,
         lens: None,
         shift: [0.0; 2],
         clip: None,

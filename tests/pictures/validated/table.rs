@@ -112,7 +112,7 @@ structs! {
     Light { name, kind, intensity, profile, group, visible_to, links, motion }
     ObjectTraits { visible_to, is_holdout, is_shadow_catcher, sets, links }
     LightLinks { receivers, blockers }
-    Camera { name, world_from_camera, projection, aspect_ratio, lens, shift, clip, motion }
+    Camera { name, world_from_camera, projection, aspect_ratio, pixel_aspect, lens, shift, clip, motion }
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {

@@ -17,11 +17,20 @@ def is_fitted_by_width(camera, width, height):
     return camera.sensor_fit == "HORIZONTAL"
 
 
+def frame(scene):
+    """Width and height of the picture, in the height of its pixels."""
+    width, height = resolution(scene)
+    return width * pixel_aspect(scene), height
+
+
+def pixel_aspect(scene):
+    """Width of the picture's pixels over their height."""
+    return scene.render.pixel_aspect_x / scene.render.pixel_aspect_y
+
+
 def gltf(camera, scene):
     """The camera as glTF has it."""
-    width, height = resolution(scene)
-    width *= scene.render.pixel_aspect_x
-    height *= scene.render.pixel_aspect_y
+    width, height = frame(scene)
     by_width = is_fitted_by_width(camera, width, height)
     if camera.type == "ORTHO":
         half_height = camera.ortho_scale / 2 * (height / width if by_width else 1)
@@ -59,17 +68,20 @@ def _is_clipping(obj, camera, corners):
 
 def entries(obj, camera, scene, corners, report):
     """The entries of [[camera]] for a camera of the model; the corners are those of `boxes`."""
-    width, height = resolution(scene)
+    width, height = frame(scene)
     by_width = is_fitted_by_width(camera, width, height)
-    panorama = _panorama(obj, camera, (width, height), report) if camera.type == "PANO" else {}
+    panorama = _panorama(obj, camera, resolution(scene), report) if camera.type == "PANO" else {}
     if panorama:
         # Of either edge, whatever the sensor.
-        shift = [camera.shift_x * width / height, camera.shift_y]
+        across, down = resolution(scene)
+        shift = [camera.shift_x * across / down, camera.shift_y]
     else:
         shift = [s * (width / height if by_width else 1) for s in (camera.shift_x, camera.shift_y)]
     found = {"name": obj.name, **panorama}
     if obj == scene.camera:
         found["default"] = True
+    if not panorama and pixel_aspect(scene) != 1:
+        found["pixel_aspect"] = pixel_aspect(scene)
     if any(shift):
         found["shift"] = shift
     if _is_clipping(obj, camera, corners):

@@ -249,9 +249,8 @@ class Reader:
         if over.get("Metallic") != 1.0 or source.name == "Facing" and _has_gloss(under) or (ior := self._index(source)) is None:
             return None
         if under.get("Alpha") == 0.0 and not _shines(under):
-            # A pane: one sheet of glass.
-            trees.settle(self.material, volume=False)
-            return {**glass(over["Base Color"], over["Roughness"], ior), "Normal": over.get("Normal")}
+            # A sheet that reflects once, where one of glass does twice: it is there in part, by the angle of view.
+            return None
         if under.get("Transmission Weight") == 1.0:
             return {**under, "IOR": ior}
         if under.get("Metallic", 0.0) != 0.0:

@@ -182,7 +182,7 @@ def _settings(scene, found, options, report):
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)
-    boxes = camera.boxes(bpy.context.evaluated_depsgraph_get()) if found.cameras else None
+    boxes = camera.boxes(bpy.context.evaluated_depsgraph_get())
     for obj in found.cameras:
         data = obj.data
         cameras.append((obj.name, obj.matrix_world.normalized(), camera.gltf(data, scene)))
@@ -199,10 +199,11 @@ def _settings(scene, found, options, report):
         if window is not None:
             empties.append((name, matrix))
             shining.append(("[[portals]]", window))
-        entries = lights.entries(obj, name, obj.data, settings.film_exposure(scene), found.links, options.folder, report)
-        if entries is not None:
+        exposure = settings.film_exposure(scene)
+        entries = lights.entries(obj, name, obj.data, exposure, found.links, boxes, options.folder, report)
+        if entries:
             empties.append((name, matrix))
-            shining.append(("[[lights]]", entries))
+            shining += [("[[lights]]", entry) for entry in entries]
     strands = hair.entries(found, glb.Y_UP, options.folder, options.name, report)
     return tables + named + shining + strands, cameras, empties
 

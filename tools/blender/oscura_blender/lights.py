@@ -5,8 +5,9 @@ import os
 import shutil
 
 import bpy
+import numpy as np
 
-from . import shaders
+from . import lamp_trees, shaders
 from .geometry import VISIBILITY, light_group
 
 
@@ -14,19 +15,30 @@ from .geometry import VISIBILITY, light_group
 LUMENS_PER_WATT, OUR_LUMENS_PER_WATT = 177.83, 683.0
 
 
-def entries(obj, name, light, exposure, links, folder, report):
-    """The entries of [[lights]] for a light at the node `name`, times the film's exposure; None for what shines not. Profiles
-    go to the folder."""
+def entries(obj, name, light, exposure, links, corners, folder, report):
+    """The entries of [[lights]] for a light at the node `name`, times the film's exposure: none for what shines not, several
+    where its tree shines by pictures. Profiles and pictures go to the folder. `corners` are those of the boxes around all that
+    is shown."""
     if light.type == "AREA" and light.cycles.is_portal:
-        return None
-    strength, color, profile = _strength(light, obj.name, report)
-    energy = light.energy * strength * exposure
-    if energy == 0 or not any(color):
-        return None
-    if energy < 0 or min(color) < 0:
-        report.warn(obj.name, "light that takes light away is not supported: it is left out")
-        return None
-    found = {"name": obj.name, "color": color}
+        return []
+    found = []
+    for strength, color, more in _shining(obj, name, light, corners, folder, report):
+        energy = light.energy * strength * exposure
+        if energy == 0 or not any(color):
+            continue
+        if energy < 0 or min(color) < 0:
+            report.warn(obj.name, "light that takes light away is not supported: it is left out")
+            continue
+        kind, values = _shape(obj, name, light, energy, more, folder, report)
+        if values is not None:
+            common = {"name": obj.name + more.get("end", ""), "color": color, **_common(obj, light, links)}
+            found.append({**common, kind: {"node": name, **values}})
+    return found
+
+
+def _common(obj, light, links):
+    """What entries have for lights of all kinds."""
+    found = {}
     if group := light_group(obj):
         found["group"] = group
     if light.type != "SUN":
@@ -34,20 +46,29 @@ def entries(obj, name, light, exposure, links, folder, report):
     seen_by = [kind for key, kind in VISIBILITY.items() if key == "visible_shadow" or getattr(obj, key, True)]
     if not {"diffuse", "glossy", "transmission", "volume"} <= set(seen_by):
         found["visible_to"] = seen_by
-    scale = obj.matrix_world.to_scale()
-    shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
-    kind, values = shape(light, energy, scale)
-    if profile is not None and (file := _profile(profile, name, light, folder, obj.name, report)):
-        del values["power"]
-        if values.pop("radius") > 0:
-            report.note(obj.name, "a light with a profile (IES) has no size here: its shadows are sharp")
-        strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
-        values.update({"ies": file, "strength": strength, "clockwise": True, "turn": 90})
     found.update(links.entries(obj))
     if not light.use_shadow:
         found["shadow_link"] = {"include": []}
-    found[kind] = {"node": name, **values}
     return found
+
+
+def _shape(obj, name, light, energy, more, folder, report):
+    """The key of a light's shape, and its values."""
+    shape = {"POINT": _point, "SPOT": _spot, "SUN": _sun, "AREA": _area}[light.type]
+    kind, values = shape(light, energy, obj.matrix_world.to_scale())
+    if "image" in more:
+        values["image"] = more["image"]
+    measured = more.get("node")
+    file = more.get("profile") if measured is None else _profile(measured, name, light, folder, obj.name, report)
+    if file is None:
+        return kind, values
+    power = values.pop("power")
+    if values.pop("radius") > 0:
+        report.note(obj.name, "a light with a profile (IES) has no size here: its shadows are sharp")
+    if measured is None:
+        return kind, {**values, "ies": file, "intensity": power / (4 * math.pi)}
+    strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
+    return kind, {**values, "ies": file, "strength": strength, "clockwise": True, "turn": 90}
 
 
 def portal(obj, name, light):
@@ -116,21 +137,31 @@ def _area_factor(light, area):
     return 1 if getattr(light, "normalize", True) or area == 0 else area
 
 
-def _strength(light, name, report):
-    """Factor on the light's energy, its colour, and the node of its profile, if it has one."""
-    profile = None
+def _shining(obj, name, light, corners, folder, report):
+    """The lights that one is: for each a factor on its energy, its colour, and what its shape has by its nodes: the node or the
+    file of a profile, or a picture."""
     factor = 2.0 ** getattr(light, "exposure", 0.0)
     color = list(light.color)
     if getattr(light, "use_temperature", False):
         color = [c * t for c, t in zip(color, light.temperature_color)]
+    parts = [(1.0, [1.0] * 3, {})]
     if light.use_nodes and light.node_tree:
         emission = shaders.emission_of_light(light.node_tree)
         if emission is None:
-            report.warn(name, "the node tree of this light is not carried over")
+            parts = lamp_trees.take(light, name, obj.name, _distance(obj, corners), folder, report)
         else:
             strength, tint, profile = emission
-            factor *= strength
-            color = [c * t for c, t in zip(color, tint)]
-    # The colour carries no strength.
-    peak = max(max(color), 1e-30)
-    return factor * peak, [c / peak for c in color], profile
+            parts = [(strength, tint, {"node": profile} if profile is not None else {})]
+    for strength, tint, more in parts:
+        tinted = [c * t for c, t in zip(color, tint)]
+        # The colour carries no strength.
+        peak = max(max(tinted), 1e-30)
+        yield factor * strength * peak, [c / peak for c in tinted], more
+
+
+def _distance(obj, corners):
+    """How far away from a light things are: the median of all, metres."""
+    if not len(corners):
+        return 1.0
+    middles = corners.mean(1) - np.array(obj.matrix_world.translation)
+    return max(float(np.median(np.linalg.norm(middles, axis=1))), 0.01)

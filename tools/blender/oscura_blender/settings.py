@@ -111,6 +111,7 @@ def _passes(layer, report):
     if getattr(layer.cycles, "pass_debug_sample_count", False):
         found.append("samples")
     lost = [name for switch, name in LOST_PASSES.items() if getattr(layer, switch, False)]
+    lost += [f"'{aov.name}' of shaders" for aov in layer.aovs]
     if lost:
         report.warn("", f"passes that can't be rendered: {', '.join(lost)}")
     return found
@@ -166,9 +167,49 @@ def _tell_of_the_rest(scene, report):
     space = getattr(getattr(bpy.data, "colorspace", None), "working_space", REC709)
     if space != REC709:
         report.warn("", f"colours are numbers in {space} and taken for {REC709}")
-    if render.pixel_aspect_x != render.pixel_aspect_y:
-        report.warn("", "pixels that are not square are rendered as squares")
+    _tell_of_what_follows(scene, report)
     if getattr(render, "use_freestyle", False):
         report.warn("", "Freestyle lines are not supported")
     if getattr(render, "use_multiview", False):
         report.warn("", "stereo is not supported: one picture is rendered")
+
+
+def _tell_of_what_follows(scene, report):
+    """Blender changes the picture by nodes and strips after it was rendered. Of its own engines only: what our engine renders
+    goes through them there."""
+    tell = report.note if scene.render.engine == ENGINE else report.warn
+    if scene.render.use_compositing and _is_composed(scene):
+        tell("", "the nodes of its compositor are not run: the picture is what they would be given")
+    editor = scene.sequence_editor
+    # Blender 5 and newer, or older ones.
+    strips = getattr(editor, "strips" if hasattr(editor, "strips") else "sequences", ())
+    if scene.render.use_sequencer and any(not strip.mute for strip in strips):
+        tell("", "strips of its sequencer are not shown: the picture is that of the scene")
+
+
+def _is_composed(scene):
+    """Do the compositor's nodes change the picture?"""
+    if hasattr(scene, "compositing_node_group"):
+        tree = scene.compositing_node_group
+    else:
+        tree = scene.node_tree if scene.use_nodes else None
+    if tree is None:
+        return False
+    ends = [node for node in tree.nodes if node.type in ("COMPOSITE", "GROUP_OUTPUT") and node.inputs]
+    end = next((node for node in ends if getattr(node, "is_active_output", True)), None)
+    origin = _origin(end.inputs[0]) if end is not None else None
+    return origin is not None and (origin.node.type, origin.name) != ("R_LAYERS", "Image")
+
+
+def _origin(given):
+    """The output that an input is linked to, past reroutes and nodes that are off."""
+    while given is not None and given.is_linked:
+        output = given.links[0].from_socket
+        if output.node.type == "REROUTE":
+            given = output.node.inputs[0]
+        elif output.node.mute:
+            through = [link.from_socket for link in output.node.internal_links if link.to_socket == output]
+            given = through[0] if through else None
+        else:
+            return output
+    return None

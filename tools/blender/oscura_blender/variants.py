@@ -1,14 +1,16 @@
-"""Materials that differ by the kind of ray (Light Path) or by the side (Backfacing) become several materials without such
-questions, and the faces that have them lie in one place as often: each is there for its own kinds of rays, or from one side."""
+"""Materials that differ by the kind of ray (Light Path) or by the side (Backfacing, Fresnel terms of what one can look through)
+become several materials without such questions, and the faces that have them lie in one place as often: each is there for its own
+kinds of rays, or from one side."""
 
 import hashlib
 
 import bmesh
 import numpy as np
 
-from . import fingerprint, shaders, trees
+from . import fingerprint, limits, shaders, trees
 
 LIGHT_PATH, GEOMETRY = "ShaderNodeLightPath", "ShaderNodeNewGeometry"
+FRESNEL, WEIGHT = "ShaderNodeFresnel", "ShaderNodeLayerWeight"
 
 # Kinds of rays as files of settings call them, with what Light Path nodes say to them.
 RAYS = {
@@ -37,7 +39,7 @@ def split(holders, report):
     found = {}
     for material in trees.of_materials(holders):
         tree = material.node_tree if material.use_nodes else None
-        if tree is not None and (_asks(tree, LIGHT_PATH, None) or _asks(tree, GEOMETRY, "Backfacing")):
+        if tree is not None and (_asks(tree, LIGHT_PATH, None) or _has_sides(material)):
             found[material.name] = _variants(material, report)
     for holder in holders:
         if any(material.name in found for material in holder.data.materials):
@@ -49,8 +51,18 @@ def _asks(tree, kind, output):
     return any(out.is_linked and output in (None, out.name) for _, node in nodes for out in node.outputs)
 
 
+def _has_sides(material):
+    """Does it ask for the side? Fresnel terms do: behind they are those of light that leaves the denser side. What is
+    opaque is mostly closed, and seen in front alone."""
+    tree = material.node_tree
+    if _asks(tree, GEOMETRY, "Backfacing"):
+        return True
+    has_fresnel = _asks(tree, FRESNEL, None) or _asks(tree, WEIGHT, "Fresnel")
+    return has_fresnel and _is_clear(material) and not _refracts(material)
+
+
 def _variants(material, report):
-    sides = (0, 1) if _asks(material.node_tree, GEOMETRY, "Backfacing") else (None,)
+    sides = (0, 1) if _has_sides(material) else (None,)
     rays = list(RAYS) if _asks(material.node_tree, LIGHT_PATH, None) else [None]
     copies, signatures = {}, {}
     for side in sides:
@@ -129,9 +141,36 @@ def _specialised(material, ray, side):
                 trees.replace(tree, out, RAYS[ray].get(out.name, 0.0))
             elif node.bl_idname == GEOMETRY and out.name == "Backfacing" and side is not None:
                 trees.replace(tree, out, float(side))
+    if side == 1:
+        _turn_fresnel(own.node_tree)
     _simplify(own.node_tree)
     end = shaders.end(own.node_tree)
     return own, _mark(end.inputs["Surface"], {}) if end is not None else ""
+
+
+def _turn_fresnel(within):
+    """Fresnel terms as they are behind: of the inverse of the index, if that is a constant."""
+    for tree, node in list(trees.nodes_with_trees(within, (FRESNEL, WEIGHT))):
+        if node.bl_idname == FRESNEL:
+            index = shaders.constant(node.inputs["IOR"])
+            if index is not None:
+                _set(tree, node.inputs["IOR"], 1 / max(index, 1e-5))
+            continue
+        blend, out = shaders.constant(node.inputs["Blend"]), node.outputs["Fresnel"]
+        if blend is None or not out.is_linked:
+            continue
+        turned = tree.nodes.new(FRESNEL)
+        turned.inputs["IOR"].default_value = max(1 - blend, 1e-5)
+        if (normal := shaders.source(node.inputs["Normal"])) is not None:
+            tree.links.new(normal, turned.inputs["Normal"])
+        for link in list(out.links):
+            tree.links.new(turned.outputs[0], link.to_socket)
+
+
+def _set(tree, socket, value):
+    for link in list(socket.links):
+        tree.links.remove(link)
+    socket.default_value = value
 
 
 def _simplify(tree):
@@ -145,10 +184,13 @@ def _simplify(tree):
             continue
         enabled = [socket for socket in node.inputs if socket.enabled]
         out = next(socket for socket in node.outputs if socket.enabled)
-        factor = shaders.constant(enabled[0])
-        if not isinstance(factor, float) or 0.0 < factor < 1.0 or len(enabled) != 3:
+        if len(enabled) != 3:
             continue
-        _bypass(tree, out, enabled[1 if factor <= 0.0 else 2])
+        low, high = limits.of(enabled[0])
+        if not getattr(node, "clamp_factor", True) and (low, high) not in ((0.0, 0.0), (1.0, 1.0)):
+            continue
+        if high <= 0.0 or low >= 1.0:
+            _bypass(tree, out, enabled[1 if high <= 0.0 else 2])
 
 
 def _bypass(tree, out, kept):

@@ -6,7 +6,7 @@ import shutil
 
 import bpy
 
-from . import geometry, media, shaders
+from . import geometry, media, shaders, stills
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
@@ -140,7 +140,8 @@ def _rendered(world, folder, name, report):
     try:
         world.cycles_visibility.camera = True
         scene.world = world
-        _prepare(scene, width, 16 if has_sun else 4)
+        stills.look_around(scene)
+        stills.prepare(scene, (width, width // 2), 16 if has_sun else 4)
         scene.render.filepath = os.path.join(folder, f"{name}.world.exr")
         bpy.ops.render.render(write_still=True, scene=scene.name)
     finally:
@@ -165,32 +166,3 @@ def _neutralize_light_paths(tree):
                 tree.links.new(value.outputs[0], link.to_socket)
                 found = True
     return found
-
-
-def _prepare(scene, width, samples):
-    """Sets a scene up to render an equirectangular picture, oriented as Blender's own environment pictures are."""
-    camera = bpy.data.cameras.new("oscura world")
-    camera.type = "PANO"
-    # Blender 5 has it on the camera, 4 on what Cycles adds to it.
-    owner = camera if hasattr(camera, "panorama_type") else camera.cycles
-    owner.panorama_type = "EQUIRECTANGULAR"
-    placed = bpy.data.objects.new("oscura world", camera)
-    placed.rotation_euler = (math.pi / 2, 0.0, -math.pi / 2)
-    scene.collection.objects.link(placed)
-    scene.camera = placed
-    render = scene.render
-    render.engine = "CYCLES"
-    render.resolution_x, render.resolution_y, render.resolution_percentage = width, width // 2, 100
-    render.film_transparent = False
-    render.use_compositing = render.use_sequencer = False
-    image = render.image_settings
-    if hasattr(image, "media_type"):
-        image.media_type = "IMAGE"
-    image.file_format, image.color_mode, image.color_depth = "OPEN_EXR", "RGB", "32"
-    image.exr_codec = "ZIP"
-    cycles = scene.cycles
-    cycles.device = "CPU"
-    cycles.samples, cycles.use_adaptive_sampling, cycles.use_denoising = samples, False, False
-    cycles.pixel_filter_type = "BOX"
-    cycles.max_bounces = 0
-    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0
