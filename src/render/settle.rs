@@ -142,6 +142,7 @@ impl Choices {
             .matte_levels(self.matte_levels)
             .light_groups(self.light_groups)
             .catchers(scene.has_catchers())
+            .caught(settings.caught.unwrap_or_default())
             .transparent_glass(self.transparent_glass)
             .planned(self.planned)
             .sample_range(self.sample_range)

@@ -11,6 +11,7 @@
 //! | `transmission` | 0 | share of light that passes, or a texture |
 //! | `opacity` | 1 | the share of the surface that is there, or a texture: rays pass what is absent |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
+//! | `keeps_radiance` | false | refracted light keeps its radiance, as in Blender's Cycles; by physics it is divided by the square of the index. Without `volume` the surface is then one open sheet that bends light by the sides of its normal, as the surface of a solid does, with nothing behind |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
 //! | `medium` | none | what fills a solid that lets light in, see `media` |
 //! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
@@ -136,8 +137,9 @@ pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
 
 fn volume(fields: &Fields, model: &mut PbrMaterial) {
     model.has_volume = fields.flag("volume", model.has_volume);
-    // A sheet has its whole colour.
-    model.tints_once &= model.has_volume;
+    model.keeps_radiance = fields.flag("keeps_radiance", model.keeps_radiance);
+    // A thin sheet has its whole colour.
+    model.tints_once &= model.has_volume || model.keeps_radiance;
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
             fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");

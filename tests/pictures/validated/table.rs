@@ -77,7 +77,7 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
-        backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
+        environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
@@ -98,7 +98,7 @@ structs! {
     NormalMap { texture, scale }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        tints_once, keeps_radiance, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
@@ -116,7 +116,7 @@ structs! {
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise,
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
         denoise, crop, aovs,
     }
 }
