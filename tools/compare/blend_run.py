@@ -50,9 +50,18 @@ def read(path):
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     width, height = image.size
-    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, -1)[::-1]
+    # Blender reads no picture with layers besides.
+    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, -1)[::-1] if width else _read_layered(path)
     bpy.data.images.remove(image)
     return pixels[..., :3] + PLATE * (1 - pixels[..., 3:])
+
+
+def _read_layered(path):
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.parts[0].channels
+        return np.stack([channels[name].pixels for name in "RGBA"], -1).astype(np.float64)
 
 
 def environment():

@@ -29,6 +29,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::media;
 use super::textures::Textures;
+use crate::load::gltf::Glass;
 use crate::scene::{
     AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
     Material, Medium, Model, PbrMaterial, Sheen,
@@ -102,7 +103,7 @@ pub(super) fn adjust(
         material.alpha = slots.number_beside("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;
     }
-    volume(fields, model);
+    volume(slots, model);
     layers(model, slots);
     filling(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
@@ -135,11 +136,10 @@ pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
     }
 }
 
-fn volume(fields: &Fields, model: &mut PbrMaterial) {
+fn volume(slots: &Slots, model: &mut PbrMaterial) {
+    let fields = slots.fields;
     model.has_volume = fields.flag("volume", model.has_volume);
-    model.keeps_radiance = fields.flag("keeps_radiance", model.keeps_radiance);
-    // A thin sheet has its whole colour.
-    model.tints_once &= model.has_volume || model.keeps_radiance;
+    sheet(slots, model);
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
             fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");
@@ -156,6 +156,21 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
     }
+}
+
+/// Reads whether refraction keeps radiance, and so whether a surface without a volume is a thin sheet or bends light; in models the
+/// user may want thin ones.
+fn sheet(slots: &Slots, model: &mut PbrMaterial) {
+    let fields = slots.fields;
+    let bends = fields.flag("keeps_radiance", model.keeps_radiance);
+    let wants_thin = slots.of_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
+    model.keeps_radiance = bends && (model.has_volume || !wants_thin);
+    if bends && !model.keeps_radiance && fields.has("volume") {
+        // Blender's glass has the root of its colour at each surface.
+        model.base_color.factor = model.base_color.factor.map(f32::sqrt);
+    }
+    // A thin sheet has its whole colour.
+    model.tints_once &= model.has_volume || model.keeps_radiance;
 }
 
 /// Reads what fills the solid.

@@ -20,7 +20,7 @@ def settle(holders, found, report):
         if is_sheet[at]:
             if _stands(*at, found):
                 message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
-                report.note(material.name, f"{message}; with a thickness (a Solidify modifier) light passes it straight")
+                report.note(material.name, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
             if material not in sheets:
                 sheets[material] = trees.copied(material) if material in bodies else material
             at[0].data.materials[at[1]] = sheets[material]
