@@ -378,12 +378,6 @@ impl RenderOptions {
         RenderOptions { catchers, ..self }
     }
 
-    /// Sets [`caught`](RenderOptions::caught).
-    #[must_use]
-    pub fn caught(self, caught: Caught) -> RenderOptions {
-        RenderOptions { caught, ..self }
-    }
-
     /// Sets whether smooth glass before nothing is transparent.
     #[must_use]
     pub fn transparent_glass(self, transparent_glass: bool) -> RenderOptions {

@@ -486,6 +486,8 @@ fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
     let model = MODEL.replace(plain, &materials).replace("IMAGE", PIXEL);
     let generator = r#""asset": {"generator": "Khronos glTF Blender I/O v5.0, oscura", "version"#;
     let model = model.replace(r#""asset": {"version"#, generator);
+    let both = r#""material": 0}, {"attributes": {"POSITION": 0}, "material": 1}"#;
+    let model = model.replace(r#""material": 0}"#, both);
     for (glass, pane, ball) in [
         (Glass::Auto, (false, true, true, 0.25), (true, true, true, 0.25)),
         (Glass::Panes, (false, false, false, 0.5), (false, false, false, 0.25)),

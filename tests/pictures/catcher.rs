@@ -128,7 +128,9 @@ fn shadows_alone_have_no_colour() {
     // The floor beside the ball, which is lit and shaded there.
     scene.cameras[0] = camera(DVec3::new(1.1, 1.0, 0.4), DVec3::new(1.1, 0.0, 0.4), DVec3::Z, 40.0);
     let options = options(8, 64, 4).catchers(true);
-    let (all, shadows) = (picture(&scene, &options), picture(&scene, &options.caught(Caught::Shadows)));
+    let mut alone = options;
+    alone.caught = Caught::Shadows;
+    let (all, shadows) = (picture(&scene, &options), picture(&scene, &alone));
     let factors = ["R", "G", "B"].map(|channel| {
         let plane = shadows.plane(&format!("ShadowCatcher.{channel}"));
         plane.expect("the layer").into_floats()

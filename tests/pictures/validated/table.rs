@@ -5,13 +5,13 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, CurveBasis, Curves,
-    DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog,
-    FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
-    LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model,
-    Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, Projection, Quad,
-    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
-    ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Caught, Clearcoat, ColorSlot, CurveBasis,
+    Curves, DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot,
+    Fog, FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light,
+    LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart,
+    Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal,
+    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -128,6 +128,7 @@ enums! {
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
     EnergyCompensation { On {} Off {} } {}
+    Caught { All {} Shadows {} } {}
     Filter { Box {} Gaussian {} BlackmanHarris {} } {}
     Model {
         Black {}
