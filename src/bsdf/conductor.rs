@@ -61,6 +61,7 @@ impl Lobe for Conductor {
             weight: value.f_cos / value.pdf_solid_angle,
             pdf_solid_angle: value.pdf_solid_angle,
             eta: 1.0,
+            flux: 1.0,
             is_specular: false,
             is_transmission: false,
         }

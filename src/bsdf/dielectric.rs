@@ -1,6 +1,8 @@
 //! Smooth glass: solid, and as a thin sheet.
 
-use super::{BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Slots, Transmissive, fresnel};
+use super::{
+    BsdfEval, BsdfSample, Lobe, LocalFrame, MaterialProgram, Refraction, Slots, Transmissive, fresnel,
+};
 use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, FresnelModel};
@@ -10,6 +12,8 @@ use crate::scene::{ColorSlot, FresnelModel};
 pub struct Dielectric {
     /// Index of refraction of the inside over the outside.
     pub ior: f32,
+    /// What becomes of radiance.
+    pub refraction: Refraction,
     /// Factor on transmitted light at each crossing.
     pub tint: Rgb,
     /// Fresnel term.
@@ -30,12 +34,14 @@ impl Lobe for Dielectric {
             return BsdfSample::mirror(wo, Rgb::ONE, side.reflectance);
         }
         let inverse = 1.0 / eta;
+        let refracted = self.refraction.at(eta);
         let wi = Vec3::new(-wo.x * inverse, -wo.y * inverse, (-side.cos_transmitted).copysign(-wo.z));
         BsdfSample {
             wi: wi.normalize(),
-            weight: self.tint * (inverse * inverse),
+            weight: self.tint * refracted.weight,
             pdf_solid_angle: 1.0 - side.reflectance,
-            eta,
+            eta: refracted.eta,
+            flux: refracted.flux,
             is_specular: true,
             is_transmission: true,
         }
@@ -92,6 +98,7 @@ impl Lobe for ThinDielectric {
             weight: self.tint,
             pdf_solid_angle: 1.0 - reflectance,
             eta: 1.0,
+            flux: 1.0,
             is_specular: true,
             is_transmission: true,
         }
@@ -161,6 +168,8 @@ impl Transmissive for ThinDielectric {
 pub struct DielectricProgram {
     /// See [`Dielectric::ior`].
     pub ior: f32,
+    /// See [`Dielectric::refraction`].
+    pub refraction: Refraction,
     /// See [`Dielectric::tint`].
     pub tint: ColorSlot,
     /// The tint is that of both crossings of a solid together.
@@ -175,7 +184,7 @@ impl MaterialProgram for DielectricProgram {
     #[inline]
     fn evaluate(&self, slots: &impl Slots, _frame: &LocalFrame) -> Dielectric {
         let tint = tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once);
-        Dielectric { ior: self.ior, tint, fresnel: self.fresnel }
+        Dielectric { ior: self.ior, refraction: self.refraction, tint, fresnel: self.fresnel }
     }
 }
 

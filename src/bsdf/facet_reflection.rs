@@ -53,6 +53,7 @@ impl<R: Fn(f32) -> Rgb> FacetReflection<R> {
             weight: if lost { Rgb::ZERO } else { weight },
             pdf_solid_angle: if lost { 0.0 } else { r.pdf_solid_angle },
             eta: 1.0,
+            flux: 1.0,
             is_specular: false,
             is_transmission: false,
         }

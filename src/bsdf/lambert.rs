@@ -23,6 +23,7 @@ impl Lobe for Lambert {
             weight: self.albedo,
             pdf_solid_angle: up.z * FRAC_1_PI,
             eta: 1.0,
+            flux: 1.0,
             is_specular: false,
             is_transmission: false,
         }

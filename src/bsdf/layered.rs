@@ -15,7 +15,7 @@ use super::metal_rough::{MetalRough, MetalRoughClosure};
 use super::microsurface::{Facets, Microsurface};
 use super::oren_nayar::OrenNayar;
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
-use super::sample::LEAST_ALBEDO;
+use super::sample::{LEAST_ALBEDO, Refracted};
 use super::sheen::Sheen;
 use super::thin_film::ThinFilm;
 use super::through::DiffuseThrough;
@@ -54,8 +54,8 @@ struct LayeredClosure {
     glass: RoughDielectric,
     /// The diffuse base where it is rough; the opaque part has none then.
     rough: OrenNayar,
-    /// Index of refraction of the other side over this one.
-    eta: f32,
+    /// What light takes with it that crosses diffusely.
+    crossing: Refracted,
     /// Coat, sheen, opaque, through, rough diffuse base, glass.
     weights: [Rgb; PARTS],
     probabilities: [f32; PARTS],
@@ -97,7 +97,7 @@ impl Layered {
         let of_rough = opaque_closure.rest * of_opaque;
         // Where light is refracted as well, radiance inside is of the denser medium for all that arrives there.
         let refracts = self.glass_share > 0.0 && self.glass.walls == Walls::Solid;
-        let eta = if refracts { self.glass.eta(wo) } else { 1.0 };
+        let crossing = self.glass.refraction.at(if refracts { self.glass.eta(wo) } else { 1.0 });
         let of_glass = left * self.glass_share;
         let strength = self.coat.factor * f32::from(u8::from(!is_inside));
         let shares = [
@@ -116,11 +116,11 @@ impl Layered {
                 Rgb::splat(strength),
                 sheen,
                 Rgb::splat(of_opaque),
-                through / (eta * eta),
+                through * crossing.weight,
                 Rgb::splat(of_rough),
                 Rgb::splat(of_glass),
             ],
-            eta,
+            crossing,
             probabilities: shares.map(|s| s * scale),
             opaque,
             opaque_closure,
@@ -220,7 +220,10 @@ impl Lobe for Layered {
             0 => self.coat.sample(wo, u),
             1 => self.sheen.sample(wo, u),
             2 => closure.opaque_closure.sample(&closure.opaque.surface, wo, closure.above, u),
-            3 => BsdfSample { eta: closure.eta, ..DiffuseThrough.sample(wo, u) },
+            3 => {
+                let Refracted { eta, flux, .. } = closure.crossing;
+                BsdfSample { eta, flux, ..DiffuseThrough.sample(wo, u) }
+            }
             4 => closure.rough.sample(wo, u),
             _ => closure.glass.sample(wo, u),
         };

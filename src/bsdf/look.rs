@@ -189,6 +189,7 @@ mod tests {
                 surface: crate::bsdf::microsurface::Microsurface::isotropic(0.3),
                 ior: 1.5,
                 walls: crate::bsdf::Walls::Thin,
+                refraction: crate::bsdf::Refraction::Scales,
                 tint: Rgb::ONE,
                 reflectance: crate::bsdf::GlassReflectance::Plain,
                 energy_compensation: EnergyCompensation::On,

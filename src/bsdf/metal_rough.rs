@@ -206,6 +206,7 @@ impl MetalRoughClosure {
             weight: Rgb::select(goes_on, weight, Rgb::ZERO),
             pdf_solid_angle: if goes_on { pdf } else { 0.0 },
             eta: 1.0,
+            flux: 1.0,
             is_specular: is_mirror,
             is_transmission: false,
         }

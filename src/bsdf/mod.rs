@@ -55,7 +55,7 @@ pub use metal_rough::MetalRoughClosure;
 pub use microsurface::{Facets, Isotropic, Microsurface};
 pub use program::{Factors, LocalFrame, MaterialProgram, Slots};
 pub use rough_dielectric::{GlassReflectance, Walls};
-pub use sample::{BsdfEval, BsdfSample};
+pub use sample::{BsdfEval, BsdfSample, Refraction};
 pub use sheen::Sheen;
 pub use thin_film::ThinFilm;
 pub use through::DiffuseThrough;
@@ -105,6 +105,7 @@ impl Bsdf {
                 surface: Microsurface::isotropic(0.0),
                 ior,
                 walls: Walls::Thin,
+                refraction: Refraction::Scales,
                 tint: Rgb::ZERO,
                 reflectance: GlassReflectance::Plain,
                 energy_compensation: EnergyCompensation::Off,
@@ -137,7 +138,7 @@ impl BsdfProgram {
 
     /// The program of the cheapest BSDF that is equivalent to a model, wherever its textures are looked up.
     pub fn of(model: &Model, shading: ShadingModel) -> BsdfProgram {
-        let energy_compensation = shading.energy_compensation;
+        let (energy_compensation, refraction) = (shading.energy_compensation, Refraction::Scales);
         match model {
             Model::Black => BsdfProgram::Black,
             Model::Lambert { albedo } => LambertProgram { albedo: *albedo }.into(),
@@ -162,11 +163,12 @@ impl BsdfProgram {
             }
             .into(),
             Model::Dielectric { ior, tint, fresnel } => {
-                DielectricProgram { ior: *ior, tint: *tint, tints_once: false, fresnel: *fresnel }.into()
+                DielectricProgram { ior: *ior, refraction, tint: *tint, tints_once: false, fresnel: *fresnel }
+                    .into()
             }
             Model::Boundary {} => {
                 let (tint, fresnel) = (ColorSlot::constant([1.0; 3]), FresnelModel::Exact);
-                DielectricProgram { ior: 1.0, tint, tints_once: false, fresnel }.into()
+                DielectricProgram { ior: 1.0, refraction, tint, tints_once: false, fresnel }.into()
             }
             Model::Glass { ior, tint, roughness, is_thin: true } if always(roughness, 0.0) => {
                 ThinDielectricProgram { ior: *ior, tint: *tint }.into()
@@ -175,6 +177,7 @@ impl BsdfProgram {
                 facets: MicrosurfaceProgram { roughness: *roughness, anisotropy: None },
                 ior: *ior,
                 walls: if *is_thin { Walls::Thin } else { Walls::Solid },
+                refraction,
                 tint: *tint,
                 tints_once: false,
                 energy_compensation,
@@ -230,14 +233,24 @@ impl BsdfProgram {
     /// Glass without anything else.
     fn of_glass(pbr: &PbrMaterial, energy_compensation: EnergyCompensation) -> BsdfProgram {
         let (ior, tint, tints_once) = (pbr.ior, pbr.base_color, pbr.tints_once);
-        let walls = program_pbr::walls(pbr);
+        let (walls, refraction) = (program_pbr::walls(pbr), program_pbr::refraction(pbr));
         if !always(&pbr.roughness, 0.0) || pbr.anisotropy.is_some() {
             let facets = program_pbr::facets(pbr);
-            return RoughDielectricProgram { facets, ior, walls, tint, tints_once, energy_compensation }
-                .into();
+            return RoughDielectricProgram {
+                facets,
+                ior,
+                walls,
+                refraction,
+                tint,
+                tints_once,
+                energy_compensation,
+            }
+            .into();
         }
         match walls {
-            Walls::Solid => DielectricProgram { ior, tint, tints_once, fresnel: FresnelModel::Exact }.into(),
+            Walls::Solid => {
+                DielectricProgram { ior, refraction, tint, tints_once, fresnel: FresnelModel::Exact }.into()
+            }
             Walls::Thin => ThinDielectricProgram { ior, tint }.into(),
         }
     }

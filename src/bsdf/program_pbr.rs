@@ -7,7 +7,7 @@ use super::metal_rough::MetalRough;
 use super::microsurface::{Isotropic, MicrosurfaceProgram};
 use super::program::{LocalFrame, MaterialProgram, Slots, always};
 use super::rough_dielectric::{GlassReflectance, RoughDielectric, Walls};
-use super::{Coat, Sheen, ThinFilm, fresnel};
+use super::{Coat, Refraction, Sheen, ThinFilm, fresnel};
 use crate::color::Rgb;
 use crate::scene::{
     Clearcoat, ColorSlot, DiffuseTransmission, EnergyCompensation, FloatSlot, Iridescence, PbrMaterial,
@@ -44,7 +44,12 @@ pub(super) fn facets(pbr: &PbrMaterial) -> MicrosurfaceProgram {
 
 /// What is behind its surface.
 pub(super) fn walls(pbr: &PbrMaterial) -> Walls {
-    if pbr.has_volume { Walls::Solid } else { Walls::Thin }
+    if pbr.has_volume || pbr.keeps_radiance { Walls::Solid } else { Walls::Thin }
+}
+
+/// What becomes of radiance where light enters it.
+pub(super) fn refraction(pbr: &PbrMaterial) -> Refraction {
+    if pbr.keeps_radiance { Refraction::KeepsRadiance } else { Refraction::Scales }
 }
 
 /// The parameters of a [`MetalRough`].
@@ -120,6 +125,7 @@ pub struct LayeredProgram {
     transmission: Option<FloatSlot>,
     ior: f32,
     walls: Walls,
+    refraction: Refraction,
     tints_once: bool,
     /// The glass reflects what its index of refraction says.
     is_plain: bool,
@@ -139,6 +145,7 @@ impl LayeredProgram {
             transmission: transmits(pbr).then_some(pbr.transmission),
             ior: pbr.ior,
             walls: walls(pbr),
+            refraction: refraction(pbr),
             tints_once: pbr.tints_once,
             is_plain: is_plain(pbr),
             coat_fresnel: Coat::fresnel(shading.fresnel),
@@ -188,12 +195,20 @@ impl MaterialProgram for LayeredProgram {
             .map_or((0.0, Rgb::ZERO), |d| (slots.share(&d.factor), slots.share_by_channel(&d.color)));
         opaque.diffuse = base * (diffuse * (1.0 - passing));
         let tint = tint_of_crossing(base, self.tints_once);
-        let (ior, walls) = (self.ior, self.walls);
+        let (ior, walls, refraction) = (self.ior, self.walls, self.refraction);
         Layered {
             opaque,
             diffuse_roughness: slots.share(&self.diffuse_roughness),
             through: color * (diffuse * passing),
-            glass: RoughDielectric { surface, ior, walls, tint, reflectance, energy_compensation },
+            glass: RoughDielectric {
+                surface,
+                ior,
+                walls,
+                refraction,
+                tint,
+                reflectance,
+                energy_compensation,
+            },
             glass_share,
             film: self.iridescence.as_ref().map_or(ThinFilm::NONE, |i| film(i, slots)),
             sheen: self.sheen.as_ref().map_or(Sheen::NONE, |s| Sheen {

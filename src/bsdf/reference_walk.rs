@@ -104,7 +104,7 @@ fn walks_are_reciprocal() {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::bsdf::{Bsdf, GlassReflectance, Microsurface, RoughDielectric, Walls};
+    use crate::bsdf::{Bsdf, GlassReflectance, Microsurface, Refraction, RoughDielectric, Walls};
     use crate::color::Rgb;
     use crate::math::Vec3;
     use crate::scene::EnergyCompensation;
@@ -117,6 +117,7 @@ mod tests {
             surface: Microsurface::new(alpha.map(|a| a as f32), [1.0, 0.0]),
             ior: ior as f32,
             walls: Walls::Solid,
+            refraction: Refraction::Scales,
             tint: Rgb::ONE,
             reflectance: GlassReflectance::Plain,
             energy_compensation,

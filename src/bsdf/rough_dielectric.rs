@@ -2,7 +2,7 @@
 
 use super::dielectric::tint_of_crossing;
 use super::microsurface::{Facets, Microsurface, MicrosurfaceProgram};
-use super::{LocalFrame, MaterialProgram, Slots, fresnel};
+use super::{LocalFrame, MaterialProgram, Refraction, Slots, fresnel};
 use crate::color::Rgb;
 use crate::math::Vec3;
 use crate::scene::{ColorSlot, EnergyCompensation};
@@ -67,6 +67,8 @@ pub struct RoughDielectric {
     pub ior: f32,
     /// Solid or thin.
     pub walls: Walls,
+    /// What becomes of radiance where it enters a solid.
+    pub refraction: Refraction,
     /// Factor on transmitted light at each crossing.
     pub tint: Rgb,
     /// Reflectance.
@@ -160,6 +162,8 @@ pub struct RoughDielectricProgram {
     pub ior: f32,
     /// See [`RoughDielectric::walls`].
     pub walls: Walls,
+    /// See [`RoughDielectric::refraction`].
+    pub refraction: Refraction,
     /// See [`RoughDielectric::tint`].
     pub tint: ColorSlot,
     /// The tint is that of both crossings of a solid together.
@@ -177,6 +181,7 @@ impl MaterialProgram for RoughDielectricProgram {
             surface: self.facets.evaluate(slots, frame),
             ior: self.ior,
             walls: self.walls,
+            refraction: self.refraction,
             tint: tint_of_crossing(slots.share_by_channel(&self.tint), self.tints_once),
             reflectance: GlassReflectance::Plain,
             energy_compensation: self.energy_compensation,

@@ -41,11 +41,13 @@ impl RoughDielectric {
                 (Vec3::new(-wo.x / eta, -wo.y / eta, z).normalize(), eta)
             }
         };
+        let refracted = self.refraction.at(eta);
         BsdfSample {
             wi,
-            weight: weight * (1.0 / (eta * eta)),
+            weight: weight * refracted.weight,
             pdf_solid_angle: 1.0 - p,
-            eta,
+            eta: refracted.eta,
+            flux: refracted.flux,
             is_specular: true,
             is_transmission: true,
         }
@@ -89,11 +91,14 @@ impl Lobe for RoughDielectric {
             return BsdfSample::ABSORBED;
         }
         let is_transmission = wi.z < 0.0;
+        let bends = is_transmission && self.walls == Walls::Solid;
+        let refracted = self.refraction.at(if bends { eta } else { 1.0 });
         BsdfSample {
             wi: if wo.z < 0.0 { Vec3::new(wi.x, wi.y, -wi.z) } else { wi },
             weight: value.f_cos / value.pdf_solid_angle,
             pdf_solid_angle: value.pdf_solid_angle,
-            eta: if is_transmission && self.walls == Walls::Solid { eta } else { 1.0 },
+            eta: refracted.eta,
+            flux: refracted.flux,
             is_specular: false,
             is_transmission,
         }

@@ -12,12 +12,48 @@ pub struct BsdfSample {
     pub weight: Rgb,
     /// Density per solid angle; for specular samples the probability of having chosen this direction.
     pub pdf_solid_angle: f32,
-    /// Index of refraction on the side of `wi` over that on the side of `wo`; 1 unless refracted.
+    /// Index of refraction on the side of `wi` over that on the side of `wo`, by whose square the weight is divided; 1 unless
+    /// refracted, and where radiance keeps its value.
     pub eta: f32,
+    /// What the weight is multiplied by for flux that goes the other way.
+    pub flux: f32,
     /// From a lobe that is a single direction, which [`super::Bsdf::eval`] does not see.
     pub is_specular: bool,
     /// To the other side of the surface.
     pub is_transmission: bool,
+}
+
+/// What becomes of radiance where light is refracted.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Refraction {
+    /// It is divided by the square of the index of the side where the light comes from over that of the viewer's.
+    Scales,
+    /// Nothing, as in Cycles: it is flux then that changes, by the square of the index of the side where it comes from over that
+    /// of the side where it goes.
+    KeepsRadiance,
+}
+
+/// What a refraction multiplies weights by.
+#[derive(Clone, Copy, Debug)]
+pub struct Refracted {
+    /// That of radiance.
+    pub weight: f32,
+    /// See [`BsdfSample::eta`].
+    pub eta: f32,
+    /// See [`BsdfSample::flux`].
+    pub flux: f32,
+}
+
+impl Refraction {
+    /// At an index of refraction on the side of the light over that on the viewer's side.
+    #[inline(always)]
+    pub fn at(self, eta: f32) -> Refracted {
+        let inverse = 1.0 / eta;
+        match self {
+            Refraction::Scales => Refracted { weight: inverse * inverse, eta, flux: eta * eta },
+            Refraction::KeepsRadiance => Refracted { weight: 1.0, eta: 1.0, flux: inverse * inverse },
+        }
+    }
 }
 
 impl BsdfSample {
@@ -27,6 +63,7 @@ impl BsdfSample {
         weight: Rgb::ZERO,
         pdf_solid_angle: 0.0,
         eta: 1.0,
+        flux: 1.0,
         is_specular: false,
         is_transmission: false,
     };
@@ -49,6 +86,7 @@ impl BsdfSample {
             weight,
             pdf_solid_angle: probability,
             eta: 1.0,
+            flux: 1.0,
             is_specular: true,
             is_transmission: false,
         }

@@ -86,6 +86,7 @@ impl Sheen {
             weight: Rgb::ONE,
             pdf_solid_angle,
             eta: 1.0,
+            flux: 1.0,
             is_specular: false,
             is_transmission: false,
         }

@@ -248,7 +248,7 @@ impl SolidGlassClosure<'_> {
             light = light.plus(lifted.times(stretch));
         }
         // Radiance of the other medium.
-        let scale = if crosses { 1.0 / (self.eta * self.eta) } else { 1.0 };
+        let scale = if crosses { self.glass.refraction.at(self.eta).weight } else { 1.0 };
         BsdfEval { f_cos: light.color * scale, pdf_solid_angle: light.probability }
     }
 

@@ -20,6 +20,7 @@ impl DiffuseThrough {
             weight: Rgb::ONE,
             pdf_solid_angle: up.z * FRAC_1_PI,
             eta: 1.0,
+            flux: 1.0,
             is_specular: false,
             is_transmission: true,
         }

@@ -30,6 +30,7 @@ impl EnvironmentOverride {
         if args.env.is_some() {
             scene.scale_environment_sun(0.0);
             scene.environment_sun = None;
+            scene.environment_unsampled = false;
         }
         if let Some(image) = &self.image {
             scene.images.push(image.clone());

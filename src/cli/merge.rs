@@ -60,9 +60,9 @@ fn merge(args: &MergeArgs) -> Result<Outcome> {
     args.exr.check(film.names().any(|name| name.starts_with("Crypto")))?;
     let warnings = film_warnings(&film);
     let denoised = denoise(args, &parts[0], &mut film)?;
-    film.settle_catchers();
-    behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
     let first = &parts[0].1;
+    film.settle_catchers(first.channels.caught());
+    behind.iter().for_each(|backdrop| film.lay_behind(backdrop));
     let finish = &first.finish;
     let mut earlier: Vec<Warning> = finish.warnings.iter().map(Warning::general).collect();
     if !missing.is_empty() {

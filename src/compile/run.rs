@@ -153,7 +153,10 @@ fn environment(
     let new = || EnvironmentLight::new(&scene.environment, &scene.images, true);
     let mut environment = kept.unwrap_or_else(new);
     match &mut environment {
-        Some(environment) => environment.set_portals(&scene.portals, anchor),
+        Some(environment) => {
+            environment.set_portals(&scene.portals, anchor);
+            environment.set_sampled(!scene.environment_unsampled);
+        }
         None if scene.portals.is_empty() => {}
         None => {
             let message = "portals change nothing: there is no environment to come through them";

@@ -13,8 +13,12 @@
 //! this a, rgb is nowhere negative, a grey shadow has no rgb and darkens any plate by its factor, and what is brighter than
 //! without the scene is added. The factors W / O, which darken or brighten each channel of any plate, are a layer of their
 //! own, as Cycles has them ("shadow catcher" pass, to be multiplied).
+//!
+//! Cycles' own pictures have nothing but alpha there: a = 1 - min(1, mean of W / O over the channels) and no rgb, so that colours that
+//! objects cast are grey, and what is brighter than without the scene is lost ([`Caught::Shadows`]).
 
 use super::{Channel, Film, PixelType, Reduction, Source};
+use crate::scene::Caught;
 use std::borrow::Cow;
 
 /// Names of the layer that stays, and of what is only needed on the way.
@@ -43,7 +47,7 @@ impl Channel {
 impl Film {
     /// Turns what was found on shadow catchers into colour and alpha, and into the layer of factors. Does nothing without
     /// catchers, and the second time.
-    pub fn settle_catchers(&mut self) {
+    pub fn settle_catchers(&mut self, caught: Caught) {
         let plane = |name: &str| self.plane(name).map(super::Values::into_floats);
         let Some(share) = plane(SHARE[0]) else { return };
         let of = |names: [&str; 3]| names.map(|name| plane(name).unwrap_or_default());
@@ -52,12 +56,19 @@ impl Film {
         for (pixel, &share) in share.iter().enumerate() {
             let (with, without) = ([0, 1, 2].map(|c| with[c][pixel]), [0, 1, 2].map(|c| without[c][pixel]));
             let ratio = |c: usize| if without[c] > DARK { with[c] / without[c] } else { 1.0 };
-            let least = (0..3).map(ratio).fold(1.0, f32::min).max(0.0);
+            let least = match caught {
+                Caught::All => (0..3).map(ratio).fold(1.0, f32::min).max(0.0),
+                Caught::Shadows => ((0..3).map(ratio).sum::<f32>() / 3.0).clamp(0.0, 1.0),
+            };
             let (sum, count) = (&mut self.sums.rgba[pixel], f64::from(self.sums.count[pixel]));
             for c in 0..3 {
-                let left = sum[c] / count.max(1.0) - f64::from(least * without[c]);
+                let taken = match caught {
+                    Caught::All => least * without[c],
+                    Caught::Shadows => with[c],
+                };
+                let left = sum[c] / count.max(1.0) - f64::from(taken);
                 // Nothing but rounding.
-                let is_nothing = left.abs() <= f64::from(1e-6 * without[c]);
+                let is_nothing = left.abs() <= f64::from(1e-6 * taken.max(without[c]));
                 sum[c] = if is_nothing { 0.0 } else { left * count };
                 factors[c].push(1.0 + share * (ratio(c) - 1.0));
             }
@@ -97,7 +108,7 @@ mod tests {
             ([0.1, 0.2, 0.3], [0.0, 0.0, 0.0]),
         ] {
             let mut film = film(with, without);
-            film.settle_catchers();
+            film.settle_catchers(Caught::All);
             let [r, g, b, alpha] = film.mean_rgba(0, 0);
             for c in 0..3 {
                 let whole = [r, g, b][c] + (1.0 - alpha) * without[c];
@@ -113,13 +124,33 @@ mod tests {
     #[test]
     fn grey_shadows_are_alpha_alone() {
         let mut film = film([0.1; 3], [0.4; 3]);
-        film.settle_catchers();
+        film.settle_catchers(Caught::All);
         let [r, g, b, alpha] = film.mean_rgba(0, 0);
         assert!([r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6) && (alpha - 0.5 - 0.375).abs() < 1e-6);
         let factor = film.plane("ShadowCatcher.R").expect("the layer").into_floats();
         assert!((factor[0] - (0.5 + 0.5 * 0.25)).abs() < 1e-6 && factor[1] == 1.0);
         let before = film.rgba();
-        film.settle_catchers();
+        film.settle_catchers(Caught::All);
         assert_eq!(film.rgba(), before);
+    }
+
+    /// Half of the pixel is the catcher; the rest of it stays.
+    #[test]
+    fn shadows_alone_are_the_mean_of_the_channels() {
+        for (with, without, alpha) in [
+            ([0.1, 0.2, 0.3], [0.4, 0.4, 0.4], 0.5),
+            ([0.4, 0.2, 0.9], [0.4, 0.4, 0.4], 0.0),
+            ([0.0, 0.2, 0.5], [0.4, 0.4, 0.5], 0.5),
+            ([0.1, 0.1, 0.1], [0.2, 0.1, 0.0], 1.0 / 6.0),
+        ] {
+            let mut film = film(with, without);
+            film.settle_catchers(Caught::Shadows);
+            let [r, g, b, a] = film.mean_rgba(0, 0);
+            let is_rest = [r, g, b].iter().all(|v| (v - 0.25).abs() < 1e-6);
+            assert!(
+                is_rest && (a - 0.5 - 0.5 * alpha).abs() < 1e-6,
+                "{with:?} of {without:?}: {r} {g} {b} {a}"
+            );
+        }
     }
 }

@@ -7,7 +7,8 @@
 //! and media by those that shadow rays see, for gloss and transmission by those that their own rays see, as in mirrors.
 //! Light samples and scattered rays therefore agree also where an object is there for one of them only: a diffuse ray
 //! that passed what casts shadows brings nothing of a sampled light from behind, and a light sample that passed what
-//! stops such rays counts in full, since they can't find it.
+//! stops such rays counts in full, since they can't find it. Of an environment that no samples are taken of, the rays that find it
+//! decide by what they see.
 
 use super::Integrator;
 use super::closure::{Closure, GeneralClass, LambertClass, VertexClass};
@@ -168,9 +169,11 @@ impl Integrator<'_> {
     pub(super) fn keep_visible_escapes(&self, bounce: u32, w: &mut Workspace) {
         let Workspace { escaped, arriving, .. } = w;
         let seen = self.scene.features.environment_visible_to;
+        let is_sampled = self.scene.lights.samples_environment();
         escaped.retain(|&i| {
             let i = i as usize;
-            seen.contains(self.kind(bounce, i, arriving)) && !self.is_shadowed(i, arriving)
+            let is_shadowed = is_sampled && self.is_shadowed(i, arriving);
+            seen.contains(self.kind(bounce, i, arriving)) && !is_shadowed
         });
     }
 

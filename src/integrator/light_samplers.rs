@@ -67,7 +67,8 @@ pub(super) struct EnvironmentSampler<'a> {
 impl<'a> EnvironmentSampler<'a> {
     /// The scene's light, if it is a picture around it and nothing else.
     pub fn of(lights: &'a Lights) -> Option<Self> {
-        let environment = lights.environment().filter(|e| lights.len() == 1 && !e.has_portals());
+        let environment =
+            lights.environment().filter(|e| lights.len() == 1 && e.is_sampled() && !e.has_portals());
         environment.and_then(EnvironmentLight::image_map).map(|map| EnvironmentSampler { map })
     }
 }

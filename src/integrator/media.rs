@@ -13,7 +13,7 @@ use super::lanes::{get, get_rgb, set_rgb};
 use super::times::Times;
 use super::wave::{Carried, Paths, Vertices, Wave};
 use super::workspace::Workspace;
-use crate::bsdf::{Bsdf, Dielectric};
+use crate::bsdf::{Bsdf, Dielectric, Refraction};
 use crate::color::Rgb;
 use crate::color::spectral::Wavelengths;
 use crate::compile::CompiledMaterial;
@@ -33,7 +33,8 @@ pub(super) struct Boundary {
 
 /// A surface that isn't there, but for the colour that it gives to light.
 pub(super) fn hidden(tint: Rgb) -> Bsdf {
-    Bsdf::Dielectric(Dielectric { ior: 1.0, tint, fresnel: FresnelModel::Exact })
+    let refraction = Refraction::Scales;
+    Bsdf::Dielectric(Dielectric { ior: 1.0, refraction, tint, fresnel: FresnelModel::Exact })
 }
 
 impl Integrator<'_> {

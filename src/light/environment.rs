@@ -28,6 +28,8 @@ pub struct EnvironmentSample {
 pub struct EnvironmentLight {
     kind: Kind,
     pub(super) portals: Portals,
+    /// Are samples of its light taken?
+    is_sampled: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -93,7 +95,7 @@ impl EnvironmentLight {
         match &kind {
             Kind::Constant(c) if *c == Rgb::ZERO => None,
             Kind::Gradient { middle, slope } if *middle == Rgb::ZERO && *slope == Rgb::ZERO => None,
-            _ => Some(EnvironmentLight { kind, portals: Portals::default() }),
+            _ => Some(EnvironmentLight { kind, portals: Portals::default(), is_sampled: true }),
         }
     }
 
@@ -144,6 +146,17 @@ impl EnvironmentLight {
     /// Looks for light through portals from here on; the world's origin moves to `anchor`.
     pub fn set_portals(&mut self, portals: &[scene::Portal], anchor: DVec3) {
         self.portals = Portals::new(portals, |direction| self.radiance(direction), anchor, &self.portals);
+    }
+
+    /// Leaves its light to the paths that find it, or takes samples of it.
+    pub fn set_sampled(&mut self, is_sampled: bool) {
+        self.is_sampled = is_sampled;
+    }
+
+    /// Are samples of its light taken?
+    #[inline(always)]
+    pub fn is_sampled(&self) -> bool {
+        self.is_sampled
     }
 
     /// Does what is chosen depend on the point that is lit?

@@ -106,7 +106,8 @@ impl Lights {
         }
         // Of a hemisphere of its mean radiance.
         let index = (self.area.len() + self.punctual.len()) as u32;
-        far.extend(self.environment.iter().filter(|_| has(index)).map(|e| (index, e.mean_luminance() * PI)));
+        let sampled = self.environment.iter().filter(|e| e.is_sampled() && has(index));
+        far.extend(sampled.map(|e| (index, e.mean_luminance() * PI)));
         Choice::new(&bounds, near, &far, self.len() == 1)
     }
 
@@ -157,7 +158,7 @@ impl Lights {
     /// Is there nothing to sample?
     #[inline(always)]
     pub fn is_empty(&self) -> bool {
-        self.len() == 0
+        self.area.is_empty() && self.punctual.is_empty() && !self.samples_environment()
     }
 
     /// How many there are, the environment included.
@@ -192,6 +193,12 @@ impl Lights {
     #[inline(always)]
     pub fn environment(&self) -> Option<&EnvironmentLight> {
         self.environment.as_ref()
+    }
+
+    /// Are light samples taken of the environment, if there is one?
+    #[inline(always)]
+    pub fn samples_environment(&self) -> bool {
+        self.environment.as_ref().is_some_and(EnvironmentLight::is_sampled)
     }
 
     /// Does the choice depend on the receiver? It doesn't for a single light.
@@ -264,7 +271,7 @@ impl Lights {
     /// a class.
     #[inline(always)]
     pub fn environment_pdf_discrete(&self, class: u32) -> f32 {
-        self.choice_of(class).pdf_of_last_far()
+        if self.samples_environment() { self.choice_of(class).pdf_of_last_far() } else { 0.0 }
     }
 
     /// The middle of a light; `None` for one infinitely far away.

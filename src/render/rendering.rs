@@ -208,7 +208,7 @@ impl Rendering {
             return Cow::Borrowed(&self.film);
         }
         let mut film = self.film.clone();
-        film.settle_catchers();
+        film.settle_catchers(self.options.caught);
         self.backdrop.iter().for_each(|backdrop| film.lay_behind(backdrop));
         Cow::Owned(film)
     }
@@ -234,7 +234,7 @@ impl Rendering {
     pub fn into_picture(mut self) -> Picture {
         let (statistics, warnings) = (self.statistics(), self.warnings());
         let output = self.options_with(&warnings);
-        self.film.settle_catchers();
+        self.film.settle_catchers(self.options.caught);
         self.backdrop.iter().for_each(|backdrop| self.film.lay_behind(backdrop));
         Picture { film: self.film, statistics, warnings, output }
     }

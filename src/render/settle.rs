@@ -131,7 +131,7 @@ impl Choices {
         let (width, height) = self.picture_size(scene, camera.unwrap_or(0))?;
         let settings = self.settings.or(&scene.settings);
         let default = RenderOptions::default();
-        let options = default
+        let mut options = default
             .size(width, height)
             .samples(settings.samples.unwrap_or(default.samples))
             .seed(settings.seed.unwrap_or(default.seed))
@@ -156,6 +156,7 @@ impl Choices {
             .sample_limits(self.least_samples, self.most_samples)
             .noise(self.noise)
             .time_limit(self.time_limit);
+        options.caught = settings.caught.unwrap_or_default();
         Ok(Settled {
             options,
             shading: settings.shading(),

@@ -64,7 +64,7 @@ pub use panorama::Panorama;
 pub use pbr::{Anisotropy, Clearcoat, DiffuseTransmission, Iridescence, PbrMaterial, Sheen};
 pub use portal::Portal;
 pub use profile::LightProfile;
-pub use settings::{EnergyCompensation, Filter, Settings, ShadingModel};
+pub use settings::{Caught, EnergyCompensation, Filter, Settings, ShadingModel};
 pub use shape::{Shape, ShapeKind, ShapeTag};
 pub use slot::{ColorSlot, FloatSlot, NormalMap, Parameter, ParameterMut, Parameters};
 pub use texture::{Interpolation, MOST_NESTED_TEXTURES, Mapping, NoiseKind, Texture, TextureTransform, Wrap};
@@ -103,6 +103,9 @@ pub struct Scene {
     pub fog: Option<Fog>,
     /// Which rays see the environment. Where those of the camera don't, pictures are transparent.
     pub environment_visible_to: RayKinds,
+    /// Only paths that leave the scene find the environment's light, and no light samples: what casts shadows in it is then what
+    /// the rays of these paths see, whatever shadow rays see.
+    pub environment_unsampled: bool,
     /// What is laid behind the picture where it is transparent.
     pub backdrop: Option<Backdrop>,
     /// The environment's group of lights; empty for the default one.

@@ -28,6 +28,10 @@ pub struct PbrMaterial {
     /// The base colour is what a solid lets pass from its front to its back, as Blender understands it: each crossing of
     /// its surface takes the square root. Otherwise it is the factor of each crossing (KHR_materials_transmission).
     pub tints_once: bool,
+    /// Light that is refracted keeps its radiance, as in Cycles, where by physics that is divided by the square of the index
+    /// towards the side of the viewer. A surface without a volume is then no thin wall, but one sheet that bends light by
+    /// the sides of its normal, as the surface of a solid does, with nothing behind.
+    pub keeps_radiance: bool,
     /// Colour of white light after `attenuation_distance` in the volume.
     pub attenuation_color: [f32; 3],
     /// Metres; infinite means no absorption.
@@ -115,6 +119,7 @@ impl Default for PbrMaterial {
             transmission: FloatSlot::constant(0.0),
             has_volume: false,
             tints_once: false,
+            keeps_radiance: false,
             attenuation_color: [1.0; 3],
             attenuation_distance: f32::INFINITY,
             dispersion: 0.0,
@@ -130,7 +135,7 @@ impl Default for PbrMaterial {
 parameters_of_fields! {
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        tints_once, keeps_radiance, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }

@@ -27,6 +27,17 @@ pub enum EnergyCompensation {
     Off,
 }
 
+/// What pictures show of shadow catchers.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Caught {
+    /// Shadows as alpha, and the light and colours that other objects bring besides: laid over a plate of what the catcher stands
+    /// for, the picture shows the catcher as it would be among them.
+    #[default]
+    All,
+    /// Alpha alone, by the mean of the channels, as Cycles has it.
+    Shadows,
+}
+
 /// Choices among models of scattering that are the same for all materials of a picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct ShadingModel {
@@ -73,6 +84,8 @@ pub struct Settings {
     pub crop: Option<[u32; 4]>,
     /// Names of further channels to record.
     pub aovs: Option<Vec<String>>,
+    /// What is shown of shadow catchers.
+    pub caught: Option<Caught>,
 }
 
 impl Settings {
@@ -96,6 +109,7 @@ impl Settings {
             denoise: self.denoise.or(other.denoise),
             crop: self.crop.or(other.crop),
             aovs: self.aovs.clone().or_else(|| other.aovs.clone()),
+            caught: self.caught.or(other.caught),
         }
     }
 

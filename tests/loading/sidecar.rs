@@ -1,6 +1,7 @@
 //! Settings that lie beside a model, lights of scene files, and materials that a scene file replaces.
 
 use oscura::error::Error;
+use oscura::load::gltf::{Glass, GltfOptions};
 use oscura::load::{LoadOptions, Loaded, load};
 use oscura::math::DVec3;
 use oscura::scene::{
@@ -470,5 +471,36 @@ fn what_has_no_texture_of_its_own_is_white_there_and_elsewhere_it_is_an_error() 
     ] {
         let shown = with_painted(&format!("{toml}{mine}")).expect_err("it is wrong").to_string();
         assert!(shown.contains(part), "'{part}' is not in:\n{shown}");
+    }
+}
+
+/// A sheet of Blender's glass bends light, unless thin ones are asked for; then it has the colour that each surface of such glass has.
+#[test]
+fn sheets_of_glass_bend_light_unless_thin_ones_are_asked_for() {
+    let toml =
+        "[materials.pane]\nvolume = false\nkeeps_radiance = true\n[materials.ball]\nkeeps_radiance = true\n";
+    let plain = r#""materials": [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}]"#;
+    let glass = r#""pbrMetallicRoughness": {"baseColorFactor": [0.25, 1, 1, 1], "metallicFactor": 0},
+        "extensions": {"KHR_materials_transmission": {"transmissionFactor": 1}}"#;
+    let materials = format!(r#""materials": [{{"name": "pane", {glass}}}, {{"name": "ball", {glass}}}]"#);
+    let model = MODEL.replace(plain, &materials).replace("IMAGE", PIXEL);
+    let generator = r#""asset": {"generator": "Khronos glTF Blender I/O v5.0, oscura", "version"#;
+    let model = model.replace(r#""asset": {"version"#, generator);
+    let both = r#""material": 0}, {"attributes": {"POSITION": 0}, "material": 1}"#;
+    let model = model.replace(r#""material": 0}"#, both);
+    for (glass, pane, ball) in [
+        (Glass::Auto, (false, true, true, 0.25), (true, true, true, 0.25)),
+        (Glass::Panes, (false, false, false, 0.5), (false, false, false, 0.25)),
+        (Glass::Thin, (false, false, false, 0.5), (false, false, false, 0.25)),
+    ] {
+        let options =
+            LoadOptions { gltf: GltfOptions { glass, ..GltfOptions::default() }, ..LoadOptions::default() };
+        let files = [("model.gltf", model.as_str()), ("model.oscura.toml", toml)];
+        let scene = load_first(&files, &options).unwrap_or_else(|e| panic!("{e}")).scene;
+        for (index, expected) in [pane, ball].into_iter().enumerate() {
+            let Model::Pbr(p) = &scene.materials[index].model else { panic!("no glTF material") };
+            let found = (p.has_volume, p.keeps_radiance, p.tints_once, p.base_color.factor[0]);
+            assert_eq!(found, expected, "{glass:?} {index}");
+        }
     }
 }

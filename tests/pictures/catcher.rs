@@ -4,7 +4,7 @@ use crate::spectral::pixels;
 use crate::support::{camera, material, options, picture, quad, sphere};
 use oscura::math::DVec3;
 use oscura::render::RenderOptions;
-use oscura::scene::{Environment, Light, Material, ObjectTraits, Scene};
+use oscura::scene::{Caught, Environment, Light, Material, ObjectTraits, Scene};
 
 const SEEDS: u32 = 10;
 const SIZE: u32 = 16;
@@ -118,4 +118,27 @@ fn nothing_is_caught_where_nothing_changes() {
     scene.cameras[0] = camera(DVec3::new(0.4, 0.02, 1.6), DVec3::new(0.4, 0.0, -0.16), DVec3::Y, 0.01);
     let film = picture(&scene, &options(4, 8, 1).catchers(true));
     assert!(film.rgba().iter().all(|pixel| *pixel == [0.0, 0.0, 0.0, 1.0]), "{:?}", film.rgba());
+}
+
+/// Without the colours that objects bring, alpha is 1 less the mean of the factors by which catchers are darker or brighter.
+#[test]
+fn shadows_alone_have_no_colour() {
+    let mut scene = scene(true, 0.0);
+    scene.set_object_traits("floor", ObjectTraits { is_shadow_catcher: true, ..ObjectTraits::default() });
+    // The floor beside the ball, which is lit and shaded there.
+    scene.cameras[0] = camera(DVec3::new(1.1, 1.0, 0.4), DVec3::new(1.1, 0.0, 0.4), DVec3::Z, 40.0);
+    let options = options(8, 64, 4).catchers(true);
+    let mut alone = options;
+    alone.caught = Caught::Shadows;
+    let (all, shadows) = (picture(&scene, &options), picture(&scene, &alone));
+    let factors = ["R", "G", "B"].map(|channel| {
+        let plane = shadows.plane(&format!("ShadowCatcher.{channel}"));
+        plane.expect("the layer").into_floats()
+    });
+    for (i, (all, only)) in all.rgba().into_iter().zip(shadows.rgba()).enumerate() {
+        let alpha = 1.0 - factors.iter().map(|of| of[i]).sum::<f32>() / 3.0;
+        assert!(alpha > 0.01 && only[..3] == [0.0; 3] && (only[3] - alpha).abs() < 1e-5, "{only:?} {alpha}");
+        // The ball is red.
+        assert!(all[0] > 1e-3 && all[3] > only[3] + 1e-3, "{all:?} {only:?}");
+    }
 }

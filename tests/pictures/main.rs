@@ -21,6 +21,7 @@ mod media;
 mod media_edges;
 mod media_stress;
 mod one_sided;
+mod open_sheets;
 mod panoramas;
 mod parts;
 mod passes;

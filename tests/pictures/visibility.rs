@@ -65,6 +65,32 @@ fn a_lamp_lights_what_sees_it() {
     }
 }
 
+/// Of an environment that is left to the paths that find it, what these see hides a part, whatever casts shadows.
+#[test]
+fn rays_decide_about_an_environment_without_samples() {
+    use RayKinds as K;
+    for (what, ball, [sampled, found]) in [
+        ("a ball that all see", ObjectTraits::default(), [0.75, 0.75]),
+        ("a ball without shadow", unseen_by(&[K::SHADOW]), [1.0, 0.75]),
+        ("a ball that is a shadow only", seen_by(&[K::SHADOW]), [0.75, 1.0]),
+        ("a ball that is in mirrors only", seen_by(&[K::GLOSSY]), [1.0, 1.0]),
+    ] {
+        let mut scene = Scene { environment: Environment::Constant([1.5; 3]), ..floor(grey()) };
+        let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+        sphere(&mut scene, [0.0, 2.0, 0.0], 1.0, black);
+        scene.set_object_traits("sphere", ball);
+        assert_radiance(what, &scene, &options(16, 64, 2), 0.8 * 1.5 * sampled, 4e-3);
+        scene.environment_unsampled = true;
+        assert_radiance(&format!("{what}, found"), &scene, &options(16, 64, 2), 0.8 * 1.5 * found, 4e-3);
+        // Beside a lamp that both ways agree about: above the ball, or beside it.
+        let point = Light::point([30.0, 40.0, 0.0], [2e4; 3]);
+        scene.lights.push(point);
+        let of_point = 0.8 / std::f64::consts::PI * 2e4 * 0.8 / 2500.0;
+        let truth = 0.8 * 1.5 * found + of_point;
+        assert_radiance(&format!("{what}, and a lamp"), &scene, &options(16, 64, 2), truth, 4e-3);
+    }
+}
+
 /// What casts no shadow is passed by light samples, however the light would be found.
 #[test]
 fn shadow_rays_decide_for_diffuse_reflection() {

@@ -43,7 +43,7 @@ class SurfacesTest(SceneTest):
         model, _, _ = self.export()
         self.assertEqual(sorted(node["name"] for node in model["nodes"] if "mesh" in node), ["Balls", "Ring", "Text"])
 
-    def test_upright_sheets_of_glass_are_panes_and_level_ones_are_not(self):
+    def test_glass_without_an_inside_is_a_sheet(self):
         glass, _, shader = shader_tree("glass")
         shader.inputs["Transmission Weight"].default_value = 1.0
         shader.inputs["Base Color"].default_value = (0.25, 0.25, 0.25, 1)
@@ -51,14 +51,65 @@ class SurfacesTest(SceneTest):
         self.add("plane", glass, location=(0, 0, 3))
         self.add("cube", glass, location=(4, 0, 0))
         model, settings, answer = self.export()
-        ((name, entries),) = settings["materials"].items()
-        self.assertEqual(entries, {"volume": False})
-        factors = {made["name"]: made["pbrMetallicRoughness"]["baseColorFactor"][0] for made in model["materials"]}
-        self.assertEqual(len(factors), 2)
-        self.assertAlmostEqual(factors.pop(name), 0.5, places=5)
-        self.assertAlmostEqual(*factors.values(), 0.25, places=5)
-        self.assertIn("thin panes", said := "".join(message for _, message in answer["notes"]))
-        self.assertIn("Solidify", said)
+        bodies = [name for name, entries in settings["materials"].items() if entries == {"keeps_radiance": True}]
+        sheets = [name for name, entries in settings["materials"].items() if entries == {"volume": False, "keeps_radiance": True}]
+        self.assertEqual((len(bodies), len(sheets), len(settings["materials"])), (1, 1, 2))
+        used = {model["materials"][mesh["primitives"][0]["material"]]["name"]: [] for mesh in model["meshes"]}
+        for mesh in model["meshes"]:
+            used[model["materials"][mesh["primitives"][0]["material"]]["name"]].append(mesh["name"].split(".")[0])
+        self.assertEqual({name: sorted(meshes) for name, meshes in used.items()}, {bodies[0]: ["Cube"], sheets[0]: ["Plane", "Plane"]})
+        for made in model["materials"]:
+            self.assertAlmostEqual(made["pbrMetallicRoughness"]["baseColorFactor"][0], 0.25, places=5)
+        ((about, said),) = [note for note in answer["notes"] if "Solidify" in note[1]]
+        self.assertEqual(about, "glass")
+        self.assertIn("bends light", said)
+
+    def test_glass_on_sheets_alone_is_not_copied(self):
+        glass, _, shader = shader_tree("glass")
+        shader.inputs["Transmission Weight"].default_value = 1.0
+        self.add("grid", glass)
+        metal, _, shader = shader_tree("metal")
+        shader.inputs["Metallic"].default_value = 1.0
+        self.add("plane", metal, location=(0, 0, 3))
+        model, settings, answer = self.export()
+        self.assertEqual(settings["materials"], {"glass": {"volume": False, "keeps_radiance": True}})
+        self.assertEqual(len(model["materials"]), 2)
+        self.assertFalse([said for _, said in answer["notes"] if "Solidify" in said])
+
+    def test_even_worlds_are_left_to_paths_where_rays_see_different_things(self):
+        material, _, _ = shader_tree("plain")
+        made = self.add("cube", material)
+        world = bpy.data.worlds.new("World")
+        self.scene.world, world.use_nodes = world, True
+        made.visible_camera = False
+        self.assertNotIn("sampled", self.export()[1]["environment"])
+        made.visible_shadow = False
+        found = self.export()[1]["environment"]
+        self.assertIs(found["sampled"], False)
+        self.assertNotIn("visible_to", found)
+        # A world that differs is sampled by Cycles.
+        tree = world.node_tree
+        tree.links.new(tree.nodes.new("ShaderNodeTexSky").outputs[0], tree.nodes["Background"].inputs[0])
+        self.assertNotIn("sampled", self.export()[1]["environment"])
+
+    def test_worlds_are_hidden_from_kinds_of_rays(self):
+        material, _, _ = shader_tree("plain")
+        self.add("cube", material)
+        world = bpy.data.worlds.new("World")
+        self.scene.world = world
+        world.cycles_visibility.glossy = world.cycles_visibility.scatter = False
+        model, settings, answer = self.export()
+        self.assertEqual(settings["environment"]["visible_to"], ["camera", "diffuse", "transmission", "shadow"])
+        self.assertEqual(answer["warnings"], [])
+        world.cycles_visibility.camera = False
+        self.assertIs(self.export()[1]["environment"]["visible_to_camera"], False)
+
+    def test_shadow_catchers_show_what_cycles_shows(self):
+        material, _, _ = shader_tree("plain")
+        made = self.add("plane", material)
+        self.assertNotIn("caught", self.export()[1]["render"])
+        made.is_shadow_catcher = True
+        self.assertEqual(self.export()[1]["render"]["caught"], "shadows")
 
     def test_brushed_metals_are_brushed_around_their_axis(self):
         brushed, _, shader = shader_tree("brushed")

@@ -58,6 +58,20 @@ def visibility():
     camera()
 
 
+def world_unseen():
+    """A world that glossy and refracted rays don't see, and things that only some rays see in it."""
+    floor()
+    world((0.3, 0.35, 0.4))
+    scene().world.cycles_visibility.glossy = scene().world.cycles_visibility.transmission = False
+    light("AREA", "Key", 120, (-3, -3, 5), (0.6, -0.5, 0), size=2)
+    ball(material("steel", Metallic=1, Roughness=0.15), (-1.6, 0, 0.8))
+    ball(material("glass", Transmission_Weight=1, Roughness=0.0, IOR=1.45), (0, 0.4, 0.8))
+    plain = material("plain", Base_Color=(0.2, 0.5, 0.7, 1), Roughness=0.4)
+    ball(plain, (1.6, 0, 0.8)).visible_shadow = False
+    ball(plain, (0.4, -1.6, 0.5), 0.5).visible_diffuse = False
+    camera()
+
+
 def orthographic():
     still_life()
     world((0.3, 0.35, 0.4))

@@ -11,6 +11,7 @@ HERE = Path(__file__).resolve().parent
 PROGRAM = os.environ.get("OSCURA", str(HERE.parent.parent / "target/release/oscura"))
 SAMPLES = int(os.environ.get("SAMPLES", "128"))
 BLOCK = 16
+PLATE = 0.3
 
 
 def make(folder, build, frames=None):
@@ -45,12 +46,22 @@ def make(folder, build, frames=None):
 
 
 def read(path):
+    """The pixels of a picture, where it is transparent laid over grey."""
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     width, height = image.size
-    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, -1)[::-1, :, :3]
+    # Blender reads no picture with layers besides.
+    pixels = np.array(image.pixels[:], np.float64).reshape(height, width, -1)[::-1] if width else _read_layered(path)
     bpy.data.images.remove(image)
-    return pixels
+    return pixels[..., :3] + PLATE * (1 - pixels[..., 3:])
+
+
+def _read_layered(path):
+    import OpenEXR
+
+    with OpenEXR.File(str(path), separate_channels=True) as file:
+        channels = file.parts[0].channels
+        return np.stack([channels[name].pixels for name in "RGBA"], -1).astype(np.float64)
 
 
 def environment():

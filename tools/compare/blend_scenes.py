@@ -36,6 +36,7 @@ from blend_objects import (
     sensor_fit,
     unseen,
     visibility,
+    world_unseen,
 )
 from blend_blur import blurred, blurred_camera
 from blend_links import light_links, linked_instances, shadow_links, shadowless
@@ -48,11 +49,11 @@ from blend_panoramas import (
     panorama_out_of_focus,
 )
 from blend_rooms import bottle, bust, kitchen, meadow, street, titles
-from blend_sheets import pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node
+from blend_sheets import drowned, glowing_glass, pool_sky, pool_sun, window_pane, window_sheet, window_sheet_node, window_within
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
-from blend_studio import libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, strands, udims
+from blend_studio import catchers, libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, strands, udims
 from blend_trees import (
     bright_bakes,
     fresnel_behind,
@@ -67,14 +68,14 @@ from blend_trees import (
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, gobo, lamp_picture, world_picture,
-    world_sky, world_nodes, depth_of_field, blades, unseen, visibility, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
+    world_sky, world_nodes, depth_of_field, blades, unseen, visibility, world_unseen, orthographic, portrait, sensor_fit, instances, hidden_things, other_objects,
     glass, shaders, principled, procedural, textured, posed,
     groups, leaves, ray_kinds,
     blurred, blurred_camera, translucent, media_in_solids, foggy, waxen, tinted_layers, reliefs,
     object_info, object_noise, instancer_attributes, two_sides, ray_tricks, fresnel_behind, view_trees, facing_color, facing_mix, facing_light, facing_ramp, places_color, places_forms, places_shaders, places_light, bright_bakes, nooks,
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
-    window_sheet, window_sheet_node, window_pane, pool_sky, pool_sun,
+    window_sheet, window_sheet_node, window_pane, window_within, pool_sky, pool_sun, drowned, glowing_glass,
     light_links, shadow_links, linked_instances, shadowless,
-    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, libraries, strands,
+    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, libraries, strands, catchers,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -2,7 +2,7 @@
 
 import math
 
-from blend_parts import add, camera, floor, light, material, shader, world
+from blend_parts import add, ball, camera, floor, light, material, shader, world
 
 
 def _shed(sun=True, sky=True):
@@ -60,3 +60,39 @@ def pool_sky():
 
 def pool_sun():
     _pool(True, False)
+
+
+def window_within():
+    """A room seen from within: the pane is a mirror at low angles; another one faces the other way, and one is frosted."""
+    world((0.5, 0.65, 0.9), 0.8)
+    wall = material("wall", Base_Color=(0.5, 0.5, 0.5, 1), Roughness=1.0)
+    floor(wall, size=8)
+    add("plane", wall, (0, 0, 3), "Ceiling", size=8)
+    add("cube", material("box", Base_Color=(0.6, 0.3, 0.1, 1), Roughness=1.0), (0.2, 0.3, 0.25), "Box", size=0.5)
+    clear, frosted = _principled(), material("frosted", Transmission_Weight=1, Roughness=0.4, IOR=1.45)
+    for k, (of, turn) in enumerate(((clear, 1), (clear, -1), (frosted, 1))):
+        pane = add("plane", of, (1.5, 2 * k - 2, 1.5), f"Pane {k}", size=1)
+        pane.rotation_euler, pane.scale = (0, turn * math.pi / 2, 0), (3, 2, 1)
+    light("AREA", "Yard", 400, (4, 0.5, 2.5), (0, 1.2, 0), size=1.5)
+    camera((-2.2, -2.8, 1.6), (1.45, 0, -0.75), lens=24)
+
+
+def drowned():
+    """A ball of glass, a mirror and a lamp under water of one sheet."""
+    _pool(False, True)
+    ball(_principled(), (-0.6, -0.4, 0.22), 0.18)
+    ball(material("steel", Metallic=1, Roughness=0.1), (0.6, -0.6, 0.2), 0.18)
+    light("POINT", "Lamp", 6, (0.5, 0.5, 0.2), shadow_soft_size=0.1)
+
+
+def glowing_glass():
+    """Glass that shines itself, and glass around what shines or is lit."""
+    world((0.1, 0.12, 0.15))
+    floor()
+    light("AREA", "Key", 120, (-3, -4, 5), (0.6, -0.5, 0), size=2)
+    for x, rough in ((-2, 0.0), (0, 0.4)):
+        globe = material(f"globe {rough}", Transmission_Weight=1, Roughness=rough, IOR=1.5, Emission_Color=(1, 0.8, 0.5, 1), Emission_Strength=0.8)
+        ball(globe, (x, 0, 0.8), 0.7)
+    ball(_principled(), (2, 0, 0.8), 0.7)
+    ball(material("ember", Base_Color=(0.5, 0.2, 0.1, 1), Emission_Color=(1, 0.3, 0.1, 1), Emission_Strength=3), (2, 0, 0.8), 0.3, "Ember")
+    camera()

@@ -164,7 +164,7 @@ def mirrored():
 
 
 def catchers():
-    """A ball on what catches its shadow, and a hole, on film that is transparent. Compared by hand."""
+    """A ball on what catches its shadow, and a hole, on film that is transparent."""
     lit()
     camera()
     ground = floor()

@@ -131,6 +131,7 @@ fn settings(scene: &Scene) -> Vec<String> {
     shown.extend(s.white_balance.map(|kelvin| format!("white balance {kelvin} K")));
     shown.extend(s.noise.map(|percent| format!("noise {percent} %")));
     shown.extend(s.denoise.map(|denoise| format!("denoise {denoise}")));
+    shown.extend(s.caught.map(|caught| format!("caught {caught:?}").to_lowercase()));
     shown.extend(s.crop.map(|[x0, y0, x1, y1]| format!("crop {x0},{y0},{x1},{y1}")));
     shown
 }

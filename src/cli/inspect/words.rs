@@ -98,7 +98,11 @@ fn pbr(p: &PbrMaterial) -> String {
         share(&p.roughness)
     )];
     if p.transmission.factor > 0.0 {
-        let wall = if p.has_volume { "solid" } else { "thin-walled" };
+        let wall = match (p.has_volume, p.keeps_radiance) {
+            (true, _) => "solid",
+            (false, true) => "an open sheet that bends light",
+            (false, false) => "thin-walled",
+        };
         let ior = number(p.ior.into());
         parts.push(format!("transmission {} ({wall}, index {ior})", share(&p.transmission)));
     }

@@ -157,13 +157,13 @@ impl Integrator<'_> {
         }
     }
 
-    /// By a perfectly smooth surface. What BSDFs scale radiance by at refractions is none of flux.
+    /// By a perfectly smooth surface. What BSDFs scale radiance by at refractions differs from what they scale flux by.
     fn send_on(at: &Sender, sample: &BsdfSample, direction: Vec3) -> Sent {
         let Sender { ng, ns, wo, .. } = at;
         let scale = (wo.dot(*ns) * direction.dot(*ng)) / (wo.dot(*ng) * direction.dot(*ns));
         Sent {
             direction,
-            weight: sample.weight * (sample.eta * sample.eta),
+            weight: sample.weight * sample.flux,
             scale: if ns == ng { 1.0 } else { scale.abs() },
             is_specular: true,
             is_transmission: sample.is_transmission,

@@ -41,14 +41,14 @@ pub enum LightUnits {
 pub enum Glass {
     /// Solid in files by Blender, which leaves the volume out for ordinary glass, where the meshes enclose bodies; thin
     /// where they don't, and in all other files, as the specification says. In what was exported of files of Blender here all
-    /// is solid, as in Blender, but for panes that its settings name.
+    /// is solid, as in Blender, but for open sheets, which bend light all the same.
     #[default]
     Auto,
     /// They refract like the surface of a solid body.
     Solid,
     /// As [`Glass::Auto`]; and flat closed meshes, the panes of windows, become single sheets, whether a volume is declared or
     /// not: light samples pass those, where a solid leaves light behind it to chance. They don't bend light and have no
-    /// edges.
+    /// edges. So do the open sheets of what was exported of files of Blender.
     Panes,
     /// They are thin walls that do not refract, as the specification says.
     Thin,

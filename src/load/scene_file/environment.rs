@@ -15,7 +15,9 @@
 //! `fog = { density = 0.1 }` fills the space around all solids (see `media`), and may stand alone.
 //!
 //! A `group` names the group of lights that it is in. With `visible_to_camera = false` it lights the scene, but cameras see nothing of it: the picture is transparent there;
-//! `visible_to` lists the kinds of rays that see it, as for objects.
+//! `visible_to` lists the kinds of rays that see it, as for objects. With `sampled = false` only paths that leave the scene find its light,
+//! as in Cycles that of an even world: what objects hide of it from others is what those see that are scattered there, not what
+//! shadow rays see.
 
 use super::build::Build;
 use super::fields::Fields;
@@ -34,6 +36,7 @@ pub(super) fn read(build: &mut Build, fields: &Fields) {
     let rotation_rad = fields.number("rotation").map_or(0.0, |r| r.value.to_radians());
     let strength = fields.number_in("strength", 0.0..f64::from(f32::MAX), 1.0) as f32;
     build.loaded.scene.environment_visible_to = visible_to(fields, RayKinds::ALL);
+    build.loaded.scene.environment_unsampled = !fields.flag("sampled", true);
     build.loaded.scene.environment_group = group(fields, "group");
     build.loaded.scene.fog = media::fog(fields);
     fields.finish();

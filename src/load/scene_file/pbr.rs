@@ -11,6 +11,7 @@
 //! | `transmission` | 0 | share of light that passes, or a texture |
 //! | `opacity` | 1 | the share of the surface that is there, or a texture: rays pass what is absent |
 //! | `volume` | false | the surface bounds a solid; otherwise it is a thin sheet |
+//! | `keeps_radiance` | false | refracted light keeps its radiance, as in Blender's Cycles; by physics it is divided by the square of the index. Without `volume` the surface is then one open sheet that bends light by the sides of its normal, as the surface of a solid does, with nothing behind |
 //! | `attenuation_color`, `attenuation_distance` | 1, none | colour of white light after so many metres in the solid |
 //! | `medium` | none | what fills a solid that lets light in, see `media` |
 //! | `subsurface` | none | wax, skin, marble: `{ color, radius, scale, anisotropy }`, see `media`; in place of the diffuse base |
@@ -28,6 +29,7 @@ use super::build::Build;
 use super::fields::Fields;
 use super::media;
 use super::textures::Textures;
+use crate::load::gltf::Glass;
 use crate::scene::{
     AlphaMode, Anisotropy, Clearcoat, ColorSlot, DiffuseTransmission, Emission, FloatSlot, Iridescence,
     Material, Medium, Model, PbrMaterial, Sheen,
@@ -101,7 +103,7 @@ pub(super) fn adjust(
         material.alpha = slots.number_beside("opacity", FloatSlot::constant(1.0), alpha);
         material.alpha_mode = AlphaMode::Blend;
     }
-    volume(fields, model);
+    volume(slots, model);
     layers(model, slots);
     filling(fields, material, model, medium);
     material.double_sided = fields.flag("two_sided", material.double_sided);
@@ -134,10 +136,10 @@ pub(super) fn alpha_of(material: &Material, model: &PbrMaterial) -> FloatSlot {
     }
 }
 
-fn volume(fields: &Fields, model: &mut PbrMaterial) {
+fn volume(slots: &Slots, model: &mut PbrMaterial) {
+    let fields = slots.fields;
     model.has_volume = fields.flag("volume", model.has_volume);
-    // A sheet has its whole colour.
-    model.tints_once &= model.has_volume;
+    sheet(slots, model);
     if let Some(color) = fields.color("attenuation_color") {
         if color.value.iter().any(|c| *c > 1.0) {
             fields.problems.push(color.span, "'attenuation_color' must be from 0 to 1: it can't add light");
@@ -154,6 +156,21 @@ fn volume(fields: &Fields, model: &mut PbrMaterial) {
         let message = "attenuation and dispersion need the inside of a solid: add 'volume = true'";
         fields.problems.push(fields.span(), message);
     }
+}
+
+/// Reads whether refraction keeps radiance, and so whether a surface without a volume is a thin sheet or bends light; in models the
+/// user may want thin ones.
+fn sheet(slots: &Slots, model: &mut PbrMaterial) {
+    let fields = slots.fields;
+    let bends = fields.flag("keeps_radiance", model.keeps_radiance);
+    let wants_thin = slots.of_model && matches!(slots.build.options.gltf.glass, Glass::Panes | Glass::Thin);
+    model.keeps_radiance = bends && (model.has_volume || !wants_thin);
+    if bends && !model.keeps_radiance && fields.has("volume") {
+        // Blender's glass has the root of its colour at each surface.
+        model.base_color.factor = model.base_color.factor.map(f32::sqrt);
+    }
+    // A thin sheet has its whole colour.
+    model.tints_once &= model.has_volume || model.keeps_radiance;
 }
 
 /// Reads what fills the solid.

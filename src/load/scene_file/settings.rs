@@ -16,12 +16,13 @@
 //! | `white_balance` | temperature of the light that looks white in them, kelvin | 1667 to 25,000 |
 //! | `noise` | relative error in percent at which the picture is done; `samples` are the most of a pixel then | above 0 to 1000 |
 //! | `denoise` | `true` takes the noise out of the finished picture | |
+//! | `caught` | what shadow catchers show: `all`, shadows as alpha and the light that objects bring besides; or `shadows`, alpha alone by the mean of the channels, as Cycles | |
 //! | `crop` | `[x0, y0, x1, y1]`: only the pixels from column x0 and row y0 to before column x1 and row y1 | within the picture |
 
 use super::build::Build;
 use super::fields::Fields;
 use crate::color::ViewTransform;
-use crate::scene::{EnergyCompensation, Filter, FresnelModel, Settings};
+use crate::scene::{Caught, EnergyCompensation, Filter, FresnelModel, Settings};
 use std::ops::Range;
 
 /// A list of names.
@@ -76,6 +77,7 @@ pub(super) fn read(build: &Build, fields: &Fields) -> Settings {
         denoise: fields.has("denoise").then(|| fields.flag("denoise", false)),
         crop: crop(fields),
         exposure: number(fields, "exposure", -100.0..100.0),
+        caught: fields.choice("caught", &[("all", Caught::All), ("shadows", Caught::Shadows)]),
     };
     fields.finish();
     settings

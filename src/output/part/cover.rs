@@ -140,6 +140,7 @@ mod tests {
             light_groups: Vec::new(),
             halves: false,
             catchers: false,
+            shadows_only: false,
         };
         let header = PartHeader {
             identity: Identity::from([("seed".to_string(), "0".to_string())]),

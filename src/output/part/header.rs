@@ -1,7 +1,7 @@
 //! What a file of sums says about itself.
 
 use crate::film::{Aov, AovSet, Channel, Layout};
-use crate::scene::is_group_name;
+use crate::scene::{Caught, is_group_name};
 use serde::{Deserialize, Serialize};
 use std::collections::BTreeMap;
 
@@ -93,9 +93,17 @@ pub struct Channels {
     /// Is what shadow catchers catch kept?
     #[serde(default)]
     pub catchers: bool,
+    /// Are only shadows shown of it?
+    #[serde(default)]
+    pub shadows_only: bool,
 }
 
 impl Channels {
+    /// What is shown of what shadow catchers catch.
+    pub fn caught(&self) -> Caught {
+        if self.shadows_only { Caught::Shadows } else { Caught::All }
+    }
+
     /// The AOVs; `None` if one is unknown.
     pub fn aovs(&self) -> Option<AovSet> {
         self.aovs.iter().map(|name| Aov::from_option(name)).collect()

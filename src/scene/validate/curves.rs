@@ -36,7 +36,7 @@ fn lists(curves: &Curves, place: Place, findings: &mut Findings) {
 fn suits(material: &Material, place: Place, findings: &mut Findings) {
     let is_solid = match material.model.transmission() {
         Transmission::Clear(_) => true,
-        Transmission::Pbr(pbr) => pbr.has_volume,
+        Transmission::Pbr(pbr) => pbr.has_volume || pbr.keeps_radiance,
         Transmission::None | Transmission::Thin => false,
     };
     let name = &material.name;

@@ -5,13 +5,13 @@ use super::dice::Dice;
 use super::mutate::{Mutate, enums, fields, structs};
 use oscura::image::{Encoding, Image, Pixels};
 use oscura::scene::{
-    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Clearcoat, ColorSlot, CurveBasis, Curves,
-    DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog,
-    FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
-    LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model,
-    Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, Projection, Quad,
-    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
-    ThinLens, Wrap,
+    AlphaMode, Anisotropy, Aperture, Backdrop, Beam, Camera, Caught, Clearcoat, ColorSlot, CurveBasis,
+    Curves, DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot,
+    Fog, FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light,
+    LightKind, LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart,
+    Model, Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal,
+    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -77,7 +77,7 @@ structs! {
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
-        backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
+        environment_unsampled, backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
     Mesh { name, positions, triangles, normals, uv_sets, tangents, colors, parts }
@@ -98,7 +98,7 @@ structs! {
     NormalMap { texture, scale }
     PbrMaterial {
         base_color, metallic, roughness, diffuse_roughness, ior, specular, specular_color, transmission, has_volume,
-        tints_once, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
+        tints_once, keeps_radiance, attenuation_color, attenuation_distance, dispersion, clearcoat, sheen, anisotropy, iridescence,
         diffuse_transmission,
     }
     Clearcoat { factor, roughness, normal_map }
@@ -116,7 +116,7 @@ structs! {
     ThinLens { defocus_angle_rad, focus_distance, aperture }
     Aperture { blades, rotation_rad, ratio }
     Settings {
-        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise,
+        width, height, samples, depth, seed, filter, energy_compensation, fresnel, spectral, exposure, view, white_balance, noise, caught,
         denoise, crop, aovs,
     }
 }
@@ -128,6 +128,7 @@ enums! {
     AlphaMode { Opaque {} Mask { cutoff } Blend {} } {}
     FresnelModel { Exact {} Schlick {} } {}
     EnergyCompensation { On {} Off {} } {}
+    Caught { All {} Shadows {} } {}
     Filter { Box {} Gaussian {} BlackmanHarris {} } {}
     Model {
         Black {}

@@ -4,7 +4,7 @@ use super::albedo::{COSINES, ROUGHNESSES, albedo, assert_no_gain};
 use super::lobes::{
     Cases, anisotropy, coat, direction, glass, length, number, pbr, resolved, sheen, through,
 };
-use oscura::bsdf::{Bsdf, Dielectric, Lobe, OrenNayar, Phong, SchlickMetal, ThinDielectric};
+use oscura::bsdf::{Bsdf, Dielectric, Lobe, OrenNayar, Phong, Refraction, SchlickMetal, ThinDielectric};
 use oscura::color::Rgb;
 use oscura::math::Vec3;
 use oscura::sampling::chi2::Random;
@@ -71,13 +71,19 @@ fn nothing_returns_more_than_arrives() {
 #[test]
 fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
     for fresnel in [FresnelModel::Exact, FresnelModel::Schlick] {
-        let glass = Bsdf::Dielectric(Dielectric { ior: 1.5, tint: Rgb::ONE, fresnel });
+        let glass = Bsdf::Dielectric(Dielectric {
+            ior: 1.5,
+            refraction: Refraction::Scales,
+            tint: Rgb::ONE,
+            fresnel,
+        });
         for cosine in [1.0f32, 0.6, 0.1, -0.9, -0.5, -0.05] {
             let wo = direction(cosine, 0.4);
             assert!((albedo(&glass, wo, 10_000).r - 1.0).abs() < 1e-4);
         }
     }
-    let glass = Dielectric { ior: 1.5, tint: Rgb::ONE, fresnel: FresnelModel::Exact };
+    let of = |refraction| Dielectric { ior: 1.5, refraction, tint: Rgb::ONE, fresnel: FresnelModel::Exact };
+    let glass = of(Refraction::Scales);
     let straight = glass.sample(Vec3::Z, [0.5, 0.5, 0.039]);
     assert!(!straight.is_transmission && (straight.pdf_solid_angle - 0.04).abs() < 1e-6);
     // Snell: sin 0.6 becomes 0.4 inside; radiance shrinks by 1 / eta^2, and the way back undoes it.
@@ -88,6 +94,10 @@ fn glass_splits_light_as_fresnel_says_and_keeps_all_of_it() {
     let outward = glass.sample(inward.wi, [0.5, 0.5, 0.9]);
     assert!((outward.wi - wo).length() < 1e-5, "{outward:?}");
     assert!((inward.weight.r * outward.weight.r - 1.0).abs() < 1e-5);
+    // Where radiance keeps its value, flux makes up for it.
+    let kept = of(Refraction::KeepsRadiance).sample(wo, [0.5, 0.5, 0.9]);
+    assert_eq!((kept.wi, kept.weight, kept.eta), (inward.wi, Rgb::ONE, 1.0));
+    assert!((inward.weight.r * inward.flux - 1.0).abs() < 1e-6 && (kept.flux - 1.0 / 2.25).abs() < 1e-6);
     // Beyond the critical angle everything is reflected.
     let total = glass.sample(direction(-0.3, 0.0), [0.5, 0.5, 0.999]);
     assert!(!total.is_transmission && total.pdf_solid_angle == 1.0);

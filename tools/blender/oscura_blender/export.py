@@ -68,6 +68,7 @@ def export(options, report):
         moves = motion.record(scene, layer, found, shutter) if shutter is not None else None
     store = cache.Store(options.cache)
     patches = materials.prepare(found, store, report)
+    world.settle(dict(tables)["[environment]"], found)
     if moves is not None:
         motion.add_shapes(found, moves, report)
         if moves.matrices or moves.shapes:
@@ -178,7 +179,7 @@ def _go_to_moment(scene, options):
 
 def _settings(scene, found, options, report):
     """The tables of the file of settings, and the nodes of cameras and lights."""
-    tables = [("[render]", settings.read(scene, found.questions.layer, options.folder, options.name, report))]
+    tables = [("[render]", settings.read(scene, found, options.folder, options.name, report))]
     tables.append(("[environment]", world.entries(scene, options.folder, options.name, report)))
     cameras, named = [], []
     opened = motion.shutter(scene, options, found.questions.layer)

@@ -1,6 +1,5 @@
-"""Window panes of one sheet. Cycles bends light at them as if the room were filled with glass, which shifts what lies behind; here
-such a filling would brighten it as well, by the square of the index. So upright flat sheets without a back become thin panes,
-which light passes straight; level ones are the surfaces of liquids and stay."""
+"""Glass as Cycles has it: refracted light keeps its radiance, and a mesh without an inside (the pane of a window, the surface of
+water) is a sheet that bends light by the sides of its normals, with nothing behind."""
 
 import numpy as np
 
@@ -11,19 +10,48 @@ UPRIGHT, STRAIGHT = 0.5, 1e-3
 
 
 def settle(holders, found, report):
-    """Makes thin panes of the sheets of glass among the faces of all meshes."""
-    for holder in holders:
-        for slot, material in enumerate(holder.data.materials):
-            if _is_glass(material) and _stands(holder, slot, found):
-                _make_pane(holder, slot, material, report)
+    """Says of all glass that it is that of Cycles, and which of it are sheets."""
+    slots = [(holder, slot) for holder in holders for slot, m in enumerate(holder.data.materials) if _is_glass(m)]
+    is_sheet = {at: _is_open(at[0].data) and not _has_volume(_of(at)) for at in slots}
+    bodies = {_of(at) for at in slots if not is_sheet[at]}
+    sheets = {}
+    for at in slots:
+        material = _of(at)
+        if is_sheet[at]:
+            if _stands(*at, found):
+                message = "a single upright sheet of glass bends light as if a solid began there, as in Cycles"
+                report.note(material.name, f"{message}; with a thickness (a Solidify modifier) or --glass panes light passes it straight")
+            if material not in sheets:
+                sheets[material] = trees.copied(material) if material in bodies else material
+            at[0].data.materials[at[1]] = sheets[material]
+    for material in bodies:
+        trees.settle(material, keeps_radiance=True)
+    for material in sheets.values():
+        trees.settle(material, volume=False, keeps_radiance=True)
+
+
+def _of(at):
+    holder, slot = at
+    return holder.data.materials[slot]
 
 
 def _is_glass(material):
+    """Does light pass it, unless what it was made of says already how?"""
     node = shaders.principled(material)
-    if node is None or shaders.constant(node.inputs["Transmission Weight"]) == 0:
-        return False
-    end = shaders.end(material.node_tree)
-    return "volume" not in trees.SETTINGS.get(material.name, {}) and shaders.source(end.inputs["Volume"]) is None
+    is_opaque = node is None or shaders.constant(node.inputs["Transmission Weight"]) == 0
+    return not is_opaque and "volume" not in trees.SETTINGS.get(material.name, {})
+
+
+def _has_volume(material):
+    return shaders.source(shaders.end(material.node_tree).inputs["Volume"]) is not None
+
+
+def _is_open(mesh):
+    """Are there edges with a face on one side only?"""
+    edges = np.empty(len(mesh.loops), np.int32)
+    mesh.loops.foreach_get("edge_index", edges)
+    sides = np.bincount(edges)
+    return bool((sides == 1).any())
 
 
 def _stands(holder, slot, found):
@@ -44,17 +72,3 @@ def _stands(holder, slot, found):
         return False
     turned = [np.linalg.inv(np.array(matrix.to_3x3())).T @ axis for _, matrix in found.placements[holder.name] if matrix.determinant()]
     return bool(turned) and all(abs(up[2]) < UPRIGHT * np.linalg.norm(up) for up in turned)
-
-
-def _make_pane(holder, slot, material, report):
-    own = trees.copied(material)
-    holder.data.materials[slot] = own
-    trees.settle(own, volume=False)
-    socket = shaders.principled(own).inputs["Base Color"]
-    if (color := shaders.constant(socket)) is not None:
-        # Blender's glass has the root of its colour at each surface.
-        for link in list(socket.links):
-            own.node_tree.links.remove(link)
-        socket.default_value = (*(max(c, 0.0) ** 0.5 for c in color), 1.0)
-    message = "single upright sheets of glass are thin panes: they don't bend light, as they do in Cycles"
-    report.note(material.name, f"{message}; with a thickness (a Solidify modifier) both show them alike")

@@ -50,13 +50,16 @@ def resolution(scene):
     return tuple(max(1, int(n * share)) for n in (render.resolution_x, render.resolution_y))
 
 
-def read(scene, layer, folder, name, report):
+def read(scene, found, folder, name, report):
     """The entries of [render]; a view that is a table goes to the folder."""
+    layer = found.questions.layer
     width, height = resolution(scene)
     entries = {"width": width, "height": height}
     cycles = getattr(scene, "cycles", None)
     if scene.render.engine == "CYCLES" and cycles:
         _read_cycles(cycles, entries, report)
+        if any("is_shadow_catcher" in extras for extras in found.extras.values()):
+            entries["caught"] = "shadows"
         entries["aovs"] = _passes(layer, report) or None
     elif scene.render.engine == ENGINE:
         entries.update(_chosen_for_us(scene))

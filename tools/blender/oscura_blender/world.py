@@ -6,11 +6,14 @@ import shutil
 
 import bpy
 
-from . import geometry, media, shaders, stills
+from . import geometry, media, shaders, stills, trees
 from .settings import film_exposure
 
 # Colour spaces whose values are light as oscura has it.
 LINEAR = ("Linear Rec.709", "Linear", "Linear BT.709", "Non-Color", "Raw", "Generic Data")
+
+# Kinds of rays that a world may be hidden from besides those of the camera, and what Cycles calls them.
+RAYS = {"diffuse": "diffuse", "glossy": "glossy", "transmission": "transmission", "volume": "scatter"}
 
 # Width of pictures made of node trees, and the width of the largest made of a picture.
 WIDTH = 2048
@@ -31,15 +34,22 @@ def entries(scene, folder, name, report):
     if world is not None:
         visible = world.cycles_visibility
         hidden = hidden or not visible.camera
-        kinds = ("diffuse", "glossy", "transmission")
-        unseen = [kind for kind in kinds if not getattr(visible, kind, True)]
+        unseen = [kind for kind in RAYS if not getattr(visible, RAYS[kind], True)]
         if unseen:
-            report.warn(world.name, f"{' and '.join(unseen)} rays see this world, which Blender hides from them")
+            found["visible_to"] = [kind for kind in ("camera", *RAYS, "shadow") if kind not in unseen]
         if group := geometry.light_group(world):
             found["group"] = group
     if hidden:
         found["visible_to_camera"] = False
     return found
+
+
+def settle(entries, objects):
+    """Cycles takes no light samples of an even world: what hides it is what scattered rays see. That is told where shadow rays see
+    something else."""
+    hidden = any(key in extras for extras in objects.extras.values() for key in geometry.VISIBILITY if key != "visible_camera")
+    if "background" in entries and (hidden or any("visible_to" in settings for settings in trees.SETTINGS.values())):
+        entries["sampled"] = False
 
 
 def _fog(world, factor, report):

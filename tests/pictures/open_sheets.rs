@@ -1,0 +1,170 @@
+//! Open sheets of glass, which bend light by the sides of their normal and leave radiance as it is: closed forms from the camera and from the
+//! lamp, and the same means however light is found.
+
+use crate::support::differences::{assert_same_bits, assert_same_means};
+use crate::support::{assert_radiance, camera, material, options, quad};
+use oscura::math::DVec3;
+use oscura::render::{Caustics, Guiding, PathReuse, Splitting};
+use oscura::scene::{
+    ColorSlot, Environment, FloatSlot, Light, LightKind, Material, Model, PbrMaterial, Projection, Scene,
+};
+use std::f64::consts::PI;
+
+const IOR: f64 = 1.5;
+
+fn glass(roughness: f32) -> Material {
+    let pbr = PbrMaterial {
+        base_color: ColorSlot::constant([1.0; 3]),
+        metallic: FloatSlot::constant(0.0),
+        roughness: FloatSlot::constant(roughness),
+        transmission: FloatSlot::constant(1.0),
+        keeps_radiance: true,
+        ..PbrMaterial::default()
+    };
+    Material::new("sheet", Model::Pbr(Box::new(pbr)))
+}
+
+/// A square of glass through the origin; its normal is `front`.
+fn sheet(scene: &mut Scene, front: DVec3, half: f64, roughness: f32) {
+    let of = material(scene, glass(roughness));
+    let u = front.cross(DVec3::new(0.3, 0.2, 0.9)).normalize() * (2.0 * half);
+    let v = front.cross(u);
+    let corner = -(u + v) / 2.0;
+    quad(scene, corner.to_array(), u.to_array(), v.to_array(), of);
+}
+
+/// What a surface with a normal on the side of `wo` reflects of light from a direction, and the direction that it refracts from;
+/// `eta` is the index behind it.
+fn fresnel(wo: DVec3, normal: DVec3, eta: f64) -> (f64, DVec3) {
+    let c = wo.dot(normal);
+    let squared = 1.0 - (1.0 - c * c) / (eta * eta);
+    if squared <= 0.0 {
+        return (1.0, DVec3::ZERO);
+    }
+    let t = squared.sqrt();
+    let (s, p) = ((c - eta * t) / (c + eta * t), (eta * c - t) / (eta * c + t));
+    ((s * s + p * p) / 2.0, -wo / eta + normal * (c / eta - t))
+}
+
+/// A sky that differs with the direction shows where light is bent to: by Snell's law, from both sides, with total reflection
+/// behind; its radiance is that of the sky.
+#[test]
+fn a_sheet_bends_light_and_keeps_its_radiance() {
+    let front = DVec3::new(0.6, 0.8, 0.0);
+    for degrees in [0.0f64, 30.0, 75.0, 150.0, 120.0] {
+        let (sin, cos) = degrees.to_radians().sin_cos();
+        let wo = front * cos + DVec3::new(-0.8, 0.6, 0.0) * sin;
+        let mut scene = Scene {
+            environment: Environment::Gradient { nadir: [0.2; 3], zenith: [2.0; 3] },
+            ..Scene::default()
+        };
+        sheet(&mut scene, front, 50.0, 0.0);
+        let mut view = camera(wo * 5.0, DVec3::ZERO, DVec3::Z, 1.0);
+        view.projection = Projection::Orthographic { half_height: 0.1 };
+        scene.cameras.push(view);
+        let (normal, eta) = if cos > 0.0 { (front, IOR) } else { (-front, 1.0 / IOR) };
+        let (reflectance, refracted) = fresnel(wo, normal, eta);
+        let sky = |d: DVec3| 1.1 + 0.9 * d.y;
+        let mirrored = normal * (2.0 * wo.dot(normal)) - wo;
+        let truth = reflectance * sky(mirrored) + (1.0 - reflectance) * sky(refracted);
+        assert_radiance(&format!("{degrees} degrees"), &scene, &options(16, 256, 4), truth, 2e-3);
+    }
+}
+
+/// In an even sky nothing is seen of a sheet, rough or smooth, from either side.
+#[test]
+fn no_light_is_lost_or_won() {
+    for (roughness, side) in [(0.0, 1.0), (0.0, -1.0), (0.4, 1.0), (0.4, -1.0)] {
+        let mut scene = Scene { environment: Environment::Constant([0.7; 3]), ..Scene::default() };
+        sheet(&mut scene, DVec3::Y, 50.0, roughness);
+        scene.cameras.push(camera(DVec3::new(3.0, 4.0 * side, 1.0), DVec3::ZERO, DVec3::Z, 10.0));
+        let what = format!("roughness {roughness}, side {side}");
+        assert_radiance(&what, &scene, &options(16, 64, 20), 0.7, 2e-3);
+    }
+}
+
+/// A floor 2 below a sheet in a black roof, seen where light from a direction comes to that meets the sheet's middle.
+fn roofed(front: f64, towards_floor: DVec3, kind: LightKind) -> Scene {
+    let mut scene = Scene::default();
+    let of = material(&mut scene, glass(0.0));
+    quad(&mut scene, [-1.0, 0.0, front], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0 * front], of);
+    let black = material(&mut scene, Material::lambert("black", [0.0; 3]));
+    for (x, z, width, depth) in [
+        (-30.0, -30.0, 29.0, 60.0),
+        (1.0, -30.0, 29.0, 60.0),
+        (-1.0, -30.0, 2.0, 29.0),
+        (-1.0, 1.0, 2.0, 29.0),
+    ] {
+        quad(&mut scene, [x, 0.0, z], [width, 0.0, 0.0], [0.0, 0.0, depth], black);
+    }
+    let grey = material(&mut scene, Material::lambert("grey", [0.8; 3]));
+    quad(&mut scene, [-60.0, -2.0, 60.0], [120.0, 0.0, 0.0], [0.0, 0.0, -120.0], grey);
+    let at = towards_floor * (-2.0 / towards_floor.y);
+    let mut view = camera(at + DVec3::Y, at, DVec3::Z, 1.0);
+    view.projection = Projection::Orthographic { half_height: 0.25 };
+    scene.cameras.push(view);
+    scene.lights.push(Light::new(kind, [3.0; 3]));
+    scene
+}
+
+/// What a sun sends through a sheet: paths from the camera see its disk in a cone that is narrower by the square of the index
+/// where light comes from the front, and wider from behind, at the same radiance. So does the light of one without a size, which
+/// only paths from the lamp find.
+#[test]
+fn the_sun_through_a_sheet_from_the_camera_and_from_the_lamp() {
+    let direction = DVec3::new(0.36, -0.96, 0.48).normalize();
+    for front in [1.0, -1.0] {
+        let eta = if front > 0.0 { IOR } else { 1.0 / IOR };
+        let (reflectance, onward) = fresnel(-direction, DVec3::Y, eta);
+        let truth = 0.8 / PI * 3.0 * -direction.y * (1.0 - reflectance) / (eta * eta);
+        let small = roofed(front, onward, LightKind::Directional { direction });
+        let options = options(16, 512, 2).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+        assert_radiance("a small sun", &small, &options.caustics(Caustics::On), truth, 1e-2);
+        let large = roofed(front, onward, LightKind::Sun { direction, angle_rad: 0.1 });
+        assert_radiance("from the lamp", &large, &options.caustics(Caustics::On), truth, 1e-2);
+        let many = options.samples(2048);
+        assert_radiance("from the camera", &large, &many.caustics(Caustics::Off), truth, 2e-2);
+    }
+}
+
+/// A box whose one opening is a sheet before a lamp.
+fn room(front: f64) -> Scene {
+    let mut scene = Scene::default();
+    let wall = material(&mut scene, Material::lambert("wall", [0.7, 0.6, 0.5]));
+    quad(&mut scene, [-1.0, -1.0, 1.0], [2.0, 0.0, 0.0], [0.0, 0.0, -2.0], wall);
+    quad(&mut scene, [-1.0, -1.0, -1.0], [2.0, 0.0, 0.0], [0.0, 2.0, 0.0], wall);
+    quad(&mut scene, [-1.0, -1.0, 1.0], [0.0, 0.0, -2.0], [0.0, 2.0, 0.0], wall);
+    quad(&mut scene, [-0.4, -1.0, -0.5], [0.6, 0.0, 0.3], [0.0, 0.8, 0.0], wall);
+    // The front is that of a sheet that faces out, or in.
+    let of = material(&mut scene, glass(0.0));
+    let (u, v) = ([0.0, 0.0, 2.0 * front], [0.0, 2.0, 0.0]);
+    quad(&mut scene, [1.0, -1.0, -front], u, v, of);
+    let shine = material(&mut scene, Material::emitter("lamp", [4.0; 3], true));
+    quad(&mut scene, [2.0, 0.0, -0.6], [0.6, 1.0, 0.0], [0.0, 0.0, 1.2], shine);
+    scene.cameras.push(camera(DVec3::new(0.0, 0.4, 3.2), DVec3::new(0.0, -0.1, 0.0), DVec3::Y, 40.0));
+    scene
+}
+
+#[test]
+#[ignore = "means of many pictures, which take long"]
+fn all_ways_to_find_light_behind_a_sheet_agree() {
+    for front in [1.0, -1.0] {
+        let scene = room(front);
+        let plain = options(32, 64, 12).path_reuse(PathReuse::Off).splitting(Splitting::OFF);
+        let off = plain.caustics(Caustics::Off).guiding(Guiding::Off);
+        for (what, other) in [
+            ("caustics", off.caustics(Caustics::On)),
+            ("guiding", off.guiding(Guiding::On)),
+            ("sharing", off.path_reuse(PathReuse::Groups("2x2".parse().expect("a shape")))),
+            ("splitting", off.splitting(Splitting::Into(4))),
+        ] {
+            assert_same_means(&format!("{what}, {front}"), &scene, [&off, &other], 48);
+        }
+    }
+}
+
+#[test]
+fn sheets_have_the_same_bits_whatever_the_machine() {
+    let options = options(32, 9, 12).path_reuse(PathReuse::Off).caustics(Caustics::On);
+    assert_same_bits("a sheet", &room(1.0), &options);
+}
