@@ -1,6 +1,5 @@
 """Scenes of Blender about what light does within and under surfaces: media, subsurface, translucency, coats, edges, reliefs."""
 
-import bpy
 
 from blend_parts import add, ball, camera, floor, light, material, shader, world
 
