@@ -46,14 +46,14 @@ def make(folder, build, frames=None):
 
 
 def read(path):
-    """The pixels of a picture, where it is transparent laid over grey."""
+    """The pixels of a picture with their alpha."""
     image = bpy.data.images.load(str(path))
     image.colorspace_settings.name = "Non-Color"
     width, height = image.size
     # Blender reads no picture with layers besides.
     pixels = np.array(image.pixels[:], np.float64).reshape(height, width, -1)[::-1] if width else _read_layered(path)
     bpy.data.images.remove(image)
-    return pixels[..., :3] + PLATE * (1 - pixels[..., 3:])
+    return pixels
 
 
 def _read_layered(path):
@@ -93,8 +93,16 @@ def show(path, ours, theirs):
     Image.fromarray((255 * row).astype(np.uint8)).save(path)
 
 
+def flat(ours, theirs):
+    """The colours of pictures: laid over grey if Cycles' film is transparent. Ours have alpha always."""
+    is_clear = any((picture[..., 3] < 1).any() for picture in theirs)
+    colors = lambda p: p[..., :3] + (PLATE * (1 - p[..., 3:]) if is_clear else 0)
+    return [[colors(picture) for picture in pictures] for pictures in (ours, theirs)]
+
+
 def row(name, path, ours, theirs):
     """Prints how much two renders each of ours and theirs differ, as a row of a table, and shows them."""
+    ours, theirs = flat(ours, theirs)
     ratio, rms, noise = measure(ours, theirs)
     show(path, ours, theirs)
     print(f"| {name} | {ratio:.4f} | {100 * rms:.2f} % | {100 * noise:.2f} % |", flush=True)
