@@ -95,7 +95,7 @@ fn grids_agree_with_homogeneous_media() {
         let size = [19, 8, 30];
         let values = std::sync::Arc::new((0..19 * 8 * 30).map(value).collect());
         let (name, min, max) = ("smoke".to_string(), DVec3::splat(-2.0), DVec3::splat(2.0));
-        let grid = scene.add_grid(Grid { name, size, values, min, max });
+        let grid = scene.add_grid(Grid::in_box(name, size, values, min, max));
         let filled = body(scene, Medium { grid: Some(grid), ..medium(0.25, albedo, 0.3) });
         sphere(scene, [0.0; 3], 1.0, filled);
     };
@@ -137,7 +137,7 @@ fn grids_shine() {
         let along: Vec<f64> = (0..40).map(|z| f64::from(values[z * 6])).collect();
         let between: f64 = along.windows(2).map(|w| 0.5 * (w[0] + w[1])).sum();
         let mass = (between + 0.5 * (along[0] + along[39])) * 0.1;
-        let grid = scene.add_grid(Grid { name, size, values: std::sync::Arc::new(values), min, max });
+        let grid = scene.add_grid(Grid::in_box(name, size, std::sync::Arc::new(values), min, max));
         let shining = Medium { grid: Some(grid), emission: [0.6, 0.3, 0.15], ..medium(extinction, 0.0, 0.0) };
         let filled = body(&mut scene, shining);
         sphere(&mut scene, [0.0; 3], 4.0, filled);
@@ -154,7 +154,7 @@ fn grids_shine() {
     let mut scene = Scene::default();
     let values = std::sync::Arc::new(vec![1.0; 8]);
     let (name, min, max) = (String::new(), DVec3::splat(-300.0), DVec3::splat(300.0));
-    let grid = scene.add_grid(Grid { name, size: [2; 3], values, min, max });
+    let grid = scene.add_grid(Grid::in_box(name, [2; 3], values, min, max));
     let shining = Medium { grid: Some(grid), emission: [0.4; 3], ..medium(0.8, 0.5, 0.3) };
     let filled = body(&mut scene, shining);
     sphere(&mut scene, [0.0; 3], 200.0, filled);
@@ -175,7 +175,7 @@ fn grids_shine_by_other_grids() {
     let grid = |values: [f32; 2], z: [f64; 2]| {
         let (min, max) = (DVec3::new(-2.0, -2.0, z[0]), DVec3::new(2.0, 2.0, z[1]));
         let values = std::sync::Arc::new(values.to_vec());
-        Grid { name: String::new(), size: [1, 1, 2], values, min, max }
+        Grid::in_box(String::new(), [1, 1, 2], values, min, max)
     };
     // Linear between the middles of voxels, a quarter and three quarters of the way.
     let value = |[a, b]: [f32; 2], [from, to]: [f64; 2], z: f64| {
@@ -188,7 +188,7 @@ fn grids_shine_by_other_grids() {
     for kelvin in [None, Some(1300.0)] {
         let mut scene = Scene::default();
         let [smoke, fire] = [grid(density, along), grid(heat, hot)].map(|grid| scene.add_grid(grid));
-        let glow = Some(Glow { grid: fire, kelvin });
+        let glow = Some(Glow { grid: fire, kelvin, goes_by_power: false });
         let burning = Medium { grid: Some(smoke), glow, emission: [0.6; 3], ..medium(0.7, 0.0, 0.0) };
         let filled = body(&mut scene, burning);
         sphere(&mut scene, [0.0; 3], 3.0, filled);
@@ -384,7 +384,7 @@ pub fn everything() -> Scene {
     sphere(&mut scene, [-0.8, 0.0, 0.0], 0.7, smoke);
     let values = std::sync::Arc::new((0..9 * 5 * 4).map(|i| (i % 5) as f32).collect());
     let (min, max) = (DVec3::new(-0.5, 0.6, -0.6), DVec3::new(0.3, 1.1, 0.1));
-    let grid = scene.add_grid(Grid { name: "cloud".into(), size: [9, 5, 4], values, min, max });
+    let grid = scene.add_grid(Grid::in_box("cloud".into(), [9, 5, 4], values, min, max));
     let cloud = body(&mut scene, Medium { grid: Some(grid), ..medium(2.0, 0.9, 0.2) });
     sphere(&mut scene, [-0.1, 0.9, -0.2], 0.6, cloud);
     let tint = ColorSlot::constant([1.0; 3]);

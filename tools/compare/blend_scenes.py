@@ -61,6 +61,7 @@ from blend_trees import (
     two_sides,
     view_trees,
 )
+from blend_volumes import clouds, fire, flames, made_volumes
 
 SCENES = [
     area_lights, area_spread, one_spread, sun_and_world, points_and_spots, lamps_in_view, lamp_settings, world_picture,
@@ -73,5 +74,6 @@ SCENES = [
     window_sheet, window_sheet_node, window_pane, pool_sky, pool_sun,
     light_links, shadow_links, linked_instances, shadowless,
     udims, near_and_far, newer_shaders, patterns, mirrored, profiles, libraries, strands,
+    clouds, fire, flames, made_volumes,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -72,8 +72,8 @@ ids! { GridId ImageId MaterialId MeshId TextureId }
 
 structs! {
     Medium { extinction, albedo, anisotropy, emission, grid, glow }
-    Glow { grid, kelvin }
-    Grid { name, size, values, min, max }
+    Glow { grid, kelvin, goes_by_power }
+    Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
         name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
