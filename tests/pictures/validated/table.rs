@@ -9,9 +9,9 @@ use oscura::scene::{
     DiffuseTransmission, Displacement, Emission, EnergyCompensation, Environment, Filter, FloatSlot, Fog,
     FresnelModel, Glow, Grid, GridId, ImageId, Instance, Interpolation, Iridescence, Lamp, Light, LightKind,
     LightLinks, LightProfile, Link, Mapping, Material, MaterialId, Medium, Mesh, MeshId, MeshPart, Model,
-    Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, Projection, Quad,
-    RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId, TextureTransform,
-    ThinLens, Wrap,
+    Motion, NoiseKind, NormalMap, ObjectSet, ObjectSets, ObjectTraits, PbrMaterial, Portal, ProfileId,
+    Projection, Quad, RayKinds, Scene, Settings, Shape, ShapeKind, Sheen, SpotFade, Texture, TextureId,
+    TextureTransform, ThinLens, Wrap,
 };
 
 /// Ids mostly change to others that may exist.
@@ -68,7 +68,7 @@ impl Mutate for ObjectSets {
     }
 }
 
-ids! { GridId ImageId MaterialId MeshId TextureId }
+ids! { GridId ImageId MaterialId MeshId ProfileId TextureId }
 
 structs! {
     Medium { extinction, albedo, anisotropy, emission, grid, glow }
@@ -76,7 +76,7 @@ structs! {
     Grid { name, size, values, world_from_voxels }
     Fog { medium, center, radius }
     Scene {
-        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, lights, environment, fog, environment_visible_to,
+        name, meshes, instances, shapes, quads, curves, materials, textures, images, grids, profiles, lights, environment, fog, environment_visible_to,
         backdrop, environment_group, environment_sun, portals, cameras, motion, settings,
     }
     Curves { name, basis, strands, points, radii, colors, world_from_object, material, traits }
@@ -166,6 +166,7 @@ enums! {
         Even {}
         Grid { half_angle_rad }
         Cone { direction, inner_angle_rad, outer_angle_rad, fade }
+        Profile { profile, rotation, cone }
     } {}
     Backdrop {} { Color Picture }
     Environment { Black {} Gradient { nadir, zenith } Image { image, strength, rotation_rad } } { Constant }

@@ -39,8 +39,6 @@ def entries(obj, name, light, exposure, links, folder, report):
     kind, values = shape(light, energy, scale)
     if profile is not None and (file := _profile(profile, name, light, folder, obj.name, report)):
         del values["power"]
-        if values.pop("radius") > 0:
-            report.note(obj.name, "a light with a profile (IES) has no size here: its shadows are sharp")
         strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
         values.update({"ies": file, "strength": strength, "clockwise": True, "turn": 90})
     found.update(links.entries(obj))
