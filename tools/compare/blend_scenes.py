@@ -50,7 +50,7 @@ from blend_sheets import pool_sky, pool_sun, window_pane, window_sheet, window_s
 from blend_facing import facing_color, facing_light, facing_mix, facing_ramp
 from blend_places import places_color, places_forms, places_light, places_shaders
 from blend_layers import foggy, media_in_solids, reliefs, tinted_layers, translucent, waxen
-from blend_studio import libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, strands, udims
+from blend_studio import libraries, mirrored, near_and_far, newer_shaders, patterns, profiles, soft_profiles, strands, udims
 from blend_trees import (
     bright_bakes,
     instancer_attributes,
@@ -73,7 +73,7 @@ SCENES = [
     equirectangular, equirectangular_part, fisheye_equidistant, fisheye_equisolid, mirror_ball, panorama_out_of_focus,
     window_sheet, window_sheet_node, window_pane, pool_sky, pool_sun,
     light_links, shadow_links, linked_instances, shadowless,
-    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, libraries, strands,
+    udims, near_and_far, newer_shaders, patterns, mirrored, profiles, soft_profiles, libraries, strands,
     clouds, fire, flames, made_volumes,
     kitchen, bottle, meadow, street, bust, titles,
 ]  # fmt: skip

@@ -132,7 +132,7 @@ def made_volumes():
     shape.hide_render = True
     data = bpy.data.volumes.new("Ring")
     data.materials.append(haze)
-    ring = link("Ring", data, (0.6, -1.4, 0.9), (0.5, 0.2, 0))
+    ring = link("Ring", data, (0.2, -2.5, 0.9), (0.5, 0.2, 0))
     made = ring.modifiers.new("Made", "MESH_TO_VOLUME")
     made.object, made.voxel_amount, made.density = shape, 48, 1.5
     camera()

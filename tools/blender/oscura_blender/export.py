@@ -174,6 +174,9 @@ def _go_to_moment(scene, options):
         frame = options.frame
     elif options.time is not None:
         frame = options.time * scene.render.fps / scene.render.fps_base
+    if any(volume.is_sequence for volume in bpy.data.volumes):
+        # Blender 4.2 has looked for another file while it opened the scene, and takes it for missing until the frame changes.
+        motion.go(scene, frame + 1)
     motion.go(scene, frame)
 
 

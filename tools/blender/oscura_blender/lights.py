@@ -39,7 +39,7 @@ def entries(obj, name, light, exposure, links, folder, report):
     kind, values = shape(light, energy, scale)
     if profile is not None and (file := _profile(profile, name, light, folder, obj.name, report)):
         del values["power"]
-        strength = energy * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
+        strength = energy * _area_factor(light, _ball(light)) * OUR_LUMENS_PER_WATT / LUMENS_PER_WATT
         values.update({"ies": file, "strength": strength, "clockwise": True, "turn": 90})
     found.update(links.entries(obj))
     if not light.use_shadow:
